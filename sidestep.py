@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         from runtime.cli.terminal import guarded_output  # the API alone imports nothing of ours
     except Exception:  # of another package nothing is known
-        if conflict := winner():
+        if conflict := shadowing_package():
             return refuse("", conflict)
         raise
 
@@ -119,7 +119,7 @@ def displaced(*packages: str) -> str:
     return str(next(own("packages").displaced(packages), ""))
 
 
-def winner() -> str:
+def shadowing_package() -> str:
     """Name the package of others that keeps ours from working; empty when there is none."""
     return next((str(found) for found in own("conflicts").conflicts() if found.wins), "")
 
@@ -135,7 +135,7 @@ def explain(word: str, error: Exception) -> int:
     if isinstance(code, int):
         print(f"sidestep {word}: {error}", file=sys.stderr)
         return code
-    if conflict := winner():
+    if conflict := shadowing_package():
         return refuse(word, conflict)
     print(
         f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
@@ -214,7 +214,7 @@ def public_names() -> ModuleType:
     try:
         return importlib.import_module("ground.client.api")
     except Exception as error:  # of another package nothing is known
-        if conflict := winner():
+        if conflict := shadowing_package():
             raise ImportError(conflict) from error
         raise
 

@@ -18,7 +18,7 @@ async def drive(
 ) -> bool:
     """Return whether the goal was reached."""
     async with sidestep.connect(endpoint) as robot:
-        telling = asyncio.create_task(tell(robot))
+        printing = asyncio.create_task(print_events(robot))
         try:
             async with asyncio.timeout(limit_s):
                 outcome = await robot.goto(x_m, y_m, heading_deg)
@@ -26,12 +26,12 @@ async def drive(
             print(f"not there after {limit_s:g} s: the goal was aborted")
             return False
         finally:
-            telling.cancel()
+            printing.cancel()
         print(outcome.text)
         return outcome.ok
 
 
-async def tell(robot: sidestep.Robot) -> None:
+async def print_events(robot: sidestep.Robot) -> None:
     """Print the changes of the goal, and the robot's own texts."""
     async for event in robot.events():
         match event:

@@ -18,7 +18,7 @@ async def patrol(endpoint: str | None, mission: Mission | str, rounds: int) -> b
     """Return whether every waypoint of every round was reached."""
     async with sidestep.connect(endpoint) as robot:
         sidestep.agreed(await robot.mission.upload(mission))
-        telling = asyncio.create_task(tell(robot))
+        printing = asyncio.create_task(print_events(robot))
         try:
             for number in range(1, rounds + 1):
                 print(f"round {number} of {rounds}")
@@ -27,11 +27,11 @@ async def patrol(endpoint: str | None, mission: Mission | str, rounds: int) -> b
                 if not outcome.ok:
                     return False
         finally:
-            telling.cancel()
+            printing.cancel()
     return True
 
 
-async def tell(robot: sidestep.Robot) -> None:
+async def print_events(robot: sidestep.Robot) -> None:
     """Print each waypoint as the robot sets off to it."""
     async for event in robot.events():
         if isinstance(event, sidestep.MissionChanged) and event.item is not None:

@@ -1,4 +1,4 @@
-"""What changed since it was last told: a line of text each for vehicle, mode, goal and mission."""
+"""Texts for an operator about changes of vehicle, mode, goal and mission."""
 
 from typing import Final
 
@@ -10,9 +10,12 @@ from robot.core import reasons
 from robot.core.machine import Machine
 from robot.mission.mission import Mission
 
-LOUD: Final = {Vehicle.FAILSAFE: Severity.CRITICAL, Vehicle.EMERGENCY_STOP: Severity.CRITICAL}
-BAD: Final = {GoalState.STUCK: Severity.ERROR, GoalState.ABORTED: Severity.WARNING}
-TOLD_GOALS: Final = frozenset(
+VEHICLE_SEVERITY: Final = {
+    Vehicle.FAILSAFE: Severity.CRITICAL,
+    Vehicle.EMERGENCY_STOP: Severity.CRITICAL,
+}
+GOAL_SEVERITY: Final = {GoalState.STUCK: Severity.ERROR, GoalState.ABORTED: Severity.WARNING}
+REPORTED_GOALS: Final = frozenset(
     {GoalState.ACCEPTED, GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED}
 )
 
@@ -23,7 +26,7 @@ class ChangeLog:
     def __init__(self, machine: Machine, mission: Mission) -> None:
         self._machine = machine
         self._mission = mission
-        self._leg = (mission.number, mission.state, mission.current)
+        self._progress = (mission.number, mission.state, mission.current)
         self._vehicle = (machine.vehicle, machine.vehicle_reason)
         self._mode = machine.mode
         self._goal = (machine.serial, machine.goal_state, machine.goal_reason)
@@ -33,28 +36,28 @@ class ChangeLog:
         machine = self._machine
         texts: list[Statustext] = []
         goal = (machine.serial, machine.goal_state, machine.goal_reason)
-        if goal != self._goal and machine.goal_state in TOLD_GOALS:
+        if goal != self._goal and machine.goal_state in REPORTED_GOALS:
             state = GoalState(machine.goal_state)
-            severity = BAD.get(state, Severity.INFO)
-            texts += self.text(severity, line("goal", state.name, machine.goal_reason))
+            severity = GOAL_SEVERITY.get(state, Severity.INFO)
+            texts += self.text(severity, change_text("goal", state.name, machine.goal_reason))
         vehicle = (machine.vehicle, machine.vehicle_reason)
         if vehicle != self._vehicle:
             name = Vehicle(machine.vehicle)
-            severity = LOUD.get(name, Severity.INFO)
-            texts += self.text(severity, line("vehicle", name.name, machine.vehicle_reason))
+            severity = VEHICLE_SEVERITY.get(name, Severity.INFO)
+            texts += self.text(severity, change_text("vehicle", name.name, machine.vehicle_reason))
         if machine.mode != self._mode:
             texts += self.text(Severity.INFO, f"mode {Mode(machine.mode).name}")
         self._goal, self._vehicle, self._mode = goal, vehicle, machine.mode
-        return texts + self._of_mission()
+        return texts + self._mission_texts()
 
-    def _of_mission(self) -> list[Statustext]:
+    def _mission_texts(self) -> list[Statustext]:
         mission = self._mission
-        leg = (mission.number, mission.state, mission.current)
-        if leg == self._leg:
+        progress = (mission.number, mission.state, mission.current)
+        if progress == self._progress:
             return []
-        self._leg = leg
+        self._progress = progress
         failed = mission.state == MissionState.FAILED
-        words = line("mission", mission.state.name, mission.reason)
+        words = change_text("mission", mission.state.name, mission.reason)
         if mission.items:
             words += f" (item {mission.current + 1} of {len(mission.items)})"
         return self.text(Severity.ERROR if failed else Severity.INFO, words)
@@ -65,5 +68,5 @@ class ChangeLog:
         return pieces_of(words, self._text_id, severity) if words else []
 
 
-def line(what: str, state: str, reason: int) -> str:
+def change_text(what: str, state: str, reason: int) -> str:
     return f"{what} {state}" if reason == reasons.OK else f"{what} {state}: {reason_text(reason)}"

@@ -47,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
     store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
     vehicle = vehicle_of(arguments, settings, store)
     if warning:
-        vehicle.say(Severity.WARNING, warning)
+        vehicle.announce(Severity.WARNING, warning)
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
@@ -108,5 +108,5 @@ def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) 
     x_m, y_m, heading_deg = arguments.start
     vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)), configured)
     for warning in warnings:
-        vehicle.say(Severity.WARNING, warning)
+        vehicle.announce(Severity.WARNING, warning)
     return vehicle

@@ -19,7 +19,7 @@ MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
 """Answers kept for each operator, of those that have asked last."""
 
-Ask: TypeAlias = CommandRequest | GoalRequest
+Order: TypeAlias = CommandRequest | GoalRequest
 
 
 class Commands:
@@ -33,10 +33,10 @@ class Commands:
         self._state = state
         self._machine = state.machine
         self._mission = mission
-        self._answered = Answered()
+        self._answers = AnswerCache()
         self.goal_id = self.stop_id = 0
 
-    def receive(self, request: Ask, now_ms: int, operator: str = "") -> CommandAck:
+    def receive(self, request: Order, now_ms: int, operator: str = "") -> CommandAck:
         """Act on a request and return the answer, which carries a reason.
 
         A repeated request gets the answer it had. Another request under the same id is refused, and
@@ -45,21 +45,21 @@ class Commands:
         if is_stop(request):
             self.stop_id = request.request_id
             return acknowledge(request, self._handle(request, now_ms))
-        known = self._answered.find(operator, request)
+        known = self._answers.find(operator, request)
         if known is not None:
             return known
         answer = acknowledge(request, self._act(request, now_ms))
-        self._answered.keep(operator, request, answer)
+        self._answers.keep(operator, request, answer)
         return answer
 
-    def _act(self, request: Ask, now_ms: int) -> int:
+    def _act(self, request: Order, now_ms: int) -> int:
         serial = self._machine.serial
         reason = self._handle(request, now_ms)
         if self._machine.serial != serial:
             self.goal_id = request.request_id
         return reason
 
-    def _handle(self, request: Ask, now_ms: int) -> int:
+    def _handle(self, request: Order, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
         row = HANDLERS.get(request.command)
@@ -115,13 +115,13 @@ class Commands:
         return self._mission.jump(int(item), now_ms)
 
 
-class Answered:
+class AnswerCache:
     """Requests of each operator with their answers, the newest of each."""
 
     def __init__(self) -> None:
-        self._of: OrderedDict[str, OrderedDict[int, tuple[Ask, CommandAck]]] = OrderedDict()
+        self._of: OrderedDict[str, OrderedDict[int, tuple[Order, CommandAck]]] = OrderedDict()
 
-    def find(self, operator: str, request: Ask) -> CommandAck | None:
+    def find(self, operator: str, request: Order) -> CommandAck | None:
         """Return the answer that this request had, or a refusal if its id was another's."""
         of_operator = self._of.get(operator)
         kept = None if of_operator is None else of_operator.get(request.request_id)
@@ -130,7 +130,7 @@ class Answered:
         same = wire_form(kept[0]) == wire_form(request)
         return kept[1] if same else acknowledge(request, reasons.ID_REUSED)
 
-    def keep(self, operator: str, request: Ask, answer: CommandAck) -> None:
+    def keep(self, operator: str, request: Order, answer: CommandAck) -> None:
         kept = self._of.setdefault(operator, OrderedDict())
         self._of.move_to_end(operator)
         kept[request.request_id] = request, answer
@@ -140,7 +140,7 @@ class Answered:
             self._of.popitem(last=False)
 
 
-def wire_form(request: Ask) -> tuple[type[Message], bytes]:
+def wire_form(request: Order) -> tuple[type[Message], bytes]:
     """Return what tells requests apart, bit by bit, so that NaN equals NaN."""
     return type(request), wire_of(type(request)).pack(request)
 
@@ -158,7 +158,7 @@ def is_clear(request: Message | None) -> bool:
     )
 
 
-def acknowledge(request: Ask, reason: int) -> CommandAck:
+def acknowledge(request: Order, reason: int) -> CommandAck:
     """The answer that carries a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
     return ack(command, reason)
@@ -184,7 +184,7 @@ def result_of(reason: int) -> int:
 Handler = Callable[[Commands, float, float, int], int]
 
 
-class Row(NamedTuple):
+class CommandRow(NamedTuple):
     """A command's handler and the parameters that it uses; the others may hold anything.
 
     MAVLink marks a parameter that is not used with NaN.
@@ -194,17 +194,17 @@ class Row(NamedTuple):
     uses: tuple[str, ...] = ()
 
 
-HANDLERS: Final[Mapping[int, Row]] = MappingProxyType(
+HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
     {
-        Command.COMPONENT_ARM_DISARM: Row(Commands._arm_disarm, ("param1",)),
-        Command.DO_SET_MODE: Row(Commands._set_mode, ("param2",)),
-        Command.DO_PAUSE_CONTINUE: Row(Commands._pause_continue, ("param1",)),
-        Command.DO_FLIGHTTERMINATION: Row(Commands._estop),
-        Command.NAV_RETURN_TO_LAUNCH: Row(Commands._rtl),
-        Command.MISSION_START: Row(Commands._start_mission, ("param1",)),
-        Command.DO_SET_MISSION_CURRENT: Row(Commands._jump, ("param1",)),
-        Command.SIDESTEP_SET_NAVIGATOR: Row(Commands._set_navigator, ("param1", "param2")),
-        Command.SIDESTEP_ABORT_GOAL: Row(Commands._abort),
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: Row(Commands._clear_estop),
+        Command.COMPONENT_ARM_DISARM: CommandRow(Commands._arm_disarm, ("param1",)),
+        Command.DO_SET_MODE: CommandRow(Commands._set_mode, ("param2",)),
+        Command.DO_PAUSE_CONTINUE: CommandRow(Commands._pause_continue, ("param1",)),
+        Command.DO_FLIGHTTERMINATION: CommandRow(Commands._estop),
+        Command.NAV_RETURN_TO_LAUNCH: CommandRow(Commands._rtl),
+        Command.MISSION_START: CommandRow(Commands._start_mission, ("param1",)),
+        Command.DO_SET_MISSION_CURRENT: CommandRow(Commands._jump, ("param1",)),
+        Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._set_navigator, ("param1", "param2")),
+        Command.SIDESTEP_ABORT_GOAL: CommandRow(Commands._abort),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._clear_estop),
     }
 )

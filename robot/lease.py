@@ -22,7 +22,7 @@ from runtime.units import NS_PER_MS
 
 LAPSE_NS: Final = MAX_LEASE_MS * NS_PER_MS
 LAPSE_S: Final = MAX_LEASE_MS / 1000
-ONLY_LOOKS: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
+READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 
 
 class Holder(NamedTuple):
@@ -32,7 +32,7 @@ class Holder(NamedTuple):
     name: str
 
     @property
-    def called(self) -> str:
+    def label(self) -> str:
         return self.name or self.operator[:8]
 
 
@@ -41,8 +41,8 @@ class Lease:
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
-        self._heard_ns = 0
-        self._news: list[tuple[Severity, str]] = []
+        self._heartbeat_ns = 0
+        self._texts: list[tuple[Severity, str]] = []
 
     def allows(self, operator: str) -> bool:
         """May this operator command the robot?"""
@@ -59,23 +59,23 @@ class Lease:
             return reasons.LEASE_HELD
         if request.action not in (LeaseAction.TAKE, LeaseAction.SEIZE):
             return reasons.UNKNOWN_COMMAND
-        self._give(Holder(operator, printable(request.name)), now_ns)
+        self._grant(Holder(operator, printable(request.name)), now_ns)
         return reasons.OK
 
-    def hear(self, now_ns: int) -> None:
+    def refresh(self, now_ns: int) -> None:
         """Take a heartbeat of the holder, sent at `now_ns`."""
-        self._heard_ns = max(self._heard_ns, now_ns)
+        self._heartbeat_ns = max(self._heartbeat_ns, now_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
         """Let it lapse if that is due; what there is to tell, and how loud."""
         holder = self._holder
-        if holder is not None and now_ns - self._heard_ns > LAPSE_NS:
+        if holder is not None and now_ns - self._heartbeat_ns > LAPSE_NS:
             self._holder = None
-            self._tell(
-                Severity.WARNING, f"lease of {holder.called} lapsed: not heard for {LAPSE_S:g} s"
+            self._announce(
+                Severity.WARNING, f"lease of {holder.label} lapsed: not heard for {LAPSE_S:g} s"
             )
-        news, self._news = self._news, []
-        return news
+        texts, self._texts = self._texts, []
+        return texts
 
     def is_holder(self, operator: str) -> bool:
         """Return whether this operator holds the lease; may be asked from any thread."""
@@ -88,7 +88,7 @@ class Lease:
 
     def status(self, time_ns: int, now_ns: int) -> LeaseStatus:
         holder = self._holder
-        left_ns = 0 if holder is None else max(0, self._heard_ns + LAPSE_NS - now_ns)
+        left_ns = 0 if holder is None else max(0, self._heartbeat_ns + LAPSE_NS - now_ns)
         return LeaseStatus(
             time_ns=time_ns,
             lapses_ms=left_ns // NS_PER_MS,
@@ -97,29 +97,29 @@ class Lease:
             name="" if holder is None else holder.name,
         )
 
-    def _give(self, new: Holder, now_ns: int) -> None:
+    def _grant(self, new: Holder, now_ns: int) -> None:
         old = self._holder
         if old is None:
-            self._tell(Severity.INFO, f"{new.called} has taken the lease")
+            self._announce(Severity.INFO, f"{new.label} has taken the lease")
         elif old.operator != new.operator:
-            self._tell(Severity.CRITICAL, f"LEASE SEIZED by {new.called} from {old.called}")
+            self._announce(Severity.CRITICAL, f"LEASE SEIZED by {new.label} from {old.label}")
         self._holder = new
-        self._heard_ns = now_ns
+        self._heartbeat_ns = now_ns
 
     def _release(self, operator: str) -> int:
         if not self.allows(operator):
             return reasons.LEASE_HELD
         if self._holder is not None:
-            self._tell(Severity.INFO, f"{self._holder.called} has given back the lease")
+            self._announce(Severity.INFO, f"{self._holder.label} has given back the lease")
             self._holder = None
         return reasons.OK
 
-    def _tell(self, severity: Severity, words: str) -> None:
-        self._news.append((severity, words))
+    def _announce(self, severity: Severity, words: str) -> None:
+        self._texts.append((severity, words))
 
 
-def open_to_all(request: Message) -> bool:
+def needs_no_lease(request: Message) -> bool:
     """The emergency stop, and questions that change nothing."""
     if isinstance(request, CommandRequest):
         return request.command == Command.DO_FLIGHTTERMINATION
-    return isinstance(request, ONLY_LOOKS)
+    return isinstance(request, READ_ONLY)

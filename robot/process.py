@@ -17,14 +17,14 @@ from robot.commands import ack, is_clear, is_stop
 from robot.core import reasons
 from robot.core.budget import READ
 from robot.core.values import Inputs, Outputs
-from robot.lease import open_to_all
+from robot.lease import needs_no_lease
 from robot.reports import Reports
 from robot.saved_replies import SavedReplies
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.stop_latch import StopLatch
 from robot.telemetry import CoreInputs
-from robot.teleop import wanted
+from robot.teleop import operator_twist
 from robot.vehicle import Vehicle
 from runtime.clock import Clock, Tick
 from runtime.errors import LocalError
@@ -32,9 +32,9 @@ from runtime.errors import LocalError
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
-"""Of a line in one control period: 120 a second, faster than anyone types."""
+"""Of a queue in one control period: 120 a second, faster than anyone types."""
 
-MAX_GOOD_NS: Final = 60_000_000_000
+MAX_VALIDITY_NS: Final = 60_000_000_000
 """A deadline farther away is of another clock: the sender is to ask for the time again."""
 
 SAVING_S: Final = 3.0
@@ -66,47 +66,47 @@ class Process:
         self._senses = senses
         self._meter = meter
         self.reports = Reports(bus, epoch)
-        self._twins = DuplicateWatch(bus)
+        self._duplicates = DuplicateWatch(bus)
         self._requests: SimpleQueue[ServiceRequest] = SimpleQueue()
-        self._strangers: SimpleQueue[ServiceRequest] = SimpleQueue()
+        self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
         self._stopped_ns: int | None = None
         """When the loop last took a stop from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
-        self._stop_askers: deque[ServiceRequest] = deque()
+        self._stop_requests: deque[ServiceRequest] = deque()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
-        """Restore what was saved, which is recorded as if asked for, and begin to take requests;
+        """Restore what was saved, which is recorded as if incoming for, and begin to take requests;
         `nudge` is called from the bus when there is one.
 
         Of too many requests the rest is refused. Those of operators who may not command wait in a
-        line of their own; an emergency stop waits in none.
+        queue of their own; an emergency stop waits in none.
         """
 
         def press(operator: str, frame: bytes) -> None:
             self._stop.press(operator, frame)
             nudge()
 
-        def wait_for_stop(asked: ServiceRequest) -> None:
+        def wait_for_stop(incoming: ServiceRequest) -> None:
             """Have the loop answer, unless too many wait; the stop itself waits for none."""
-            if len(self._stop_askers) >= MAX_WAITING:
-                asked.drop()
+            if len(self._stop_requests) >= MAX_WAITING:
+                incoming.drop()
             else:
-                self._stop_askers.append(asked)
+                self._stop_requests.append(incoming)
             nudge()
 
-        def take(asked: ServiceRequest) -> None:
-            if is_stop(asked.message):
-                self._stop.press(asked.operator, asked.payload)
-                wait_for_stop(asked)  # after it: the loop drops askers without a stop
+        def take(incoming: ServiceRequest) -> None:
+            if is_stop(incoming.message):
+                self._stop.press(incoming.operator, incoming.payload)
+                wait_for_stop(incoming)  # after it: the loop drops askers without a stop
                 return
-            line = self._line(asked)
-            if line.qsize() >= MAX_WAITING:
-                asked.reply(
+            queue = self._queue_for(incoming)
+            if queue.qsize() >= MAX_WAITING:
+                incoming.reply(
                     refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
                 )
                 return
-            line.put(asked)
+            queue.put(incoming)
             nudge()
 
         for request, answer in self.vehicle.restore():
@@ -116,8 +116,10 @@ class Process:
         for service in SERVICES:
             self._bus.serve(service, take)
 
-    def _line(self, asked: ServiceRequest) -> SimpleQueue[ServiceRequest]:
-        return self._requests if self.vehicle.lease.allows(asked.operator) else self._strangers
+    def _queue_for(self, incoming: ServiceRequest) -> SimpleQueue[ServiceRequest]:
+        return (
+            self._requests if self.vehicle.lease.allows(incoming.operator) else self._unprivileged
+        )
 
     def stop(self) -> None:
         """End after the tick under way; may be called from a signal handler."""
@@ -164,14 +166,14 @@ class Process:
         inputs = self._senses.read(tick, now_ns, self.vehicle)
         self._meter.mark(READ)
         reported = self._report()
-        teleop = self.vehicle.handle.newest(now_ns)
-        outputs = self.vehicle.step(inputs, self._meter.mark, wanted(teleop))
+        teleop = self.vehicle.teleop.newest(now_ns)
+        outputs = self.vehicle.step(inputs, self._meter.mark, operator_twist(teleop))
         self._write(outputs, tick, now_ns)
-        self._tell_inputs(inputs, teleop, tick.index, reported)
+        self._publish_inputs(inputs, teleop, tick.index, reported)
         self._meter.end()
 
     def idle(self) -> None:
-        """Between two ticks: stop if asked to, answer, and show that the loop lives."""
+        """Between two ticks: stop if incoming to, answer, and show that the loop lives."""
         self._take_stop()
         self._answer()
         self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
@@ -205,12 +207,14 @@ class Process:
         if self._meter.violated:
             self.vehicle.report(reasons.BUDGET)
             reported |= INPUT_BUDGET
-        if self._twins:
+        if self._duplicates:
             self.vehicle.report(reasons.NAME_TAKEN)
             reported |= INPUT_NAME_TAKEN
         return reported
 
-    def _tell_inputs(self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int) -> None:
+    def _publish_inputs(
+        self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int
+    ) -> None:
         """All that this tick's outcome came of, so that it can be had again."""
         senses = self._senses
         given = CoreInputs(
@@ -221,13 +225,13 @@ class Process:
     def _answer(self) -> None:
         """Act on no more requests than a control period can bear."""
         self._saved.settle(self._clock.now_ns())
-        for line in (self._requests, self._strangers):
+        for queue in (self._requests, self._unprivileged):
             for _ in range(MAX_ANSWERED):
                 try:
-                    asked = line.get_nowait()
+                    incoming = queue.get_nowait()
                 except Empty:
                     break
-                self._give(asked)
+                self._serve_one(incoming)
 
     def _take_stop(self) -> None:
         """Act on the latched emergency stop, and answer its requests.
@@ -236,7 +240,7 @@ class Process:
         that stop holds. Those who wait are counted before the latch is read, which was set before
         they came: who comes in between waits for the next look.
         """
-        waiting = len(self._stop_askers)
+        waiting = len(self._stop_requests)
         request, vehicle = self._stop.take(), self.vehicle
         if request is not None:
             self._stopped_ns = self._bus.now_ns()
@@ -245,37 +249,41 @@ class Process:
             if not again:
                 self.reports.record(request, answer)
         for _ in range(waiting):
-            asked = self._stop_askers.popleft()
+            incoming = self._stop_requests.popleft()
             if vehicle.stopped:
-                asked.reply(STOPPED)
+                incoming.reply(STOPPED)
             else:
-                asked.drop()
+                incoming.drop()
 
-    def _give(self, asked: ServiceRequest) -> None:
-        if asked.message is None:
-            asked.reply(self.vehicle.tuning.described())
+    def _serve_one(self, incoming: ServiceRequest) -> None:
+        if incoming.message is None:
+            incoming.reply(self.vehicle.parameters.described())
             return
-        refusal = reasons.OK if open_to_all(asked.message) else self._void(asked)
+        refusal = reasons.OK if needs_no_lease(incoming.message) else self._rejection(incoming)
         if refusal != reasons.OK:
-            asked.reply(self.vehicle.refused(asked.message, refusal))
+            incoming.reply(self.vehicle.refused(incoming.message, refusal))
             return
         now_ns = self._clock.now_ns()
-        answer = self.vehicle.receive(asked.message, now_ns, asked.operator)
-        self._saved.reply(asked, asked.message, answer, now_ns)
-        self.reports.record(asked.message, answer)
+        answer = self.vehicle.receive(incoming.message, now_ns, incoming.operator)
+        self._saved.reply(incoming, incoming.message, answer, now_ns)
+        self.reports.record(incoming.message, answer)
 
-    def _void(self, asked: ServiceRequest) -> int:
+    def _rejection(self, incoming: ServiceRequest) -> int:
         """Return why a request does not count: no operator, no deadline or one that is over.
 
         An emergency stop overtakes the requests that wait. One that came before and would release
         the emergency stop does not release this one.
         """
-        if not asked.operator:
+        if not incoming.operator:
             return reasons.NO_IDENTITY
-        until_ns = asked.good_until_ns
-        if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_GOOD_NS:
+        until_ns = incoming.good_until_ns
+        if until_ns is None or not 0 <= until_ns - self._bus.now_ns() <= MAX_VALIDITY_NS:
             return reasons.TOO_LATE
         stopped_ns = self._stopped_ns
-        if is_clear(asked.message) and stopped_ns is not None and asked.arrived_ns < stopped_ns:
+        if (
+            is_clear(incoming.message)
+            and stopped_ns is not None
+            and incoming.arrived_ns < stopped_ns
+        ):
             return reasons.EMERGENCY_STOPPED
         return reasons.OK

@@ -51,48 +51,50 @@ def epoch() -> int:
     return int(time()) & UINT32
 
 
-def run(vehicle: Vehicle, network: Network, robot: str, options: Options, life: PreviousRun) -> int:
+def run(
+    vehicle: Vehicle, network: Network, robot: str, options: Options, previous: PreviousRun
+) -> int:
     """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
-        tell_life(vehicle, robot, life, options.after)
+        report_previous_run(vehicle, robot, previous, options.after)
         begin = in_lockstep if options.lockstep else in_wall_time
-        watchdog = Watchdog(story=life.story)
-        process, grid = begin(vehicle, bus, watchdog.wind, epoch())
-        settle(vehicle, options)
+        watchdog = Watchdog(trace=previous.trace)
+        process, grid = begin(vehicle, bus, watchdog.reset, epoch())
+        apply_options(vehicle, options)
         for words in vehicle.restored:
-            tell(f"robot {robot}: {words}")
-        tell(f"robot {robot}: ready, disarmed")
+            log_line(f"robot {robot}: {words}")
+        log_line(f"robot {robot}: ready, disarmed")
         end = STOPPED
         try:
-            with watchdog, watched_doors(bus, lambda line: tell(f"robot {robot}: {line}")):
-                process.run(watchdog.wound_by(grid))
+            with watchdog, watched_doors(bus, lambda line: log_line(f"robot {robot}: {line}")):
+                process.run(watchdog.reset_by(grid))
         except Exception as error:
-            end = f"ended by a core exception ({in_brief(error)})"
+            end = f"ended by a core exception ({summary_of(error)})"
             raise
         finally:
-            life.end(end)
+            previous.end(end)
             process.finish()
-    tell(f"robot {robot}: ends")
+    log_line(f"robot {robot}: ends")
     return 0
 
 
-def tell_life(vehicle: Vehicle, robot: str, life: PreviousRun, after: str) -> None:
+def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, after: str) -> None:
     """Tell why there was one before, if it did not end as it should, and what is lost with it."""
-    before = life.begin(after)
+    before = previous.begin(after)
     if before:
         words = f"started again: the one before {before}"
         for line in (words, PLACE_UNKNOWN):
-            vehicle.say(Severity.WARNING, line)
-            tell(f"robot {robot}: {line}")
+            vehicle.announce(Severity.WARNING, line)
+            log_line(f"robot {robot}: {line}")
 
 
-def in_brief(error: Exception) -> str:
+def summary_of(error: Exception) -> str:
     """Its name and the first line of what it says."""
     return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
-def tell(line: str) -> None:
+def log_line(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
@@ -124,7 +126,7 @@ def in_lockstep(
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
     process = Process(vehicle, bus, clock, senses, meter, epoch)
     process.serve(nudge=clock.nudge)
-    feed(clock, bus)
+    drive_clock(clock, bus)
 
     def stop() -> None:
         process.stop()
@@ -134,7 +136,7 @@ def in_lockstep(
     return process, ticks(clock, CONTROL_HZ)
 
 
-def feed(clock: LockstepClock, bus: Bus) -> None:
+def drive_clock(clock: LockstepClock, bus: Bus) -> None:
     """Let the plant's clock frames drive `clock`; it stops when the plant begins anew.
 
     What cannot be read is counted; time then stands still, which is the safe side.
@@ -149,7 +151,7 @@ def feed(clock: LockstepClock, bus: Bus) -> None:
         if stamp_ns >= MAX_STAMP_NS:
             return
         if stamp_ns < clock.now_ns():
-            tell("robot: the plant was restarted, so this run is over")
+            log_line("robot: the plant was restarted, so this run is over")
             clock.stop()
         clock.advance_to(stamp_ns)
 
@@ -163,11 +165,11 @@ def on_signal(stop: Callable[[], None]) -> None:
         signal.signal(number, lambda *_: stop())
 
 
-def settle(vehicle: Vehicle, options: Options) -> None:
+def apply_options(vehicle: Vehicle, options: Options) -> None:
     """Last, when all that stays is there; what does not work is said, and the robot runs on."""
     share_interpreter()
     for wanted, apply in ((options.freeze, freeze_heap), (options.fifo, use_fifo)):
         warning = apply() if wanted else None
         if warning is not None:
-            tell(f"robot: warning: {warning}")
-            vehicle.say(Severity.WARNING, warning)
+            log_line(f"robot: warning: {warning}")
+            vehicle.announce(Severity.WARNING, warning)

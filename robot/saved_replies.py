@@ -29,7 +29,7 @@ SAVING: Final = CommandAck(command=0, result=AckResult.IN_PROGRESS, result_param
 class WithheldReply(NamedTuple):
     """A request whose answer waits for the disk."""
 
-    asked: ServiceRequest
+    incoming: ServiceRequest
     answer: Answer
     ticket: Ticket
     since_ns: int
@@ -46,18 +46,22 @@ class SavedReplies:
         self._withheld: list[WithheldReply] = []
         self._stalled: dict[File, tuple[int, int]] = {}
         """Files that are being written: what had ended when, at the last progress."""
-        self._told_slow = False
+        self._warned_slow = False
 
-    def reply(self, asked: ServiceRequest, request: Message, answer: Answer, now_ns: int) -> None:
+    def reply(
+        self, incoming: ServiceRequest, request: Message, answer: Answer, now_ns: int
+    ) -> None:
         """Answer a request. Those beyond a bound are to ask again."""
         ticket = self._vehicle.saving(request, answer)
         if ticket is None or not ticket.is_open:
-            asked.reply(answer)
+            incoming.reply(answer)
         elif len(self._withheld) < MAX_WITHHELD:
             self._stalled.setdefault(ticket.file, (ticket.file.ended, now_ns))
-            self._withheld.append(WithheldReply(asked, answer, ticket, now_ns))
+            self._withheld.append(WithheldReply(incoming, answer, ticket, now_ns))
         else:
-            asked.reply(refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED))
+            incoming.reply(
+                refusal(reasons.TOO_MANY_REQUESTS, result=AckResult.TEMPORARILY_REJECTED)
+            )
 
     def settle(self, now_ns: int) -> None:
         """Send the answers whose files have been written meanwhile, or wait for too long."""
@@ -66,11 +70,11 @@ class SavedReplies:
         withheld, self._withheld = self._withheld, []
         for one in withheld:
             if not one.ticket.is_open:
-                one.asked.reply(once_saved(one.answer, one.ticket))
+                one.incoming.reply(once_saved(one.answer, one.ticket))
             elif self._stalled_ns(one.ticket.file, now_ns) > MAX_WAIT_NS:
-                one.asked.reply(not_saved(one.answer))
+                one.incoming.reply(not_saved(one.answer))
             elif now_ns - one.since_ns > INTERIM_NS:
-                one.asked.reply(SAVING)
+                one.incoming.reply(SAVING)
             else:
                 self._withheld.append(one)
 
@@ -82,9 +86,9 @@ class SavedReplies:
             elif file.ended != ended:
                 self._stalled[file] = file.ended, now_ns
         is_slow = any(self._stalled_ns(file, now_ns) > SLOW_NS for file in self._stalled)
-        if is_slow and not self._told_slow:
-            self._vehicle.say(Severity.WARNING, SLOW)
-        self._told_slow = is_slow
+        if is_slow and not self._warned_slow:
+            self._vehicle.announce(Severity.WARNING, SLOW)
+        self._warned_slow = is_slow
 
     def _stalled_ns(self, file: File, now_ns: int) -> int:
         return now_ns - self._stalled[file][1]

@@ -48,20 +48,20 @@ class Senses:
         self._last_wheels: tuple[WheelTicks, int] | None = None
         self._last_scan: tuple[SonarScan, int] | None = None
         self._delays = DelayFilter()
-        self._beaten: Origin | None = None
-        self._steered: Origin | None = None
+        self._last_heartbeat: Origin | None = None
+        self._last_teleop: Origin | None = None
         self.stamp_ns = self.sequence = self.ping_age_us = 0
         self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
         """The senses of this tick; None where one is missing or stale."""
-        self._listen(vehicle, now_ns)
+        self._receive_operator(vehicle, now_ns)
         arrived = self._wheels.latest()
-        if not self.lockstep and begun_anew(arrived, self._last_wheels):
-            vehicle.displaced(now_ns)
+        if not self.lockstep and is_restarted(arrived, self._last_wheels):
+            vehicle.lose_position(now_ns)
         wheels = self._last_wheels = newer(arrived, self._last_wheels)
         newest = self._last_scan = newer(self._sonar.latest(), self._last_scan)
-        self._place(newest, tick, now_ns)
+        self._set_stamp(newest, tick, now_ns)
         return Inputs(
             now_ms_of(now_ns),
             self._wheels_of(wheels, now_ns),
@@ -88,7 +88,7 @@ class Senses:
     def _age_ns(self, newest: tuple[WheelTicks | SonarScan, int], now_ns: int) -> int:
         return max(0, now_ns - (newest[0].time_ns if self.lockstep else newest[1]))
 
-    def _place(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
+    def _set_stamp(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
         """This tick is at the stamp of its scan, or so much after the last one.
 
         A scan that was late does not turn time back; a plant that began anew, or stood, does.
@@ -102,21 +102,21 @@ class Senses:
                 self.stamp_ns = stamp_ns
             self.sequence = scan.seq
 
-    def _listen(self, vehicle: Vehicle, now_ns: int) -> None:
+    def _receive_operator(self, vehicle: Vehicle, now_ns: int) -> None:
         """Hand on what operators who may command have sent since the last tick."""
         beat = self._operator.received()
-        if beat is not None and beat[1] is not self._beaten:
-            self._beaten = beat[1]
-            if self._counts(beat[1], vehicle):
-                vehicle.hear_operator(self._sent_ns(beat[1], now_ns))
+        if beat is not None and beat[1] is not self._last_heartbeat:
+            self._last_heartbeat = beat[1]
+            if self._is_accepted(beat[1], vehicle):
+                vehicle.receive_heartbeat(self._sent_ns(beat[1], now_ns))
         steered = self._teleop.received()
-        if steered is not None and steered[1] is not self._steered:
-            self._steered = steered[1]
-            if self._counts(steered[1], vehicle):
+        if steered is not None and steered[1] is not self._last_teleop:
+            self._last_teleop = steered[1]
+            if self._is_accepted(steered[1], vehicle):
                 sent_ns = self._sent_ns(steered[1], now_ns)
-                vehicle.hear_teleop(steered[0], sent_ns)
+                vehicle.receive_teleop(steered[0], sent_ns)
 
-    def _counts(self, origin: Origin, vehicle: Vehicle) -> bool:
+    def _is_accepted(self, origin: Origin, vehicle: Vehicle) -> bool:
         """Return whether a frame is from an operator who commands now, and came in time."""
         sent_ns, arrived_ns = origin.sent_ns, origin.arrived_ns
         if not origin.sender or sent_ns is None or not vehicle.lease.allows(origin.sender):
@@ -136,15 +136,15 @@ def newer(
     newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None
 ) -> tuple[Sense, int] | None:
     """What was sent last, and not what came last: that may have been overtaken on its way."""
-    return last if sent(newest, last) is Order.LATE else newest
+    return last if sending_order(newest, last) is Order.LATE else newest
 
 
-def begun_anew(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
+def is_restarted(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
     """Was it sent by a plant that was started again?"""
-    return sent(newest, last) is Order.RESTARTED
+    return sending_order(newest, last) is Order.RESTARTED
 
 
-def sent(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> Order:
+def sending_order(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> Order:
     """Return when a sample was sent, compared with the last one that was used."""
     if newest is None or last is None:
         return Order.NEWER

@@ -15,7 +15,7 @@ class TeleopInput:
         self._until_ns = 0
         self._refused_ms = 0
 
-    def hear(self, teleop: Teleop, sent_ns: int) -> str:
+    def receive(self, teleop: Teleop, sent_ns: int) -> str:
         """Take a frame that was sent then; return why it is ignored, once for each new cause."""
         ttl_ms = teleop.ttl_ms
         if ttl_ms > MAX_TELEOP_TTL_MS:
@@ -29,7 +29,7 @@ class TeleopInput:
         self._refused_ms = 0
         return ""
 
-    def let_go(self) -> None:
+    def clear(self) -> None:
         """Forget the frame: another operator takes over."""
         self._newest = None
 
@@ -38,6 +38,6 @@ class TeleopInput:
         return self._newest if now_ns < self._until_ns else None
 
 
-def wanted(teleop: Teleop | None) -> Twist | None:
+def operator_twist(teleop: Teleop | None) -> Twist | None:
     """Return how the operator steers; None when there is no frame in force."""
     return None if teleop is None else twist_of(teleop.speed_mm_s, teleop.yaw_rate_mrad_s)

@@ -36,7 +36,7 @@ from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
-from robot.lease import Lease, open_to_all
+from robot.lease import Lease, needs_no_lease
 from robot.mission.fence_items import FenceItems
 from robot.mission.mission import Mission
 from robot.mission.persistence import MissionStore
@@ -57,7 +57,7 @@ Transfer: Final = (
     MissionClearAll,
 )
 
-MOST_TEXTS: Final = 100  # from one look to the next
+MAX_TEXTS: Final = 100  # from one look to the next
 HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
 ORIGIN: Final = Pose(0.0, 0.0, 0.0)
@@ -79,27 +79,27 @@ class Vehicle:
         self.state = State(params)
         self.state.odometry.pose = start
         self.lease = Lease()
-        self.handle = TeleopInput()
+        self.teleop = TeleopInput()
         self.mission = Mission(self.state.machine)
         self.commands = Commands(self.state, self.mission)
-        self.tuning = ParameterService(params, store, self.state.machine, configured or params)
+        self.parameters = ParameterService(params, store, self.state.machine, configured or params)
         self._store = store
-        self._kept = MissionStore(store.directory)
+        self._mission_store = MissionStore(store.directory)
         fence = FenceItems(self.state)
-        self._transfers = Transfers(self.mission, fence, self._kept)
-        self._news = ChangeLog(self.state.machine, self.mission)
-        self._texts = self._news.text(Severity.INFO, "started: disarmed, standing still")
+        self._transfers = Transfers(self.mission, fence, self._mission_store)
+        self._change_log = ChangeLog(self.state.machine, self.mission)
+        self._texts = self._change_log.text(Severity.INFO, "started: disarmed, standing still")
         self._operator_ns: int | None = None
-        self._beats = ReportTimer(HEARTBEAT_NS)
+        self._heartbeats = ReportTimer(HEARTBEAT_NS)
         self._leases = ReportTimer(SLOW_NS)
         self._missions = ReportTimer(SLOW_NS)
         self._slipping = False
         self.restored: tuple[str, ...] = ()
-        """What there was to say of what an earlier run had kept."""
+        """What there was to announce of what an earlier run had kept."""
 
     @property
     def params(self) -> Params:
-        return self.tuning.params
+        return self.parameters.params
 
     @property
     def zone_m(self) -> float:
@@ -107,21 +107,21 @@ class Vehicle:
         zones_m = {states.BUG: self.params.d_th_m, states.VGM: self.params.d_obs_m}
         return zones_m.get(self.state.machine.navigator, nan)
 
-    def hear_operator(self, sent_ns: int) -> None:
+    def receive_heartbeat(self, sent_ns: int) -> None:
         """Take a heartbeat of an operator who may command: the operator was there at `sent_ns`."""
-        heard_ns = self._operator_ns
-        self._operator_ns = sent_ns if heard_ns is None else max(heard_ns, sent_ns)
-        self.lease.hear(sent_ns)
+        newest_ns = self._operator_ns
+        self._operator_ns = sent_ns if newest_ns is None else max(newest_ns, sent_ns)
+        self.lease.refresh(sent_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
-        heard_ns = self._operator_ns
-        return None if heard_ns is None else max(0, now_ns - heard_ns) // NS_PER_MS
+        newest_ns = self._operator_ns
+        return None if newest_ns is None else max(0, now_ns - newest_ns) // NS_PER_MS
 
-    def hear_teleop(self, teleop: Teleop, sent_ns: int) -> None:
+    def receive_teleop(self, teleop: Teleop, sent_ns: int) -> None:
         """Take a frame of an operator who may command, sent at `sent_ns`."""
-        ignored = self.handle.hear(teleop, sent_ns)
+        ignored = self.teleop.receive(teleop, sent_ns)
         if ignored:
-            self.say(Severity.WARNING, ignored)
+            self.announce(Severity.WARNING, ignored)
 
     def receive(self, request: Message, now_ns: int, operator: str = "") -> Answer:
         """Act on a request and answer it; a refusal comes with its reason.
@@ -135,12 +135,12 @@ class Vehicle:
     def _act(self, request: Message, now_ns: int, operator: str) -> Answer:
         if isinstance(request, LeaseRequest):
             return self._lease(request, now_ns, operator)
-        if not open_to_all(request) and not self.lease.allows(operator):
+        if not needs_no_lease(request) and not self.lease.allows(operator):
             return self.refused(request, reasons.LEASE_HELD)
         if isinstance(request, ParamSet):
-            return self.tuning.set(request)
+            return self.parameters.set(request)
         if isinstance(request, ParamRequestRead):
-            return self.tuning.read(request)
+            return self.parameters.read(request)
         if isinstance(request, CommandRequest | GoalRequest):
             return self._command(request, now_ns, operator)
         if isinstance(request, Transfer):
@@ -152,16 +152,16 @@ class Vehicle:
         if isinstance(request, ParamSet) and isinstance(answer, ParamValue):
             return self._store.ticket
         if isinstance(answer, MissionVerdict) and answer.reason == reasons.OK:
-            return self._kept.ticket(answer.mission_type)
+            return self._mission_store.ticket(answer.mission_type)
         return None
 
     def collect_saved(self) -> None:
         """Collect the writes that have ended since the last call; report those that failed."""
         for file in self._store.directory.collect():
-            self.tuning.forget_text()
+            self.parameters.forget_text()
             if file.error is not None:
                 words = file.error.strerror or str(file.error)
-                self.say(Severity.ERROR, f"{file.name} not saved: {words}")
+                self.announce(Severity.ERROR, f"{file.name} not saved: {words}")
 
     def finish_saving(self, patience_s: float) -> None:
         """Wait for what is being written, no longer than this; only once the loop has ended."""
@@ -180,9 +180,9 @@ class Vehicle:
 
     def restore(self) -> list[Exchange]:
         """Before anybody asks anything: have the fence and the mission again that were kept."""
-        done = restored(self._kept, self._transfers, self.state)
+        done = restored(self._mission_store, self._transfers, self.state)
         for severity, words in done.words:
-            self.say(severity, words)
+            self.announce(severity, words)
         self.restored = tuple(words for _, words in done.words)
         return done.exchange
 
@@ -200,7 +200,7 @@ class Vehicle:
             raise
         slipping = self.state.slip.share > 0.0
         if slipping and not self._slipping:
-            self.say(Severity.WARNING, "wheels seem to slip: place less sure")
+            self.announce(Severity.WARNING, "wheels seem to slip: place less sure")
         self._slipping = slipping
         return outputs
 
@@ -213,18 +213,18 @@ class Vehicle:
         if self.state.machine.vehicle == states.ACTIVE:
             failsafe.trip(self.state.machine, reason, now_ns // NS_PER_MS)
 
-    def displaced(self, now_ns: int) -> None:
+    def lose_position(self, now_ns: int) -> None:
         """Its senses have begun anew: whatever they count from now on, the way was not driven."""
-        self.say(Severity.ERROR, "senses began anew: the place is not known any more")
+        self.announce(Severity.ERROR, "senses began anew: the place is not known any more")
         self.stop(reasons.TICKS_LOST, now_ns)
 
-    def say(self, severity: int, words: str) -> None:
-        self._texts = (self._texts + self._news.text(severity, words))[-MOST_TEXTS:]
+    def announce(self, severity: int, words: str) -> None:
+        self._texts = (self._texts + self._change_log.text(severity, words))[-MAX_TEXTS:]
 
     def texts(self) -> list[Statustext]:
         """What is to be told now, oldest first."""
         self.collect_saved()
-        texts = self._texts + self._news.since_last_time()
+        texts = self._texts + self._change_log.since_last_time()
         self._texts = []
         return texts
 
@@ -232,12 +232,12 @@ class Vehicle:
         """Due five times a second, and at once when vehicle or mode has changed."""
         machine = self.state.machine
         beat = (machine.vehicle, machine.mode, machine.vehicle_reason)
-        return telemetry.heartbeat(self.state) if self._beats.due(beat, now_ns) else None
+        return telemetry.heartbeat(self.state) if self._heartbeats.due(beat, now_ns) else None
 
     def lease_status(self, stamp_ns: int, now_ns: int) -> LeaseStatus | None:
         """Due twice a second, and at once when the holder has changed."""
         for severity, words in self.lease.due(now_ns):
-            self.say(severity, words)
+            self.announce(severity, words)
         due = self._leases.due(self.lease.holder, now_ns)
         return self.lease.status(stamp_ns, now_ns) if due else None
 
@@ -256,16 +256,18 @@ class Vehicle:
         was_armed = machine.vehicle == states.ACTIVE
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
         if machine.vehicle == states.ACTIVE and not was_armed:
-            changes = self.tuning.safety_changes()
+            changes = self.parameters.safety_changes()
             if changes:
-                self.say(Severity.NOTICE, f"armed, other than configured: {', '.join(changes)}")
+                self.announce(
+                    Severity.NOTICE, f"armed, other than configured: {', '.join(changes)}"
+                )
         return answer
 
     def _lease(self, request: LeaseRequest, now_ns: int, operator: str) -> CommandAck:
         holder = self.lease.holder
         reason = self.lease.receive(request, operator, now_ns)
         if self.lease.holder != holder:
-            self.handle.let_go()
+            self.teleop.clear()
         return ack(NO_COMMAND, reason)
 
     def refused(self, request: Message, reason: int) -> Answer:
@@ -294,12 +296,12 @@ class ReportTimer:
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
-        self._told: object = self
+        self._last: object = self
         self._due_ns = 0
 
     def due(self, what: object, now_ns: int) -> bool:
-        if what == self._told and now_ns < self._due_ns:
+        if what == self._last and now_ns < self._due_ns:
             return False
-        self._told = what
+        self._last = what
         self._due_ns = now_ns + self._period_ns
         return True

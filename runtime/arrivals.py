@@ -38,7 +38,7 @@ class WakeUp:
         return self._held.acquire(timeout=-1.0 if timeout_s is None else max(0.0, timeout_s))
 
 
-class Beats(Protocol):
+class PulseSource(Protocol):
     """What the grid needs to know of a pulse."""
 
     def wait_until(self, deadline_ns: int) -> int | None: ...

@@ -5,17 +5,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from runtime.arrivals import Beats, Pulse
+from runtime.arrivals import Pulse, PulseSource
 from runtime.errors import Stopped
 from runtime.lockstep import LockstepClock
 from runtime.units import NS_PER_S
 
 __all__ = [
-    "Beats",
     "Clock",
     "LockstepClock",
     "ManualClock",
     "Pulse",
+    "PulseSource",
     "Stopped",
     "Tick",
     "WallClock",
@@ -84,7 +84,7 @@ class Tick:
     by_frame: bool = False
 
 
-def ticks(clock: Clock, rate_hz: float, pulse: Beats | None = None) -> Iterator[Tick]:
+def ticks(clock: Clock, rate_hz: float, pulse: PulseSource | None = None) -> Iterator[Tick]:
     """Yield on a fixed grid. A late tick drops the deadlines it overran; it never bursts.
 
     With a pulse the grid is phase-locked to arriving frames: a frame starts the tick, the grid's
@@ -102,7 +102,7 @@ def ticks(clock: Clock, rate_hz: float, pulse: Beats | None = None) -> Iterator[
 class _Grid:
     """Where on the grid a loop is: when the next tick is due and what was skipped so far."""
 
-    def __init__(self, clock: Clock, period_ns: int, pulse: Beats | None) -> None:
+    def __init__(self, clock: Clock, period_ns: int, pulse: PulseSource | None) -> None:
         self._clock = clock
         self._pulse = pulse
         self._period_ns = period_ns

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_
 import msgspec
 
 from runtime.errors import ConfigError, UserError
-from runtime.toml_reader import LARGEST_BYTES, table_in
+from runtime.toml_reader import MAX_BYTES, table_in
 
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
@@ -32,10 +32,10 @@ def load_shared(path: Path | str, schema: type[T]) -> T:
         if key not in known and key not in SHARED:
             raise unknown_key(key, key, sorted({*known, *SHARED}), file=str(path))
     own = {key: value for key, value in table.items() if key in known}
-    return parse(beside(own, Path(path).parent), schema, file=str(path))
+    return parse(resolve_tls_paths(own, Path(path).parent), schema, file=str(path))
 
 
-def beside(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     """The same with the files of `[network.tls]` where they lie: beside the one naming them."""
     network = table.get("network")
     tls = network.get("tls") if isinstance(network, dict) else None
@@ -52,7 +52,7 @@ def read_toml(path: Path | str) -> dict[str, Any]:
     """The tables of a TOML file, unjudged."""
     try:
         with Path(path).open("rb") as file:
-            data = file.read(LARGEST_BYTES + 1)
+            data = file.read(MAX_BYTES + 1)
         return table_in(data.decode())
     except OSError as error:
         reason = (error.strerror or "cannot be read").lower()
@@ -67,14 +67,14 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 def parse(table: Mapping[str, Any], schema: type[T], *, file: str) -> T:
     """A table as an instance of a (nested) frozen dataclass; ranges by `Annotated[.., Meta]`."""
-    judge_keys(table, schema, file=file)
+    check_keys(table, schema, file=file)
     try:
         return msgspec.convert(dict(table), schema)
     except msgspec.ValidationError as error:
         raise _refused(error, schema, file) from error
 
 
-def judge_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above: str = "") -> None:
+def check_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above: str = "") -> None:
     """Raise ConfigError for the first key the schema does not have, or value that is not finite."""
     hints = get_type_hints(schema)
     for key, value in table.items():
@@ -84,7 +84,7 @@ def judge_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above:
             fix = "give a finite number"
             raise ConfigError(file=file, key=above + key, reason="is not finite", fix=fix)
         if isinstance(value, dict) and (inner := _schema_in(hints[key])) is not None:
-            judge_keys(value, inner, file=file, above=f"{above}{key}.")
+            check_keys(value, inner, file=file, above=f"{above}{key}.")
 
 
 def _schema_in(hint: Any) -> Any:

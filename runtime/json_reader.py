@@ -5,7 +5,7 @@ from typing import Any, Final
 
 MAX_DEPTH: Final = 100
 TOO_DEEP: Final = "nested too deeply"
-LONGEST_WHOLE: Final = 18
+MAX_DIGITS: Final = 18
 """Digits; a longer whole number is a float, perhaps infinite, as it would be anywhere else."""
 
 
@@ -15,11 +15,11 @@ def value_in(text: str | bytes) -> Any:
         value = json.loads(text, parse_int=_number)
     except RecursionError as error:
         raise ValueError(TOO_DEEP) from error
-    _judge_depth(value)
+    _check_depth(value)
     return value
 
 
-def _judge_depth(value: object) -> None:
+def _check_depth(value: object) -> None:
     """ValueError for what the parser takes and a recursive reader or writer would not."""
     level = [value]
     for _ in range(MAX_DEPTH):
@@ -33,4 +33,4 @@ def _judge_depth(value: object) -> None:
 
 
 def _number(digits: str) -> int | float:
-    return int(digits) if len(digits) <= LONGEST_WHOLE else float(digits)
+    return int(digits) if len(digits) <= MAX_DIGITS else float(digits)

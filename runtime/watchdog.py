@@ -23,22 +23,22 @@ T = TypeVar("T")
 class Watchdog:
     """Strikes within the block, `patience_s` after it was last wound up; only in the main thread.
 
-    `story` is a file that then gets the place where each thread hung, for developers, if it can be
+    `trace` is a file that then gets the place where each thread hung, for developers, if it can be
     written.
     """
 
-    def __init__(self, patience_s: float = HUNG_S, story: Path | None = None) -> None:
+    def __init__(self, patience_s: float = HUNG_S, trace: Path | None = None) -> None:
         self._patience_s = patience_s
-        self._story = story
+        self._trace = trace
         self._file: IO[str] | None = None
 
     def __enter__(self) -> Self:
-        if self._story is not None:
+        if self._trace is not None:
             with suppress(OSError):
-                self._file = self._story.open("w", encoding="utf-8")
+                self._file = self._trace.open("w", encoding="utf-8")
         if self._file is not None:
             faulthandler.register(signal.SIGALRM, self._file, all_threads=True, chain=True)
-        self.wind()
+        self.reset()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -47,12 +47,12 @@ class Watchdog:
             faulthandler.unregister(signal.SIGALRM)
             self._file.close()
 
-    def wind(self) -> None:
+    def reset(self) -> None:
         """The loop runs."""
         signal.setitimer(signal.ITIMER_REAL, self._patience_s)
 
-    def wound_by(self, rounds: Iterable[T]) -> Iterator[T]:
+    def reset_by(self, rounds: Iterable[T]) -> Iterator[T]:
         """The same rounds, each of which winds it up."""
         for one in rounds:
-            self.wind()
+            self.reset()
             yield one

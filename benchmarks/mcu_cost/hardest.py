@@ -126,7 +126,7 @@ def stories(
 
 def far_fence(core: Core) -> Any:
     """A comb with the robot in a tooth too wide to leave; a ray meets nearly all of its sides."""
-    last = core["safety.fence"].MOST_CORNERS - 3
+    last = core["safety.fence"].MAX_CORNERS - 3
     comb = [(k - 7.0, -((-1.0) ** k)) for k in range(last + 1)]
     corners = [*comb, (last - 6.5, -2.0), (-7.5, -2.0)]
     xs_m, ys_m = (tuple(FENCE_M * corner[axis] for corner in corners) for axis in (0, 1))
@@ -145,7 +145,7 @@ def told(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any
             yield state
         body.drive(outputs)
         modes.arm(machine)
-        if not core["machine"].goal_lives(machine) or body.luck.random() < 0.01:
+        if not core["machine"].goal_is_active(machine) or body.luck.random() < 0.01:
             modes.goto(machine, somewhere(state, body), core["states"].AUTO, now_ms)
 
 

@@ -5,7 +5,7 @@ from itertools import combinations
 
 Point = tuple[float, float]
 CLOSEST_M = 0.001
-MOST_CORNERS = 200
+MAX_CORNERS = 200
 """Each side is held against each other one. Robots take fewer."""
 
 
@@ -13,8 +13,8 @@ def fault_of(corners: Sequence[Point]) -> str:
     """What is wrong with an outline; empty when nothing is."""
     if len(corners) < 3:
         return f"has {len(corners)} corners, a fence needs at least 3"
-    if len(corners) > MOST_CORNERS:
-        return f"has {len(corners)} corners, more than the {MOST_CORNERS} that anybody needs"
+    if len(corners) > MAX_CORNERS:
+        return f"has {len(corners)} corners, more than the {MAX_CORNERS} that anybody needs"
     for index, (a, b) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
         if abs(a[0] - b[0]) < CLOSEST_M and abs(a[1] - b[1]) < CLOSEST_M:
             return f"corner {index} and the next one are the same place"

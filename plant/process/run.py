@@ -30,7 +30,7 @@ def run(
         bus.on_impostor(lambda why: tell(f"plant: {why}"))
         watchdog = Watchdog()
         process = assemble(
-            plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.wind
+            plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.reset
         )
         names = ", ".join(robots)
         tell(f"plant: world {plant.world.name} with {names}")

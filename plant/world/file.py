@@ -26,7 +26,7 @@ from plant.model.types import (
 from plant.world.from_json import from_json, is_json
 from plant.world.reader import read_world
 from runtime.toml_lines import key_lines
-from runtime.toml_reader import LARGEST_BYTES, TooDeep, table_in
+from runtime.toml_reader import MAX_BYTES, TooDeepError, table_in
 
 __all__ = [
     "SHIPPED_DIR",
@@ -70,7 +70,7 @@ def load(path_or_name: str | Path) -> World:
     """The world of a file, or the shipped one of that name; raises WorldError and nothing else."""
     text = str(path_or_name)
     if text == STANDARD_INPUT:
-        return loads(_decoded(sys.stdin.buffer.read(LARGEST_BYTES + 1), text), text)
+        return loads(_decoded(sys.stdin.buffer.read(MAX_BYTES + 1), text), text)
     if text in shipped():
         path = SHIPPED_DIR / f"{text}.toml"
     elif text.endswith((".toml", ".json")) or "/" in text or isfile(text):
@@ -87,7 +87,7 @@ def loads(text: str, file: str = "world") -> World:
     try:
         raw = table_in(text)
         lines = key_lines(text)
-    except TooDeep as error:
+    except TooDeepError as error:
         raise WorldError([_refusal(file, "toml", str(error), "use fewer [", 1)]) from None
     except ValueError as error:
         raise WorldError([_invalid_toml(error, text, file)]) from None
@@ -115,7 +115,7 @@ def _read_text(path: Path) -> str:
         if path.exists() and not path.is_file():
             raise WorldError([_refusal(file, "file", "not a regular file", "give a .toml file")])
         with path.open("rb") as opened:
-            data = opened.read(LARGEST_BYTES + 1)
+            data = opened.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         fix = "give a readable .toml file, or one of the names `sidestep worlds list` prints"
@@ -124,8 +124,8 @@ def _read_text(path: Path) -> str:
 
 
 def _decoded(data: bytes, file: str) -> str:
-    if len(data) > LARGEST_BYTES:
-        reason = f"larger than {LARGEST_BYTES} bytes"
+    if len(data) > MAX_BYTES:
+        reason = f"larger than {MAX_BYTES} bytes"
         raise WorldError([_refusal(file, "file", reason, "is it a world file? make it smaller")])
     try:
         return data.decode("utf-8").replace("\r\n", "\n")

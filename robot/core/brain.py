@@ -53,7 +53,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)
     if scan is not None:
-        closing_speed.watch(state.ring.walkers, state.ring, odometry, params)
+        closing_speed.watch(state.ring.pedestrians, state.ring, odometry, params)
     frozen_sonar.watch(state.frozen, scan, odometry.moved_m, turned_rad, params)
     if wheels is not None:
         state.bumped = wheels.bumper & ~state.bumper != 0
@@ -80,13 +80,13 @@ def decide(state: State, inputs: Inputs, params: Params) -> Twist:
     if goal is None or not machines.drives(machine):
         state.driving = False
         if machine.mode == states.MANUAL:
-            return steered(state, params)
+            return steer(state, params)
         return ramp(HALT, state.twist, params)
     wanted = pursuit.pursue(state, goal, inputs.now_ms, params)
     return ramp(wanted, state.twist, params)
 
 
-def steered(state: State, params: Params) -> Twist:
+def steer(state: State, params: Params) -> Twist:
     """What the operator wants in MANUAL, within the limits of the robot; nobody there is a halt."""
     manual = state.manual
     if manual is None:
@@ -112,8 +112,8 @@ def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:
     half_m_s = 0.5 * params.track_m * yaw_rate_rad_s
     left_m_s, right_m_s = speed_m_s - half_m_s, speed_m_s + half_m_s
     stall, now_ms = state.stall, inputs.now_ms
-    stalls.tell(stall.left, left_m_s, now_ms, params)
-    stalls.tell(stall.right, right_m_s, now_ms, params)
+    stalls.command(stall.left, left_m_s, now_ms, params)
+    stalls.command(stall.right, right_m_s, now_ms, params)
     scale = 1000.0 / params.wheel_radius_m
     left_share, right_share = odometries.wheel_shares(params)
     left_mrad_s = int(left_m_s * scale / left_share)

@@ -62,7 +62,7 @@ class Machine:
         self.cause: int = reasons.OK
 
 
-def goal_lives(machine: Machine) -> bool:
+def goal_is_active(machine: Machine) -> bool:
     return states.ACCEPTED <= machine.goal_state <= states.ALIGNING
 
 
@@ -77,7 +77,7 @@ def drives(machine: Machine) -> bool:
 
 def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
     """Take a new goal; `replaced_serial` tells that a living one is ABORTED, REPLACED."""
-    if goal_lives(machine):
+    if goal_is_active(machine):
         machine.replaced_serial = machine.serial
     machine.serial += 1
     machine.pursuits += 1
@@ -91,7 +91,7 @@ def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
 
 def end_goal(machine: Machine, goal_state: int, reason: int, now_ms: int) -> None:
     """Close a living goal with its outcome; one that has ended keeps the outcome it has."""
-    if goal_lives(machine):
+    if goal_is_active(machine):
         machine.goal_state = goal_state
         machine.goal_reason = reason
         machine.goal_ended_ms = now_ms

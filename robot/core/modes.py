@@ -41,7 +41,7 @@ def disarm(machine: Machine, now_ms: int) -> int:
     """Stop the wheels and end the goal; an emergency stop stays latched."""
     machines.end_goal(machine, states.ABORTED, reasons.DISARMED, now_ms)
     if machine.vehicle in (states.ACTIVE, states.FAILSAFE):
-        stand_by(machine)
+        enter_standby(machine)
     return reasons.OK
 
 
@@ -56,11 +56,11 @@ def estop(machine: Machine, now_ms: int) -> int:
 def clear_estop(machine: Machine) -> int:
     """Release the latch, if there is one; the vehicle stands by, disarmed."""
     if machine.vehicle == states.EMERGENCY_STOP:
-        stand_by(machine)
+        enter_standby(machine)
     return reasons.OK
 
 
-def stand_by(machine: Machine) -> None:
+def enter_standby(machine: Machine) -> None:
     """Enter STANDBY; show FENCE_UNREADABLE as the reason if the fence is lost."""
     machine.vehicle = states.STANDBY
     unreadable = machine.fence_unreadable
@@ -77,7 +77,7 @@ def hold(machine: Machine) -> int:
 
 def resume(machine: Machine) -> int:
     """Go on to the goal that `hold` kept, in the mode it had."""
-    if not machines.goal_lives(machine):
+    if not machines.goal_is_active(machine):
         return reasons.NO_GOAL
     if machine.mode != states.HOLD:
         return reasons.OK
@@ -89,7 +89,7 @@ def resume(machine: Machine) -> int:
 
 def abort(machine: Machine, now_ms: int) -> int:
     """Drop the goal and stand still, armed."""
-    if not machines.goal_lives(machine):
+    if not machines.goal_is_active(machine):
         return reasons.NO_GOAL
     machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
     return reasons.OK
@@ -100,7 +100,7 @@ def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
     refusal = refusal_of(machine, goal, mode)
     if refusal == reasons.OK:
         machines.start_goal(machine, goal, mode, now_ms)
-    elif not machines.goal_lives(machine):
+    elif not machines.goal_is_active(machine):
         machine.goal_state = states.REFUSED
         machine.goal_reason = refusal
     return refusal
@@ -151,7 +151,7 @@ def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
             return reasons.FENCE_LEAVES_ROBOT_OUT
         goal = machine.goal
         kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)
-        if machines.goal_lives(machine) and not kept:
+        if machines.goal_is_active(machine) and not kept:
             return reasons.OUTSIDE_FENCE
     machine.fence = fence
     machine.fence_unreadable = False
@@ -198,10 +198,10 @@ def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
     if mode not in (states.AUTO, states.GUIDED):
         return reasons.UNKNOWN_MODE
     refusal = may_drive(machine, mode)
-    return misfit_of(machine, goal) if refusal == reasons.OK else refusal
+    return goal_problem(machine, goal) if refusal == reasons.OK else refusal
 
 
-def misfit_of(machine: Machine, goal: Goal) -> int:
+def goal_problem(machine: Machine, goal: Goal) -> int:
     """Why no robot of these settings would take this goal, or 0. Written so that NaN fails every
     comparison."""
     far_m = machine.goal_max_m

@@ -77,7 +77,7 @@ def begin(state: State, now_ms: int) -> None:
     machine = state.machine
     if state.pursuits != machine.pursuits:
         state.pursuits = machine.pursuits
-        state.memory = registry.fresh(machine.navigator, machine.side)
+        state.memory = registry.new_memory(machine.navigator, machine.side)
         state.arrived = False
         state.crowded = 0
         state.driving = False

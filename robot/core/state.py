@@ -53,7 +53,7 @@ class State:
         self.odometry = Odometry()
         self.ring = Ring()
         self.frozen = FrozenSonar()
-        self.memory = registry.fresh(params.navigator, params.side)
+        self.memory = registry.new_memory(params.navigator, params.side)
         self.trail = Trail()
         self.progress = Progress()
         self.slip = Slip()

@@ -5,7 +5,7 @@ from typing import Final
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command
 from protocol.wire.messages import MissionItemInt
 from robot.core import modes, reasons
-from robot.core.safety.fence import MOST_CORNERS, Fence
+from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.mission.waypoint import PER_M, tidy
 
@@ -16,7 +16,7 @@ CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
 class FenceItems:
     """`items` as they were uploaded; the fence itself is the core's."""
 
-    most = MOST_CORNERS
+    max_items = MAX_CORNERS
 
     def __init__(self, state: State) -> None:
         self.items: tuple[MissionItemInt, ...] = ()

@@ -15,10 +15,10 @@ from protocol.wire.messages import MissionItemInt, MissionStatus
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
-from robot.mission.waypoint import Stop, problem_of, stop_of
+from robot.mission.waypoint import MissionStop, problem_of, stop_of
 from runtime.timing import UINT32
 
-MOST_ITEMS: Final = 200
+MAX_ITEMS: Final = 200
 CURRENT: Final = -1
 """Instead of the number of an item: the one it is about."""
 ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
@@ -27,7 +27,7 @@ ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED
 class Mission:
     """`items` as they were uploaded; `number` counts missions, `current` is an index from 0."""
 
-    most = MOST_ITEMS
+    max_items = MAX_ITEMS
 
     def __init__(self, machine: Machine) -> None:
         self.items: tuple[MissionItemInt, ...] = ()
@@ -36,7 +36,7 @@ class Mission:
         self.state = MissionState.NONE
         self.reason: int = reasons.OK
         self._machine = machine
-        self._stops: tuple[Stop, ...] = ()
+        self._stops: tuple[MissionStop, ...] = ()
         self._serial = 0  # of the goal that it gave
         self._under_way = False  # that goal is the current item's
         self._left_ms: int | None = None  # of the hold time; None: not there yet

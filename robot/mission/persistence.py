@@ -21,7 +21,7 @@ NAMES: Final[Mapping[int, str]] = MappingProxyType(
 Items = tuple[MissionItemInt, ...]
 
 
-class Unreadable(Exception):
+class UnreadableItemsError(Exception):
     """What is kept cannot be used; the text names the file and says why."""
 
 
@@ -45,7 +45,7 @@ class MissionStore:
             file.put(text_of(items) if items else None)
 
     def found(self, kind: int) -> Items:
-        """Return what an earlier run of the robot kept. Raises Unreadable."""
+        """Return what an earlier run of the robot kept. Raises UnreadableItemsError."""
         file = self._files.get(kind)
         if file is None:
             return ()
@@ -58,7 +58,7 @@ class MissionStore:
             file.found(None)
             return ()
         except (OSError, ValueError, TypeError, RecursionError, LocalError) as error:
-            raise Unreadable(f"{file.path}: {error}") from error
+            raise UnreadableItemsError(f"{file.path}: {error}") from error
         file.found(text_of(items))
         return items
 

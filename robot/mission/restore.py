@@ -12,7 +12,7 @@ from protocol.wire.reasons import reason_text
 from robot.core import modes, reasons
 from robot.core.safety import fence as fences
 from robot.core.state import State
-from robot.mission.persistence import NAMES, Items, MissionStore, Unreadable
+from robot.mission.persistence import NAMES, Items, MissionStore, UnreadableItemsError
 from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
 
 Exchange: TypeAlias = tuple[Request, Reply]
@@ -30,17 +30,17 @@ def restored(kept: MissionStore, transfers: Transfers, state: State) -> Restored
     for kind in NAMES:
         try:
             items = kept.found(kind)
-        except Unreadable as error:
+        except UnreadableItemsError as error:
             done.words.append((Severity.ERROR, lost(kind, state, str(error))))
             continue
         if items:
-            exchange = asked_again(transfers, kind, items)
+            exchange = replay(transfers, kind, items)
             done.words.append(outcome(kind, items, exchange[-1][1], state))
             done.exchange.extend(exchange)
     return done
 
 
-def asked_again(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
+def replay(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
     """Up to the verdict, which ends a transfer."""
     exchange: list[Exchange] = []
     requests: list[Request] = [MissionCount(count=len(items), mission_type=kind), *items]

@@ -27,10 +27,10 @@ Request: TypeAlias = (
 Reply: TypeAlias = MissionCount | MissionRequestInt | MissionItemInt | MissionVerdict
 
 
-class Held(Protocol):
+class ItemStore(Protocol):
     """What a transfer is about: it takes items as a whole or not at all."""
 
-    most: int
+    max_items: int
     items: tuple[MissionItemInt, ...]
 
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]: ...
@@ -51,10 +51,10 @@ class Upload:
 class Transfers:
     """Answers the frames of all transfers of one robot."""
 
-    def __init__(self, mission: Mission, fence: Held, kept: MissionStore) -> None:
+    def __init__(self, mission: Mission, fence: ItemStore, kept: MissionStore) -> None:
         self._mission = mission
         self._kept = kept
-        self._held: dict[int, Held] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
+        self._held: dict[int, ItemStore] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
         self._uploads: dict[int, Upload] = {}
 
     def receive(self, request: Request, operator: str = "") -> Reply:
@@ -87,16 +87,16 @@ class Transfers:
             mission_type=kind,
         )
 
-    def _begin(self, request: MissionCount, held: Held, operator: str) -> Reply:
+    def _begin(self, request: MissionCount, held: ItemStore, operator: str) -> Reply:
         kind = request.mission_type
         if request.count == 0:
             return self.verdict(kind, reasons.MISSION_EMPTY)
-        if request.count > held.most:
-            return self.verdict(kind, reasons.MISSION_TOO_LONG, held.most)
+        if request.count > held.max_items:
+            return self.verdict(kind, reasons.MISSION_TOO_LONG, held.max_items)
         self._uploads[kind] = Upload(request.count, operator)
         return MissionRequestInt(seq=0, mission_type=kind)
 
-    def _collect(self, item: MissionItemInt, held: Held, operator: str) -> Reply:
+    def _collect(self, item: MissionItemInt, held: ItemStore, operator: str) -> Reply:
         kind = item.mission_type
         upload = self._uploads.get(kind)
         if upload is None or upload.operator != operator:

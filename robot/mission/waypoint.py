@@ -11,22 +11,22 @@ from robot.core.values import Goal
 
 PER_M: Final = 10_000.0
 """Local positions of MAVLink's integer items are metres times this."""
-LONGEST_HOLD_S: Final = 3600.0
+MAX_HOLD_S: Final = 3600.0
 
 
-class Stop(NamedTuple):
+class MissionStop(NamedTuple):
     """Where to, and for how long."""
 
     goal: Goal
     hold_ms: int
 
 
-def stop_of(item: MissionItemInt) -> Stop:
+def stop_of(item: MissionItemInt) -> MissionStop:
     """What a good item says; of a bad one, what its numbers come to."""
     heading_rad = None if isnan(item.param4) else radians(item.param4)
     place_m = item.x / PER_M, item.y / PER_M
     goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
-    return Stop(goal, round(1000.0 * item.param1))
+    return MissionStop(goal, round(1000.0 * item.param1))
 
 
 def problem_of(item: MissionItemInt, machine: Machine) -> int:
@@ -35,9 +35,9 @@ def problem_of(item: MissionItemInt, machine: Machine) -> int:
         return reasons.UNKNOWN_COMMAND
     if item.frame != FRAME_LOCAL_FLU:
         return reasons.UNKNOWN_FRAME
-    if not 0.0 <= item.param1 <= LONGEST_HOLD_S:
+    if not 0.0 <= item.param1 <= MAX_HOLD_S:
         return reasons.HOLD_OUT_OF_RANGE
-    return modes.misfit_of(machine, stop_of(item).goal)
+    return modes.goal_problem(machine, stop_of(item).goal)
 
 
 def tidy(value: float) -> float:

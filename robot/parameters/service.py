@@ -12,8 +12,8 @@ from robot.core.parameters import Params
 from robot.parameters.table import (
     SPECS,
     TABLE,
-    OutOfRange,
-    Unknown,
+    OutOfRangeError,
+    UnknownParameterError,
     described,
     is_less_safe,
     safety_changes,
@@ -64,9 +64,9 @@ class ParameterService:
         value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
         try:
             params = with_value(self.params, request.param_id, value)
-        except Unknown:
+        except UnknownParameterError:
             return ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
-        except OutOfRange:
+        except OutOfRangeError:
             return ack(NO_COMMAND, reasons.PARAMETER_OUT_OF_RANGE)
         reason = self._unsafe(request.param_id, value) or self._adopt(params)
         if reason != reasons.OK:

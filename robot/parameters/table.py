@@ -36,7 +36,7 @@ ROUNDING: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Spec:
+class ParameterSpec:
     """What one parameter may be; `integer` values are whole numbers."""
 
     name: str
@@ -61,8 +61,8 @@ class Spec:
 
 
 TABLE: Final = (
-    Spec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=SafetyBound.UP),
-    Spec(
+    ParameterSpec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=SafetyBound.UP),
+    ParameterSpec(
         "track_m",
         "m",
         0.02,
@@ -70,8 +70,8 @@ TABLE: Final = (
         "distance between the wheels (the paper's l)",
         safer=SafetyBound.NEAR,
     ),
-    Spec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=SafetyBound.NEAR),
-    Spec(
+    ParameterSpec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=SafetyBound.NEAR),
+    ParameterSpec(
         "wheel_ratio",
         "",
         0.8,
@@ -79,7 +79,7 @@ TABLE: Final = (
         "diameter of the right wheel over that of the left",
         safer=SafetyBound.NEAR,
     ),
-    Spec(
+    ParameterSpec(
         "m_per_tick",
         "m",
         1e-6,
@@ -87,17 +87,21 @@ TABLE: Final = (
         "distance a wheel rolls per encoder tick",
         safer=SafetyBound.NEAR,
     ),
-    Spec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=SafetyBound.DOWN),
-    Spec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
-    Spec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
-    Spec(
+    ParameterSpec(
+        "wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=SafetyBound.DOWN
+    ),
+    ParameterSpec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
+    ParameterSpec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
+    ParameterSpec(
         "accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", safer=SafetyBound.UP
     ),
-    Spec("period_s", "s", 0.05, 0.05, "control period; fixed"),
-    Spec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
-    Spec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
-    Spec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=SafetyBound.DOWN),
-    Spec(
+    ParameterSpec("period_s", "s", 0.05, 0.05, "control period; fixed"),
+    ParameterSpec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
+    ParameterSpec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
+    ParameterSpec(
+        "sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=SafetyBound.DOWN
+    ),
+    ParameterSpec(
         "sonar_stale_ms",
         "ms",
         25,
@@ -105,7 +109,7 @@ TABLE: Final = (
         "a ping older than this counts as missing",
         safer=SafetyBound.DOWN,
     ),
-    Spec(
+    ParameterSpec(
         "freeze_m",
         "m",
         0.01,
@@ -113,7 +117,7 @@ TABLE: Final = (
         "driven so far with unchanged echoes: sonar frozen",
         safer=SafetyBound.DOWN,
     ),
-    Spec(
+    ParameterSpec(
         "freeze_rad",
         "rad",
         0.01,
@@ -121,7 +125,7 @@ TABLE: Final = (
         "turned so far with unchanged echoes: sonar frozen",
         safer=SafetyBound.DOWN,
     ),
-    Spec(
+    ParameterSpec(
         "freeze_front_m",
         "m",
         0.1,
@@ -129,7 +133,7 @@ TABLE: Final = (
         "an unchanged echo counts as frozen up to this range",
         safer=SafetyBound.UP,
     ),
-    Spec(
+    ParameterSpec(
         "navigator",
         "",
         min(Navigator),
@@ -137,7 +141,7 @@ TABLE: Final = (
         "navigator: " + ", ".join(f"{one.value} {one.name.lower()}" for one in Navigator),
         tuple(NAVIGATORS),
     ),
-    Spec(
+    ParameterSpec(
         "side",
         "",
         states.RIGHT,
@@ -145,26 +149,26 @@ TABLE: Final = (
         f"obstacles are passed on: {states.LEFT} left, {states.RIGHT} right",
         (states.LEFT, states.RIGHT),
     ),
-    Spec(
+    ParameterSpec(
         "d_obs_m",
         "m",
         0.05,
         3.0,
         "width of the avoidance zone of vgm (the paper's d_obs); for all, what is near at a goal",
     ),
-    Spec("d_th_m", "m", 0.05, 3.0, "threshold distance of bug (the paper's d_th)"),
-    Spec("follow_m", "m", 0.05, 1.0, "distance at which bug follows a boundary"),
-    Spec("k_rho", "1/m", 0.1, 20.0, "position controller: gain on distance"),
-    Spec("k_omega", "1/s", 0.1, 20.0, "position controller: gain on bearing"),
-    Spec("pose_k_rho", "1/m", 0.1, 20.0, "pose controller: gain on distance"),
-    Spec("pose_k_omega", "1/s", 0.1, 20.0, "pose controller: gain on bearing"),
-    Spec("pose_h", "", 0.0, 20.0, "pose controller: weight of the final heading"),
-    Spec("pose_from_m", "m", 0.0, 10.0, "pose controller steers from this distance on"),
-    Spec("align_k", "1/s", 0.1, 20.0, "last turn on the spot: gain"),
-    Spec("align_min_rad_s", "rad/s", 0.01, 1.0, "last turn on the spot: slowest turn"),
-    Spec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
-    Spec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
-    Spec(
+    ParameterSpec("d_th_m", "m", 0.05, 3.0, "threshold distance of bug (the paper's d_th)"),
+    ParameterSpec("follow_m", "m", 0.05, 1.0, "distance at which bug follows a boundary"),
+    ParameterSpec("k_rho", "1/m", 0.1, 20.0, "position controller: gain on distance"),
+    ParameterSpec("k_omega", "1/s", 0.1, 20.0, "position controller: gain on bearing"),
+    ParameterSpec("pose_k_rho", "1/m", 0.1, 20.0, "pose controller: gain on distance"),
+    ParameterSpec("pose_k_omega", "1/s", 0.1, 20.0, "pose controller: gain on bearing"),
+    ParameterSpec("pose_h", "", 0.0, 20.0, "pose controller: weight of the final heading"),
+    ParameterSpec("pose_from_m", "m", 0.0, 10.0, "pose controller steers from this distance on"),
+    ParameterSpec("align_k", "1/s", 0.1, 20.0, "last turn on the spot: gain"),
+    ParameterSpec("align_min_rad_s", "rad/s", 0.01, 1.0, "last turn on the spot: slowest turn"),
+    ParameterSpec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
+    ParameterSpec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
+    ParameterSpec(
         "guard_stop_m",
         "m",
         0.0,
@@ -172,7 +176,7 @@ TABLE: Final = (
         "guard: no forward motion below this range; 0 is off",
         safer=SafetyBound.UP,
     ),
-    Spec(
+    ParameterSpec(
         "guard_time_s",
         "s",
         0.05,
@@ -180,10 +184,10 @@ TABLE: Final = (
         "guard: time to cover the range that is left",
         safer=SafetyBound.UP,
     ),
-    Spec(
+    ParameterSpec(
         "op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", safer=SafetyBound.DOWN
     ),
-    Spec(
+    ParameterSpec(
         "wheel_min_m_s",
         "m/s",
         0.01,
@@ -191,7 +195,7 @@ TABLE: Final = (
         "wheel stuck: judged above this speed",
         safer=SafetyBound.DOWN,
     ),
-    Spec(
+    ParameterSpec(
         "wheel_time_ms",
         "ms",
         100,
@@ -199,7 +203,7 @@ TABLE: Final = (
         "wheel stuck: judged over this time",
         safer=SafetyBound.DOWN,
     ),
-    Spec(
+    ParameterSpec(
         "wheel_share",
         "",
         0.01,
@@ -207,43 +211,48 @@ TABLE: Final = (
         "wheel stuck: turned less than this share",
         safer=SafetyBound.UP,
     ),
-    Spec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
-    Spec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
-    Spec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
-    Spec("progress_ms", "ms", 1000, 3_600_000, "no progress: no closer for this long"),
-    Spec("progress_m", "m", 0.005, 1.0, "no progress: closer by at least this counts"),
+    ParameterSpec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
+    ParameterSpec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
+    ParameterSpec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
+    ParameterSpec("progress_ms", "ms", 1000, 3_600_000, "no progress: no closer for this long"),
+    ParameterSpec("progress_m", "m", 0.005, 1.0, "no progress: closer by at least this counts"),
 )
 
 SPECS: Final = MappingProxyType({spec.name: spec for spec in TABLE})
 
 
-class Unknown(LookupError):
+class UnknownParameterError(LookupError):
     """No parameter has this name."""
 
 
-class OutOfRange(ValueError):
+class OutOfRangeError(ValueError):
     """Not finite, not whole where it must be, or outside its range."""
 
 
 def with_value(params: Params, name: str, value: float) -> Params:
-    """The same parameters with one changed. Raises Unknown or OutOfRange, saying which and why."""
+    """Return a copy of the parameters with one value changed.
+
+    Raises UnknownParameterError or OutOfRangeError, whose text names the parameter and the problem.
+    """
     spec = SPECS.get(name)
     if spec is None:
-        raise Unknown(f"there is no parameter «{name}»")
+        raise UnknownParameterError(f"there is no parameter «{name}»")
     if not isfinite(value) or not spec.minimum <= value <= spec.maximum:
         limits = f"{spec.minimum:g} to {spec.maximum:g} {spec.unit}".rstrip()
-        raise OutOfRange(f"{name} = {value:g}: must be within {limits}")
+        raise OutOfRangeError(f"{name} = {value:g}: must be within {limits}")
     if spec.integer and value != int(value):
-        raise OutOfRange(f"{name} = {value:g}: must be a whole number")
+        raise OutOfRangeError(f"{name} = {value:g}: must be a whole number")
     if spec.choices and value not in spec.choices:
-        raise OutOfRange(f"{name} = {value:g}: must be one of {', '.join(map(str, spec.choices))}")
+        raise OutOfRangeError(
+            f"{name} = {value:g}: must be one of {', '.join(map(str, spec.choices))}"
+        )
     values = list(params)
     values[params._fields.index(name)] = int(value) if spec.integer else value
     return Params._make(values)
 
 
 def with_values(params: Params, values: Mapping[str, float]) -> Params:
-    """As `with_value`, for several. Raises Unknown or OutOfRange, saying which and why."""
+    """Return a copy of the parameters with several values changed, as `with_value` does."""
     for name, value in values.items():
         params = with_value(params, name, value)
     return params
@@ -253,7 +262,7 @@ def adjusted(params: Params, values: Mapping[str, float], where: str) -> Params:
     """As `with_values`. Raises UserError, naming where a bad one stands."""
     try:
         return with_values(params, values)
-    except (Unknown, OutOfRange) as error:
+    except (UnknownParameterError, OutOfRangeError) as error:
         raise UserError(f"{where}: {error}") from None
 
 

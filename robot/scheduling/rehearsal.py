@@ -19,7 +19,7 @@ from robot.core import brain, modes, states
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import goal_of, scan_of, wheels_of
 from robot.core.values import Inputs
-from runtime.arrivals import Beats
+from runtime.arrivals import PulseSource
 
 LEAD_NS: Final = 1_000_000
 
@@ -35,7 +35,7 @@ class RehearsingPulse:
     `patience_ns` is how long after the due time of a frame the grid's deadline is.
     """
 
-    def __init__(self, pulse: Beats, rehearsal: "Rehearsal", patience_ns: int) -> None:
+    def __init__(self, pulse: PulseSource, rehearsal: "Rehearsal", patience_ns: int) -> None:
         self._pulse = pulse
         self._rehearsal = rehearsal
         self._ahead_ns = patience_ns + LEAD_NS

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from robot.core.parameters import Params
-from robot.parameters.table import OutOfRange, Unknown, is_less_safe, with_value
+from robot.parameters.table import OutOfRangeError, UnknownParameterError, is_less_safe, with_value
 from robot.storage.writer import Directory, Ticket, Writer
 from runtime import atomic_file
 from runtime.errors import UserError
@@ -100,7 +100,7 @@ class Store:
                     limit = getattr(configured, name)
                     raise ValueError(f"{value:g} is less safe than configured, {limit:g}")
                 params, self._values[name] = changed, float(value)
-            except (Unknown, OutOfRange, TypeError, ValueError) as error:
+            except (UnknownParameterError, OutOfRangeError, TypeError, ValueError) as error:
                 warnings.append(f"{path}: {name}: ignored ({error})")
         return params, warnings
 

@@ -1,4 +1,4 @@
-"""How the robot before this one ended: a word on the disk, and what whoever starts it has seen."""
+"""How the previous run of the robot ended, from a mark on the disk and from its launcher."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -14,7 +14,7 @@ HUNG_NAME: Final = "hung.txt"
 HUNG_BEFORE: Final = "hung-before.txt"
 RUNNING: Final = "running"
 STOPPED: Final = "was told to stop"
-NO_WORD: Final = "ended without a word"
+NO_REPORT: Final = "ended without a word"
 SIGNAL: Final = "signal "
 
 
@@ -29,7 +29,7 @@ class PreviousRun:
         self._file = directory.file(NAME, ENDING)
 
     @property
-    def story(self) -> Path | None:
+    def trace(self) -> Path | None:
         """Where a loop that hangs leaves its place; None where nothing is kept."""
         return None if self._directory is None else self._directory / HUNG_NAME
 
@@ -38,17 +38,17 @@ class PreviousRun:
 
         `after` is what whoever starts this one saw of it.
         """
-        word = self._last_word()
-        self._keep(RUNNING)
+        word = self._last_end()
+        self._write(RUNNING)
         if word not in ("", RUNNING, STOPPED):
             return word
-        return seen(after) or (NO_WORD if word == RUNNING else "")
+        return ending_of(after) or (NO_REPORT if word == RUNNING else "")
 
     def end(self, how: str = STOPPED) -> None:
         """This one ends by itself, and how."""
-        self._keep(how)
+        self._write(how)
 
-    def _last_word(self) -> str:
+    def _last_end(self) -> str:
         if self._directory is None:
             return ""
         hung = self._directory / HUNG_NAME
@@ -60,11 +60,11 @@ class PreviousRun:
             return (self._directory / FILE_NAME).read_text(encoding="utf-8").strip()
         return ""
 
-    def _keep(self, word: str) -> None:
+    def _write(self, word: str) -> None:
         if self._file is not None:
             self._file.put(word)
 
 
-def seen(after: str) -> str:
+def ending_of(after: str) -> str:
     """A bare signal, as `--after "signal SIGKILL"` has it, was a kill."""
     return f"was killed ({after})" if after.startswith(SIGNAL) else after

@@ -13,7 +13,7 @@ from numpy.linalg import LinAlgError
 from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
-from robot.parameters.table import OutOfRange, adjusted, with_values
+from robot.parameters.table import OutOfRangeError, adjusted, with_values
 from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from study.calibration import log, plot
@@ -81,7 +81,7 @@ def from_log(options: argparse.Namespace, params: Params) -> CalibrationResult:
     try:
         fit = fit_parameters(runs, params)
         with_values(params, fit.adopted(params))
-    except (OutOfRange, LinAlgError) as error:
+    except (OutOfRangeError, LinAlgError) as error:
         raise UserError(
             f"{options.log}: these runs fit no robot ({error}); check the measured poses, whether"
             " left and right are swapped, and m_per_tick (--param)"

@@ -67,7 +67,7 @@ class CovarianceParts(NamedTuple):
 def fit_parameters(runs: Sequence[SquareRun], before: Params) -> Fit:
     """Alternate between wheels and track with the present k, and k from the residuals.
 
-    Raises OutOfRange or LinAlgError for runs that no robot can have driven.
+    Raises OutOfRangeError or LinAlgError for runs that no robot can have driven.
     """
     params, k_m = before, max(0.5 * (before.k_r_m + before.k_l_m), MIN_K_M)
     information: Array = np.zeros((2, 2))

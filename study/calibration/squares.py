@@ -11,7 +11,7 @@ from protocol.wire.goal import wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
 from robot.core.geometry import wrap
-from robot.core.machine import goal_lives
+from robot.core.machine import goal_is_active
 from robot.core.parameters import Params
 from robot.core.values import Outputs, Pose
 from study.calibration.runs import CCW, CW, SquareRun
@@ -85,7 +85,7 @@ class SquareDriver:
         for _ in range(MAX_TICKS):
             outputs = self._outputs
             self._plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
-            if not goal_lives(machine):
+            if not goal_is_active(machine):
                 break
             self._plant.advance()
             self._outputs = self._step()

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from robot.parameters.table import OutOfRange, Unknown
+from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from runtime.errors import UserError
 from study.cli.study_options import QUICK_PAPER_SEEDS, output_of, parser, selection_of
 from study.cli.study_options import settings_of as settings_from
@@ -91,7 +91,7 @@ def _check_parameters(tasks: list[TrialTask], context: StudyContext) -> None:
     for task in {task.place: task for task in tasks}.values():
         try:
             params_of(trial_of(task, context.worlds[task.place]))
-        except (Unknown, OutOfRange) as error:
+        except (UnknownParameterError, OutOfRangeError) as error:
             name = context.worlds[task.place].name
             raise UserError(f"--param or the [robot] of world {name}: {error}") from None
 

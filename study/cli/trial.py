@@ -21,7 +21,7 @@ from protocol.options import (
     whole,
 )
 from protocol.outcome import Outcome
-from robot.parameters.table import OutOfRange, Unknown
+from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 from study.trial.trace import Trace
@@ -73,7 +73,7 @@ def run(job: Trial, trace: str | None) -> Outcome:
             return run_trial(job)
         with opened_trace(trace) as file:
             return run_trial(job, Trace(file))
-    except (Unknown, OutOfRange) as error:
+    except (UnknownParameterError, OutOfRangeError) as error:
         raise UserError(f"--param or the world's [robot]: {error}") from None
     except OSError as error:
         raise UserError(f"--trace {trace}: cannot be opened_trace: {error.strerror}") from None

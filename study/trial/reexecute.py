@@ -82,7 +82,7 @@ class Reexecution:
         self._recorded = recorded
         self._other = other
         self._vehicle = Vehicle(params, Store(None), start)
-        self._vehicle.tuning.configured = None  # refusals that depend on it are skipped
+        self._vehicle.parameters.configured = None  # refusals that depend on it are skipped
         if recorded.fence_lost:
             modes.lose_fence(self._vehicle.state.machine)
         self._requests_done = 0

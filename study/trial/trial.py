@@ -14,7 +14,7 @@ from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
 from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
-from robot.core.machine import goal_lives
+from robot.core.machine import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
@@ -70,8 +70,9 @@ class Trial:
 def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     """Drive to the world's goal and return the outcome.
 
-    `watch` is called at every tick, after the core and before the plant. Raises Unknown or
-    OutOfRange for a parameter, ValueError for an invalid seed or start.
+    `watch` is called at every tick, after the core and before the plant. Raises
+    UnknownParameterError or OutOfRangeError for a parameter, ValueError for an invalid seed or
+    start.
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
@@ -99,7 +100,7 @@ def drive(
         plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
         if watch is not None:
             watch(plant, onboard, outputs)
-        if refusal or not goal_lives(machine) or plant.now_ns >= last_ns:
+        if refusal or not goal_is_active(machine) or plant.now_ns >= last_ns:
             return refusal
         plant.advance()
         wheels, scan = plant.senses()

@@ -24,7 +24,7 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
 
     with Stack("box", noise="default", seed=4) as stack:
         stack.ground.stream(stack.ground.key("**"), take)
-        form.add_fact("parameters", stack.vehicle.tuning.described().decode())
+        form.add_fact("parameters", stack.vehicle.parameters.described().decode())
         prefix = stack.ground.network.prefix
         needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}
         stack.until(lambda: needed <= heard, within_s=1.0)

@@ -34,7 +34,7 @@ from robot.core.perception.from_messages import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels
 from robot.parameters.service import ParameterService
 from robot.storage.files import Store
-from robot.teleop import wanted
+from robot.teleop import operator_twist
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -136,11 +136,11 @@ def requests(data: bytes, _: Path) -> None:
         now_ns += PERIOD_MS * NS_PER_MS
         operator = OPERATORS[place % len(OPERATORS) if piece.after_ns % 2 else 0]
         if isinstance(piece.message, Teleop):
-            vehicle.hear_teleop(piece.message, now_ns)
+            vehicle.receive_teleop(piece.message, now_ns)
         else:
             encoder.encode(vehicle.receive(piece.message, now_ns, operator))
         inputs = Inputs(now_ns // NS_PER_MS, STILL, CLEAR, vehicle.operator_age_ms(now_ns))
-        judge(vehicle.step(inputs, lambda _: None, wanted(vehicle.handle.newest(now_ns))))
+        judge(vehicle.step(inputs, lambda _: None, operator_twist(vehicle.teleop.newest(now_ns))))
         for told in told_by(vehicle, now_ns):
             check(told)
 

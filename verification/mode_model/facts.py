@@ -57,7 +57,7 @@ def abstract(world: World) -> Abstract:
     vehicle = world.vehicle
     machine, mission = vehicle.state.machine, vehicle.mission
     fence, holder = machine.fence, vehicle.lease.holder
-    waits = machine.mode == states.HOLD and (machines.goal_lives(machine) or mission.active)
+    waits = machine.mode == states.HOLD and (machines.goal_is_active(machine) or mission.active)
     return Abstract(
         vehicle=Vehicle(machine.vehicle).name,
         mode=Mode(machine.mode).name,
@@ -81,7 +81,7 @@ def abstract(world: World) -> Abstract:
 
 def goal_of(machine: Machine, mission: Mission) -> str:
     """How a goal ended is read by the mission alone, and while that is under way with it."""
-    if machines.goal_lives(machine):
+    if machines.goal_is_active(machine):
         return LIVING
     if not (mission.active and mission._under_way and machine.serial == mission._serial):
         return ""
@@ -110,7 +110,7 @@ def facts(world: World) -> Facts:
             tuple([getattr(machine, name) for name in COMPARED]),
             tuple([(name, value) for name, value in vars(mission).items()]),
             vehicle.lease.holder,
-            vehicle.handle.newest(world.now_ns),
+            vehicle.teleop.newest(world.now_ns),
             vehicle.params,
         ),
         goal_state=machine.goal_state,
@@ -124,5 +124,5 @@ def facts(world: World) -> Facts:
 
 def steering(world: World) -> str:
     """The sender of the teleop frame in force, known by its speed."""
-    teleop = world.vehicle.handle.newest(world.now_ns)
+    teleop = world.vehicle.teleop.newest(world.now_ns)
     return STRANGER if teleop is None else SENDERS[teleop.speed_mm_s]

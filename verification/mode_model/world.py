@@ -20,12 +20,12 @@ from protocol.wire.messages import (
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.safety import failsafe
-from robot.core.safety.failsafe import Row, Trigger
+from robot.core.safety.failsafe import FailsafeRow, Trigger
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose
 from robot.senses import Senses
 from robot.storage.files import Store
-from robot.teleop import wanted
+from robot.teleop import operator_twist
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
 from runtime.timing import PERIOD_NS
@@ -61,7 +61,7 @@ TICKS_PER_MRAD_S: Final = 1e-3 * PARAMS.wheel_radius_m * PARAMS.period_s / PARAM
 def forcible(world: "World") -> Iterator[None]:
     """Let the failsafe rows also trigger when `world.forced` is their reason."""
 
-    def forced(row: Row) -> Trigger:
+    def forced(row: FailsafeRow) -> Trigger:
         def trigger(state: State, inputs: Inputs, params: Params) -> bool:
             return world.forced == row.reason or row.trigger(state, inputs, params)
 
@@ -172,7 +172,7 @@ class World:
         self.unread = STRANGER
         self.forced = forced
         try:
-            manual = wanted(vehicle.handle.newest(now_ns))
+            manual = operator_twist(vehicle.teleop.newest(now_ns))
             outputs = vehicle.step(inputs, fail if fault else ignore, manual)
         finally:
             self.forced = reasons.OK

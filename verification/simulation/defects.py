@@ -128,11 +128,11 @@ def _age_by_arrival() -> Patches:
     def sent_ns(self: Any, origin: Any, now_ns: int) -> int:
         return int(origin.arrived_ns)
 
-    return {"robot.senses.Senses._counts": counts, "robot.senses.Senses._sent_ns": sent_ns}
+    return {"robot.senses.Senses._is_accepted": counts, "robot.senses.Senses._sent_ns": sent_ns}
 
 
 def _late_requests() -> Patches:
-    return {"robot.process.Process._void": lambda self, asked: reasons.OK}
+    return {"robot.process.Process._rejection": lambda self, asked: reasons.OK}
 
 
 def _mission_to_auto() -> Patches:
@@ -158,7 +158,7 @@ def _steered_after_seizure() -> Patches:
         late = self._delays.is_late(origin.sender, origin.sent_ns or 0, origin.arrived_ns)
         return bool(origin.sender) and not late
 
-    return {"robot.senses.Senses._counts": counts}
+    return {"robot.senses.Senses._is_accepted": counts}
 
 
 def _disk_in_the_loop() -> Patches:

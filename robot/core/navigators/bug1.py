@@ -53,8 +53,8 @@ class Memory:
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, round the obstacle, or back to its nearest point."""
     boundary = memory.boundary
-    if boundaries.lost(pose, goal):
-        return boundaries.stand(ring, goal)
+    if boundaries.is_not_finite(pose, goal):
+        return boundaries.halt(ring, goal)
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.phase, memory.left_m, memory.tries = GOING, inf, 0
     if not boundary.following:

@@ -33,14 +33,14 @@ class Memory:
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, or along the boundary."""
     boundary = memory.boundary
-    if boundaries.lost(pose, goal):
-        return boundaries.stand(ring, goal)
+    if boundaries.is_not_finite(pose, goal):
+        return boundaries.halt(ring, goal)
     if boundaries.look(boundary, pose, ring, goal, params):
         memory.start_x_m, memory.start_y_m = pose.x_m, pose.y_m
     crossed = crosses(memory, pose, goal)
     if boundaries.under_way(boundary) and leaves(boundary, crossed, params):
         boundaries.leave(boundary)
-    elif not boundaries.goes_on(boundary, pose, memory.side, boundary.distance_m, NEARER_M, params):
+    elif not boundaries.advance(boundary, pose, memory.side, boundary.distance_m, NEARER_M, params):
         return boundaries.give_up(boundary, ring, goal)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
@@ -58,6 +58,6 @@ def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
 
 def leaves(boundary: Boundary, crossed: bool, params: Params) -> bool:
     """On the line, and nearer than where the obstacle was met."""
-    if boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary):
+    if boundaries.goal_at_hand(boundary, params) or boundaries.leave_at_nearest(boundary):
         return True
     return crossed and boundary.distance_m <= boundary.begun_m - NEARER_M

@@ -35,9 +35,14 @@ CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 
 
 class Boundary:
-    """`distance_m` and `bearing_rad` are of the goal, `best_m` is the nearest it ever was, `lap`
-    the way round the obstacle since it was met, `begun_m` how near the goal was then, `laps` how
-    often that was closed, `near_m` the nearest the goal was on it, `hoped`: last hope is spent."""
+    """State of boundary following that the classical bug navigators share.
+
+    `distance_m` and `bearing_rad` are those of the goal, `best_m` is the shortest distance to it so
+    far. `lap` is the lap around the obstacle since it was met, and `laps` counts the laps
+    completed. `begun_m` is the distance to the goal when the obstacle was met, `near_m` the
+    shortest one during the lap. `left_at_nearest` is set once the robot has left the boundary at
+    its nearest point without another reason (see `leave_at_nearest`).
+    """
 
     __slots__ = (
         "bearing_rad",
@@ -49,9 +54,9 @@ class Boundary:
         "goal_x_m",
         "goal_y_m",
         "hit_at_m",
-        "hoped",
         "lap",
         "laps",
+        "left_at_nearest",
         "met_ticks",
         "near_m",
     )
@@ -64,7 +69,7 @@ class Boundary:
         self.distance_m = self.best_m = self.begun_m = self.near_m = inf
         self.hit_at_m = 0.0
         self.laps = 0
-        self.hoped = False
+        self.left_at_nearest = False
         self.bearing_rad = 0.0
         self.met_ticks = 0
 
@@ -130,7 +135,7 @@ def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
     followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
 
 
-def goes_on(
+def advance(
     boundary: Boundary, pose: Pose, side: int, near_m: float, step_m: float, params: Params
 ) -> bool:
     """One tick along the boundary, or straight on until one is met and followed; False when there
@@ -140,7 +145,7 @@ def goes_on(
         return not rounded(boundary, pose)
     if not meets(boundary, params):
         return True
-    if hopeless(boundary):
+    if is_unreachable(boundary):
         return False
     follow(boundary, pose, side, params)
     anew = near_m < boundary.begun_m - step_m
@@ -154,7 +159,7 @@ def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
     """Count laps from here, or go on with the lap that was begun where the goal was as far."""
     if anew:
         boundary.laps = 0
-        boundary.hoped = False
+        boundary.left_at_nearest = False
         boundary.near_m = inf
         laps.begin(boundary.lap, pose)
     else:
@@ -173,18 +178,22 @@ def rounded(boundary: Boundary, pose: Pose) -> bool:
     return boundary.laps >= LAPS
 
 
-def hopes(boundary: Boundary) -> bool:
+def leave_at_nearest(boundary: Boundary) -> bool:
     """Once round and nowhere left: whether this is the nearest point, the one place where trying
     without being asked can show a way that the sonars did not (as Bug1 does)."""
-    if not boundary.laps or boundary.hoped or boundary.distance_m > boundary.near_m + AT_M:
+    if (
+        not boundary.laps
+        or boundary.left_at_nearest
+        or boundary.distance_m > boundary.near_m + AT_M
+    ):
         return False
-    boundary.hoped = True
+    boundary.left_at_nearest = True
     return True
 
 
-def hopeless(boundary: Boundary) -> bool:
+def is_unreachable(boundary: Boundary) -> bool:
     """Whether the obstacle met now is met again where even the nearest point led no nearer."""
-    return boundary.hoped and boundary.distance_m > boundary.near_m - NEARER_M
+    return boundary.left_at_nearest and boundary.distance_m > boundary.near_m - NEARER_M
 
 
 def leave(boundary: Boundary) -> None:
@@ -232,13 +241,13 @@ def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Par
     )
 
 
-def lost(pose: Pose, goal: Goal) -> bool:
+def is_not_finite(pose: Pose, goal: Goal) -> bool:
     """Whether pose or goal is no place at all."""
     total = pose.x_m + pose.y_m + pose.heading_rad + goal.x_m + goal.y_m
     return total - total != 0.0
 
 
-def stand(ring: Ring, goal: Goal) -> Decision:
+def halt(ring: Ring, goal: Goal) -> Decision:
     """Nowhere to go to: do not drive."""
     beta_rad = rings.bearing_rad(ring)
     return Decision(states.TO_GOAL, beta_rad, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)

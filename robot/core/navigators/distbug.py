@@ -31,14 +31,14 @@ class Memory:
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
     """Where to drive now: at the goal, or along the boundary."""
     boundary = memory.boundary
-    if boundaries.lost(pose, goal):
-        return boundaries.stand(ring, goal)
+    if boundaries.is_not_finite(pose, goal):
+        return boundaries.halt(ring, goal)
     boundaries.look(boundary, pose, ring, goal, params)
     if not boundary.following:
         memory.open_ticks = 0
     if boundaries.under_way(boundary) and leaves(memory, params):
         boundaries.leave(boundary)
-    elif not boundaries.goes_on(boundary, pose, memory.side, boundary.best_m, STEP_M, params):
+    elif not boundaries.advance(boundary, pose, memory.side, boundary.best_m, STEP_M, params):
         return boundaries.give_up(boundary, ring, goal)
     return boundaries.decision(boundary, pose, ring, goal, params)
 
@@ -49,7 +49,7 @@ def leaves(memory: Memory, params: Params) -> bool:
     memory.open_ticks = memory.open_ticks + 1 if leads_nearer(boundary, params) else 0
     if memory.open_ticks >= SURE_TICKS:
         return True
-    return boundaries.goal_at_hand(boundary, params) or boundaries.hopes(boundary)
+    return boundaries.goal_at_hand(boundary, params) or boundaries.leave_at_nearest(boundary)
 
 
 def leads_nearer(boundary: Boundary, params: Params) -> bool:

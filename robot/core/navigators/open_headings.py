@@ -108,8 +108,8 @@ def measure(
     if sectors.count:
         close(sectors, sectors.wide, WIDE_MM)
         close(sectors, sectors.tight, TIGHT_MM)
-    if ring.walkers.any:
-        give_way(sectors, ring.walkers, radius_mm)
+    if ring.pedestrians.any:
+        give_way(sectors, ring.pedestrians, radius_mm)
 
 
 def gather(
@@ -195,23 +195,23 @@ def shape(sectors: Sectors) -> None:
             bearing[n] = int(BRADS * atan2(tight[n], wide[n]))
 
 
-def give_way(sectors: Sectors, walkers: Pedestrians, radius_mm: int) -> None:
+def give_way(sectors: Sectors, pedestrians: Pedestrians, radius_mm: int) -> None:
     """Who walks closes the headings along which the robot would meet him."""
     for k in EACH:
-        if walkers.sure[k] and walkers.range_m[k] < MEET_M:
+        if pedestrians.sure[k] and pedestrians.range_m[k] < MEET_M:
             n = sectors.count
             if n < NEAR:
                 sectors.count = n + 1
             else:
                 n = farthest(sectors.away_mm, k % SLICES * FEW)
-            away_mm = radius_mm + max(int(1000.0 * walkers.range_m[k]), 0)
+            away_mm = radius_mm + max(int(1000.0 * pedestrians.range_m[k]), 0)
             sectors.point[n] = NOTHING
             sectors.away_mm[n] = away_mm
             sectors.body_mm[n] = radius_mm
             middle_mm, body_mm = away_mm + PERSON_MM, radius_mm + PERSON_MM
-            bearing = int(BRADS * walkers.at_rad[k])
-            nears = int(1000.0 * walkers.nears_m_s[k])
-            across = int(1000.0 * walkers.across_m_s[k])
+            bearing = int(BRADS * pedestrians.at_rad[k])
+            nears = int(1000.0 * pedestrians.approach_m_s[k])
+            across = int(1000.0 * pedestrians.across_m_s[k])
             sine = (body_mm + WALK_TIGHT_MM << 8) // middle_mm
             meet(sectors, n, bearing, sine, nears, across, sectors.tight)
             sine = (body_mm + WALK_WIDE_MM << 8) // middle_mm

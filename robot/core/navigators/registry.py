@@ -38,7 +38,7 @@ NAVIGATORS: "Final[dict[int, Navigator]]" = {
 }
 
 
-def fresh(number: int, side: int) -> Any:
+def new_memory(number: int, side: int) -> Any:
     """An empty memory for this navigator: a new goal is a new problem."""
     memory = NAVIGATORS[number].memory()
     memory.side = side

@@ -61,11 +61,11 @@ class Memory:
         "aside_ticks",
         "before",
         "best_m",
-        "broken",
         "doubtful",
         "ease_mm",
         "echoes",
-        "escort",
+        "failed_leaves",
+        "flank_walker",
         "following",
         "given_up",
         "goal_x_m",
@@ -77,35 +77,35 @@ class Memory:
         "left_x_cm",
         "left_y_cm",
         "loops",
+        "phase",
         "proofs",
         "reversed",
         "rotation",
         "sectors",
         "shut",
         "side",
-        "stood",
-        "stood_x_mm",
-        "stood_y_mm",
-        "turn",
+        "still",
+        "still_x_mm",
+        "still_y_mm",
     )
 
     def __init__(self) -> None:
         self.echoes = Echoes()
         self.sectors = Sectors()
         self.loops = Loops()
-        self.escort = FlankWalker()
+        self.flank_walker = FlankWalker()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
         self.before: Pose | None = None
-        self.turn = 0
+        self.phase = 0
         self.heading = self.rotation = 0
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0
-        self.stood = self.stood_x_mm = self.stood_y_mm = 0
+        self.still = self.still_x_mm = self.still_y_mm = 0
         self.following = self.given_up = self.doubtful = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
-        self.broken = self.islands = self.proofs = self.shut = self.ease_mm = 0
+        self.failed_leaves = self.islands = self.proofs = self.shut = self.ease_mm = 0
 
 
 def begin(memory: Memory) -> None:
@@ -113,7 +113,7 @@ def begin(memory: Memory) -> None:
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.doubtful = memory.reversed = False
     memory.proofs = memory.rotation = 0
-    memory.broken = memory.islands = memory.shut = memory.ease_mm = 0
+    memory.failed_leaves = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)
 
@@ -127,9 +127,9 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     if closing != NOTHING:
         hold(memory, closing)
     if memory.best_m < memory.left_m - STEP_M:
-        memory.broken = 0
+        memory.failed_leaves = 0
     elif memory.left_m < inf:
-        memory.broken += 1
+        memory.failed_leaves += 1
         if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
             return
     left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
@@ -138,7 +138,7 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
-    memory.reversed = memory.reversed and memory.broken > 0
+    memory.reversed = memory.reversed and memory.failed_leaves > 0
     memory.doubtful = False
     memory.heading = to_goal + memory.side * (left if memory.side == states.LEFT else right)
 
@@ -173,7 +173,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
         # Before that the same point is kept: on the turn the sonars may still see a way past it.
         hold(memory, memory.sectors.closing)
     if loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading):
-        come_round(memory)
+        close_loop(memory)
     elif is_astray(memory, distance_m):
         memory.reversed = True
         memory.doubtful = False
@@ -227,7 +227,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
     )
 
 
-def come_round(memory: Memory) -> None:
+def close_loop(memory: Memory) -> None:
     """The way has closed upon itself. Where the loop does not keep robot and goal apart it was an
     island: go for the goal again. Where it does, that proves that no way leads there, unless the
     robot turned about on it, as in a dead end: then again, the other way round."""

@@ -19,7 +19,7 @@ from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
 from robot.core.perception import echo_decay
 from robot.core.perception import echoes as echo_memory
-from robot.core.perception import flank_walker as escorts
+from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
@@ -28,17 +28,17 @@ from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]
 
-TURNS: Final = 3  # ticks: it hears, it looks, it chooses
-HEARS: Final = 1
-LOOKS: Final = 2
+PHASES: Final = 3  # ticks: it hears, it looks, it chooses
+RECORD: Final = 1
+MEASURE: Final = 2
 NEAR_GOAL_M: Final = 0.6  # so near, a free straight way is taken without a margin
 SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
-PROMISES: Final = 2  # broken by the sonars, until what they promise does not count
+MAX_FAILED_LEAVES: Final = 2  # broken by the sonars, until what they promise does not count
 LATCH: Final = 7  # choices for which the side of a small detour is kept
-STOOD: Final = 20  # choices, three seconds, within STOOD_MM of one place
-STOOD_MM: Final = 20
-BAR_MM: Final = 20  # beyond the rim the bar is remembered
-BAR_WEIGHT: Final = 40  # looks through it that it outlasts, six seconds
+MAX_STILL: Final = 20  # choices, three seconds, within STILL_MM of one place
+STILL_MM: Final = 20
+BLOCK_MM: Final = 20  # beyond the rim the block_heading is remembered
+BLOCK_WEIGHT: Final = 40  # looks through it that it outlasts, six seconds
 FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
 
 
@@ -53,25 +53,25 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         vgm_following.begin(memory)
     goal_rad = atan2(dy_m, dx_m)
     to_goal = int(BRADS * goal_rad)
-    if escorts.watch(memory.escort, ring, pose):
+    if flank_walkers.watch(memory.flank_walker, ring, pose):
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
-    memory.turn = (memory.turn + 1) % TURNS
-    if memory.turn == HEARS:
-        echo_memory.hear(memory.echoes, memory.before or pose, pose, ring, radius_mm)
-    elif memory.turn == LOOKS:
-        echo_decay.listen(memory.echoes, ring, radius_mm)
+    memory.phase = (memory.phase + 1) % PHASES
+    if memory.phase == RECORD:
+        echo_memory.record(memory.echoes, memory.before or pose, pose, ring, radius_mm)
+    elif memory.phase == MEASURE:
+        echo_decay.update_through(memory.echoes, ring, radius_mm)
         open_headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
     else:
         memory.heading = to_goal
-        if memory.escort.ticks > 0:
+        if memory.flank_walker.ticks > 0:
             give_way(memory)
         elif memory.sectors.count or memory.following:
             choose(memory, pose, ring, to_goal, distance_m, params)
-        if has_stood(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
-            bar(memory, pose, radius_mm)
+        if is_stationary(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
+            block_heading(memory, pose, radius_mm)
         memory.rotation = memory.heading - to_goal
-        echo_decay.listen(memory.echoes, ring, radius_mm)
+        echo_decay.update_through(memory.echoes, ring, radius_mm)
         echo_decay.fade(memory.echoes, pose)
     memory.before = pose
     if distance_m < memory.best_m:
@@ -96,32 +96,36 @@ def forget(memory: Memory) -> None:
     memory.sectors.count = 0
 
 
-def has_stood(memory: Memory, x_mm: int, y_mm: int) -> bool:
+def is_stationary(memory: Memory, x_mm: int, y_mm: int) -> bool:
     """Whether the robot has got nowhere for so many choices."""
-    dx_mm, dy_mm = x_mm - memory.stood_x_mm, y_mm - memory.stood_y_mm
-    if memory.escort.ticks or not -STOOD_MM < dx_mm < STOOD_MM or not -STOOD_MM < dy_mm < STOOD_MM:
-        memory.stood_x_mm, memory.stood_y_mm, memory.stood = x_mm, y_mm, 0
-    memory.stood += 1
-    return memory.stood > STOOD
+    dx_mm, dy_mm = x_mm - memory.still_x_mm, y_mm - memory.still_y_mm
+    if (
+        memory.flank_walker.ticks
+        or not -STILL_MM < dx_mm < STILL_MM
+        or not -STILL_MM < dy_mm < STILL_MM
+    ):
+        memory.still_x_mm, memory.still_y_mm, memory.still = x_mm, y_mm, 0
+    memory.still += 1
+    return memory.still > MAX_STILL
 
 
-def bar(memory: Memory, pose: Pose, radius_mm: int) -> None:
+def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
     """The heading looks open and the guard lets nothing through: remember something there."""
-    memory.stood = 0
-    away_mm = radius_mm + BAR_MM
+    memory.still = 0
+    away_mm = radius_mm + BLOCK_MM
     x_mm = int(1000.0 * pose.x_m + away_mm * cos(memory.heading / BRADS))
     y_mm = int(1000.0 * pose.y_m + away_mm * sin(memory.heading / BRADS))
-    echo_memory.put(memory.echoes, x_mm, y_mm, BAR_WEIGHT)
+    echo_memory.put(memory.echoes, x_mm, y_mm, BLOCK_WEIGHT)
 
 
 def give_way(memory: Memory) -> None:
     """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
-    sectors, escort = memory.sectors, memory.escort
-    escort.ticks = max(escort.ticks - TURNS, 0)
-    left = sweeps.sweep(sectors, escort.heading, states.LEFT, sectors.tight)
-    right = sweeps.sweep(sectors, escort.heading, states.RIGHT, sectors.tight)
+    sectors, flank_walker = memory.sectors, memory.flank_walker
+    flank_walker.ticks = max(flank_walker.ticks - PHASES, 0)
+    left = sweeps.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
+    right = sweeps.sweep(sectors, flank_walker.heading, states.RIGHT, sectors.tight)
     memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
-    memory.heading = escort.heading + memory.aside * turn
+    memory.heading = flank_walker.heading + memory.aside * turn
 
 
 def choose(
@@ -180,7 +184,7 @@ def leaves(
     if sweeps.closer(sectors, to_goal, sectors.wide) != NOTHING:
         return False
     free_m = 0.0
-    if memory.broken < PROMISES:
+    if memory.failed_leaves < MAX_FAILED_LEAVES:
         alpha_rad = wrap(to_goal / BRADS - pose.heading_rad)
         free_m = pace.free_towards(ring, alpha_rad, distance_m, params)
     return distance_m - free_m <= memory.best_m - vgm_following.STEP_M
@@ -236,7 +240,7 @@ def decision(
         gamma_rad = wrap(gamma_rad + off_rad)
     error_rad = wrap(alpha_rad + gamma_rad)
     speed_m_s = pace.speed(ring, memory.sectors.free_mm, error_rad, params)
-    if 0 < memory.escort.ticks < escorts.GIVE_WAY_TICKS - escorts.DRIVE_TICKS:
+    if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
         speed_m_s = 0.0
     cosine, sine = cos(gamma_rad), sin(gamma_rad)
     return Decision(

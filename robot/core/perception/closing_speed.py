@@ -63,31 +63,31 @@ DOUBT: Final = tuple(
 """How far that slope may be off per metre of noise, in 1/s."""
 
 
-def watch(walkers: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
+def watch(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
     """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
-    if walkers.told:
-        walkers.told = False
+    if pedestrians.reported:
+        pedestrians.reported = False
         for i in EVERY:
-            ring.walks_m_s[i] = 0.0
+            ring.approach_m_s[i] = 0.0
     speed_m_s = odometry.speed_m_s
     finite = speed_m_s + odometry.yaw_rate_rad_s + odometry.pose.heading_rad
     if finite - finite != 0.0:
-        clear(walkers)
+        clear(pedestrians)
         return
-    lately_m_s, now_m_s = FORGET * walkers.lately_m_s, abs(speed_m_s)
+    lately_m_s, now_m_s = FORGET * pedestrians.lately_m_s, abs(speed_m_s)
     if now_m_s > params.wheel_max_m_s:
         now_m_s = params.wheel_max_m_s
-    walkers.lately_m_s = now_m_s if now_m_s > lately_m_s else lately_m_s
-    if walkers.any:
-        expect(walkers, odometry, params)
+    pedestrians.lately_m_s = now_m_s if now_m_s > lately_m_s else lately_m_s
+    if pedestrians.any:
+        expect(pedestrians, odometry, params)
     elif ring.nearest_m >= FAR_M:
         return
-    walkers.taken = 0
-    follow(walkers, ring, odometry, params)
-    walkers.any = False
+    pedestrians.taken = 0
+    follow(pedestrians, ring, odometry, params)
+    pedestrians.any = False
     for k in EACH:
-        if walkers.seen[k] and (walkers.taken >> k & 1 or goes_on(walkers, k)):
-            walkers.any = True
+        if pedestrians.seen[k] and (pedestrians.taken >> k & 1 or goes_on(pedestrians, k)):
+            pedestrians.any = True
 
 
 def follow(w: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
@@ -148,7 +148,7 @@ def see(
     if k < 0:
         start(w, here_m, off_rad, odometry.pose.heading_rad)
         return
-    late_m = here_m - sooner_s * (drives_m_s + w.nears_m_s[k])
+    late_m = here_m - sooner_s * (drives_m_s + w.approach_m_s[k])
     if (i == 0 or i == SONARS - 1) and w.sure[k] == 0:
         yaw_rate_rad_s = odometry.yaw_rate_rad_s
         if not -TURNING_RAD_S <= yaw_rate_rad_s <= TURNING_RAD_S:
@@ -159,9 +159,9 @@ def see(
     learn(w, k, late_m, off_rad, here_m > CLAMPED_M, params)
     if w.seen[k] >= SURE:
         believe(w, k, walks(w, k, i, here_m, right + left, odometry, params))
-        if w.sure[k] and w.nears_m_s[k] > 0.0:
-            ring.walks_m_s[i] = w.nears_m_s[k]
-            w.told = True
+        if w.sure[k] and w.approach_m_s[k] > 0.0:
+            ring.approach_m_s[i] = w.approach_m_s[k]
+            w.reported = True
 
 
 def find(w: Pedestrians, here_m: float, off_rad: float) -> int:
@@ -191,7 +191,7 @@ def learn(
     off_m, turn_rad = here_m - w.range_m[k], off_rad - w.off_rad[k]
     w.range_m[k] += gain * off_m
     if measured:
-        w.nears_m_s[k] -= rate_gain * off_m
+        w.approach_m_s[k] -= rate_gain * off_m
     away_m = here_m + params.radius_m + PERSON_M
     across_m_s = w.across_m_s[k] + rate_gain * turn_rad * away_m
     if across_m_s > CAPPED_M_S:
@@ -209,8 +209,8 @@ def walks(
 ) -> bool:
     """Whether a track comes nearer, or goes away, faster than noise can make what stands seem to,
     or crosses. At the edge of the view a wall that stands may seem to go away."""
-    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
-    slow = -LEAST_M_S <= nears_m_s <= LEAST_M_S
+    approach_m_s, across_m_s = w.approach_m_s[k], w.across_m_s[k]
+    slow = -LEAST_M_S <= approach_m_s <= LEAST_M_S
     if slow and -ACROSS_M_S <= across_m_s <= ACROSS_M_S:
         return False
     noise_m, rim_m = NOISE_M + NOISE_SHARE * here_m, here_m + params.radius_m
@@ -218,7 +218,7 @@ def walks(
     if not slow:
         blur = min(1.0, sqrt(1.4 * noise_m) / width)
         least_m_s = LEAST_M_S + noise_m * DOUBT[w.seen[k]] + w.lately_m_s * UNSURE[i] * blur
-        if nears_m_s > least_m_s or (nears_m_s < -least_m_s and not edge):
+        if approach_m_s > least_m_s or (approach_m_s < -least_m_s and not edge):
             return True
     if edge or w.near > CROWD or not odometry.speed_m_s > 0.0:
         return False
@@ -239,8 +239,11 @@ def believe(w: Pedestrians, k: int, walking: bool) -> None:
     if w.sure[k]:
         w.sure[k] = BELIEF if walking else w.sure[k] - 1
         return
-    nears_m_s, across_m_s = w.nears_m_s[k], w.across_m_s[k]
-    if not walking or nears_m_s * nears_m_s + across_m_s * across_m_s > FASTEST_M_S * FASTEST_M_S:
+    approach_m_s, across_m_s = w.approach_m_s[k], w.across_m_s[k]
+    if (
+        not walking
+        or approach_m_s * approach_m_s + across_m_s * across_m_s > FASTEST_M_S * FASTEST_M_S
+    ):
         w.agreed[k] = 0
         return
     w.agreed[k] += 1
@@ -260,21 +263,23 @@ def start(w: Pedestrians, here_m: float, off_rad: float, heading_rad: float) -> 
     if best < 0:
         return
     w.range_m[best], w.off_rad[best], w.at_rad[best] = here_m, off_rad, heading_rad + off_rad
-    w.nears_m_s[best] = w.across_m_s[best] = 0.0
+    w.approach_m_s[best] = w.across_m_s[best] = 0.0
     w.seen[best] = 1
     w.missed[best] = w.agreed[best] = w.sure[best] = 0
     w.taken |= 1 << best
 
 
 def limit_m_s(ring: Ring, most_m_s: float) -> float:
-    """For navigators that know nothing of walkers: how fast to go on at what walks towards the way,
-    so that it can pass before the robot; with somebody at the flank not at all."""
+    """Return the highest speed that lets an approaching pedestrian pass before the robot.
+
+    For navigators without a model of pedestrians. With a pedestrian at a flank it is 0.
+    """
     if is_flanked(ring):
         return min(most_m_s, 0.0)
     for i in FRONT:
-        walks_m_s, range_m = ring.walks_m_s[i], ring.range_m[i]
-        if walks_m_s > 0.0 and range_m is not None:
-            may_m_s = (range_m - WAIT_M) / WAIT_S - walks_m_s
+        approach_m_s, range_m = ring.approach_m_s[i], ring.range_m[i]
+        if approach_m_s > 0.0 and range_m is not None:
+            may_m_s = (range_m - WAIT_M) / WAIT_S - approach_m_s
             most_m_s = min(most_m_s, max(may_m_s, 0.0) / COSINES[i])
     return most_m_s
 
@@ -283,6 +288,6 @@ def is_flanked(ring: Ring) -> bool:
     """Whether something walks so near at a flank that such a robot must not drive on past it."""
     for i in FLANKS:
         range_m = ring.range_m[i]
-        if ring.walks_m_s[i] > 0.0 and range_m is not None and range_m <= FLANK_M:
+        if ring.approach_m_s[i] > 0.0 and range_m is not None and range_m <= FLANK_M:
             return True
     return False

@@ -53,7 +53,7 @@ def fade(echoes: Echoes, pose: Pose) -> None:
             drop(echoes, k)
 
 
-def listen(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
+def update_through(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
     """Within which distance each sonar passes through what it does not see. No echo at all proves
     nothing: a wall met obliquely sends none."""
     if echoes.count == 0:

@@ -88,19 +88,19 @@ def clear(echoes: Echoes) -> None:
         echoes.last[i] = NOTHING
 
 
-def hear(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def record(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Take the echoes of a ring: the odd sonars were pinged right now, the even ones half way from
     the pose `before`, one tick ago."""
     if ring.nearest_m >= REACH_M:
         return
-    hear_group(echoes, 1, pose, ring, radius_mm)
+    record_group(echoes, 1, pose, ring, radius_mm)
     turned_rad = (pose.heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
     x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
     halfway = Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
-    hear_group(echoes, 0, halfway, ring, radius_mm)
+    record_group(echoes, 0, halfway, ring, radius_mm)
 
 
-def hear_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
+def record_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Every second sonar, from where they were pinged."""
     x_m, y_m, heading_rad = pose
     cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))

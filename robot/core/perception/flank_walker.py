@@ -29,25 +29,25 @@ class FlankWalker:
         self.x_mm = self.y_mm = self.began = self.heading = self.ticks = self.side = 0
 
 
-def watch(escort: FlankWalker, ring: Ring, pose: Pose) -> bool:
+def watch(flank_walker: FlankWalker, ring: Ring, pose: Pose) -> bool:
     """One tick; whether somebody has been walking alongside just now."""
     side = flank(ring)
     if side == 0:
-        escort.side = 0
+        flank_walker.side = 0
         return False
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
-    turned = (heading - escort.began + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if side != escort.side or not -STRAIGHT < turned < STRAIGHT:
-        escort.side = side
-        escort.x_mm, escort.y_mm, escort.began = x_mm, y_mm, heading
+    turned = (heading - flank_walker.began + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    if side != flank_walker.side or not -STRAIGHT < turned < STRAIGHT:
+        flank_walker.side = side
+        flank_walker.x_mm, flank_walker.y_mm, flank_walker.began = x_mm, y_mm, heading
         return False
-    dx_mm, dy_mm = x_mm - escort.x_mm, y_mm - escort.y_mm
+    dx_mm, dy_mm = x_mm - flank_walker.x_mm, y_mm - flank_walker.y_mm
     if dx_mm * dx_mm + dy_mm * dy_mm < ALONG_MM * ALONG_MM:
         return False
-    escort.heading = heading - side * ASIDE
-    escort.ticks = GIVE_WAY_TICKS
-    escort.side = 0
+    flank_walker.heading = heading - side * ASIDE
+    flank_walker.ticks = GIVE_WAY_TICKS
+    flank_walker.side = 0
     return True
 
 

@@ -37,36 +37,36 @@ class Pedestrians:
         "across_m_s",
         "agreed",
         "any",
+        "approach_m_s",
         "at_rad",
         "lately_m_s",
         "leftwards",
         "missed",
         "near",
-        "nears_m_s",
         "off_rad",
         "range_m",
+        "reported",
         "seen",
         "sure",
         "taken",
-        "told",
     )
 
     def __init__(self) -> None:
         self.range_m = [inf] * TRACKS
         self.at_rad, self.off_rad = [0.0] * TRACKS, [0.0] * TRACKS
-        self.nears_m_s, self.across_m_s = [0.0] * TRACKS, [0.0] * TRACKS
+        self.approach_m_s, self.across_m_s = [0.0] * TRACKS, [0.0] * TRACKS
         self.seen, self.missed = [0] * TRACKS, [0] * TRACKS
         self.agreed, self.sure = [0] * TRACKS, [0] * TRACKS
         self.taken = self.near = 0
         self.lately_m_s = 0.0
-        self.any = self.leftwards = self.told = False
+        self.any = self.leftwards = self.reported = False
 
 
-def clear(walkers: Pedestrians) -> None:
+def clear(pedestrians: Pedestrians) -> None:
     """Forget everybody."""
     for k in EACH:
-        walkers.seen[k] = walkers.sure[k] = 0
-    walkers.any = False
+        pedestrians.seen[k] = pedestrians.sure[k] = 0
+    pedestrians.any = False
 
 
 def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
@@ -76,17 +76,21 @@ def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
     for k in EACH:
         if w.seen[k] == 0:
             continue
-        off_rad, nears_m_s, across_m_s = w.at_rad[k] - heading_rad, w.nears_m_s[k], w.across_m_s[k]
+        off_rad, approach_m_s, across_m_s = (
+            w.at_rad[k] - heading_rad,
+            w.approach_m_s[k],
+            w.across_m_s[k],
+        )
         range_m = w.range_m[k]
         away_m = range_m + radius_m + PERSON_M
         if away_m < PERSON_M:
             away_m = PERSON_M
-        w.range_m[k] = range_m - (speed_m_s * cos(off_rad) + nears_m_s) * period_s
+        w.range_m[k] = range_m - (speed_m_s * cos(off_rad) + approach_m_s) * period_s
         turn_rad = (across_m_s + speed_m_s * sin(off_rad)) * period_s / away_m
         w.at_rad[k] += turn_rad
         if w.sure[k]:
-            w.nears_m_s[k] = nears_m_s - across_m_s * turn_rad
-            w.across_m_s[k] = across_m_s + nears_m_s * turn_rad
+            w.approach_m_s[k] = approach_m_s - across_m_s * turn_rad
+            w.across_m_s[k] = across_m_s + approach_m_s * turn_rad
         w.off_rad[k] = wrap(off_rad + turn_rad)
 
 

@@ -15,32 +15,33 @@ BEYOND: Final = 1.1  # noise may carry a true echo a little beyond the maximum r
 
 
 class Ring:
-    """`range_m[i]` is a range, inf for no echo, or None for a sonar that is missing or stale.
+    """The latest usable measurement of each sonar.
 
-    `nearest` is the index of the nearest echo or -1, `fresh` the number of sonars not missing,
-    `front_m` the nearest echo within 45 degrees of the heading, `impossible` that the last
-    scan carried a range that cannot be. `walks_m_s[i]` is how fast an echo comes nearer beyond the
-    robot's own motion, 0 where nothing is known to or no echo came; `walkers` remembers who does
-    (see `closing`).
+    `range_m[i]` is a range, inf for no echo, or None for a missing or stale measurement. `nearest`
+    is the index of the nearest echo or -1, and `fresh` counts the sonars that are not missing.
+    `front_m` is the nearest echo within 45 degrees of the heading. `impossible` is set if the last
+    scan contained an impossible range. `approach_m_s[i]` is the speed at which an echo approaches
+    beyond the robot's own motion, 0 if unknown or without an echo; `pedestrians` holds the tracks
+    behind it (see `closing_speed`).
     """
 
     __slots__ = (
+        "approach_m_s",
         "fresh",
         "front_m",
         "impossible",
         "nearest",
         "nearest_m",
+        "pedestrians",
         "pinged_ms",
         "range_m",
-        "walkers",
-        "walks_m_s",
     )
 
     def __init__(self) -> None:
         self.range_m: list[float | None] = [None] * SONARS
         self.pinged_ms = [NEVER_MS] * SONARS
-        self.walks_m_s = [0.0] * SONARS
-        self.walkers = Pedestrians()
+        self.approach_m_s = [0.0] * SONARS
+        self.pedestrians = Pedestrians()
         self.nearest = -1
         self.nearest_m = self.front_m = inf
         self.fresh = 0

@@ -25,10 +25,10 @@ class Wheel:
     """`missing_m` is what it did not turn of what it was told since it last turned well, and
     `doubted_m` how much of that is in the covariance."""
 
-    __slots__ = ("doubted_m", "missing_m", "since_ms", "told_m", "told_m_s", "turned_m")
+    __slots__ = ("commanded_m", "commanded_m_s", "doubted_m", "missing_m", "since_ms", "turned_m")
 
     def __init__(self) -> None:
-        self.told_m_s = self.told_m = self.turned_m = 0.0
+        self.commanded_m_s = self.commanded_m = self.turned_m = 0.0
         self.missing_m = self.doubted_m = 0.0
         self.since_ms = 0
 
@@ -44,12 +44,12 @@ def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None
     stall.stuck = left or right
 
 
-def miss(wheel: Wheel, moved_m: float, told_m: float) -> None:
+def miss(wheel: Wheel, moved_m: float, commanded_m: float) -> None:
     """Add up what a wheel does not turn, until it turns well again or is not to turn."""
-    if moved_m * told_m >= TURNS * told_m * told_m:
+    if moved_m * commanded_m >= TURNS * commanded_m * commanded_m:
         wheel.missing_m = wheel.doubted_m = 0.0
     else:
-        wheel.missing_m += told_m - moved_m
+        wheel.missing_m += commanded_m - moved_m
 
 
 def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
@@ -66,24 +66,24 @@ def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
 
 
 def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
-    told_m = wheel.told_m_s * params.period_s
-    miss(wheel, moved_m, told_m)
-    wheel.told_m += told_m
+    commanded_m = wheel.commanded_m_s * params.period_s
+    miss(wheel, moved_m, commanded_m)
+    wheel.commanded_m += commanded_m
     wheel.turned_m += moved_m
     if now_ms - wheel.since_ms <= params.wheel_time_ms:
         return False
-    told_m = abs(wheel.told_m)
-    stuck = wheel.turned_m * wheel.told_m < params.wheel_share * told_m * told_m
+    commanded_m = abs(wheel.commanded_m)
+    stuck = wheel.turned_m * wheel.commanded_m < params.wheel_share * commanded_m * commanded_m
     if stuck:
-        wheel.missing_m += wheel.told_m_s * COAST_S
-    tell(wheel, 0.0, now_ms, params)
+        wheel.missing_m += wheel.commanded_m_s * COAST_S
+    command(wheel, 0.0, now_ms, params)
     return stuck
 
 
-def tell(wheel: Wheel, speed_m_s: float, now_ms: int, params: Params) -> None:
+def command(wheel: Wheel, speed_m_s: float, now_ms: int, params: Params) -> None:
     """Note the new command; a slow one, a stop or a change of direction starts afresh."""
     slow = abs(speed_m_s) <= params.wheel_min_m_s
-    if slow or speed_m_s * wheel.told_m_s <= 0.0:
-        wheel.told_m = wheel.turned_m = 0.0
+    if slow or speed_m_s * wheel.commanded_m_s <= 0.0:
+        wheel.commanded_m = wheel.turned_m = 0.0
         wheel.since_ms = now_ms
-    wheel.told_m_s = 0.0 if slow else speed_m_s
+    wheel.commanded_m_s = 0.0 if slow else speed_m_s

@@ -57,7 +57,7 @@ def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
     if machine.operator:
         return False
     return machine.mode == states.MANUAL or (
-        machine.mode == states.GUIDED and machines.goal_lives(machine)
+        machine.mode == states.GUIDED and machines.goal_is_active(machine)
     )
 
 
@@ -96,25 +96,33 @@ class Action(Protocol):
     def __call__(self, machine: Machine, reason: int, now_ms: int) -> None: ...
 
 
-Row = NamedTuple(
-    "Row", [("reason", int), ("trigger", "Trigger"), ("limit", str), ("action", "Action")]
+FailsafeRow = NamedTuple(
+    "FailsafeRow", [("reason", int), ("trigger", "Trigger"), ("limit", str), ("action", "Action")]
 )
 """A reason, what triggers it, the limit (or the parameters that set it), and what is done."""
 
 ROWS: Final = (
-    Row(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
-    Row(reasons.NAME_TAKEN, name_taken, "a second robot of this name: by the host", trip),
-    Row(reasons.BUDGET, budget_violated, "3 overruns in a row, a period late: by the host", trip),
-    Row(reasons.TICKS_LOST, ticks_lost, "TICKS_LOST_MS, decided by the host", trip),
-    Row(reasons.SCAN_LOST, scan_lost, "SCAN_LOST_MS, decided by the host", trip),
-    Row(reasons.NOT_FINITE, not_finite, "pose, covariance, twist", trip),
-    Row(reasons.BUMPER, bumper_hit, "a sector newly pressed", trip),
-    Row(reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm", trip),
-    Row(reasons.SONAR_IMPOSSIBLE, sonar_impossible, "0 or beyond 1.1 sonar_max_m", trip),
-    Row(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m", trip),
-    Row(reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share", trip),
-    Row(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
-    Row(reasons.FENCE_BREACHED, fence_breached, "the fence, for the middle of the robot", trip),
+    FailsafeRow(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
+    FailsafeRow(reasons.NAME_TAKEN, name_taken, "a second robot of this name: by the host", trip),
+    FailsafeRow(
+        reasons.BUDGET, budget_violated, "3 overruns in a row, a period late: by the host", trip
+    ),
+    FailsafeRow(reasons.TICKS_LOST, ticks_lost, "TICKS_LOST_MS, decided by the host", trip),
+    FailsafeRow(reasons.SCAN_LOST, scan_lost, "SCAN_LOST_MS, decided by the host", trip),
+    FailsafeRow(reasons.NOT_FINITE, not_finite, "pose, covariance, twist", trip),
+    FailsafeRow(reasons.BUMPER, bumper_hit, "a sector newly pressed", trip),
+    FailsafeRow(
+        reasons.ENCODER_IMPOSSIBLE, encoder_impossible, "twice wheel_max_m_s + 20 mm", trip
+    ),
+    FailsafeRow(reasons.SONAR_IMPOSSIBLE, sonar_impossible, "0 or beyond 1.1 sonar_max_m", trip),
+    FailsafeRow(reasons.SONAR_FROZEN, sonar_frozen, "freeze_m, freeze_rad, freeze_front_m", trip),
+    FailsafeRow(
+        reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share", trip
+    ),
+    FailsafeRow(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
+    FailsafeRow(
+        reasons.FENCE_BREACHED, fence_breached, "the fence, for the middle of the robot", trip
+    ),
 )
 
 TRIGGERS: Final = tuple([(row.trigger, row) for row in ROWS])

@@ -3,10 +3,10 @@
 from robot.core import reasons
 from robot.core.typing_shim import Final, NamedTuple
 
-LEAST_CORNERS: Final = 3
-MOST_CORNERS: Final = 16
-LEAST_RADIUS_M: Final = 0.1
-FARTHEST_M: Final = 100_000.0
+MIN_CORNERS: Final = 3
+MAX_CORNERS: Final = 16
+MIN_RADIUS_M: Final = 0.1
+MAX_COORDINATE_M: Final = 100_000.0
 
 Fence = NamedTuple(
     "Fence", [("xs_m", "tuple[float, ...]"), ("ys_m", "tuple[float, ...]"), ("radius_m", float)]
@@ -53,12 +53,15 @@ def refusal_of(fence: Fence) -> int:
     corners = len(fence.xs_m)
     for k in range(corners):
         x_m, y_m = fence.xs_m[k], fence.ys_m[k]
-        if not (-FARTHEST_M <= x_m <= FARTHEST_M and -FARTHEST_M <= y_m <= FARTHEST_M):
+        if not (
+            -MAX_COORDINATE_M <= x_m <= MAX_COORDINATE_M
+            and -MAX_COORDINATE_M <= y_m <= MAX_COORDINATE_M
+        ):
             return reasons.FENCE_NOT_SIMPLE
     if fence.radius_m != 0.0:
-        circle = corners == 1 and LEAST_RADIUS_M <= fence.radius_m <= FARTHEST_M
+        circle = corners == 1 and MIN_RADIUS_M <= fence.radius_m <= MAX_COORDINATE_M
         return reasons.OK if circle else reasons.FENCE_NOT_SIMPLE
-    if not LEAST_CORNERS <= corners <= MOST_CORNERS:
+    if not MIN_CORNERS <= corners <= MAX_CORNERS:
         return reasons.FENCE_NOT_SIMPLE
     for i in range(corners):
         if folds(fence, i):

@@ -55,7 +55,7 @@ def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
         range_m = ring.range_m[i]
         if range_m is not None:
             closing_m_s = speed_m_s * COSINES[i]
-            may_m_s = (range_m - stop_m) / time_s - ring.walks_m_s[i]
+            may_m_s = (range_m - stop_m) / time_s - ring.approach_m_s[i]
             if may_m_s < closing_m_s * factor:
                 factor = max(may_m_s, 0.0) / closing_m_s
     return factor

@@ -28,7 +28,7 @@ def test_the_age_of_a_scan_is_never_below_zero() -> None:
 
 def test_nor_is_that_of_the_operators_heartbeat() -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    vehicle.hear_operator(171 * MS)
+    vehicle.receive_heartbeat(171 * MS)
     assert vehicle.operator_age_ms(100 * MS) == 0
 
 

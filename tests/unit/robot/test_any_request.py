@@ -46,7 +46,7 @@ def test_every_request_has_an_answer_that_can_be_sent_and_the_robot_ticks_on(
     assert isinstance(teleop, Teleop)
     for request, operator in asked:
         encoder.encode(desk.vehicle.receive(request, desk.now_ns, operator))
-        desk.vehicle.hear_teleop(teleop, desk.now_ns)
+        desk.vehicle.receive_teleop(teleop, desk.now_ns)
         desk.step()
         for told in (
             desk.vehicle.lease_status(desk.now_ns, desk.now_ns),

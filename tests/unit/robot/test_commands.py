@@ -10,7 +10,7 @@ from protocol.wire.reasons import Reason
 from robot.commands import (
     MAX_ANSWERS,
     MAX_OPERATORS,
-    Answered,
+    AnswerCache,
     Commands,
     acknowledge,
     is_clear,
@@ -154,17 +154,17 @@ def test_a_release_is_told_from_other_requests() -> None:
 # What is remembered is bounded.
 
 
-def found(answered: Answered, operator: str, request_id: int) -> bool:
+def found(answered: AnswerCache, operator: str, request_id: int) -> bool:
     return answered.find(operator, hold(request_id)) is not None
 
 
-def keep(answered: Answered, operator: str, request_id: int) -> None:
+def keep(answered: AnswerCache, operator: str, request_id: int) -> None:
     answered.keep(operator, hold(request_id), acknowledge(hold(request_id), Reason.NONE))
 
 
 def test_the_newest_32_answers_of_an_operator_are_kept() -> None:
     assert MAX_ANSWERS == 32
-    answered = Answered()
+    answered = AnswerCache()
     for request_id in range(100):
         keep(answered, ADA, request_id)
     assert [request_id for request_id in range(100) if found(answered, ADA, request_id)] == (
@@ -174,7 +174,7 @@ def test_the_newest_32_answers_of_an_operator_are_kept() -> None:
 
 def test_answers_of_the_64_operators_that_have_asked_last_are_kept() -> None:
     assert MAX_OPERATORS == 64
-    answered = Answered()
+    answered = AnswerCache()
     for number in range(64):
         keep(answered, f"op/{number}", 1)
     keep(answered, "op/0", 2)
@@ -185,7 +185,7 @@ def test_answers_of_the_64_operators_that_have_asked_last_are_kept() -> None:
 
 
 def test_a_flood_of_one_operator_forgets_nothing_of_another() -> None:
-    answered = Answered()
+    answered = AnswerCache()
     keep(answered, ADA, 1)
     for request_id in range(1000):
         keep(answered, BOB, request_id)

@@ -85,7 +85,7 @@ def test_to_take_it_twice_only_changes_the_name() -> None:
 
 def test_it_lapses_when_its_holder_has_not_been_heard_for_three_seconds() -> None:
     lease = taken()
-    lease.hear(1 * S)
+    lease.refresh(1 * S)
     lease.due(1 * S)
     assert lease.due(1 * S + LAPSE_NS) == []
     assert not lease.allows(BOB)
@@ -107,8 +107,8 @@ def test_the_three_seconds_count_from_when_it_was_taken() -> None:
 
 def test_a_heartbeat_that_was_overtaken_does_not_shorten_it() -> None:
     lease = taken()
-    lease.hear(2 * S)
-    lease.hear(1 * S)
+    lease.refresh(2 * S)
+    lease.refresh(1 * S)
     assert lease.status(0, 2 * S).lapses_ms == 3_000
 
 
@@ -177,7 +177,7 @@ def test_whatever_is_asked_in_whatever_order_at_most_one_commands(
             holder = ""
         if action is None:
             if lease.allows(operator):
-                lease.hear(now_ns)
+                lease.refresh(now_ns)
             heard_ns = now_ns if operator == holder else heard_ns
             continue
         granted = lease.receive(ask(action), operator, now_ns) == Reason.NONE
@@ -272,10 +272,10 @@ def test_who_loses_the_lease_steers_no_more() -> None:
     desk.step()
     assert reason(desk, manual(), ADA) == Reason.NONE
     frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=500)
-    desk.vehicle.hear_teleop(frame, desk.now_ns)
-    assert desk.vehicle.handle.newest(desk.now_ns) == frame
+    desk.vehicle.receive_teleop(frame, desk.now_ns)
+    assert desk.vehicle.teleop.newest(desk.now_ns) == frame
     reason(desk, ask(LeaseAction.SEIZE, "Bob"), BOB)
-    assert desk.vehicle.handle.newest(desk.now_ns) is None
+    assert desk.vehicle.teleop.newest(desk.now_ns) is None
 
 
 def manual() -> CommandRequest:

@@ -67,7 +67,7 @@ def test_all_services_the_stop_and_the_clock_are_served() -> None:
 @pytest.mark.parametrize("end", ["idle", "cycle", "end"])
 def test_what_is_said_is_told_in_a_tick_between_two_and_at_the_end(end: str) -> None:
     rig = Rig().ready()
-    rig.vehicle.say(6, "something new")
+    rig.vehicle.announce(6, "something new")
     if end == "idle":
         rig.process.idle()
     elif end == "cycle":

@@ -110,7 +110,7 @@ def test_to_look_needs_neither_operator_nor_deadline() -> None:
     described = rig.ask(None, "", good_for_ns=None, service=PARAMETERS)
     rig.cycle()
     assert all(len(one.answers) == 1 and not one.reasons for one in looks)
-    assert described.answers == [rig.vehicle.tuning.described()]
+    assert described.answers == [rig.vehicle.parameters.described()]
 
 
 def test_parameters_and_lease_are_asked_in_the_same_lines() -> None:

@@ -10,7 +10,7 @@ from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs
 from robot.lease import Holder
-from robot.senses import Senses, begun_anew, newer, sent
+from robot.senses import Senses, is_restarted, newer, sending_order
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
@@ -60,7 +60,7 @@ class SensesRig:
 
     @property
     def steered(self) -> bool:
-        return self.vehicle.handle.newest(self.clock.now_ns()) is not None
+        return self.vehicle.teleop.newest(self.clock.now_ns()) is not None
 
 
 # Operators.
@@ -146,7 +146,7 @@ def test_a_teleop_frame_is_taken_once() -> None:
     rig.steer()
     rig.read()
     assert rig.steered
-    rig.vehicle.handle.let_go()
+    rig.vehicle.teleop.clear()
     rig.read()
     assert not rig.steered
 
@@ -266,13 +266,13 @@ def test_a_sample_a_little_behind_was_overtaken_and_one_far_behind_is_of_a_new_p
     assert MAX_LATE_TICKS == 20
     last, newest = (wheels(last_seq), 1), (wheels((last_seq - behind) & UINT32), 2)
     assert newer(newest, last) is (last if overtaken else newest)
-    assert begun_anew(newest, last) == anew
+    assert is_restarted(newest, last) == anew
 
 
 def test_the_first_sample_has_none_to_be_compared_with() -> None:
     one = (wheels(5), 1)
     assert newer(one, None) is one
     assert newer(None, one) is None
-    assert not begun_anew(one, None)
-    assert not begun_anew(None, one)
-    assert sent(one, None) is sent(None, one) is Order.NEWER
+    assert not is_restarted(one, None)
+    assert not is_restarted(None, one)
+    assert sending_order(one, None) is sending_order(None, one) is Order.NEWER

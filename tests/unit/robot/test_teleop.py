@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.values import Twist
-from robot.teleop import TeleopInput, wanted
+from robot.teleop import TeleopInput, operator_twist
 from tests.support.robot.vehicles import MS, Desk
 
 
@@ -19,7 +19,7 @@ def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Te
 
 def test_nobody_steers_before_the_first_frame() -> None:
     assert TeleopInput().newest(0) is None
-    assert wanted(None) is None
+    assert operator_twist(None) is None
 
 
 @given(
@@ -29,33 +29,33 @@ def test_nobody_steers_before_the_first_frame() -> None:
 )
 def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age_ns: int) -> None:
     handle = TeleopInput()
-    assert handle.hear(frame(ttl_ms), arrived_ns) == ""
+    assert handle.receive(frame(ttl_ms), arrived_ns) == ""
     steered = handle.newest(arrived_ns + age_ns) is not None
     assert steered == (age_ns < ttl_ms * MS)
 
 
 def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_longer() -> None:
     handle = TeleopInput()
-    assert handle.hear(frame(MAX_TELEOP_TTL_MS, speed_mm_s=200), 0) == ""
-    handle.hear(frame(100, speed_mm_s=50), 10 * MS)
-    assert wanted(handle.newest(100 * MS)) == Twist(0.05, -0.5)
+    assert handle.receive(frame(MAX_TELEOP_TTL_MS, speed_mm_s=200), 0) == ""
+    handle.receive(frame(100, speed_mm_s=50), 10 * MS)
+    assert operator_twist(handle.newest(100 * MS)) == Twist(0.05, -0.5)
     assert handle.newest(110 * MS) is None
 
 
 @pytest.mark.parametrize("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
 def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_ms: int) -> None:
     handle = TeleopInput()
-    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.hear(frame(ttl_ms), 0)
-    assert handle.hear(frame(ttl_ms), 1) == ""
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 0)
+    assert handle.receive(frame(ttl_ms), 1) == ""
     assert handle.newest(2) is None
-    assert handle.hear(frame(100), 3) == ""
-    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.hear(frame(ttl_ms), 4)
+    assert handle.receive(frame(100), 3) == ""
+    assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 4)
 
 
 def test_the_vehicle_says_what_it_ignores() -> None:
     desk = Desk()
     desk.vehicle.texts()
     for _ in range(3):
-        desk.vehicle.hear_teleop(frame(900), 0)
+        desk.vehicle.receive_teleop(frame(900), 0)
     told = "".join(text.text for text in desk.vehicle.texts())
     assert told == f"teleop ignored: valid for 900 ms, at most {MAX_TELEOP_TTL_MS} are allowed"

@@ -204,7 +204,7 @@ def test_every_change_is_told_once() -> None:
 def test_a_long_reason_comes_in_numbered_pieces() -> None:
     desk = Desk()
     desk.vehicle.texts()
-    desk.vehicle.say(Severity.INFO, "x" * 120)
+    desk.vehicle.announce(Severity.INFO, "x" * 120)
     pieces = desk.vehicle.texts()
     assert [len(piece.text) for piece in pieces] == [50, 50, 20]
     assert [piece.chunk_seq for piece in pieces] == [0, 1, 2]
@@ -215,7 +215,7 @@ def test_a_long_reason_comes_in_numbered_pieces() -> None:
 def test_of_what_nobody_hears_only_the_newest_is_kept() -> None:
     desk = Desk()
     for number in range(250):
-        desk.vehicle.say(Severity.INFO, f"word {number}")
+        desk.vehicle.announce(Severity.INFO, f"word {number}")
     texts = desk.vehicle.texts()
     assert len(texts) == 100
     assert texts[-1].text == "word 249"
@@ -313,7 +313,7 @@ def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
 def test_the_list_says_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
     desk = Desk(Store(tmp_path if keeps else None))
     set_parameter(desk, "d_obs_m", 0.45)
-    rows = json.loads(desk.vehicle.tuning.described())
+    rows = json.loads(desk.vehicle.parameters.described())
     assert [row["name"] for row in rows if row["saved"]] == (["d_obs_m"] if keeps else [])
 
 
@@ -329,7 +329,7 @@ def test_the_end_of_the_process_ends_the_goal() -> None:
 def test_an_operator_never_heard_has_no_age() -> None:
     desk = Desk()
     assert desk.vehicle.operator_age_ms(5 * MS) is None
-    desk.vehicle.hear_operator(5 * MS)
+    desk.vehicle.receive_heartbeat(5 * MS)
     assert desk.vehicle.operator_age_ms(9 * MS) == 4
 
 

@@ -14,9 +14,9 @@ LOOP = """
 import ctypes, sys, time
 from pathlib import Path
 from runtime.watchdog import Watchdog
-story = Path(sys.argv[2]) if len(sys.argv) > 2 else None
-with Watchdog(0.5, story) as watchdog:
-    for _ in watchdog.wound_by(range(4)):
+trace = Path(sys.argv[2]) if len(sys.argv) > 2 else None
+with Watchdog(0.5, trace) as watchdog:
+    for _ in watchdog.reset_by(range(4)):
         time.sleep(0.2)
     print("driven", flush=True)
     {hang}
@@ -44,18 +44,18 @@ def test_a_loop_that_hangs_is_the_end_of_its_process_without_a_traceback(hang: s
 
 
 def test_the_place_where_it_hung_is_left_in_a_file(tmp_path: Path) -> None:
-    story = tmp_path / "hung.txt"
-    done = run(HANGS["holding Python's lock"], str(story))
+    trace = tmp_path / "hung.txt"
+    done = run(HANGS["holding Python's lock"], str(trace))
     assert done.returncode == -signal.SIGALRM
     assert done.stderr == ""
-    assert "most recent call first" in story.read_text()
+    assert "most recent call first" in trace.read_text()
 
 
 def test_after_the_block_nobody_watches(tmp_path: Path) -> None:
     done = run("pass")
     assert (done.returncode, done.stdout) == (0, "driven\nended\n")
     with Watchdog(60.0, tmp_path / "hung.txt") as watchdog:
-        watchdog.wind()
+        watchdog.reset()
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 50.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert (tmp_path / "hung.txt").read_text() == ""

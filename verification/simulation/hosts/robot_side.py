@@ -104,7 +104,7 @@ class RobotSide:
         vehicle = ObservedVehicle(params, store, self._start, self.params)
         vehicle.observer = self._observer
         for warning in warnings:
-            vehicle.say(4, warning)
+            vehicle.announce(4, warning)
         bus = self.bus = open_bus(Network(), Role.ROBOT, self.robot, self.host.now_ns)
         claim(bus, [self.robot])
         process, grid = robot_run.in_wall_time(vehicle, bus, lambda: None, robot_run.epoch())

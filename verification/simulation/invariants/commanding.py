@@ -7,7 +7,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import Mode
 from protocol.wire.messages import Teleop
 from robot.core import states
-from robot.core.machine import Machine, goal_lives
+from robot.core.machine import Machine, goal_is_active
 from robot.lease import Holder
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -65,7 +65,7 @@ class Presence:
         facts, machine, now_ns = self._facts, vehicle.state.machine, self._facts.now_ns
         manual = machine.mode == states.MANUAL
         self._idle(machine)
-        if not manual and not (machine.mode == states.GUIDED and goal_lives(machine)):
+        if not manual and not (machine.mode == states.GUIDED and goal_is_active(machine)):
             return
         if now_ns <= max(facts.unsure_until_ns, self.lies_until_ns):
             return
@@ -96,7 +96,9 @@ class Presence:
         return max(times_ns.get(holder.operator, NEVER), max(before, default=NEVER))
 
     def _want(self, machine: Machine) -> None:
-        if machine.mode == states.MANUAL or (machine.mode != states.HOLD and goal_lives(machine)):
+        if machine.mode == states.MANUAL or (
+            machine.mode != states.HOLD and goal_is_active(machine)
+        ):
             self._wanted_ns = self._facts.now_ns
 
     def _idle(self, machine: Machine) -> None:
@@ -117,7 +119,7 @@ class Presence:
         self._want(machine)
         if holder != self._holder:
             self._holder, self._held_since_ns = holder, now_ns
-        teleop = vehicle.handle.newest(now_ns + (facts.robot.clock_offset_ns if facts.robot else 0))
+        teleop = vehicle.teleop.newest(now_ns + (facts.robot.clock_offset_ns if facts.robot else 0))
         if teleop is not None and holder is not None:
             sender = self._sender.get(teleop)
             if sender is not None and sender != holder.operator:

@@ -13,7 +13,7 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from robot.core import reasons, states
-from robot.lease import open_to_all
+from robot.lease import needs_no_lease
 from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import Asked
@@ -64,7 +64,7 @@ class Requests:
             self._presence.leased(operator)
         holder = vehicle.lease.holder
         alien = holder is not None and holder.operator != operator
-        if alien and ok and not open_to_all(request) and not isinstance(request, LeaseRequest):
+        if alien and ok and not needs_no_lease(request) and not isinstance(request, LeaseRequest):
             facts.fail(
                 "one commander", f"{type(request).__name__} of {operator or 'nobody'} accepted"
             )

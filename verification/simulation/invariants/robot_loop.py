@@ -6,7 +6,7 @@ from typing import Any
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.machine import Machine, drives, goal_lives
+from robot.core.machine import Machine, drives, goal_is_active
 from robot.core.parameters import Params
 from robot.vehicle import Vehicle
 from runtime.units import NS_PER_MS
@@ -63,7 +63,7 @@ class Onboard:
         self._safety(vehicle)
         self._progress(machine)
         self._modes(machine)
-        for name in ("_requests", "_strangers"):
+        for name in ("_requests", "_unprivileged"):
             waiting = getattr(process, name).qsize()
             if waiting > limits.BACKLOG:
                 self._facts.fail("bounded", f"{waiting} requests wait in {name}")
@@ -78,7 +78,7 @@ class Onboard:
     def _goals(self, vehicle: Vehicle, machine: Machine) -> None:
         """Goals and missions end with what they need; a mission notices at the next tick."""
         active = machine.vehicle == states.ACTIVE
-        if goal_lives(machine) and not active:
+        if goal_is_active(machine) and not active:
             self._facts.fail(
                 "a goal ends", f"a goal lives in vehicle state {machine.vehicle}: it has no outcome"
             )

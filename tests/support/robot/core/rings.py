@@ -127,7 +127,7 @@ def walk_to(
     seconds: float = 120.0,
 ) -> Walk:
     """From the origin with a navigator's own decisions, until it arrives, gives up or is late."""
-    memory, step = registry.fresh(number, side), registry.NAVIGATORS[number].step
+    memory, step = registry.new_memory(number, side), registry.NAVIGATORS[number].step
     pose, poses, decisions = Pose(0.0, 0.0, 0.0), [], []
     for _ in range(round(seconds * 20)):
         decision = step(memory, pose, seen_from(pose, walls, discs), goal, DEFAULTS)

@@ -20,7 +20,7 @@ from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.motion.controller import HALT
 from robot.core.navigators.registry import NAVIGATORS as REGISTERED
-from robot.core.navigators.registry import fresh
+from robot.core.navigators.registry import new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.values import Goal, Outputs, Pose
@@ -59,7 +59,7 @@ def test_the_worst_tick_and_the_memory_stay_within_their_limits(name: str) -> No
 def test_a_memory_has_its_full_length_from_the_start(name: str, kind: type[Body]) -> None:
     """2000 ticks with one memory, whatever it decides; without a machine that would end it."""
     number, ring = NAVIGATORS[name], rings.Ring()
-    memory, body = fresh(number, states.LEFT), made_up(kind)
+    memory, body = new_memory(number, states.LEFT), made_up(kind)
     before = lengths(memory)
     for tick in range(2000):
         rings.update(ring, body.scan(), 50 * tick, DEFAULTS)

@@ -10,7 +10,7 @@ from tests.support.robot.core.rings import SILENT, Wall, clearance_m, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
 
 
-def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
+def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
     """A loop of two metres about a place, walked to the left (1) or to the right (-1)."""
     corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
     for _ in range(times):
@@ -19,7 +19,7 @@ def come_round(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
         for k, (dx_cm, dy_cm) in enumerate(corners):
             way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
         way.count, way.first = len(corners), 0
-        vgm_following.come_round(memory)
+        vgm_following.close_loop(memory)
 
 
 def heading_for(goal: Goal, side: int) -> Memory:
@@ -33,10 +33,10 @@ def heading_for(goal: Goal, side: int) -> Memory:
 def test_round_an_island_it_goes_for_the_goal_again_but_not_for_ever(side: int) -> None:
     """With the island on its right it walks to the right."""
     memory = heading_for(GOAL, side)
-    come_round(memory, -side, 0)
+    close_loop(memory, -side, 0)
     assert not memory.following
     assert not memory.given_up
-    come_round(memory, -side, 0, times=ISLANDS)
+    close_loop(memory, -side, 0, times=ISLANDS)
     assert memory.given_up
 
 
@@ -47,7 +47,7 @@ def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
 ) -> None:
     """Round the goal, or along the inside of what the goal is not in."""
     memory = heading_for(GOAL, side)
-    come_round(memory, -side if round_goal else side, x_cm)
+    close_loop(memory, -side if round_goal else side, x_cm)
     assert memory.given_up
     assert stand(memory, SILENT, 1).branch == states.GIVE_UP
 
@@ -56,11 +56,11 @@ def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
 def test_after_a_turn_about_the_loop_is_walked_the_other_way_round_first(side: int) -> None:
     memory = heading_for(GOAL, side)
     memory.doubtful = True
-    come_round(memory, side, 0)
+    close_loop(memory, side, 0)
     assert not memory.given_up
     assert memory.side == -side
     memory.doubtful = True
-    come_round(memory, -side, 0)
+    close_loop(memory, -side, 0)
     assert memory.given_up
 
 
@@ -69,7 +69,7 @@ def test_a_long_doubtful_loop_needs_one_proof_more() -> None:
     for turn in (1, -1):
         memory.doubtful = True
         memory.loops.spacing_cm = LONG_CM
-        come_round(memory, turn, 0)
+        close_loop(memory, turn, 0)
     assert not memory.given_up
 
 
@@ -93,9 +93,9 @@ def test_a_goal_begun_again_forgets_as_much_as_a_new_memory_has() -> None:
     memory = heading_for(GOAL, states.LEFT)
     fresh = Memory()
     stand(fresh, SILENT, 1)
-    come_round(memory, 1, 0)
+    close_loop(memory, 1, 0)
     vgm_following.begin(memory)
     for name in ("following", "given_up", "reversed", "doubtful", "left_m", "hit_m"):
         assert getattr(memory, name) == getattr(fresh, name)
-    for name in ("proofs", "broken", "islands", "shut", "ease_mm"):
+    for name in ("proofs", "failed_leaves", "islands", "shut", "ease_mm"):
         assert getattr(memory, name) == getattr(fresh, name) == 0

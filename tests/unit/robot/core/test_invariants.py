@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from robot.core import states
 from robot.core.geometry import BEARINGS, wrap
 from robot.core.navigators import vgm
-from robot.core.navigators.registry import NAVIGATORS, Navigator, fresh
+from robot.core.navigators.registry import NAVIGATORS, Navigator, new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import FRONT
 from robot.core.values import SONARS, Decision, Goal, Outputs, Pose
@@ -101,7 +101,7 @@ def test_no_pose_goal_or_ring_breaks_a_navigator(
     echo: int,
 ) -> None:
     """Its step alone, without the failsafes that would keep such numbers from it."""
-    memory, ring = fresh(navigator, states.LEFT), seen(range_mm, echo)
+    memory, ring = new_memory(navigator, states.LEFT), seen(range_mm, echo)
     goal = Goal(x_m, y_m, None, 0.05, 0.05)
     for pose in poses:
         decision = NAVIGATORS[navigator].step(memory, Pose(*pose), ring, goal, DEFAULTS)
@@ -149,7 +149,7 @@ def test_the_virtual_goal_is_tangent_to_the_nearest_echo_to_a_billionth(
     range_mm = [3000] * SONARS
     range_mm[sonar] = near_mm
     x_m, y_m = pose.x_m + distance_m * cos(goal_at_rad), pose.y_m + distance_m * sin(goal_at_rad)
-    memory = fresh(states.VGM, states.LEFT)
+    memory = new_memory(states.VGM, states.LEFT)
     decision = vgm.step(memory, pose, seen(range_mm), Goal(x_m, y_m, None, 0.05, 0.05), DEFAULTS)
     turn_rad = decision.goal_bearing_rad + decision.rotation_rad
     aside_rad = wrap(turn_rad - BEARINGS[sonar])
@@ -166,7 +166,7 @@ def test_the_virtual_goal_is_tangent_to_the_nearest_echo_to_a_billionth(
 def test_without_obstacles_the_goal_is_not_rotated(
     navigator: int, poses: list[Pose], goal: Goal
 ) -> None:
-    memory, ring = fresh(navigator, states.LEFT), seen([0] * SONARS, echo=0)
+    memory, ring = new_memory(navigator, states.LEFT), seen([0] * SONARS, echo=0)
     for pose in poses:
         decision = NAVIGATORS[navigator].step(memory, pose, ring, goal, DEFAULTS)
         assert decision.branch == states.TO_GOAL

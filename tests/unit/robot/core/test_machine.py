@@ -53,7 +53,7 @@ def test_a_new_machine_is_at_rest_and_trusts_nothing() -> None:
 
 @pytest.mark.parametrize("goal_state", GOAL_STATES)
 def test_a_goal_lives_from_its_acceptance_to_its_end(goal_state: int) -> None:
-    assert machines.goal_lives(machine(goal_state)) == (goal_state in LIVING)
+    assert machines.goal_is_active(machine(goal_state)) == (goal_state in LIVING)
 
 
 @pytest.mark.parametrize("vehicle", range(states.EMERGENCY_STOP + 1))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.navigators.registry import NAVIGATORS, fresh
+from robot.core.navigators.registry import NAVIGATORS, new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.values import SONARS, Goal, Pose
 from tests.support.robot.core.rings import seen
@@ -24,8 +24,8 @@ def looked_at(
     pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int, turn: int
 ) -> tuple[int, float, float]:
     """What vgm_memory makes of a scene that stays, beginning with this ping group."""
-    memory, ring = fresh(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
-    memory.turn = turn
+    memory, ring = new_memory(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
+    memory.phase = turn
     for _ in range(LOOKS):
         decision = NAVIGATORS[states.VGM_MEMORY].step(memory, pose, ring, goal, DEFAULTS)
     return decision.branch, decision.rotation_rad, decision.speed_limit_m_s

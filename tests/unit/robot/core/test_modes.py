@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine, goal_lives
+from robot.core.machine import Machine, goal_is_active
 from robot.core.safety import failsafe
 from robot.core.values import Goal
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
@@ -190,9 +190,9 @@ def test_hold_keeps_the_goal_and_resume_goes_on() -> None:
     assert modes.hold(driven.machine) == reasons.OK
     assert modes.hold(driven.machine) == reasons.OK
     assert driven.forward(0.5).stands
-    assert goal_lives(driven.machine)
+    assert goal_is_active(driven.machine)
     driven.forward(300.0)
-    assert goal_lives(driven.machine)
+    assert goal_is_active(driven.machine)
     assert modes.resume(driven.machine) == reasons.OK
     assert driven.machine.mode == states.AUTO
     assert not driven.forward(0.5).stands
@@ -321,5 +321,5 @@ def test_whatever_is_commanded_wheels_turn_only_when_armed_with_a_living_goal(
         driven.tick()
         if driven.machine.vehicle != states.ACTIVE:
             assert driven.stands
-        if not goal_lives(driven.machine) or driven.machine.mode == states.HOLD:
+        if not goal_is_active(driven.machine) or driven.machine.mode == states.HOLD:
             assert abs(driven.state.twist.speed_m_s) <= before_m_s

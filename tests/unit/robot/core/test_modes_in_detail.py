@@ -95,7 +95,7 @@ def test_another_driving_mode_keeps_the_goal() -> None:
     on_its_way = machine()
     machines.start_goal(on_its_way, AHEAD, states.GUIDED, 0)
     assert modes.set_mode(on_its_way, WAY, states.AUTO, 0) == reasons.OK
-    assert machines.goal_lives(on_its_way)
+    assert machines.goal_is_active(on_its_way)
 
 
 def test_a_fence_without_the_robot_is_taken_only_before_it_knows_its_place() -> None:

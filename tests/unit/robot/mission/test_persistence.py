@@ -208,7 +208,7 @@ def test_a_folder_in_the_place_of_the_file_is_named(tmp_path: Path) -> None:
 def test_however_long_a_warning_is_it_can_be_sent(tmp_path: Path) -> None:
     (tmp_path / "fence.json").write_text(item_text(x="y" * 100_000))
     desk = restarted(tmp_path)
-    desk.vehicle.say(Severity.WARNING, "z" * 100_000)
+    desk.vehicle.announce(Severity.WARNING, "z" * 100_000)
     for text in desk.vehicle.texts():
         check(text)
 

@@ -18,7 +18,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.core import reasons
-from robot.mission.mission import MOST_ITEMS
+from robot.mission.mission import MAX_ITEMS
 from robot.mission.persistence import MissionStore
 from robot.mission.transfer import NO_ITEM, Request, Transfers
 from robot.storage.writer import Directory
@@ -93,7 +93,7 @@ def test_a_mission_has_at_least_one_item_and_not_too_many() -> None:
     desk = Desk()
     for count, reason, which in (
         (0, Reason.MISSION_EMPTY, NO_ITEM),
-        (MOST_ITEMS + 1, Reason.MISSION_TOO_LONG, MOST_ITEMS),
+        (MAX_ITEMS + 1, Reason.MISSION_TOO_LONG, MAX_ITEMS),
     ):
         verdict = desk.vehicle.receive(MissionCount(count=count), 0)
         assert isinstance(verdict, MissionVerdict)
@@ -215,10 +215,10 @@ def test_a_bad_fence_is_refused_and_the_old_one_stays(
     assert desk.vehicle.state.machine.fence is not None
 
 
-class Shelf:
+class FakeItemStore:
     """Keeps what it is given, and every whole that it ever was given."""
 
-    most = 9
+    max_items = 9
 
     def __init__(self) -> None:
         self.items: tuple[MissionItemInt, ...] = ()
@@ -247,12 +247,12 @@ frames: st.SearchStrategy[Request] = st.one_of(
 def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
     asked: list[tuple[Request, str]],
 ) -> None:
-    shelf = Shelf()
+    store = FakeItemStore()
     desk = Desk()
-    transfers = Transfers(desk.vehicle.mission, shelf, MissionStore(Directory(None)))
+    transfers = Transfers(desk.vehicle.mission, store, MissionStore(Directory(None)))
     for request, operator in asked:
         answer = transfers.receive(request, operator)
         assert getattr(answer, "mission_type", 0) == request.mission_type
-        assert shelf.items in shelf.ever
-        for whole in shelf.ever:
+        assert store.items in store.ever
+        for whole in store.ever:
             assert [one.seq for one in whole] == list(range(len(whole)))

@@ -15,7 +15,14 @@ from robot.cli import Settings, parser, vehicle_of
 from robot.core.parameters import DEFAULTS
 from robot.core.safety import guard
 from robot.core.safety.failsafe import ROWS
-from robot.parameters.table import NEAR_SHARE, SPECS, TABLE, SafetyBound, Spec, is_less_safe
+from robot.parameters.table import (
+    NEAR_SHARE,
+    SPECS,
+    TABLE,
+    ParameterSpec,
+    SafetyBound,
+    is_less_safe,
+)
 from robot.storage.files import FILE_NAME, Store
 from robot.vehicle import Vehicle
 from tests.support.robot.vehicles import Desk
@@ -111,7 +118,9 @@ def test_group_holds_all_that_guard_and_failsafes_rest_on() -> None:
 
 
 @given(st.sampled_from(GROUP), st.floats(1e-9, 1e9), st.floats(1e-9, 1e9))
-def test_what_is_as_configured_is_never_less_safe(spec: Spec, limit: float, value: float) -> None:
+def test_what_is_as_configured_is_never_less_safe(
+    spec: ParameterSpec, limit: float, value: float
+) -> None:
     configured = DEFAULTS._replace(**{spec.name: limit})  # type: ignore[arg-type]
     assert not is_less_safe(spec.name, limit, configured)
     assert not is_less_safe(spec.name, float(f"{limit:.7g}"), configured)
@@ -211,7 +220,7 @@ def test_refused_arming_lists_nothing() -> None:
 def test_list_tells_group_direction_and_configured_value() -> None:
     desk = Desk()
     put(desk, "op_lost_ms", 1000.0)
-    rows = {row["name"]: row for row in json.loads(desk.vehicle.tuning.described())}
+    rows = {row["name"]: row for row in json.loads(desk.vehicle.parameters.described())}
     lost = rows["op_lost_ms"]
     shown = lost["group"], lost["direction"], lost["value"], lost["configured"]
     assert shown == ("safety", "down", 1000, 1500)

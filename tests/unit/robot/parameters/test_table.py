@@ -8,8 +8,8 @@ from robot.core.parameters import DEFAULTS, Params
 from robot.parameters.table import (
     SPECS,
     TABLE,
-    OutOfRange,
-    Unknown,
+    OutOfRangeError,
+    UnknownParameterError,
     adjusted,
     described,
     with_value,
@@ -49,24 +49,24 @@ def test_a_user_is_told_where_a_bad_value_stands(bad: dict[str, float]) -> None:
 
 
 def test_an_unknown_name_is_named() -> None:
-    with pytest.raises(Unknown, match="d_obs_cm"):
+    with pytest.raises(UnknownParameterError, match="d_obs_cm"):
         with_value(DEFAULTS, "d_obs_cm", 30)
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf, 0.0, 3.1, -1.0])
 def test_values_outside_the_range_are_refused_with_the_range(value: float) -> None:
-    with pytest.raises(OutOfRange, match=r"d_obs_m.*0\.05 to 3 m"):
+    with pytest.raises(OutOfRangeError, match=r"d_obs_m.*0\.05 to 3 m"):
         with_value(DEFAULTS, "d_obs_m", value)
 
 
 def test_a_whole_number_is_asked_for_where_it_must_be_one() -> None:
-    with pytest.raises(OutOfRange, match="whole number"):
+    with pytest.raises(OutOfRangeError, match="whole number"):
         with_value(DEFAULTS, "stuck_ms", 2000.5)
     assert isinstance(with_value(DEFAULTS, "stuck_ms", 2000.0).stuck_ms, int)
 
 
 def test_a_side_is_left_or_right() -> None:
-    with pytest.raises(OutOfRange, match="one of 1, -1"):
+    with pytest.raises(OutOfRangeError, match="one of 1, -1"):
         with_value(DEFAULTS, "side", 0)
 
 
@@ -74,7 +74,7 @@ def test_a_side_is_left_or_right() -> None:
 def test_whatever_is_accepted_is_within_its_range(name: str, value: float) -> None:
     try:
         changed = with_value(DEFAULTS, name, value)
-    except OutOfRange:
+    except OutOfRangeError:
         return
     assert SPECS[name].minimum <= getattr(changed, name) <= SPECS[name].maximum
 

@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from robot.core.parameters import DEFAULTS
-from robot.run import Options, settle
+from robot.run import Options, apply_options
 from robot.scheduling.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
@@ -90,7 +90,7 @@ def test_what_did_not_work_is_said_on_the_bus_and_the_robot_runs_on(
 ) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
     vehicle = Vehicle(DEFAULTS, Store(None))
-    settle(vehicle, Options(fifo=True))
+    apply_options(vehicle, Options(fifo=True))
     assert "warning: real-time scheduling" in capsys.readouterr().err
     assert any("real-time scheduling" in text.text for text in vehicle.texts())
 
@@ -100,5 +100,5 @@ def test_what_is_not_wanted_is_not_tried(
 ) -> None:
     monkeypatch.delattr(gc, "freeze")
     monkeypatch.delattr(os, "sched_setscheduler")
-    settle(Vehicle(DEFAULTS, Store(None)), Options(freeze=False))
+    apply_options(Vehicle(DEFAULTS, Store(None)), Options(freeze=False))
     assert capsys.readouterr().err == ""

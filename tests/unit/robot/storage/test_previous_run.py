@@ -6,13 +6,13 @@ import pytest
 
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
-from robot.run import PLACE_UNKNOWN, in_brief, tell_life
+from robot.run import PLACE_UNKNOWN, report_previous_run, summary_of
 from robot.storage.files import Store
 from robot.storage.previous_run import (
     FILE_NAME,
     HUNG_BEFORE,
     HUNG_NAME,
-    NO_WORD,
+    NO_REPORT,
     RUNNING,
     PreviousRun,
 )
@@ -39,7 +39,7 @@ def test_one_that_was_told_to_stop_is_no_news(tmp_path: Path) -> None:
 
 def test_one_that_was_killed_leaves_no_word(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
-    assert PreviousRun(Directory(tmp_path)).begin() == NO_WORD == "ended without a word"
+    assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT == "ended without a word"
 
 
 def test_what_the_supervisor_saw_is_better_than_no_word(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_without_a_directory_it_believes_who_starts_it(after: str) -> None:
     life = PreviousRun(Directory(None))
     assert life.begin(after) == KILLED
     life.end()
-    assert (life.story, PreviousRun(Directory(None)).begin()) == (None, "")
+    assert (life.trace, PreviousRun(Directory(None)).begin()) == (None, "")
 
 
 def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
     (tmp_path / HUNG_NAME).write_text("Current thread ...")
     assert PreviousRun(Directory(tmp_path)).begin() == "hung (its loop did not run for 5 s)"
     assert (tmp_path / HUNG_BEFORE).read_text() == "Current thread ..."
-    assert PreviousRun(Directory(tmp_path)).begin() == NO_WORD
+    assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT
 
 
 def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: P
     vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
     assert life.begin("signal SIGKILL") == KILLED
     assert "life not saved: Not a directory" in [text.text for text in vehicle.texts()]
-    with Watchdog(story=life.story):
+    with Watchdog(trace=life.trace):
         life.end()
 
 
@@ -116,7 +116,7 @@ def test_noise_in_the_file_is_taken_for_no_word(tmp_path: Path) -> None:
 
 def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    tell_life(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
+    report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
     words = f"started again: the one before {KILLED}"
     told = "".join(text.text for text in texts)
@@ -129,10 +129,10 @@ def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFix
 
 def test_the_first_one_has_nothing_to_tell(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
-    tell_life(vehicle, "r1", PreviousRun(Directory(None)), "")
+    report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "")
     assert [text.text for text in vehicle.texts()] == ["started: disarmed, standing still"]
     assert capsys.readouterr().err == ""
 
 
 def test_of_a_long_exception_the_first_line_is_kept() -> None:
-    assert in_brief(ValueError("one\ntwo")) == "ValueError: one"
+    assert summary_of(ValueError("one\ntwo")) == "ValueError: one"

@@ -259,7 +259,7 @@ def test_the_list_says_saved_only_of_what_is_durable(robot: Robot) -> None:
 
 
 def saved_names(robot: Robot) -> list[str]:
-    rows = json.loads(robot.desk.vehicle.tuning.described())
+    rows = json.loads(robot.desk.vehicle.parameters.described())
     return [row["name"] for row in rows if row["saved"]]
 
 

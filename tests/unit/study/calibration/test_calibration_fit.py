@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.parameters import DEFAULTS
-from robot.parameters.table import OutOfRange, with_values
+from robot.parameters.table import OutOfRangeError, with_values
 from study.calibration.fit import Fit, covariance_parts_of, fit_parameters, minimum, most_likely_k
 from study.calibration.runs import SquareRun, believed, covariance_of
 from tests.support.study.calibration_runs import squares
@@ -61,7 +61,7 @@ def test_impossible_runs_raise_an_error() -> None:
         SquareRun(direction=run.direction, ticks=run.ticks, measured=run.measured._replace(x_m=9e3))
         for run in squares({}, 2)
     ]
-    with pytest.raises(OutOfRange):
+    with pytest.raises(OutOfRangeError):
         fit_parameters(runs, DEFAULTS)
 
 

@@ -11,7 +11,7 @@ from protocol.wire.messages import GroundTruth
 from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Outputs
-from robot.parameters.table import OutOfRange, Unknown
+from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
 
@@ -132,7 +132,11 @@ def test_requested_parameters_override_all_others() -> None:
 
 @pytest.mark.parametrize(
     ("name", "value", "error"),
-    [("v_maxx", 1.0, Unknown), ("v_max_m_s", float("nan"), OutOfRange), ("side", 0.0, OutOfRange)],
+    [
+        ("v_maxx", 1.0, UnknownParameterError),
+        ("v_max_m_s", float("nan"), OutOfRangeError),
+        ("side", 0.0, OutOfRangeError),
+    ],
 )
 def test_invalid_parameter_is_refused(name: str, value: float, error: type[Exception]) -> None:
     with pytest.raises(error, match=name):

@@ -166,7 +166,7 @@ def two_commanders(patch: Patch) -> None:
 
 
 def strangers_command(patch: Patch) -> None:
-    patch.setattr(vehicle, "open_to_all", lambda request: isinstance(request, GoalRequest))
+    patch.setattr(vehicle, "needs_no_lease", lambda request: isinstance(request, GoalRequest))
 
 
 def refusal_with_effect(patch: Patch) -> None:

@@ -5,7 +5,7 @@ import pytest
 from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
-from robot.run import tell_life
+from robot.run import report_previous_run
 from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory
 from tests.support.ground.station.play import Play, S
@@ -19,7 +19,7 @@ class Talker:
     def __init__(self) -> None:
         self.said: list[str] = []
 
-    def say(self, severity: int, text: str) -> None:
+    def announce(self, severity: int, text: str) -> None:
         self.said.append(text)
 
 
@@ -32,7 +32,7 @@ def restarted(play: Play) -> Play:
 
 def test_the_words_of_a_robot_that_is_not_the_first_are_understood() -> None:
     talker = Talker()
-    tell_life(talker, "r1", PreviousRun(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
+    report_previous_run(talker, "r1", PreviousRun(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
     again = RestartNotice("r1")
     for text in talker.said:
         again.hear(text, 0)

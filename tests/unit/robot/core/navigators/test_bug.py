@@ -18,7 +18,7 @@ RIGHT_WALL = {0: 150, 1: 172, 2: 262}  # parallel, at the distance to follow
 
 
 def memory(side: int = states.LEFT) -> Memory:
-    fresh = registry.fresh(states.BUG, side)
+    fresh = registry.new_memory(states.BUG, side)
     assert isinstance(fresh, Memory)
     return fresh
 

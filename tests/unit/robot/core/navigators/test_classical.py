@@ -72,11 +72,11 @@ def test_a_new_goal_starts_afresh() -> None:
 def test_hope_that_led_no_nearer_is_the_end() -> None:
     boundary = looking({})
     boundary.near_m = 2.0
-    assert not boundaries.hopeless(boundary)
-    boundary.hoped = True
-    assert boundaries.hopeless(boundary)
+    assert not boundaries.is_unreachable(boundary)
+    boundary.left_at_nearest = True
+    assert boundaries.is_unreachable(boundary)
     boundary.near_m = 3.5
-    assert not boundaries.hopeless(boundary)
+    assert not boundaries.is_unreachable(boundary)
 
 
 def test_what_is_met_is_not_left_before_the_robot_has_got_away_from_there() -> None:
@@ -96,21 +96,21 @@ def test_a_boundary_met_no_nearer_is_the_one_before_and_its_lap_goes_on() -> Non
         boundary.laps = 1
         for _ in range(boundaries.HIT_TICKS):
             assert not boundary.following
-            assert boundaries.goes_on(boundary, HERE, states.LEFT, near_m, 0.1, DEFAULTS)
+            assert boundaries.advance(boundary, HERE, states.LEFT, near_m, 0.1, DEFAULTS)
         assert boundary.following
         assert (boundary.begun_m, boundary.laps) == (begun_m, laps)
 
 
 def test_where_hope_is_spent_or_all_is_rounded_it_does_not_go_on() -> None:
     boundary = looking({3: 180, 4: 180})
-    boundary.hoped, boundary.near_m = True, 2.0
+    boundary.left_at_nearest, boundary.near_m = True, 2.0
     steps = [
-        boundaries.goes_on(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
+        boundaries.advance(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
         for _ in range(boundaries.HIT_TICKS)
     ]
     assert steps == [True] * (boundaries.HIT_TICKS - 1) + [False]
     boundary.following, boundary.laps = True, boundaries.LAPS
-    assert not boundaries.goes_on(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
+    assert not boundaries.advance(boundary, HERE, states.LEFT, 3.0, 0.1, DEFAULTS)
 
 
 ranges = st.lists(st.one_of(st.none(), st.just(inf), st.floats(0.03, 3.0)), min_size=8, max_size=8)
@@ -159,7 +159,7 @@ def test_a_step_is_total_and_never_drives_into_the_unknown(
     goal_x_m: float,
     goal_y_m: float,
 ) -> None:
-    memory, step = registry.fresh(number, states.LEFT), registry.NAVIGATORS[number].step
+    memory, step = registry.new_memory(number, states.LEFT), registry.NAVIGATORS[number].step
     goal, seen = Goal(goal_x_m, goal_y_m, None, 0.05, 0.05), Ring()
     for range_m, x_m, y_m, heading_rad in moments:
         seen.range_m = range_m
@@ -177,7 +177,7 @@ def finite(number: float) -> bool:
 
 @pytest.mark.parametrize("number", BUGS)
 def test_sonars_that_stop_measuring_in_mid_follow_leave_only_creeping(number: int) -> None:
-    memory, step = registry.fresh(number, states.LEFT), registry.NAVIGATORS[number].step
+    memory, step = registry.new_memory(number, states.LEFT), registry.NAVIGATORS[number].step
     for _ in range(5):
         step(memory, HERE, ring({3: 180, 4: 180}), GOAL, DEFAULTS)
     blind = Ring()

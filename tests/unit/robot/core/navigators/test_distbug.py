@@ -80,11 +80,11 @@ def test_a_way_that_the_free_range_never_shows_is_tried_at_the_nearest_point() -
 def test_hope_is_spent_once_and_only_at_the_nearest_point() -> None:
     boundary = distbug.Memory().boundary
     boundary.distance_m = boundary.near_m = 1.0
-    assert not boundaries.hopes(boundary)
+    assert not boundaries.leave_at_nearest(boundary)
     boundary.laps = 1
     boundary.distance_m = 1.2
-    assert not boundaries.hopes(boundary)
+    assert not boundaries.leave_at_nearest(boundary)
     boundary.distance_m = 1.01
-    assert boundaries.hopes(boundary)
-    assert not boundaries.hopes(boundary)
+    assert boundaries.leave_at_nearest(boundary)
+    assert not boundaries.leave_at_nearest(boundary)
     assert boundary.best_m == inf

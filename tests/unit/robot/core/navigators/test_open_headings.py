@@ -20,7 +20,7 @@ from robot.core.navigators.open_headings import (
     Sectors,
     squeeze,
 )
-from robot.core.perception.echo_decay import listen
+from robot.core.perception.echo_decay import update_through
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
@@ -30,7 +30,7 @@ from robot.core.perception.echoes import (
     QUARTER,
     SURE,
     Echoes,
-    hear,
+    record,
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
@@ -59,7 +59,7 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
 
 def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
     sectors = Sectors()
-    listen(echoes, seen, RADIUS_MM)
+    update_through(echoes, seen, RADIUS_MM)
     open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
     return sectors
 
@@ -192,9 +192,9 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
 def test_what_was_heard_before_a_point_was_there_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
-        listen(echoes, seen, RADIUS_MM)
+        update_through(echoes, seen, RADIUS_MM)
         open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
-        hear(echoes, pose, pose, seen, RADIUS_MM)
+        record(echoes, pose, pose, seen, RADIUS_MM)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 
@@ -211,13 +211,13 @@ def test_when_there_is_no_room_one_of_the_far_sectors_goes() -> None:
     assert measured(points((150, 0), *crowd)).count == NEAR
 
 
-def walker(at_rad: float, range_m: float, nears_m_s: float, across_m_s: float = 0.0) -> Ring:
-    seen, walkers = ring({}), Ring().walkers
-    walkers.any = True
-    walkers.seen[0] = walkers.sure[0] = 1
-    walkers.at_rad[0], walkers.range_m[0] = at_rad, range_m
-    walkers.nears_m_s[0], walkers.across_m_s[0] = nears_m_s, across_m_s
-    seen.walkers = walkers
+def walker(at_rad: float, range_m: float, approach_m_s: float, across_m_s: float = 0.0) -> Ring:
+    seen, pedestrians = ring({}), Ring().pedestrians
+    pedestrians.any = True
+    pedestrians.seen[0] = pedestrians.sure[0] = 1
+    pedestrians.at_rad[0], pedestrians.range_m[0] = at_rad, range_m
+    pedestrians.approach_m_s[0], pedestrians.across_m_s[0] = approach_m_s, across_m_s
+    seen.pedestrians = pedestrians
     return seen
 
 
@@ -242,7 +242,7 @@ def test_who_walks_across_is_met_where_he_will_be(across_m_s: float) -> None:
 
 def test_who_only_may_walk_or_is_far_away_closes_nothing() -> None:
     unsure = walker(0.0, 0.5, 0.1)
-    unsure.walkers.sure[0] = 0
+    unsure.pedestrians.sure[0] = 0
     assert measured(Echoes(), seen=unsure).count == 0
     assert measured(Echoes(), seen=walker(0.0, 1.3, 0.1)).count == 0
 

@@ -18,7 +18,7 @@ def test_every_navigator_of_the_dialect_is_there_and_has_its_name() -> None:
 @pytest.mark.parametrize("number", NAVIGATORS)
 @pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
 def test_a_fresh_memory_is_a_new_one_with_the_side_asked_for(number: int, side: int) -> None:
-    one, other = registry.fresh(number, side), registry.fresh(number, side)
+    one, other = registry.new_memory(number, side), registry.new_memory(number, side)
     assert one is not other
     assert one.side == side
 

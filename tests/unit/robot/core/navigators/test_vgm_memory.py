@@ -8,9 +8,9 @@ from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.navigators.memory import loops
 from robot.core.navigators.vgm_following import SHUT, Memory
-from robot.core.navigators.vgm_memory import PROMISES, STOOD
+from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL
 from robot.core.parameters import DEFAULTS
-from robot.core.perception import flank_walker as escorts
+from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import MOST_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
@@ -142,7 +142,7 @@ def test_promised_progress_is_enough_only_while_promises_are_kept() -> None:
     memory = alongside(1.0)
     assert stand(memory, ring({0: 130}), 2).branch == states.TO_GOAL
     doubtful = alongside(1.0)
-    doubtful.broken = PROMISES
+    doubtful.failed_leaves = MAX_FAILED_LEAVES
     assert stand(doubtful, ring({0: 130}), 2).branch == states.PASS_LEFT
 
 
@@ -192,13 +192,13 @@ def test_shut_in_on_all_sides_it_looks_round_and_in_the_end_believes_none_of_it(
 def test_who_walks_alongside_is_let_go_ahead(side: int) -> None:
     memory, x_m = Memory(), 0.0
     beside = ring({7: 100, 6: 2500} if side == states.LEFT else {0: 100, 1: 2500})
-    while memory.escort.ticks == 0 and x_m < 1.0:
+    while memory.flank_walker.ticks == 0 and x_m < 1.0:
         x_m += 0.01
         step(memory, Pose(x_m, 0.0, 0.0), beside)
     decisions = [step(memory, Pose(x_m, 0.0, 0.0), SILENT) for _ in range(80)]
     assert wrap(decisions[0].goal_bearing_rad + decisions[0].rotation_rad) * side < -1.0
     waits = [decision.speed_limit_m_s == 0.0 for decision in decisions]
-    assert waits[escorts.DRIVE_TICKS + 2]
+    assert waits[flank_walkers.DRIVE_TICKS + 2]
     assert decisions[-1].branch == states.TO_GOAL
     assert decisions[-1].speed_limit_m_s > 0.0
 
@@ -275,11 +275,11 @@ def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
 def test_a_heading_that_lets_nothing_through_is_barred_in_the_end() -> None:
     """The sonars see a way and the robot gets nowhere on it, as between two rims too near."""
     memory = Memory()
-    assert stand(memory, SILENT, 3 * STOOD).branch == states.TO_GOAL
+    assert stand(memory, SILENT, 3 * MAX_STILL).branch == states.TO_GOAL
     assert stand(memory, SILENT, 6).branch in PASSING
     assert memory.echoes.weight[0] > MOST_WEIGHT
     x_m = 0.0
     moving = Memory()
-    for _ in range(5 * STOOD):
+    for _ in range(5 * MAX_STILL):
         x_m += 0.005
         assert step(moving, Pose(x_m, 0.0, 0.0), SILENT).branch == states.TO_GOAL

@@ -29,7 +29,7 @@ class Onlooker:
     """A robot that is carried about, and what it makes of what it sees."""
 
     def __init__(self, speed_m_s: float = 0.0, yaw_rate_rad_s: float = 0.0) -> None:
-        self.odometry, self.walkers = Odometry(), Pedestrians()
+        self.odometry, self.pedestrians = Odometry(), Pedestrians()
         self.odometry.speed_m_s, self.odometry.yaw_rate_rad_s = speed_m_s, yaw_rate_rad_s
 
     def among(
@@ -43,7 +43,7 @@ class Onlooker:
                 t = tick * PERIOD_S
                 discs = [(person[0] + t * person[2], person[1] + t * person[3], PERSON_M)]
             ring = seen_from(pose, walls, discs)
-            closings.watch(self.walkers, ring, self.odometry, DEFAULTS)
+            closings.watch(self.pedestrians, ring, self.odometry, DEFAULTS)
             self.drive()
         return ring
 
@@ -56,7 +56,7 @@ class Onlooker:
         self.odometry.pose = Pose(x_m, y_m, heading_rad)
 
     def believed(self) -> list[int]:
-        return [k for k in range(TRACKS) if self.walkers.sure[k]]
+        return [k for k in range(TRACKS) if self.pedestrians.sure[k]]
 
 
 @pytest.mark.parametrize("bearing_rad", [-1.2, -0.6, 0.0, 0.4, 1.0])
@@ -65,7 +65,7 @@ def test_a_person_who_stands_does_not_walk(bearing_rad: float, speed_m_s: float)
     onlooker = Onlooker(speed_m_s)
     place = (1.1 * cos(bearing_rad), 1.1 * sin(bearing_rad), 0.0, 0.0)
     for ticks in (10, 20, 30):
-        assert max(onlooker.among(place, [], ticks).walks_m_s) == 0.0
+        assert max(onlooker.among(place, [], ticks).approach_m_s) == 0.0
         assert not onlooker.believed()
         onlooker = Onlooker(speed_m_s)
 
@@ -77,21 +77,21 @@ def test_who_comes_at_the_robot_is_known_by_how_fast(bearing_rad: float, speed_m
     onlooker = Onlooker(speed_m_s)
     ring = onlooker.among((1.1 * c, 1.1 * s, -0.15 * c, -0.15 * s), [], 36)
     assert len(onlooker.believed()) == 1
-    assert 0.1 < max(ring.walks_m_s) < 0.2
+    assert 0.1 < max(ring.approach_m_s) < 0.2
 
 
 def test_who_goes_away_walks_too_but_not_at_the_robot() -> None:
     onlooker = Onlooker()
-    assert max(onlooker.among((0.8, 0.1, 0.15, 0.0), [], 40).walks_m_s) == 0.0
+    assert max(onlooker.among((0.8, 0.1, 0.15, 0.0), [], 40).approach_m_s) == 0.0
     (k,) = onlooker.believed()
-    assert onlooker.walkers.nears_m_s[k] < -0.1
+    assert onlooker.pedestrians.approach_m_s[k] < -0.1
 
 
 def test_who_walks_across_is_known_by_how_fast() -> None:
     onlooker = Onlooker(0.1)
     onlooker.among((1.0, -0.5, 0.0, 0.15), [], 50)
     (k,) = onlooker.believed()
-    assert 0.08 < onlooker.walkers.across_m_s[k] < 0.22
+    assert 0.08 < onlooker.pedestrians.across_m_s[k] < 0.22
 
 
 def test_who_has_been_seen_walks_on_behind_the_robot_for_a_while() -> None:
@@ -100,12 +100,15 @@ def test_who_has_been_seen_walks_on_behind_the_robot_for_a_while() -> None:
     (k,) = onlooker.believed()
     onlooker.among(None, [], BEHIND // 2)
     assert onlooker.believed() == [k]
-    at_rad, away_m = onlooker.walkers.at_rad[k], onlooker.walkers.range_m[k] + 0.12 + PERSON_M
+    at_rad, away_m = (
+        onlooker.pedestrians.at_rad[k],
+        onlooker.pedestrians.range_m[k] + 0.12 + PERSON_M,
+    )
     x_m = 0.8 - 0.2 * PERIOD_S * (85 + BEHIND // 2)
     assert hypot(away_m * cos(at_rad) - x_m, away_m * sin(at_rad) - 0.5) < 0.3
     onlooker.among(None, [], BEHIND)
     assert not onlooker.believed()
-    assert not onlooker.walkers.any
+    assert not onlooker.pedestrians.any
 
 
 @pytest.mark.parametrize("yaw_rate_rad_s", [-0.8, 0.8])
@@ -113,14 +116,14 @@ def test_turning_on_the_spot_makes_nothing_walk(yaw_rate_rad_s: float) -> None:
     onlooker = Onlooker(0.0, yaw_rate_rad_s)
     walls: list[Wall] = [(-2.0, 0.5, 2.0, 0.5), (0.9, -2.0, 0.9, 2.0), (-2.0, -0.7, 2.0, -0.7)]
     for _ in range(12):
-        assert max(onlooker.among(None, walls, 10).walks_m_s) == 0.0
+        assert max(onlooker.among(None, walls, 10).approach_m_s) == 0.0
 
 
 @pytest.mark.parametrize("y_m", [0.2, 0.5, -0.4])
 def test_a_wall_beside_the_way_walks_nowhere(y_m: float) -> None:
     onlooker = Onlooker(0.3)
     ring = onlooker.among(None, [(-3.0, y_m, 4.0, y_m + 0.4)], 80)
-    assert max(ring.walks_m_s) == 0.0
+    assert max(ring.approach_m_s) == 0.0
     assert not onlooker.believed()
 
 
@@ -135,13 +138,13 @@ def test_another_echo_is_not_the_last_one_come_nearer() -> None:
 def test_far_away_nothing_is_followed() -> None:
     onlooker = Onlooker()
     onlooker.among((2.5, 0.0, -0.2, 0.0), [], 20)
-    assert not onlooker.walkers.any
+    assert not onlooker.pedestrians.any
 
 
 def test_too_near_to_be_measured_it_still_walks() -> None:
     onlooker = Onlooker()
     ring = onlooker.among((0.72, 0.0, -0.2, 0.0), [], 40)
-    assert max(ring.walks_m_s) > 0.1
+    assert max(ring.approach_m_s) > 0.1
 
 
 @given(scans)
@@ -153,10 +156,10 @@ def test_it_is_total_and_what_walks_is_a_finite_speed(
         rings.update(ring, Scan(tuple(ranges), (0,) * 8, bits, 0xFF), tick * 50, DEFAULTS)
         onlooker.odometry.speed_m_s = speed_m_s
         onlooker.odometry.pose = Pose(0.0, 0.0, heading_rad)
-        closings.watch(onlooker.walkers, ring, onlooker.odometry, DEFAULTS)
-        for walks_m_s, range_m in zip(ring.walks_m_s, ring.range_m, strict=True):
-            assert walks_m_s >= 0.0
-            assert walks_m_s == 0.0 or (range_m is not None and isfinite(walks_m_s + range_m))
+        closings.watch(onlooker.pedestrians, ring, onlooker.odometry, DEFAULTS)
+        for approach_m_s, range_m in zip(ring.approach_m_s, ring.range_m, strict=True):
+            assert approach_m_s >= 0.0
+            assert approach_m_s == 0.0 or (range_m is not None and isfinite(approach_m_s + range_m))
 
 
 def test_a_speed_that_is_no_number_forgets_everybody() -> None:
@@ -164,7 +167,7 @@ def test_a_speed_that_is_no_number_forgets_everybody() -> None:
     onlooker.among((1.0, 0.0, -0.15, 0.0), [], 30)
     onlooker.odometry.speed_m_s = nan
     onlooker.among(None, [], 1)
-    assert not onlooker.walkers.any
+    assert not onlooker.pedestrians.any
     assert not onlooker.believed()
 
 
@@ -176,14 +179,14 @@ def test_more_echoes_than_tracks_keep_who_walks() -> None:
     person = (0.65, 0.0, PERSON_M)
     for _ in range(3):
         ring = seen_from(onlooker.odometry.pose, [], [*posts, person])
-        closings.watch(onlooker.walkers, ring, onlooker.odometry, DEFAULTS)
+        closings.watch(onlooker.pedestrians, ring, onlooker.odometry, DEFAULTS)
     assert k in onlooker.believed()
 
 
-def seen(range_m: float, i: int, walks_m_s: float) -> Ring:
+def seen(range_m: float, i: int, approach_m_s: float) -> Ring:
     ring = Ring()
     ring.range_m = [inf] * 8
-    ring.range_m[i], ring.walks_m_s[i] = range_m, walks_m_s
+    ring.range_m[i], ring.approach_m_s[i] = range_m, approach_m_s
     return ring
 
 

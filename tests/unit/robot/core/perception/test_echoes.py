@@ -38,9 +38,9 @@ def look(
     echoes: Echoes, seen: Ring, looks: int, pose: Pose = HERE, before: Pose | None = None
 ) -> None:
     for _ in range(looks):
-        echo_decay.listen(echoes, seen, RADIUS_MM)
+        echo_decay.update_through(echoes, seen, RADIUS_MM)
         echo_decay.fade(echoes, pose)
-        memory.hear(echoes, before or pose, pose, seen, RADIUS_MM)
+        memory.record(echoes, before or pose, pose, seen, RADIUS_MM)
 
 
 def remembered(seen: Ring, looks: int = 2, pose: Pose = HERE) -> Echoes:
@@ -216,7 +216,7 @@ def test_cleared_there_is_nothing_to_confirm() -> None:
 def passed_through(seen: Ring, bearing: int, range_mm: int) -> bool:
     echoes = Echoes()
     echoes.count = 1
-    echo_decay.listen(echoes, seen, RADIUS_MM)
+    echo_decay.update_through(echoes, seen, RADIUS_MM)
     return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[echo_decay.looks_at(bearing)]
 
 

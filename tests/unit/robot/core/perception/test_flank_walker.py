@@ -2,7 +2,7 @@ from math import cos, pi, sin
 
 import pytest
 
-from robot.core.perception import flank_walker as escorts
+from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.perception.flank_walker import (
     ALONG_MM,
@@ -21,8 +21,8 @@ STEP_M = 0.01
 ALONG_TICKS = int(0.001 * ALONG_MM / STEP_M) + 2
 
 
-def watch(escort: FlankWalker, pose: Pose, seen: Ring) -> bool:
-    return escorts.watch(escort, seen, pose)
+def watch(flank_walker: FlankWalker, pose: Pose, seen: Ring) -> bool:
+    return flank_walkers.watch(flank_walker, seen, pose)
 
 
 def beside(side: int, range_m: float = 0.5 * NEAR_M) -> Ring:
@@ -39,82 +39,82 @@ def straight(ticks: int, heading_rad: float = 0.0) -> list[Pose]:
 @FLANKS
 @pytest.mark.parametrize("heading_rad", [0.0, 2.0, pi - 0.01])
 def test_who_walks_alongside_is_noticed_and_turned_away_from(side: int, heading_rad: float) -> None:
-    escort = FlankWalker()
-    told = [watch(escort, pose, beside(side)) for pose in straight(ALONG_TICKS, heading_rad)]
+    flank_walker = FlankWalker()
+    told = [watch(flank_walker, pose, beside(side)) for pose in straight(ALONG_TICKS, heading_rad)]
     assert sum(told) == 1
-    assert escort.ticks == GIVE_WAY_TICKS
-    turned = (escort.heading - int(BRADS * heading_rad) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    assert flank_walker.ticks == GIVE_WAY_TICKS
+    turned = (flank_walker.heading - int(BRADS * heading_rad) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
     assert turned == -side * ASIDE
 
 
 @FLANKS
 def test_the_end_of_a_wall_that_is_passed_is_nobody(side: int) -> None:
     wall: list[Wall] = [(-3.0, side * 0.25, 0.0, side * 0.25)]
-    escort = FlankWalker()
+    flank_walker = FlankWalker()
     for k in range(200):
         pose = Pose(-1.0 + STEP_M * k, 0.0, 0.0)
-        assert not watch(escort, pose, seen_from(pose, wall))
+        assert not watch(flank_walker, pose, seen_from(pose, wall))
 
 
 @FLANKS
 def test_a_post_that_is_passed_is_nobody(side: int) -> None:
-    escort = FlankWalker()
+    flank_walker = FlankWalker()
     for k in range(200):
         pose = Pose(-1.0 + STEP_M * k, 0.0, 0.0)
-        assert not watch(escort, pose, seen_from(pose, [], [(0.0, side * 0.25, 0.05)]))
+        assert not watch(flank_walker, pose, seen_from(pose, [], [(0.0, side * 0.25, 0.05)]))
 
 
 @FLANKS
 def test_a_disc_that_keeps_up_is_somebody(side: int) -> None:
-    escort = FlankWalker()
+    flank_walker = FlankWalker()
     told = []
     for pose in straight(ALONG_TICKS):
         person = (pose.x_m - 0.04, side * 0.30, 0.10)
-        told.append(watch(escort, pose, seen_from(pose, [], [person])))
+        told.append(watch(flank_walker, pose, seen_from(pose, [], [person])))
     assert any(told)
 
 
 def test_a_wall_that_goes_on_is_nobody() -> None:
-    escort = FlankWalker()
+    flank_walker = FlankWalker()
     wall: list[Wall] = [(-3.0, -0.25, 3.0, -0.25)]
-    assert not any(watch(escort, pose, seen_from(pose, wall)) for pose in straight(100))
+    assert not any(watch(flank_walker, pose, seen_from(pose, wall)) for pose in straight(100))
 
 
 @FLANKS
 def test_round_a_pillar_on_an_arc_it_is_nobody_who_walks(side: int) -> None:
     """What stands still stays beside a robot that turns about it."""
-    escort, radius_m = FlankWalker(), 0.3
+    flank_walker, radius_m = FlankWalker(), 0.3
     for k in range(400):
         angle_rad = side * k * STEP_M / radius_m
         pose = Pose(radius_m * sin(angle_rad), -side * radius_m * cos(angle_rad), angle_rad)
-        assert not watch(escort, pose, beside(side))
+        assert not watch(flank_walker, pose, beside(side))
 
 
 @FLANKS
 def test_who_comes_to_the_other_flank_is_watched_anew(side: int) -> None:
-    escort = FlankWalker()
+    flank_walker = FlankWalker()
     half = ALONG_TICKS * 2 // 3
     told = [
-        watch(escort, pose, beside(side if k < half else -side))
+        watch(flank_walker, pose, beside(side if k < half else -side))
         for k, pose in enumerate(straight(2 * half))
     ]
     assert not any(told)
 
 
 def test_a_robot_that_stands_is_escorted_by_nobody() -> None:
-    escort = FlankWalker()
-    assert not any(watch(escort, Pose(1.0, 1.0, 0.5), beside(1)) for _ in range(500))
+    flank_walker = FlankWalker()
+    assert not any(watch(flank_walker, Pose(1.0, 1.0, 0.5), beside(1)) for _ in range(500))
 
 
 @FLANKS
 def test_a_flank_is_where_only_the_last_sonar_sees_something_near(side: int) -> None:
     last, before = (7, 6) if side > 0 else (0, 1)
     near_mm, far_mm = round(500.0 * NEAR_M), round(1000.0 * (NEAR_M + BEFORE_M))
-    assert escorts.flank(ring({last: near_mm, before: near_mm + far_mm})) == side
-    assert escorts.flank(ring({last: near_mm})) == side
-    assert escorts.flank(ring({last: near_mm, before: near_mm + 50})) == 0
-    assert escorts.flank(ring({last: far_mm})) == 0
-    assert escorts.flank(ring({})) == 0
+    assert flank_walkers.flank(ring({last: near_mm, before: near_mm + far_mm})) == side
+    assert flank_walkers.flank(ring({last: near_mm})) == side
+    assert flank_walkers.flank(ring({last: near_mm, before: near_mm + 50})) == 0
+    assert flank_walkers.flank(ring({last: far_mm})) == 0
+    assert flank_walkers.flank(ring({})) == 0
 
 
 @FLANKS
@@ -122,4 +122,4 @@ def test_a_flank_is_where_only_the_last_sonar_sees_something_near(side: int) -> 
 def test_a_flank_with_a_sonar_that_says_nothing_is_none(side: int, silent: int) -> None:
     seen = beside(side)
     seen.range_m[(7 - silent) if side > 0 else silent] = None
-    assert escorts.flank(seen) == 0
+    assert flank_walkers.flank(seen) == 0

@@ -18,7 +18,7 @@ TRACK_M = DEFAULTS.track_m
 def told(speed_m_s: float = TOLD_M_S, since_ms: int = 0) -> Wheel:
     """A wheel that was told to turn like this a moment ago."""
     wheel = Wheel()
-    stalls.tell(wheel, speed_m_s, since_ms, DEFAULTS)
+    stalls.command(wheel, speed_m_s, since_ms, DEFAULTS)
     return wheel
 
 
@@ -70,7 +70,7 @@ def doubted(missing_m: float, *, left: bool, odometry: Odometry | None = None) -
     odometry.pyy = odometry.pyh = odometry.phh = 0.0
     stall = Stall()
     wheel = stall.left if left else stall.right
-    stalls.tell(wheel, TOLD_M_S, 0, DEFAULTS)
+    stalls.command(wheel, TOLD_M_S, 0, DEFAULTS)
     wheel.missing_m = missing_m - TOLD_M
     stalls.watch(stall, odometry, 0, DEFAULTS)
     return odometry
@@ -126,7 +126,7 @@ def test_a_wheel_that_turns_its_share_of_all_it_was_told_is_not_stuck(
 ) -> None:
     params = DEFAULTS._replace(wheel_share=0.25, period_s=0.0625)
     wheel = told(sign * 0.5)
-    wheel.told_m, wheel.turned_m = sign * 0.96875, sign * share
+    wheel.commanded_m, wheel.turned_m = sign * 0.96875, sign * share
     assert stalls.is_stuck(wheel, 0.0, TIME_MS + 1, params) == stuck, "of one metre"
 
 
@@ -134,7 +134,7 @@ def test_both_sums_go_on_until_the_verdict() -> None:
     wheel = told()
     for number in (1, 2, 3):
         assert not stalls.is_stuck(wheel, 0.002, 0, DEFAULTS)
-        assert wheel.told_m == pytest.approx(number * TOLD_M)
+        assert wheel.commanded_m == pytest.approx(number * TOLD_M)
         assert wheel.turned_m == pytest.approx(number * 0.002)
 
 
@@ -143,7 +143,7 @@ def test_after_the_verdict_it_is_judged_anew(turned_m: float, stuck: bool) -> No
     wheel = told()
     now_ms = TIME_MS + 1
     assert stalls.is_stuck(wheel, turned_m, now_ms, DEFAULTS) == stuck
-    assert (wheel.told_m, wheel.turned_m, wheel.told_m_s) == (0.0, 0.0, 0.0)
+    assert (wheel.commanded_m, wheel.turned_m, wheel.commanded_m_s) == (0.0, 0.0, 0.0)
     assert wheel.since_ms == now_ms
 
 
@@ -159,7 +159,7 @@ def test_a_stuck_wheel_misses_its_coasting_as_well() -> None:
 def test_one_stuck_wheel_is_enough(left_stands: bool, right_stands: bool) -> None:
     stall, odometry = Stall(), Odometry()
     for wheel in (stall.left, stall.right):
-        stalls.tell(wheel, TOLD_M_S, 0, DEFAULTS)
+        stalls.command(wheel, TOLD_M_S, 0, DEFAULTS)
     odometry.left_m = 0.0 if left_stands else TOLD_M
     odometry.right_m = 0.0 if right_stands else TOLD_M
     stalls.watch(stall, odometry, TIME_MS + 1, DEFAULTS)
@@ -189,9 +189,9 @@ def test_a_stop_a_slow_command_or_a_change_of_direction_begins_afresh(
     before_m_s: float, now_m_s: float, afresh: bool, kept_m_s: float
 ) -> None:
     wheel = told(before_m_s, since_ms=1_000)
-    wheel.told_m, wheel.turned_m = 0.5, 0.25
+    wheel.commanded_m, wheel.turned_m = 0.5, 0.25
     since_ms = wheel.since_ms
-    stalls.tell(wheel, now_m_s, 2_000, DEFAULTS)
-    sums = (wheel.told_m, wheel.turned_m, wheel.since_ms)
+    stalls.command(wheel, now_m_s, 2_000, DEFAULTS)
+    sums = (wheel.commanded_m, wheel.turned_m, wheel.since_ms)
     assert sums == ((0.0, 0.0, 2_000) if afresh else (0.5, 0.25, since_ms))
-    assert wheel.told_m_s == kept_m_s
+    assert wheel.commanded_m_s == kept_m_s

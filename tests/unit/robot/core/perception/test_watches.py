@@ -22,7 +22,7 @@ def told(left_m_s: float, turned: float, seconds: float) -> bool:
     for k in range(round(seconds * 20)):
         stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
         stuck = stuck or stall.stuck
-        stalls.tell(stall.left, left_m_s, k * PERIOD_MS, DEFAULTS)
+        stalls.command(stall.left, left_m_s, k * PERIOD_MS, DEFAULTS)
     return stuck
 
 
@@ -50,7 +50,7 @@ def test_a_command_to_and_fro_is_never_stuck() -> None:
     for k in range(100):
         stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
         assert not stall.stuck
-        stalls.tell(stall.left, 0.2 if (k // 4) % 2 else -0.2, k * PERIOD_MS, DEFAULTS)
+        stalls.command(stall.left, 0.2 if (k // 4) % 2 else -0.2, k * PERIOD_MS, DEFAULTS)
 
 
 def verdict(poses: "list[Pose]", distances_m: "list[float]", step_ms: int = 1000) -> int:
@@ -104,7 +104,7 @@ def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odome
         odometry.right_m = speed_m_s * DEFAULTS.period_s if k else 0.0
         stalls.watch(stall, odometry, k * PERIOD_MS, DEFAULTS)
         for wheel in (stall.left, stall.right):
-            stalls.tell(wheel, speed_m_s, k * PERIOD_MS, DEFAULTS)
+            stalls.command(wheel, speed_m_s, k * PERIOD_MS, DEFAULTS)
     return odometry
 
 

@@ -126,17 +126,17 @@ def test_an_echo_beside_the_robot_is_not_in_its_way() -> None:
 def test_what_walks_at_a_flank_does_not_keep_the_robot_in_its_way() -> None:
     for i in (0, 1, 6, 7):
         near = ring({i: 60})
-        near.walks_m_s[i] = 0.1
+        near.approach_m_s[i] = 0.1
         assert limit(0.3, 0.0, near) == (1.0, reasons.OK)
 
 
 def test_what_walks_ahead_leaves_less_room() -> None:
     seen = ring({3: 120})
     standing, _ = limit(0.3, 0.0, seen)
-    seen.walks_m_s[3] = 0.1
+    seen.approach_m_s[3] = 0.1
     walking, _ = limit(0.3, 0.0, seen)
     assert 0.0 < walking < standing
-    seen.walks_m_s[3] = 0.2
+    seen.approach_m_s[3] = 0.2
     assert limit(0.3, 0.0, seen) == (0.0, reasons.OBSTACLE_AHEAD)
 
 
