@@ -1,0 +1,1 @@
+"""Trials, studies over many worlds, their report, and calibration."""

@@ -1,4 +1,4 @@
-"""What a study comes to, for people: one HTML page, Markdown, and the README's table."""
+"""Report of a study: one HTML page, Markdown, and the README's table."""
 
 from study.report.build import ReportRequest
 from study.report.output.files import write

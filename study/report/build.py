@@ -1,4 +1,4 @@
-"""The whole report of a table of trials, as a page."""
+"""Build the page of the report from a table of trials."""
 
 from dataclasses import dataclass, field
 
@@ -14,67 +14,69 @@ from study.report.charts.distributions import (
     ratio_figure,
     success_figure,
 )
-from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, chosen, gallery
-from study.report.comparisons import compared, comparison_table
+from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
+from study.report.comparisons import comparison_table, comparisons
 from study.report.families import family_table
 from study.report.how_run import how_run
-from study.report.page import Block, Page, Section, Text
-from study.report.paper.runs import Runs
+from study.report.page import Block, Paragraph, ReportPage, Section
+from study.report.paper.runs import PaperRuns
 from study.report.paper.section import paper_section
-from study.report.paper.targets import targets, wanted_table
+from study.report.paper.targets import target_table, targets
 from study.report.summary import main_table, more_table, summaries
 from study.report.trials import Trials, distinct, trials_of
 
-TITLE = "How the navigators compare"
+TITLE = "Comparison of the navigators"
 
 
 def no_world(source: str) -> World:
-    raise UserError(f"world {source}: this report was asked for without its worlds")
+    """Raise UserError: the report has no source of worlds."""
+    raise UserError(f"world {source}: this report was requested without its worlds")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportRequest:
-    """What a report needs besides its trials; `runs` of the paper's figures, may be none."""
+    """Inputs of a report besides its trials; `runs` of the paper's figures may be empty."""
 
     command: str = ""
-    runs: Runs = field(default_factory=Runs)
+    runs: PaperRuns = field(default_factory=PaperRuns)
     world_of: WorldOf = no_world
     failures: int = PER_NAVIGATOR
     jobs: int = 1
 
 
-def page_of(table: pa.Table, asked: ReportRequest) -> Page:
+def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
+    """Return the page of a study."""
     every = trials_of(table)
     trials = distinct(every)
-    lead = (*how_run(every, len(trials), asked.command),)
+    lead = (*how_run(every, len(trials), request.command),)
     if not len(trials):
-        nothing = Text("**There is no trial in this study**, so there is nothing to compare.")
-        return Page(TITLE, (nothing,), (paper_section(trials, asked.runs),))
+        nothing = Paragraph("**There is no trial in this study**, so there is nothing to compare.")
+        return ReportPage(TITLE, (nothing,), (paper_section(trials, request.runs),))
     sections = (
         _summary(trials),
-        Section("Figures to reach", (wanted_table(targets(trials)),)),
+        Section("Figures to reach", (target_table(targets(trials)),)),
         _families(trials),
         _comparisons(trials),
         Section("Final pose", (error_figure(trials), error_table(trials))),
-        Section("Length of the way", (ratio_figure(trials),)),
+        Section("Path length", (ratio_figure(trials),)),
         Section("Decisions and behaviour", behaviour_blocks(trials)),
-        paper_section(trials, asked.runs),
-        gallery(chosen(table, trials, asked.failures), asked.world_of, asked.jobs),
-        Section("How to read this", (Text(READING), Text(SEEDS))),
+        paper_section(trials, request.runs),
+        gallery(selected_failures(table, trials, request.failures), request.world_of, request.jobs),
+        Section("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
     )
-    return Page(TITLE, lead, sections)
+    return ReportPage(TITLE, lead, sections)
 
 
 READING = (
-    "A trial is a success when the robot arrived by its own belief and touched nothing, also not "
-    "what moved into it; where there is no way to the goal, when it said so. `stuck`, `timeout`, "
-    "`collided`, `aborted` and trials that failed are none. The true error says how far from the "
-    "goal it stood in truth, which drift decides more than the navigator. The shortest way is that "
-    "of a disc of the robot's radius in a known map."
+    "A trial is a success when the robot reached the goal by its own estimate and touched nothing, "
+    "including obstacles that moved into it; where there is no path to the goal, when it reported "
+    "so. `stuck`, `timeout`, `collided`, `aborted` and failed trials are not successes. The true "
+    "error is the true distance from the goal, which depends on drift more than on the navigator. "
+    "The shortest path is that of a disc of the robot's radius in a known map."
 )
 SEEDS = (
     "Several seeds of one world are not independent trials of independent worlds: Wilson's "
-    "intervals speak of these worlds. The tests by worlds allow for it."
+    "intervals are valid for these worlds only. The tests by worlds allow for this."
 )
 
 
@@ -92,9 +94,11 @@ def _families(trials: Trials) -> Section:
 def _comparisons(trials: Trials) -> Section:
     blocks: list[Block] = []
     for noise in trials.values("noise"):
-        found = compared(trials, noise)
+        found = comparisons(trials, noise)
         if found:
             blocks.append(comparison_table(found, noise))
     if not blocks:
-        blocks = [Text("No two navigators drove in the same worlds, so there is no comparison.")]
-    return Section("Comparisons in pairs", tuple(blocks))
+        blocks = [
+            Paragraph("No two navigators drove in the same worlds, so there is no comparison.")
+        ]
+    return Section("Pairwise comparisons", tuple(blocks))

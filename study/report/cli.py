@@ -1,4 +1,4 @@
-"""`sidestep study report DIR`: the report of a study that was run."""
+"""`sidestep study report DIR`: write the report of a study."""
 
 import argparse
 import sys
@@ -23,7 +23,7 @@ MAX_SEEDS: Final = 1000
 
 
 def main(argv: Sequence[str]) -> int:
-    """0, or 2 for wrong usage (argparse); raises UserError for what cannot be read or written."""
+    """Return 0, or 2 for wrong usage (argparse); raise UserError for unusable files."""
     options = parser().parse_args(argv)
     output = options.output or options.study
     files = report(
@@ -47,46 +47,47 @@ def report(
     jobs: int = 1,
     paper_seeds: int = SEEDS,
 ) -> list[Path]:
-    """The report of the study in that directory, finished or not; the files written."""
+    """Write the report of a study, finished or not; return the files written."""
     table = read(study)
     if paper_seeds:
-        print("sidestep study report: driving the paper's figures", file=sys.stderr)
-    asked = ReportRequest(
+        print("sidestep study report: running the paper's figures", file=sys.stderr)
+    request = ReportRequest(
         command=commands_of(study),
         runs=run_paper(jobs, paper_seeds),
         world_of=partial(world_of, directory=study),
         failures=failures,
         jobs=jobs,
     )
-    return write(table, output, asked)
+    return write(table, output, request)
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
     made = argparse.ArgumentParser(
         prog="sidestep study report", description=__doc__, allow_abbrev=False
     )
     made.add_argument("study", type=Path, metavar="DIR", help="the study's directory")
-    made.add_argument("--output", type=Path, metavar="DIR", help="for the report; the study's own")
-    made.add_argument("--readme", type=Path, metavar="FILE", help="renew the table in it, too")
+    made.add_argument("--output", type=Path, metavar="DIR", help="for the report (DIR)")
+    made.add_argument("--readme", type=Path, metavar="FILE", help="also update the table in it")
     made.add_argument(
         "--failures",
         type=whole(0, MAX_FAILURES),
         default=PER_NAVIGATOR,
         metavar="N",
-        help=f"drawn of each navigator ({PER_NAVIGATOR})",
+        help=f"failures drawn per navigator ({PER_NAVIGATOR})",
     )
     made.add_argument(
         "--jobs",
         type=whole(1, MAX_JOBS),
         default=cpu_count() or 1,
         metavar="N",
-        help="processes that drive again (one per core)",
+        help="processes (one per core)",
     )
     made.add_argument(
         "--paper-seeds",
         type=whole(0, MAX_SEEDS),
         default=SEEDS,
         metavar="N",
-        help=f"of the drives in the paper's figures at each noise ({SEEDS}); 0 for none",
+        help=f"of the paper's figures at each noise level ({SEEDS}); 0 for none",
     )
     return made

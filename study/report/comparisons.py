@@ -1,4 +1,4 @@
-"""Two navigators on the same worlds, seeds and noise, and whether the difference is chance."""
+"""Pairwise comparison of navigators on the same worlds, seeds and noise, with tests."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.page import Cell, Table
+from study.report.page import PageCell, PageTable
 from study.report.trials import Trials
 from study.report.words import count, interval, number, probability
 from study.statistics.intervals import (
@@ -25,7 +25,11 @@ LEVEL: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """`worlds_*` counts worlds in which one succeeded oftener; `p_*` are Holm's once `compared`."""
+    """Two navigators at one noise level.
+
+    `worlds_*` counts worlds in which one succeeded more often. The `p_*` are adjusted by Holm's
+    method in `comparisons`.
+    """
 
     noise: str
     first: str
@@ -39,15 +43,18 @@ class Comparison:
     p_worlds: float
     common: int
     ratio: float
-    """Median over common successes of the first's way over the second's."""
+    """Median over common successes of the first path length over the second."""
     ratio_interval: Interval
     p_ratio: float
 
 
-def compared(trials: Trials, noise: str) -> list[Comparison]:
-    """Each with each at one noise; all tests of a kind at one noise are one family for Holm."""
+def comparisons(trials: Trials, noise: str) -> list[Comparison]:
+    """Compare each pair of navigators at one noise level.
+
+    All tests of one kind at one noise level form one family for Holm's method.
+    """
     chosen = trials.of(noise=noise)
-    each = {label: by_pair(chosen.of(label=label)) for label in chosen.labels()}
+    each = {label: runs_by_pair(chosen.of(label=label)) for label in chosen.labels()}
     found = [
         comparison(noise, (first, each[first]), (second, each[second]))
         for first, second in combinations(each, 2)
@@ -68,14 +75,16 @@ def compared(trials: Trials, noise: str) -> list[Comparison]:
 
 @dataclass(frozen=True, slots=True)
 class ComparedRun:
+    """The values of one trial that a comparison needs."""
+
     world: str
     success: bool
     path_m: float
-    """NaN unless it arrived."""
+    """NaN unless the goal was reached."""
 
 
-def by_pair(trials: Trials) -> Mapping[str, ComparedRun]:
-    """What decides a comparison, by what the two have in common."""
+def runs_by_pair(trials: Trials) -> Mapping[str, ComparedRun]:
+    """Return the runs of a navigator by the key they share with their counterparts."""
     path_m = np.where(trials.arrived & trials.possible, trials.numbers("path_m"), np.nan).tolist()
     rows = zip(
         trials.texts("pair").tolist(),
@@ -92,7 +101,7 @@ def comparison(
     one: tuple[str, Mapping[str, ComparedRun]],
     other: tuple[str, Mapping[str, ComparedRun]],
 ) -> Comparison:
-    """With p-values as they are, not adjusted."""
+    """Compare two navigators without adjusting the p-values."""
     pairs = [(ran, other[1][key]) for key, ran in sorted(one[1].items()) if key in other[1]]
     only_first = sum(a.success and not b.success for a, b in pairs)
     only_second = sum(b.success and not a.success for a, b in pairs)
@@ -119,18 +128,19 @@ def comparison(
 
 
 def _worlds(pairs: list[tuple[ComparedRun, ComparedRun]]) -> tuple[int, int]:
-    """In how many worlds the first succeeded oftener, and the second."""
+    """Return in how many worlds the first succeeded more often, and the second."""
     lead: dict[str, int] = {}
     for a, b in pairs:
         lead[a.world] = lead.get(a.world, 0) + a.success - b.success
     return sum(value > 0 for value in lead.values()), sum(value < 0 for value in lead.values())
 
 
-def comparison_table(found: list[Comparison], noise: str) -> Table:
+def comparison_table(found: list[Comparison], noise: str) -> PageTable:
+    """Return the table of the comparisons at one noise level."""
     head = (
         *("first", "second", "pairs", "only first", "only second", "p"),
         *("worlds first : second", "p by worlds"),
-        *("both arrive", "way first / second, median", "p way"),
+        *("both arrive", "path first / second, median", "p path"),
     )
     rows = tuple(
         (
@@ -147,15 +157,15 @@ def comparison_table(found: list[Comparison], noise: str) -> Table:
     )
     caption = (
         f"Noise `{noise}`. Success: exact McNemar test on trials, and a sign test on worlds, which "
-        "does not take several seeds of one world for independent. Way: Wilcoxon's signed ranks of "
-        "the logarithms where both arrive. All p-values are adjusted by Holm's method; "
-        f"**bold**, with who is better, where p < {LEVEL:g}."
+        "does not treat several seeds of one world as independent. Path: Wilcoxon's signed ranks "
+        "of the logarithms where both arrive. All p-values are adjusted by Holm's method; "
+        f"**bold**, with the better one, where p < {LEVEL:g}."
     )
-    return Table(caption, head, rows, names=2)
+    return PageTable(caption, head, rows, names=2)
 
 
-def _p(p: float, lead: float) -> Cell:
-    """Marked where it is no chance, with who leads."""
+def _p(p: float, lead: float) -> PageCell:
+    """Return a p-value, marked and with the better one where it is significant."""
     if p >= LEVEL or not lead:
-        return Cell(probability(p))
-    return Cell(f"**{probability(p)}** {'first' if lead > 0 else 'second'}")
+        return PageCell(probability(p))
+    return PageCell(f"**{probability(p)}** {'first' if lead > 0 else 'second'}")

@@ -1,13 +1,13 @@
-"""Navigator by family of worlds: where each succeeds and where it does not."""
+"""Success of each navigator by family of worlds."""
 
-from study.report.page import Cell, CellLike, Table
+from study.report.page import PageCell, PageCellLike, PageTable
 from study.report.trials import Trials
 from study.report.words import DASH, count, percent
 from study.statistics.intervals import Share
 
 
-def family_table(trials: Trials, noise: str) -> Table:
-    """Success by family at one noise, coloured from warm (never) to cool (always)."""
+def family_table(trials: Trials, noise: str) -> PageTable:
+    """Return success by family at one noise level, coloured from warm (0) to cool (1)."""
     chosen = trials.of(noise=noise)
     labels = chosen.labels()
     rows = []
@@ -16,14 +16,14 @@ def family_table(trials: Trials, noise: str) -> Table:
         worlds = len(set(some.texts("world_digest").tolist()))
         rows.append((family, count(worlds), *(_cell(some.of(label=label)) for label in labels)))
     caption = (
-        f"Noise `{noise}`: success in percent by family; in `unreachable`, saying so is the "
-        "success. The counts are of successes and trials."
+        f"Noise `{noise}`: success in percent by family; in `unreachable`, success is to report "
+        "it. In brackets: successes / trials."
     )
-    return Table(caption, ("family", "worlds", *labels), tuple(rows))
+    return PageTable(caption, ("family", "worlds", *labels), tuple(rows))
 
 
-def _cell(trials: Trials) -> CellLike:
+def _cell(trials: Trials) -> PageCellLike:
     if not len(trials):
-        return Cell(DASH, "none")
+        return PageCell(DASH, "none")
     found = Share(trials.count(trials.success), len(trials))
-    return Cell(f"{percent(found.rate, 0)} ({found.count}/{found.of})", heat=found.rate)
+    return PageCell(f"{percent(found.rate, 0)} ({found.count}/{found.of})", heat=found.rate)

@@ -1,4 +1,4 @@
-"""What was run, with what, on what: so that a reader can run it again."""
+"""Description of the run of a study: trials, code and machine, so that a reader can repeat it."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.page import Block, Code, Table, Text
+from study.report.page import Block, CodeBlock, PageTable, Paragraph
 from study.report.trials import NAVIGATORS, Trials
 from study.report.words import count, number
 from study.runner.rows import FAILED
@@ -15,17 +15,17 @@ SHOWN: Final = 6
 
 
 def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
-    """`trials` are all rows, `kept` how many of them are drives of their own."""
-    lead = Text(
+    """Describe all rows, of which `kept` are distinct drives."""
+    lead = Paragraph(
         f"{count(len(trials))} trials in {count(len(set(trials.texts('world_digest').tolist())))} "
         f"worlds of {len(trials.values('family'))} families, "
         f"{number(_sum(trials, 'time_s') / 3600.0, 1)} simulated hours in "
         f"{number(_sum(trials, 'cpu_s') / 3600.0, 2)} hours of processor time."
     )
     rows = tuple((name, text) for name, text in _facts(trials, kept).items())
-    caption = "What was run, and with what."
-    table = Table(caption, ("", ""), rows, names=2)
-    return (lead, Code(command), table) if command else (lead, table)
+    caption = "Trials, code and machine."
+    table = PageTable(caption, ("", ""), rows, names=2)
+    return (lead, CodeBlock(command), table) if command else (lead, table)
 
 
 def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
@@ -46,12 +46,12 @@ def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
     }
     if kept != len(trials):
         facts["repetitions"] = (
-            f"{count(len(trials) - kept)} trials repeat another one to the last bit, as without "
-            "noise every seed does; each drive is counted once"
+            f"{count(len(trials) - kept)} trials are bit-identical to another one, as all seeds "
+            "are without noise; each drive is counted once"
         )
     failed = trials.count(trials.has(outcome=FAILED))
     if failed:
-        facts["failed"] = f"{count(failed)} trials could not be run; each counts as no success"
+        facts["failed"] = f"{count(failed)} trials could not be run; none counts as a success"
     strange = [name for name in trials.values("navigator") if name not in NAVIGATORS]
     if strange:
         facts["unknown here"] = ", ".join(strange)

@@ -1,58 +1,70 @@
-"""What a report is made of, before anyone decides whether it becomes HTML or Markdown.
+"""Elements of a report page, independent of HTML and Markdown.
 
-Text may hold `code` and **strong**, nothing else.
+Text may contain `code` and **strong**, nothing else.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from study.report.charts.svg import Drawing
+from study.report.charts.svg import SvgDrawing
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
-    """`tone`: good, bad, open or none; `heat` from 0 to 1 colours a cell of a heat table."""
+class PageCell:
+    """A table cell.
+
+    `tone` is good, bad, open or none; `heat` from 0 to 1 colours a cell of a heat table.
+    """
 
     text: str
     tone: str = ""
     heat: float | None = None
 
 
-CellLike: TypeAlias = Cell | str
+PageCellLike: TypeAlias = PageCell | str
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class Paragraph:
+    """A paragraph of text."""
+
     words: str
 
 
 @dataclass(frozen=True, slots=True)
-class Items:
+class BulletList:
+    """A list of items."""
+
     words: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class CodeBlock:
+    """Lines of shell commands."""
+
     lines: str
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
-    """The first `names` columns name the row, the others hold figures and are set to the right."""
+class PageTable:
+    """A table whose first `names` columns name the row; figures in the others align right."""
 
     caption: str
     head: tuple[str, ...]
-    rows: tuple[tuple[CellLike, ...], ...]
+    rows: tuple[tuple[PageCellLike, ...], ...]
     names: int = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
-    """`name` is the file's beside the Markdown; `note` may be long, `code` can be pasted."""
+class PageFigure:
+    """A drawing with its caption.
+
+    `name` is that of the file beside the Markdown; `note` may be long, `code` can be pasted.
+    """
 
     name: str
-    drawing: Drawing
+    drawing: SvgDrawing
     caption: str
     note: str = ""
     code: str = ""
@@ -60,38 +72,43 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Gallery:
-    """Figures side by side as far as there is room."""
+    """Figures side by side as space permits."""
 
-    figures: tuple[Figure, ...]
+    figures: tuple[PageFigure, ...]
 
 
-Block: TypeAlias = Text | Items | Code | Table | Figure | Gallery
+Block: TypeAlias = Paragraph | BulletList | CodeBlock | PageTable | PageFigure | Gallery
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
+    """A titled section with subsections in `parts`."""
+
     title: str
     blocks: tuple[Block, ...]
     parts: tuple["Section", ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Page:
+class ReportPage:
+    """A whole page: introduction and sections."""
+
     title: str
     lead: tuple[Block, ...]
     sections: tuple[Section, ...] = field(default=())
 
 
-def text_of(cell: CellLike) -> str:
+def text_of(cell: PageCellLike) -> str:
+    """Return the text of a cell."""
     return cell if isinstance(cell, str) else cell.text
 
 
-def figures_of(sections: Sequence[Section]) -> list[Figure]:
-    """Every figure, in the order of the page."""
-    found: list[Figure] = []
+def figures_of(sections: Sequence[Section]) -> list[PageFigure]:
+    """Return every figure in the order of the page."""
+    found: list[PageFigure] = []
     for section in sections:
         for block in section.blocks:
-            if isinstance(block, Figure):
+            if isinstance(block, PageFigure):
                 found.append(block)
             elif isinstance(block, Gallery):
                 found += block.figures

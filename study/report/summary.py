@@ -1,4 +1,4 @@
-"""Navigator by noise: what the README shows, what `summary.json` keeps."""
+"""Navigator by noise level: the tables of the summary and `summary.json`."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.page import Table
+from study.report.page import PageTable
 from study.report.trials import Trials
 from study.report.words import DASH, count, number, percent, share
 from study.statistics.intervals import CONFIDENT, Floats, Share, quantile
@@ -21,7 +21,11 @@ HEAD: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """`success` and what follows it is of worlds with a way; the `shut` ones have none."""
+    """One navigator at one noise level.
+
+    `success` and the following are over worlds with a path to the goal, `recognised` over those
+    without. `wronged` counts goals wrongly called unreachable.
+    """
 
     label: str
     noise: str
@@ -31,7 +35,7 @@ class Summary:
     contacts: int
     own_contacts: int
     error_m: tuple[float, float, float]
-    """Median, 95th percentile and worst of the true position error of arrivals."""
+    """Median, 95th percentile and maximum of the true position error of arrivals."""
     heading_deg: tuple[float, float]
     inside: Share
     ratio: tuple[float, float]
@@ -44,6 +48,7 @@ class Summary:
 
 
 def summaries(trials: Trials) -> list[Summary]:
+    """Summarise every navigator at every noise level."""
     return [
         summary(trials.of(label=label, noise=noise), label, noise)
         for label in trials.labels()
@@ -53,7 +58,7 @@ def summaries(trials: Trials) -> list[Summary]:
 
 
 def summary(trials: Trials, label: str, noise: str) -> Summary:
-    """Of trials of one navigator at one noise."""
+    """Summarise the trials of one navigator at one noise level."""
     open_, shut = trials.where(trials.possible), trials.where(~trials.possible)
     there, seen = open_.where(open_.arrived), shut.where(shut.recognised)
     touched = trials.numbers("contacts") > 0.0
@@ -86,6 +91,7 @@ def _total(values: Floats) -> int:
 
 
 def cells(found: Summary) -> tuple[str, ...]:
+    """Return the cells of a summary, in the order of HEAD."""
     shut, wronged = found.recognised, found.wronged
     return (
         *(found.label, found.noise, count(found.worlds), count(found.success.of + shut.of)),
@@ -99,12 +105,12 @@ def cells(found: Summary) -> tuple[str, ...]:
 
 
 def as_json(found: Iterable[Summary]) -> list[dict[str, str]]:
-    """The cells by their heading: what is committed and compared with the README."""
+    """Return the cells by their heading, as committed and compared with the README."""
     return [dict(zip(HEAD, cells(one), strict=True)) for one in found]
 
 
 def numbers(found: Summary) -> dict[str, str | int | float | None]:
-    """Everything unrounded, by name; None where it is unknown."""
+    """Return all values unrounded, by name; None where unknown."""
     row: dict[str, str | int | float | None] = {}
     for field in fields(found):
         value = getattr(found, field.name)
@@ -125,16 +131,19 @@ def _known(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def main_table(found: Iterable[Summary]) -> Table:
+def main_table(found: Iterable[Summary]) -> PageTable:
+    """Return the main table."""
     caption = (
-        "Success: arrived by its own belief and touched nothing, of worlds with a way; in brackets "
-        f"the Wilson interval of {CONFIDENT}. Error, ellipse and path ratio are of these arrivals. "
-        "Recognised: said `unreachable` where there is no way; wrongly called: where there is one."
+        "Success: reached the goal by its own estimate and touched nothing, in worlds with a path; "
+        f"in brackets the Wilson interval of {CONFIDENT}. Error, ellipse and path ratio are over "
+        "these arrivals. Recognised: reported `unreachable` where there is no path; wrongly "
+        "called: where there is one."
     )
-    return Table(caption, HEAD, tuple(cells(one) for one in found), names=2)
+    return PageTable(caption, HEAD, tuple(cells(one) for one in found), names=2)
 
 
-def more_table(found: Iterable[Summary]) -> Table:
+def more_table(found: Iterable[Summary]) -> PageTable:
+    """Return the table of further values."""
     head = (
         *("navigator", "noise", "contacts (own)", "worst error m"),
         *(
@@ -158,11 +167,11 @@ def more_table(found: Iterable[Summary]) -> Table:
         for one in found
     )
     caption = (
-        "More of the same. Contacts are of all trials, in brackets those that the robot's own "
-        "motion caused; side changes too are of all trials. Clearance: least of an arrival and "
-        "the median over arrivals of the nearest the robot came to anything."
+        "Further values. Contacts and side changes are over all trials; in brackets contacts "
+        "caused by the robot's own motion. Clearance: the smallest distance to an obstacle in an "
+        "arrival, least and median over arrivals."
     )
-    return Table(caption, head, rows, names=2)
+    return PageTable(caption, head, rows, names=2)
 
 
 def _whole(value: float) -> str:

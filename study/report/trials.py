@@ -1,7 +1,7 @@
-"""The rows of a study as columns, with what every figure of the report is made of.
+"""The rows of a study as columns, and what every figure of the report is derived from.
 
-What counts as a success is decided here and nowhere else: the robot arrived by its own belief and
-touched nothing; where there is no way, it said so.
+Success is defined here only: the robot reached the goal by its own estimate and touched nothing;
+where there is no path, it reported so.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,15 +23,15 @@ Texts = NDArray[np.str_]
 NOISES: Final = ("none", "default", "lossy", "harsh")
 NAVIGATORS: Final = ("bug", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
 UNREACHABLE: Final = "unreachable"
-TURNS: Final = ("side", "parameters", "calibrated")
-"""What tells apart trials of one navigator where a study varied it."""
+VARIANTS: Final = ("side", "parameters", "calibrated")
+"""Columns that distinguish trials of one navigator where a study varied them."""
 
-SAME_DRIVE: Final = ("world_digest", "navigator", *TURNS, "noise", "digest")
+SAME_DRIVE: Final = ("world_digest", "navigator", *VARIANTS, "noise", "digest")
 PAIRED: Final = ("world_digest", "noise", "seed", "parameters", "calibrated")
 
 
 class Trials:
-    """Columns of equal length; a null number is NaN, a null text empty."""
+    """Columns of equal length; a null number is NaN, a null text is empty."""
 
     def __init__(self, columns: Mapping[str, Any]) -> None:
         self._columns = columns
@@ -40,67 +40,73 @@ class Trials:
         return len(self._columns["trial_id"])
 
     def texts(self, name: str) -> Texts:
+        """Return a column of texts."""
         found: Texts = self._columns[name]
         return found
 
     def numbers(self, name: str) -> Floats:
+        """Return a column of numbers."""
         found: Floats = self._columns[name]
         return found
 
     def where(self, chosen: Flags) -> "Trials":
+        """Return the chosen rows."""
         return Trials({name: values[chosen] for name, values in self._columns.items()})
 
     def has(self, **wanted: str) -> Flags:
-        """Whose columns have these values."""
+        """Return which rows have these values."""
         chosen: Flags = np.ones(len(self), dtype=np.bool_)
         for name, value in wanted.items():
             chosen &= self.texts(name) == value
         return chosen
 
     def of(self, **wanted: str) -> "Trials":
-        """Those whose columns have these values."""
+        """Return the rows that have these values."""
         return self.where(self.has(**wanted))
 
     def values(self, name: str) -> list[str]:
-        """Each that occurs, once, in the report's order."""
+        """Return each value of a column once, in the report's order."""
         known = {"noise": NOISES, "navigator": NAVIGATORS}.get(name, ())
         found = set(self.texts(name).tolist())
         return [each for each in known if each in found] + sorted(found - set(known))
 
     def labels(self) -> list[str]:
-        """The navigators, told apart by side or parameters where these were varied."""
+        """Return the navigators, distinguished by side or parameters where these were varied."""
         navigators = dict(zip(self.texts("label"), self.texts("navigator"), strict=True))
         order = {name: place for place, name in enumerate(NAVIGATORS)}
         return sorted(navigators, key=lambda one: (order.get(navigators[one], len(order)), one))
 
     @cached_property
     def possible(self) -> Flags:
-        """There is a way for the robot, or nobody said there is none."""
+        """Rows of worlds with a path to the goal, or not known to have none."""
         known_shut: Flags = self.numbers("reachable") == 0.0
         return ~(known_shut | self.has(family=UNREACHABLE))
 
     @cached_property
     def arrived(self) -> Flags:
-        untouched: Flags = self.numbers("contacts") == 0.0
-        return self.has(outcome="reached") & untouched
+        """Rows that reached the goal without a contact."""
+        arrived_untouched: Flags = self.numbers("contacts") == 0.0
+        return self.has(outcome="reached") & arrived_untouched
 
     @cached_property
     def gave_up(self) -> Flags:
-        """Said that there is no way, and meant it as its last word."""
+        """Rows that ended with the report that the goal is unreachable."""
         found: Flags = self.numbers("goal_reason") == float(Reason.UNREACHABLE)
         return found
 
     @cached_property
     def recognised(self) -> Flags:
+        """Rows that ended stuck with that report."""
         return self.has(outcome="stuck") & self.gave_up
 
     @cached_property
     def success(self) -> Flags:
+        """Rows that count as a success."""
         return np.where(self.possible, self.arrived, self.recognised)
 
     @cached_property
     def ratio(self) -> Floats:
-        """Way driven over the shortest there is, of arrivals."""
+        """Path length over the shortest one, NaN unless the goal was reached."""
         shortest_m = self.numbers("shortest_path_m")
         usable = self.arrived & (shortest_m > 0.0)
         ratio = np.full(len(self), np.nan)
@@ -109,21 +115,22 @@ class Trials:
 
     @cached_property
     def inside(self) -> Flags:
-        """The true place lies in the robot's own confidence ellipse."""
+        """Rows whose true position lies in the robot's own confidence ellipse."""
         found: Flags = self.numbers("mahalanobis2") <= CHI2_2
         return found
 
     def count(self, chosen: Flags) -> int:
+        """Count the chosen rows."""
         return int(np.count_nonzero(chosen))
 
 
 def trials_of(table: pa.Table) -> Trials:
-    """Raises UserError for a table without a column of the schema."""
+    """Return the columns of a table; raise UserError if one of the schema is missing."""
     missing = [name for name in COLUMNS if name not in table.column_names]
     if missing:
         raise UserError(
-            f"the table has no column {', '.join(missing)}; it was not written by this version of "
-            "`sidestep study`: run the study again"
+            f"the table has no column {', '.join(missing)}; another version of `sidestep study` "
+            "wrote it: run the study again"
         )
     columns = {name: _column(table.column(name).cast(SCHEMA.field(name).type)) for name in COLUMNS}
     columns["family"] = np.where(columns["family"] == "", "other", columns["family"])
@@ -148,8 +155,8 @@ def _joined(columns: Mapping[str, Any], names: Sequence[str]) -> Texts:
 
 
 def _labels(columns: Mapping[str, Any]) -> Texts:
-    """The navigator's name, and whatever of `TURNS` this study varied for it."""
-    says: dict[str, Callable[[Any], str]] = {
+    """Return navigators with the values of `VARIANTS` that this study varied for them."""
+    formats: dict[str, Callable[[Any], str]] = {
         "side": str,
         "parameters": str,
         "calibrated": lambda flag: "calibrated" if flag else "not calibrated",
@@ -158,15 +165,15 @@ def _labels(columns: Mapping[str, Any]) -> Texts:
     labels: list[str] = navigators.tolist()
     for navigator in set(labels):
         chosen = np.flatnonzero(navigators == navigator)
-        for name in TURNS:
+        for name in VARIANTS:
             if len(set(columns[name][chosen].tolist())) > 1:
                 for index in chosen.tolist():
-                    labels[index] += f", {says[name](columns[name][index])}"
+                    labels[index] += f", {formats[name](columns[name][index])}"
     return np.array(labels, dtype=np.str_)
 
 
 def distinct(trials: Trials) -> Trials:
-    """Each drive once: without noise another seed repeats it to the last bit and proves nothing."""
+    """Return each drive once: without noise all seeds are bit-identical."""
     seen = {
         key: index
         for index, key in reversed(list(enumerate(_joined(trials._columns, SAME_DRIVE).tolist())))

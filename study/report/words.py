@@ -1,4 +1,4 @@
-"""How numbers, shares and intervals are written in the report; what is unknown is a dash."""
+"""Format numbers, shares and intervals for the report; an unknown value is a dash."""
 
 from math import isfinite, isnan
 
@@ -8,11 +8,12 @@ DASH = "-"
 
 
 def number(value: float, digits: int = 2) -> str:
+    """Format a number; a dash if it is not finite."""
     return f"{value:.{digits}f}" if isfinite(value) else DASH
 
 
 def percent(rate: float, digits: int = 1) -> str:
-    """Never rounded up to 100 or down to 0."""
+    """Format a rate in percent, never rounded up to 100 or down to 0."""
     if isnan(rate):
         return DASH
     text = f"{100.0 * rate:.{digits}f}"
@@ -24,7 +25,7 @@ def percent(rate: float, digits: int = 1) -> str:
 
 
 def share(found: Share, digits: int = 1) -> str:
-    """In percent, with its interval."""
+    """Format a share in percent with its interval."""
     if not found.of:
         return DASH
     low, high = found.interval
@@ -32,17 +33,19 @@ def share(found: Share, digits: int = 1) -> str:
 
 
 def interval(found: Interval, digits: int = 2) -> str:
-    """An end that nothing bounds is a dash, and so is the whole when neither is bounded."""
+    """Format an interval; an unbounded end is a dash, as is a fully unbounded interval."""
     if not (isfinite(found.low) or isfinite(found.high)):
         return DASH
     return f"[{number(found.low, digits)}, {number(found.high, digits)}]"
 
 
 def probability(p: float) -> str:
+    """Format a p-value."""
     if isnan(p):
         return DASH
     return "< 0.0001" if p < 0.0001 else f"{p:.4f}" if p < 0.1 else f"{p:.2f}"
 
 
 def count(value: int) -> str:
+    """Format a count with thousands separators."""
     return f"{value:,}"

@@ -1,4 +1,4 @@
-"""Charts: success with its interval, distributions, and how drives end and are spent."""
+"""Charts of success with intervals, of distributions, and of shares."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import floor, isfinite, log10
@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from study.report.charts.style import colour, dashed
-from study.report.charts.svg import Drawing
+from study.report.charts.svg import SvgDrawing
 from study.statistics.intervals import Floats, Share
 
 NAMES: Final = 118.0
@@ -15,15 +15,15 @@ PANEL: Final = 210.0
 GAP: Final = 22.0
 ROW: Final = 22.0
 TOP: Final = 26.0
-MOST_DOTS: Final = 80
+MAX_DOTS: Final = 80
 
 Panels = Mapping[str, Mapping[str, Share]]
 
 
-def success_chart(panels: Panels, labels: Sequence[str], says: str) -> Drawing:
-    """A panel per noise, a row per navigator: a dot and its interval, from 0 to 100 %."""
+def success_chart(panels: Panels, labels: Sequence[str], alt_text: str) -> SvgDrawing:
+    """Draw a panel per noise level, a row per navigator: rate and interval from 0 to 100 %."""
     height = TOP + ROW * len(labels) + 24.0
-    drawing = Drawing(NAMES + (PANEL + GAP) * len(panels), height, says)
+    drawing = SvgDrawing(NAMES + (PANEL + GAP) * len(panels), height, alt_text)
     for row, label in enumerate(labels):
         drawing.text((NAMES - 10, _row(row) + 4), label, anchor="end")
     for column, (title, panel) in enumerate(panels.items()):
@@ -43,17 +43,19 @@ def _row(row: int) -> float:
     return TOP + ROW * (row + 0.5)
 
 
-def _whisker(drawing: Drawing, left: float, y: float, label: str, found: Share) -> None:
+def _whisker(drawing: SvgDrawing, left: float, y: float, label: str, found: Share) -> None:
     low, high = found.interval
     ends = (left + PANEL * low, y), (left + PANEL * high, y)
     drawing.line(*ends, f"whisker l-{colour(label)}")
     drawing.circle((left + PANEL * found.rate, y), 4.0, f"mark f-{colour(label)}")
 
 
-def bars(rows: Mapping[str, Mapping[str, float]], kinds: Mapping[str, str], says: str) -> Drawing:
-    """A bar per row of shares that add up to 1; `kinds` are the class names of the parts."""
+def bars(
+    rows: Mapping[str, Mapping[str, float]], kinds: Mapping[str, str], alt_text: str
+) -> SvgDrawing:
+    """Draw a bar per row of shares that add up to 1; `kinds` are the class names of the parts."""
     names, width = 200.0, 560.0
-    drawing = Drawing(names + width + 12, TOP + 19.0 * len(rows) + 6, says)
+    drawing = SvgDrawing(names + width + 12, TOP + 19.0 * len(rows) + 6, alt_text)
     x = names
     for part, kind in kinds.items():
         drawing.rectangle((x, 4), 11, 11, kind)
@@ -75,12 +77,12 @@ def bars(rows: Mapping[str, Mapping[str, float]], kinds: Mapping[str, str], says
 
 def distribution_chart(
     panels: Mapping[str, Mapping[str, Floats]],
-    says: str,
+    alt_text: str,
     x_title: str,
     ends: tuple[float, float],
     wanted: Callable[[str], Sequence[float]] = lambda _: (),
-) -> Drawing:
-    """Which share of drives is at most so large, on a logarithmic axis; a panel per noise.
+) -> SvgDrawing:
+    """Draw cumulative distributions on a logarithmic axis, a panel per noise level.
 
     `wanted` gives the values at which a panel has a dotted line.
     """
@@ -88,7 +90,7 @@ def distribution_chart(
     high, across, left = 150.0, min(4, max(1, len(panels))), 40.0
     down = -(-len(panels) // across)
     legend = 22.0
-    drawing = Drawing(left + (PANEL + GAP) * across, legend + (high + 62) * down, says)
+    drawing = SvgDrawing(left + (PANEL + GAP) * across, legend + (high + 62) * down, alt_text)
     _legend(drawing, labels, left)
     for place, (title, panel) in enumerate(panels.items()):
         corner = (
@@ -110,15 +112,15 @@ def distribution_chart(
 
 
 def steps(values: Floats) -> list[tuple[float, float]]:
-    """The distribution as dots, few enough to draw."""
+    """Return the distribution as at most `MAX_DOTS` points."""
     found = np.sort(values[np.isfinite(values)])
     if not len(found):
         return []
-    shares = np.linspace(0.0, 1.0, min(MOST_DOTS, len(found) + 1))
+    shares = np.linspace(0.0, 1.0, min(MAX_DOTS, len(found) + 1))
     return list(zip(np.quantile(found, shares).tolist(), shares.tolist(), strict=True))
 
 
-def _legend(drawing: Drawing, labels: Sequence[str], left: float) -> None:
+def _legend(drawing: SvgDrawing, labels: Sequence[str], left: float) -> None:
     x = left
     for label in labels:
         drawing.line((x, 9), (x + 20, 9), f"way l-{colour(label)}{dashed(label)}")
@@ -127,7 +129,7 @@ def _legend(drawing: Drawing, labels: Sequence[str], left: float) -> None:
 
 
 def _frame(
-    drawing: Drawing,
+    drawing: SvgDrawing,
     corner: tuple[float, float],
     high: float,
     title: str,
@@ -159,7 +161,7 @@ def _ticks(ends: tuple[float, float]) -> list[float]:
 
 
 def _along(value: float, ends: tuple[float, float]) -> float:
-    """0 to 1 on the axis; what lies beyond an end is drawn at it."""
+    """Return the position on the axis from 0 to 1; values beyond an end are drawn at it."""
     low, high = ends
     held = min(max(value, low), high) if isfinite(value) else high
     return (log10(held) - log10(low)) / (log10(high) - log10(low))

@@ -1,4 +1,4 @@
-"""Where drives end, how far off, how long their ways are, and what the robot decided meanwhile."""
+"""Figures of outcomes, errors, path lengths and decisions."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from study.report.charts.charts import bars, distribution_chart, success_chart
-from study.report.page import Block, Figure, Table
+from study.report.page import Block, PageFigure, PageTable
 from study.report.paper.targets import ERRORS, RATIO
 from study.report.summary import Summary
 from study.report.trials import Trials
@@ -29,18 +29,20 @@ SPENT: Final = {
 }
 
 
-def success_figure(found: list[Summary]) -> Figure:
+def success_figure(found: list[Summary]) -> PageFigure:
+    """Return success by navigator and noise level."""
     panels: dict[str, dict[str, Share]] = {}
     for one in found:
         panels.setdefault(one.noise, {})[one.label] = one.success
     labels = list(dict.fromkeys(one.label for one in found))
-    says = "Success by navigator and noise; the table below has the values"
-    drawing = success_chart(panels, labels, says)
+    title = "Success by navigator and noise; the table below has the values"
+    drawing = success_chart(panels, labels, title)
     caption = f"Success in percent, with {CONFIDENT} intervals, by noise."
-    return Figure("success", drawing, caption)
+    return PageFigure("success", drawing, caption)
 
 
-def ends_figure(trials: Trials) -> Figure:
+def ends_figure(trials: Trials) -> PageFigure:
+    """Return shares of outcomes by navigator and noise level."""
     rows: dict[str, Mapping[str, float]] = {}
     for label in trials.labels():
         for noise in trials.values("noise"):
@@ -50,34 +52,38 @@ def ends_figure(trials: Trials) -> Figure:
                     end: some.count(some.has(outcome=end)) / len(some) for end in ENDS
                 }
     used = {end: kind for end, kind in ENDS.items() if any(row[end] for row in rows.values())}
-    says = "How drives end, as shares of trials in worlds with a way, by navigator and noise"
-    caption = "How drives end in worlds with a way, by navigator and noise."
-    return Figure("ends", bars(rows, used, says), caption)
+    title = "Outcomes as shares of trials in worlds with a path, by navigator and noise"
+    caption = "Outcomes in worlds with a path to the goal, by navigator and noise."
+    return PageFigure("ends", bars(rows, used, title), caption)
 
 
-def error_figure(trials: Trials) -> Figure:
+def error_figure(trials: Trials) -> PageFigure:
+    """Return the distribution of the true position error of arrivals."""
     lines = {noise: (most_m,) for noise, most_m, _ in ERRORS}
     panels = _panels(trials, lambda some: some.numbers("position_error_m"))
-    says = "Distribution of the true position error of arrivals, by navigator and noise"
-    title, ends = "true position error, m", (0.002, 5.0)
-    drawing = distribution_chart(panels, says, title, ends, lambda noise: lines.get(noise, ()))
+    title = "Distribution of the true position error of arrivals, by navigator and noise"
+    x_title, ends = "true position error, m", (0.002, 5.0)
+    drawing = distribution_chart(panels, title, x_title, ends, lambda noise: lines.get(noise, ()))
     caption = (
-        "Share of arrivals that stand at most so far from the goal in truth. Dotted: the limit "
-        "that is wanted."
+        "Share of arrivals whose true distance from the goal is at most this large. Dotted: the "
+        "wanted limit."
     )
-    return Figure("position-error", drawing, caption)
+    return PageFigure("position-error", drawing, caption)
 
 
-def ratio_figure(trials: Trials) -> Figure:
+def ratio_figure(trials: Trials) -> PageFigure:
+    """Return the distribution of path length over the shortest one."""
     panels = _panels(trials, lambda some: some.ratio)
-    says = "Distribution of the way driven over the shortest way, by navigator and noise"
+    title = "Distribution of path length over the shortest one, by navigator and noise"
     limits = [most for _, _, most in RATIO]
-    drawing = distribution_chart(panels, says, "way / shortest way", (1.0, 20.0), lambda _: limits)
-    caption = (
-        "Share of arrivals whose way is at most so many times the shortest. Dotted: what is wanted "
-        "of the median and of nine in ten."
+    drawing = distribution_chart(
+        panels, title, "path / shortest path", (1.0, 20.0), lambda _: limits
     )
-    return Figure("path-ratio", drawing, caption)
+    caption = (
+        "Share of arrivals whose path is at most this many times the shortest. Dotted: the wanted "
+        "limits of the median and of the 90th percentile."
+    )
+    return PageFigure("path-ratio", drawing, caption)
 
 
 def _panels(trials: Trials, values: Callable[[Trials], Floats]) -> dict[str, dict[str, Floats]]:
@@ -88,8 +94,8 @@ def _panels(trials: Trials, values: Callable[[Trials], Floats]) -> dict[str, dic
     }
 
 
-def error_table(trials: Trials) -> Table:
-    """Final pose of arrivals against what the robot said of its own doubt."""
+def error_table(trials: Trials) -> PageTable:
+    """Return the final pose errors of arrivals against the robot's own covariance."""
     rows = []
     for label in trials.labels():
         for noise in trials.values("noise"):
@@ -103,10 +109,10 @@ def error_table(trials: Trials) -> Table:
         *(f"in own {CONFIDENT} ellipse", "mean squared Mahalanobis"),
     )
     caption = (
-        f"Final pose of arrivals. An honest covariance has {CONFIDENT} inside its ellipse "
+        f"Final pose of arrivals. A consistent covariance has {CONFIDENT} inside its ellipse "
         "and a mean squared Mahalanobis distance of 2."
     )
-    return Table(caption, head, tuple(rows), names=2)
+    return PageTable(caption, head, tuple(rows), names=2)
 
 
 def _errors(there: Trials) -> tuple[str, ...]:
@@ -123,7 +129,8 @@ def _errors(there: Trials) -> tuple[str, ...]:
     )
 
 
-def spent_figure(trials: Trials) -> Figure:
+def spent_figure(trials: Trials) -> PageFigure:
+    """Return the shares of ticks per decision."""
     rows: dict[str, Mapping[str, float]] = {}
     for label in trials.labels():
         some = trials.of(label=label)
@@ -132,11 +139,12 @@ def spent_figure(trials: Trials) -> Figure:
         if total:
             rows[label] = {part: value / total for part, value in sums.items()}
     kinds = {part: kind for part, (kind, _) in SPENT.items()}
-    says = "What the robot was deciding, as shares of its ticks, by navigator"
-    return Figure("decisions", bars(rows, kinds, says), "What was decided, in shares of all ticks.")
+    title = "Decisions of the robot as shares of its ticks, by navigator"
+    return PageFigure("decisions", bars(rows, kinds, title), "Decisions as shares of all ticks.")
 
 
 def behaviour_blocks(trials: Trials) -> tuple[Block, ...]:
+    """Return figure and table of driving behaviour."""
     rows = []
     for label in trials.labels():
         some = trials.of(label=label)
@@ -155,5 +163,5 @@ def behaviour_blocks(trials: Trials) -> tuple[Block, ...]:
         *("navigator", "avoidances: median", "worst", "side changes: median", "95 %", "worst"),
         *("more than 4 changes %", "turned rad, median", "mean clearance m, median"),
     )
-    caption = "How they drive, over all trials: how often avoiding began, and the side changed."
-    return spent_figure(trials), Table(caption, head, tuple(rows))
+    caption = "Behaviour over all trials: how often avoiding began, and how often the side changed."
+    return spent_figure(trials), PageTable(caption, head, tuple(rows))

@@ -1,4 +1,4 @@
-"""A trial run once more with its trajectory: trials are deterministic, so none needs keeping."""
+"""Run a trial once more with its trajectory; trials are deterministic, so none is stored."""
 
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -22,8 +22,8 @@ Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
-    """`true` and `believed` tick by tick; `covariance` xx, xy, yy in m² as it ended."""
+class DrivenTrial:
+    """True and estimated poses tick by tick; `covariance` is the last xx, xy, yy in m²."""
 
     trial: Trial
     outcome: Outcome
@@ -34,9 +34,9 @@ class Drive:
 
     @property
     def heading_error_on_arrival_rad(self) -> float | None:
-        """What was left to turn on the spot: at the first tick at which it only aligned.
+        """Remaining turn at the first tick that only aligns the heading.
 
-        None when it did not arrive or any heading would do.
+        None when the goal was not reached or accepts any heading.
         """
         wanted_rad = self.trial.world.goal.heading_rad
         if wanted_rad is None or not self.outcome.reached:
@@ -46,7 +46,7 @@ class Drive:
         return abs(remainder(heading_rad - wanted_rad, tau))
 
     def offsets_m(self) -> list[tuple[float, float]]:
-        """Along and to the left of the straight line from start to goal, tick by tick."""
+        """Return distances along and to the left of the line from start to goal, per tick."""
         world = self.trial.world
         x0, y0 = world.start.x_m, world.start.y_m
         dx, dy = world.goal.x_m - x0, world.goal.y_m - y0
@@ -58,8 +58,8 @@ class Drive:
 
 
 @dataclass(slots=True)
-class Recorder:
-    """Watches one trial."""
+class DriveRecorder:
+    """Record one trial."""
 
     true: list[Pose] = field(default_factory=list)
     believed: list[Pose] = field(default_factory=list)
@@ -67,6 +67,7 @@ class Recorder:
     covariance: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
+        """Record one tick."""
         truth, odometry = plant.truth(), onboard.state.odometry
         self.true.append((truth.x_m, truth.y_m, truth.heading_rad))
         pose = odometry.pose
@@ -75,10 +76,11 @@ class Recorder:
         self.covariance = odometry.pxx, odometry.pxy, odometry.pyy
 
 
-def driven(trial: Trial) -> Drive:
-    seen = Recorder()
+def drive_trial(trial: Trial) -> DrivenTrial:
+    """Run a trial and return its trajectory."""
+    seen = DriveRecorder()
     outcome = run_trial(trial, seen)
-    return Drive(
+    return DrivenTrial(
         trial=trial,
         outcome=outcome,
         true=tuple(seen.true),
@@ -88,21 +90,22 @@ def driven(trial: Trial) -> Drive:
     )
 
 
-def attempted(trial: Trial) -> Drive | str:
-    """The drive; in words why there is none: one bad row must not cost the whole report."""
+def attempt_trial(trial: Trial) -> DrivenTrial | str:
+    """Run a trial; return an error as text, so that one bad row does not end the report."""
     try:
-        return driven(trial)
+        return drive_trial(trial)
     except Exception as error:
         return f"{type(error).__name__}: {error}"
 
 
-def all_driven(trials: list[Trial], jobs: int) -> list[Drive]:
-    """In the order given, on so many processes; in this one when `jobs` is 1."""
-    return _each(driven, trials, jobs)
+def drive_all(trials: list[Trial], jobs: int) -> list[DrivenTrial]:
+    """Run trials in the given order on `jobs` processes; in this one for 1."""
+    return _each(drive_trial, trials, jobs)
 
 
-def all_attempted(trials: list[Trial], jobs: int) -> list[Drive | str]:
-    return _each(attempted, trials, jobs)
+def attempt_all(trials: list[Trial], jobs: int) -> list[DrivenTrial | str]:
+    """Run trials as `drive_all` does, with errors as text."""
+    return _each(attempt_trial, trials, jobs)
 
 
 def _each(run: Callable[[Trial], Found], trials: list[Trial], jobs: int) -> list[Found]:

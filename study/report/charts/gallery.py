@@ -1,4 +1,4 @@
-"""The failures, drawn: chosen by rule so that many families and many ways to fail are seen."""
+"""Drawings of failures, selected to cover many families and kinds of failure."""
 
 import json
 from collections.abc import Callable
@@ -10,9 +10,9 @@ from plant.model.errors import WorldError
 from plant.model.types import World
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from study.report.charts.drives import Drive, all_attempted
-from study.report.charts.world_map import Map
-from study.report.page import Block, Figure, Gallery, Section, Text
+from study.report.charts.drives import DrivenTrial, attempt_all
+from study.report.charts.world_map import WorldMap
+from study.report.page import Block, Gallery, PageFigure, Paragraph, Section
 from study.report.trials import NOISES, Trials
 from study.runner.rows import FAILED, TrialRow, rows_of
 from study.runner.run_task import trial_of
@@ -20,44 +20,47 @@ from study.statistics.intervals import CONFIDENT
 from study.trial.trial import Trial
 
 WorldOf: TypeAlias = Callable[[str], World]
-"""Makes a world from a row's `world_source`; raises WorldError, UserError or ValueError."""
+"""Returns the world of a row's `world_source`; raises WorldError, UserError or ValueError."""
 
 PER_NAVIGATOR: Final = 6
 WIDTH: Final = 330.0
 FIXED_PLACE: Final = "plant/corpus/fixed"
 
 
-class ChosenDrives(NamedTuple):
+class SelectedFailure(NamedTuple):
+    """A selected failure."""
+
     label: str
     kind: str
     row: TrialRow
 
 
-def chosen(table: pa.Table, trials: Trials, most: int) -> list[ChosenDrives]:
-    """Up to `most` failures of each navigator, the commonest kinds first, then what is new.
+def selected_failures(table: pa.Table, trials: Trials, most: int) -> list[SelectedFailure]:
+    """Select up to `most` failures of each navigator: frequent kinds first, then new ones.
 
-    `trials` holds in its column `place` the row of the table.
+    The column `place` of `trials` holds the row of the table.
     """
-    found: list[ChosenDrives] = []
+    found: list[SelectedFailure] = []
     for label in trials.labels():
         some = trials.of(label=label)
         failures = some.where(~(some.success | some.has(outcome=FAILED)))
         places = failures.numbers("place").astype(int).tolist()
         rows = rows_of(table.take(places)) if places else []
-        found += [ChosenDrives(label, kind_of(row), row) for row in varied(rows, most)]
+        found += [SelectedFailure(label, kind_of(row), row) for row in diverse(rows, most)]
     return found
 
 
 def kind_of(row: TrialRow) -> str:
+    """Return the kind of a failure."""
     if row.goal_reason == Reason.UNREACHABLE and row.reachable is not False:
         return "called unreachable"
     if row.outcome == "reached":
-        return "was run into" if row.contacts else "reached"
+        return "hit by an obstacle" if row.contacts else "reached"
     return row.outcome
 
 
-def varied(rows: list[TrialRow], most: int) -> list[TrialRow]:
-    """One of each kind and family in turn, those first that bring in a new kind or family."""
+def diverse(rows: list[TrialRow], most: int) -> list[TrialRow]:
+    """Select one row of each kind and family in turn, new kinds and families first."""
     groups: dict[tuple[str, str], list[TrialRow]] = {}
     for row in sorted(rows, key=_order):
         groups.setdefault((kind_of(row), row.family), []).append(row)
@@ -76,56 +79,58 @@ def varied(rows: list[TrialRow], most: int) -> list[TrialRow]:
 
 
 def _order(row: TrialRow) -> tuple[int, float, str, int]:
-    """The least noise first, then the shortest drive: the clearest to look at."""
+    """Return the sort key: least noise first, then the shortest drive, which are easiest to see."""
     noise = NOISES.index(row.noise) if row.noise in NOISES else len(NOISES)
     return noise, row.time_s, row.trial_id, row.seed
 
 
-def gallery(found: list[ChosenDrives], world_of: WorldOf, jobs: int) -> Section:
-    """Runs the chosen once more and draws them."""
-    figures: dict[str, list[Figure]] = {}
+def gallery(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> Section:
+    """Run the selected failures once more and draw them."""
+    figures: dict[str, list[PageFigure]] = {}
     lost: list[str] = []
-    for number, (one, drive) in enumerate(zip(found, again(found, world_of, jobs), strict=True)):
-        if isinstance(drive, Drive):
+    for number, (one, drive) in enumerate(zip(found, rerun(found, world_of, jobs), strict=True)):
+        if isinstance(drive, DrivenTrial):
             name = f"failure-{number + 1:02d}"
             figures.setdefault(one.label, []).append(_figure(one, drive, name))
         else:
             lost.append(f"`{one.row.trial_id[:12]}` in {one.row.world}: {drive}")
     parts = tuple(Section(label, (Gallery(tuple(some)),)) for label, some in figures.items())
-    blocks: tuple[Block, ...] = (Text(LEGEND if figures else "No trial failed, or none was kept."),)
+    blocks: tuple[Block, ...] = (
+        Paragraph(LEGEND if figures else "No trial failed, or none was selected."),
+    )
     if lost:
-        blocks += (Text("Could not be run again: " + "; ".join(lost) + "."),)
+        blocks += (Paragraph("Could not be run again: " + "; ".join(lost) + "."),)
     return Section("Failures", blocks, parts)
 
 
-def again(found: list[ChosenDrives], world_of: WorldOf, jobs: int) -> list[Drive | str]:
-    """Each once more, or in words why not."""
+def rerun(found: list[SelectedFailure], world_of: WorldOf, jobs: int) -> list[DrivenTrial | str]:
+    """Run each failure again; return an error as text."""
     trials: dict[int, Trial] = {}
-    results: dict[int, Drive | str] = {}
+    results: dict[int, DrivenTrial | str] = {}
     for index, one in enumerate(found):
         try:
             trials[index] = trial_of(one.row, world_of(one.row.world_source))
         except (UserError, WorldError, ValueError) as error:
             results[index] = (str(error).splitlines() or [""])[0]
-    results.update(zip(trials, all_attempted(list(trials.values()), jobs), strict=True))
+    results.update(zip(trials, attempt_all(list(trials.values()), jobs), strict=True))
     return [results[index] for index in range(len(found))]
 
 
-OTHER: Final = "the code is another one, or the machine rounds otherwise"
+OTHER: Final = "the code differs, or the machine rounds differently"
 LEGEND: Final = (
-    "Some failures of each navigator, chosen by rule: every kind of failure and every family gets "
-    "its turn, the least noise and the shortest drive first. Coloured: the true way; dotted: where "
-    f"the robot believed to be, ending in its {CONFIDENT} ellipse; small dot: start; ring: goal, "
-    "with its heading where one was asked for. The way ends in a disc where it reached, a square "
-    "where it was stuck, a triangle where time was up, a cross where it had touched something. "
-    "What moves is drawn where it began, with its path."
+    "Some failures of each navigator, selected by rule: every kind of failure and every family in "
+    "turn, the least noise and the shortest drive first. Coloured: the true path; dotted: the "
+    f"estimated path, ending in its {CONFIDENT} ellipse; small dot: start; ring: goal, with its "
+    "heading if one is required. The path ends in a disc if the goal was reached, a square if the "
+    "robot was stuck, a triangle after a timeout, a cross after a contact. Moving obstacles are "
+    "drawn at their start, with their path."
 )
 
 
-def _figure(one: ChosenDrives, drive: Drive, name: str) -> Figure:
+def _figure(one: SelectedFailure, drive: DrivenTrial, name: str) -> PageFigure:
     row, outcome = one.row, drive.outcome
-    says = f"{one.label} in {row.world}, noise {row.noise}, seed {row.seed}: {one.kind}"
-    plan = Map(drive.trial.world, WIDTH, says)
+    title = f"{one.label} in {row.world}, noise {row.noise}, seed {row.seed}: {one.kind}"
+    plan = WorldMap(drive.trial.world, WIDTH, title)
     plan.straight()
     plan.add(drive, belief=True)
     plan.ends()
@@ -136,11 +141,11 @@ def _figure(one: ChosenDrives, drive: Drive, name: str) -> Figure:
     if outcome.digest != row.digest:
         note += f". **This is not the recorded drive**: {OTHER}"
     caption = f"**{row.world}**, {row.noise}, seed {row.seed}: **{one.kind}**"
-    return Figure(name, plan.drawing, caption, note, command_of(row))
+    return PageFigure(name, plan.drawing, caption, note, command_of(row))
 
 
 def command_of(row: TrialRow) -> str:
-    """What shows the same drive, from the project's directory."""
+    """Return the command that repeats the drive, to be run in the project's directory."""
     world, before = _world_file(row.world_source)
     parameters: dict[str, float] = json.loads(row.parameters or "{}")
     words = [
@@ -153,7 +158,7 @@ def command_of(row: TrialRow) -> str:
 
 
 def _world_file(source: str) -> tuple[str, str]:
-    """How `sidestep trial` is told the world, and what has to be typed before."""
+    """Return the world for `sidestep trial`, and commands that must precede it."""
     kind, _, rest = source.partition(":")
     if kind == "corpus":
         family, seed, index = rest.split(":")

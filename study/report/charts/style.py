@@ -1,7 +1,7 @@
 """Colours and type of the report, light and dark.
 
-A navigator has one colour everywhere (Okabe and Ito's set, which colour-blind readers can tell
-apart); passing on the right is dashed.
+A navigator has one colour everywhere (Okabe and Ito's colour-blind-safe set); passing on the right
+is dashed.
 """
 
 from typing import Final
@@ -15,16 +15,17 @@ COLOURS: Final = {
     "vgm_memory": ("#0054a6", "#5b9dff"),
     "other": ("#5c5c5c", "#b5b5b5"),
 }
-"""In light, in dark."""
+"""Colour on a light and on a dark background."""
 
 
 def colour(label: str) -> str:
-    """The name of the colour of a navigator, whatever its label says besides."""
+    """Return the colour name of a navigator from its label."""
     name = label.partition(",")[0]
     return name if name in COLOURS else "other"
 
 
 def dashed(label: str) -> str:
+    """Return the class of a dashed line for passing on the right, else nothing."""
     return " right" if ", right" in label else ""
 
 

@@ -1,6 +1,6 @@
-"""A small writer of SVG: shapes with class names, so that a style sheet decides on light and dark.
+"""A small SVG writer: shapes have class names, so that a style sheet sets light and dark.
 
-Numbers are rounded and nothing depends on time, so equal drawings are equal bytes.
+Numbers are rounded and nothing depends on time, so that equal drawings are equal bytes.
 """
 
 from collections.abc import Iterable
@@ -12,51 +12,57 @@ from study.report.charts.style import DRAWING_STYLE
 Dot: TypeAlias = tuple[float, float]
 
 
-class Drawing:
-    """Units are pixels, y grows downwards; `says` is read out to who cannot see it."""
+class SvgDrawing:
+    """A drawing in pixels, y downwards; `title` is read out by screen readers."""
 
-    __slots__ = ("_parts", "height", "says", "width")
+    __slots__ = ("_parts", "height", "title", "width")
 
-    def __init__(self, width: float, height: float, says: str) -> None:
-        self.width, self.height, self.says = width, height, says
+    def __init__(self, width: float, height: float, title: str) -> None:
+        self.width, self.height, self.title = width, height, title
         self._parts: list[str] = []
 
     def line(self, a: Dot, b: Dot, kind: str) -> None:
+        """Draw a line."""
         (x1, y1), (x2, y2) = a, b
         self._add("line", kind, f'x1="{n(x1)}" y1="{n(y1)}" x2="{n(x2)}" y2="{n(y2)}"')
 
     def polyline(self, dots: Iterable[Dot], kind: str) -> None:
+        """Draw an open polygon."""
         self._add("polyline", kind, f'points="{_points(dots)}"')
 
     def polygon(self, dots: Iterable[Dot], kind: str) -> None:
+        """Draw a filled polygon."""
         self._add("polygon", kind, f'points="{_points(dots)}"')
 
     def rectangle(self, corner: Dot, width: float, height: float, kind: str) -> None:
+        """Draw a rectangle from its upper left corner."""
         size = f'width="{n(max(0.0, width))}" height="{n(max(0.0, height))}"'
         self._add("rect", kind, f'x="{n(corner[0])}" y="{n(corner[1])}" {size}')
 
     def circle(self, centre: Dot, radius: float, kind: str) -> None:
+        """Draw a circle."""
         self._add("circle", kind, f'cx="{n(centre[0])}" cy="{n(centre[1])}" r="{n(radius)}"')
 
     def ellipse(self, centre: Dot, radii: Dot, degrees: float, kind: str) -> None:
-        """`degrees` turns it clockwise, as SVG does."""
+        """Draw an ellipse, turned clockwise by `degrees`."""
         (x, y), (rx, ry) = centre, radii
         turned = f'transform="rotate({n(degrees)} {n(x)} {n(y)})"'
         shape = f'cx="{n(x)}" cy="{n(y)}" rx="{n(rx)}" ry="{n(ry)}"'
         self._add("ellipse", kind, f"{shape} {turned}")
 
     def text(self, at: Dot, words: str, kind: str = "label", anchor: str = "start") -> None:
+        """Draw text."""
         place = f'x="{n(at[0])}" y="{n(at[1])}" text-anchor="{anchor}"'
         self._parts.append(f'<text class="{kind}" {place}>{escape(words)}</text>')
 
     def inline(self) -> str:
-        """For a page that brings the style along."""
+        """Return the SVG element for a page that contains the style."""
         box = f'viewBox="0 0 {n(self.width)} {n(self.height)}" width="{n(self.width)}"'
-        title = f"<title>{escape(self.says)}</title>"
+        title = f"<title>{escape(self.title)}</title>"
         return f'<svg class="drawing" role="img" {box}>{title}{"".join(self._parts)}</svg>'
 
     def alone(self) -> str:
-        """A file of its own."""
+        """Return a file with its own style."""
         width, height = n(self.width), n(self.height)
         head = (
             f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" role="img" '
@@ -64,7 +70,7 @@ class Drawing:
         )
         ground = f'<rect class="ground" width="{width}" height="{height}"/>'
         body = "\n".join(self._parts)
-        title = f"<title>{escape(self.says)}</title>"
+        title = f"<title>{escape(self.title)}</title>"
         return f"{head}\n{title}<style>{DRAWING_STYLE}</style>{ground}\n{body}\n</svg>\n"
 
     def _add(self, shape: str, kind: str, places: str) -> None:
@@ -72,7 +78,7 @@ class Drawing:
 
 
 def n(value: float) -> str:
-    """One decimal is finer than a screen shows; never `-0`."""
+    """Format a coordinate with one decimal at most; never `-0`."""
     return f"{round(value, 1) + 0.0:g}" if abs(value) < 1e5 else f"{value:.0f}"
 
 

@@ -1,4 +1,4 @@
-"""A world seen from above, with what drove in it."""
+"""A map of a world with the drives in it."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,9 +9,9 @@ import numpy as np
 
 from plant.model.configuration import body_of
 from plant.model.types import Circle, Point, Polygon, Polyline, World
-from study.report.charts.drives import Drive, Pose
+from study.report.charts.drives import DrivenTrial, Pose
 from study.report.charts.style import colour, dashed
-from study.report.charts.svg import Dot, Drawing
+from study.report.charts.svg import Dot, SvgDrawing
 from study.statistics.intervals import CHI2_2, Floats
 
 RIM: Final = 8.0
@@ -20,34 +20,35 @@ MARK: Final = 4.5
 FOOT: Final = 14.0
 
 
-class Map:
-    """Metres to pixels, y upwards as on a map."""
+class WorldMap:
+    """A map of a world; metres to pixels, y upwards."""
 
-    def __init__(self, world: World, width: float, says: str) -> None:
+    def __init__(self, world: World, width: float, title: str) -> None:
         self.world = world
         width_m, height_m = world.size_m
         self._scale = min((width - 2 * RIM) / width_m, 1.15 * (width - 2 * RIM) / height_m)
         self._top = RIM + height_m * self._scale
         wide = 2 * RIM + width_m * self._scale
-        self.drawing = Drawing(wide, self._top + RIM + FOOT, says)
+        self.drawing = SvgDrawing(wide, self._top + RIM + FOOT, title)
         self._ground()
 
     def at(self, point: Point) -> Dot:
+        """Return the pixel of a point in metres."""
         return RIM + point[0] * self._scale, self._top - point[1] * self._scale
 
-    def add(self, drive: Drive, belief: bool = False, faint: bool = False) -> None:
-        """The true way in the navigator's colour; dotted, what the robot believed."""
+    def add(self, drive: DrivenTrial, belief: bool = False, faint: bool = False) -> None:
+        """Draw the true path in the navigator's colour; with `belief` the estimated one dotted."""
         label = f"{drive.trial.navigator}, {drive.trial.side}"
         kind = f"way l-{colour(label)}{dashed(label)}{' faint' if faint else ''}"
-        self.drawing.polyline(map(self.at, thinned(drive.true)), kind)
+        self.drawing.polyline(map(self.at, simplified(drive.true)), kind)
         if belief:
-            self.drawing.polyline(map(self.at, thinned(drive.believed)), "believed")
+            self.drawing.polyline(map(self.at, simplified(drive.believed)), "believed")
             self._doubt(drive)
         if not faint:
             self._end(drive, colour(label))
 
     def ends(self) -> None:
-        """Start, goal with its tolerance and heading, and a bar one metre long."""
+        """Draw start, goal with tolerance and heading, and a bar one metre long."""
         world, body = self.world, body_of(self.world)
         start, goal = self.at((world.start.x_m, world.start.y_m)), world.goal
         self.drawing.circle(start, 3.0, "start")
@@ -61,7 +62,7 @@ class Map:
         self.drawing.text((RIM + self._scale + 5.0, y + 3.5), "1 m", "small")
 
     def legend(self, labels: Sequence[str]) -> None:
-        """Beside the bar: whose line is which."""
+        """Draw the line style of each navigator beside the bar."""
         x, y = RIM + self._scale + 40.0, self._top + RIM + 4.0
         for label in labels:
             self.drawing.line((x, y), (x + 16.0, y), f"way l-{colour(label)}{dashed(label)}")
@@ -69,6 +70,7 @@ class Map:
             x += 32.0 + 5.6 * len(label)
 
     def straight(self) -> None:
+        """Draw the straight line from start to goal."""
         start, goal = self.world.start, self.world.goal
         ends = self.at((start.x_m, start.y_m)), self.at((goal.x_m, goal.y_m))
         self.drawing.line(*ends, "straight")
@@ -104,20 +106,20 @@ class Map:
         ends = (at[0] + near * dx, at[1] + near * dy), (at[0] + far * dx, at[1] + far * dy)
         self.drawing.line(*ends, "goal")
 
-    def _doubt(self, drive: Drive) -> None:
-        """The confidence ellipse around where it believed to be."""
+    def _doubt(self, drive: DrivenTrial) -> None:
+        """Draw the confidence ellipse around the last estimated position."""
         long_m, short_m, turn_rad = ellipse(drive.covariance)
         x_m, y_m, _ = drive.believed[-1]
         radii = long_m * self._scale, short_m * self._scale
         self.drawing.ellipse(self.at((x_m, y_m)), radii, -degrees(turn_rad), "doubt")
 
-    def _end(self, drive: Drive, name: str) -> None:
+    def _end(self, drive: DrivenTrial, name: str) -> None:
         x_m, y_m, _ = drive.true[-1]
         end_mark(self.drawing, self.at((x_m, y_m)), drive.outcome.outcome, f"mark f-{name}")
 
 
-def end_mark(drawing: Drawing, at: Dot, outcome: str, kind: str) -> None:
-    """A disc: reached; a cross: collided; a square: stuck; a triangle: time was up or it failed."""
+def end_mark(drawing: SvgDrawing, at: Dot, outcome: str, kind: str) -> None:
+    """Draw a disc (reached), cross (collided), square (stuck) or triangle (timeout, failure)."""
     x, y = at
     if outcome == "reached":
         drawing.circle(at, MARK, kind)
@@ -132,7 +134,7 @@ def end_mark(drawing: Drawing, at: Dot, outcome: str, kind: str) -> None:
 
 
 def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Half axes of the confidence ellipse in metres, and the long one's direction."""
+    """Return both semi-axes of the confidence ellipse in m, and the direction of the longer."""
     xx, xy, yy = covariance
     middle, half = (xx + yy) / 2.0, sqrt(((xx - yy) / 2.0) ** 2 + xy * xy)
     long_m = sqrt(CHI2_2 * max(0.0, middle + half))
@@ -140,10 +142,10 @@ def ellipse(covariance: tuple[float, float, float]) -> tuple[float, float, float
     return long_m, short_m, 0.5 * atan2(2.0 * xy, xx - yy) if half > 0.0 else 0.0
 
 
-def thinned(poses: Sequence[Pose]) -> list[Point]:
-    """Without the points that lie on a straight line with others, to within what shows.
+def simplified(poses: Sequence[Pose]) -> list[Point]:
+    """Return the path without points that a straight line covers within `STRAIGHT_M`.
 
-    Ramer, Douglas and Peucker's, with a stack instead of recursion.
+    Ramer, Douglas and Peucker's algorithm with a stack instead of recursion.
     """
     points = np.array(poses, dtype=np.float64)[:, :2]
     kept = np.zeros(len(points), dtype=np.bool_)
@@ -163,7 +165,7 @@ def thinned(poses: Sequence[Pose]) -> list[Point]:
 
 
 def _away_m(points: Floats, a: Floats, b: Floats) -> Floats:
-    """How far from the stretch ab each is."""
+    """Return the distance of each point from the segment ab."""
     along, off = b - a, points - a
     length2 = float(along @ along)
     share = np.clip(off @ along / length2, 0.0, 1.0) if length2 > 0.0 else np.zeros(len(points))
@@ -172,7 +174,7 @@ def _away_m(points: Floats, a: Floats, b: Floats) -> Floats:
 
 
 def _bar(a: Dot, b: Dot, half: float) -> tuple[Dot, Dot, Dot, Dot]:
-    """The four corners of a line that is 2 `half` wide."""
+    """Return the corners of a line of width 2 `half`."""
     turn = atan2(b[1] - a[1], b[0] - a[0]) + pi / 2.0
     dx, dy = half * cos(turn), half * sin(turn)
     return (

@@ -1,4 +1,4 @@
-"""The report's files: one HTML page, Markdown with its figures, and the summary as data."""
+"""The files of the report: an HTML page, Markdown with its figures, and the summary as data."""
 
 import csv
 import io
@@ -15,7 +15,7 @@ from study.report.build import ReportRequest, page_of
 from study.report.output.html import html
 from study.report.output.markdown import markdown
 from study.report.page import figures_of
-from study.report.paper.claims import claims
+from study.report.paper.claims import Claim, claims
 from study.report.paper.targets import targets
 from study.report.summary import as_json, numbers, summaries
 from study.report.trials import Trials, distinct, trials_of
@@ -24,14 +24,14 @@ FIGURES: Final = "figures"
 SUMMARY: Final = "summary.json"
 
 
-def write(table: pa.Table, directory: Path, asked: ReportRequest | None = None) -> list[Path]:
-    """All files of the report; equal tables give equal bytes.
+def write(table: pa.Table, directory: Path, request: ReportRequest | None = None) -> list[Path]:
+    """Write all files of the report; equal tables give equal bytes.
 
-    Raises UserError for a table that no study wrote and a directory that cannot be written.
+    Raises UserError for a table of another version and a directory that cannot be written.
     """
-    asked = asked or ReportRequest()
-    page = page_of(table, asked)
-    summary = summary_of(table, asked)
+    request = request or ReportRequest()
+    page = page_of(table, request)
+    summary = summary_of(table, request)
     texts = {
         "report.html": html(page),
         "report.md": markdown(page, FIGURES),
@@ -52,20 +52,25 @@ def write(table: pa.Table, directory: Path, asked: ReportRequest | None = None) 
     return [directory / name for name in texts]
 
 
-def summary_of(table: pa.Table, asked: ReportRequest) -> dict[str, Any]:
-    """What is kept of a study in the project: small, and all that the README needs."""
+def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
+    """Return the summary that is committed, from which the README is generated."""
     every = trials_of(table)
     trials = distinct(every)
     return {
-        "command": asked.command,
+        "command": request.command,
         "commits": [commit for commit in every.values("commit") if commit],
         "trials": len(every),
         "worlds": len(set(every.texts("world_digest").tolist())),
         "families": len(every.values("family")),
         "rows": as_json(summaries(trials)),
         "figures_to_reach": _targets(trials),
-        "claims": [asdict(claim) for claim in claims(trials, asked.runs)],
+        "claims": [_claim(claim) for claim in claims(trials, request.runs)],
     }
+
+
+def _claim(claim: Claim) -> dict[str, str]:
+    fields = asdict(claim)
+    return {"says": fields.pop("statement"), **fields}
 
 
 def _targets(trials: Trials) -> list[Mapping[str, str]]:
@@ -73,7 +78,7 @@ def _targets(trials: Trials) -> list[Mapping[str, str]]:
 
 
 def _csv(rows: Sequence[Mapping[str, object]]) -> str:
-    """Empty where a value is unknown; of no rows nothing."""
+    """Return rows as CSV, empty where a value is unknown; nothing without rows."""
     text = io.StringIO()
     writer = csv.DictWriter(text, rows[0] if rows else (), lineterminator="\n")
     writer.writeheader()

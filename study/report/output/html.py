@@ -1,4 +1,4 @@
-"""A page as one HTML file that needs nothing else: no script, no font, no file from elsewhere."""
+"""A page as one self-contained HTML file without scripts, fonts or other files."""
 
 import re
 from html import escape
@@ -6,23 +6,24 @@ from html import escape
 from study.report.charts.style import DRAWING_RULES, PAGE_STYLE
 from study.report.page import (
     Block,
-    Cell,
-    CellLike,
-    Code,
-    Figure,
+    BulletList,
+    CodeBlock,
     Gallery,
-    Items,
-    Page,
+    PageCell,
+    PageCellLike,
+    PageFigure,
+    PageTable,
+    Paragraph,
+    ReportPage,
     Section,
-    Table,
-    Text,
 )
 
 SHORT = 24
-"""A name of so few letters is not broken."""
+"""A name of at most this many letters is not wrapped."""
 
 
-def html(page: Page) -> str:
+def html(page: ReportPage) -> str:
+    """Return the page."""
     title = escape(page.title)
     parts = [
         "<!doctype html>",
@@ -39,6 +40,7 @@ def html(page: Page) -> str:
 
 
 def anchor(title: str) -> str:
+    """Return the id of a section."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
 
@@ -56,15 +58,15 @@ def _section(section: Section, level: int) -> str:
 
 
 def _block(block: Block) -> str:
-    if isinstance(block, Text):
+    if isinstance(block, Paragraph):
         return f"<p>{_words(block.words)}</p>"
-    if isinstance(block, Items):
+    if isinstance(block, BulletList):
         return f"<ul>{''.join(f'<li>{_words(item)}</li>' for item in block.words)}</ul>"
-    if isinstance(block, Code):
+    if isinstance(block, CodeBlock):
         return f"<pre><code>{escape(block.lines)}</code></pre>"
-    if isinstance(block, Table):
+    if isinstance(block, PageTable):
         return _table(block)
-    if isinstance(block, Figure):
+    if isinstance(block, PageFigure):
         return _figure(block)
     return _gallery(block)
 
@@ -73,14 +75,14 @@ def _gallery(gallery: Gallery) -> str:
     return f'<div class="gallery">{"".join(map(_figure, gallery.figures))}</div>'
 
 
-def _figure(figure: Figure) -> str:
+def _figure(figure: PageFigure) -> str:
     note = f"<br>{_words(figure.note)}" if figure.note else ""
     code = f"<pre><code>{escape(figure.code)}</code></pre>" if figure.code else ""
     caption = f"<figcaption>{_words(figure.caption)}{note}</figcaption>"
     return f"<figure>{figure.drawing.inline()}{caption}{code}</figure>"
 
 
-def _table(table: Table) -> str:
+def _table(table: PageTable) -> str:
     head = "".join(
         f'<th scope="col"{_right(index, table)}>{_words(name)}</th>'
         for index, name in enumerate(table.head)
@@ -89,7 +91,7 @@ def _table(table: Table) -> str:
         f"<tr>{''.join(_cell(cell, index, table) for index, cell in enumerate(row))}</tr>"
         for row in table.rows
     )
-    # Wide tables scroll by themselves, also with the keyboard.
+    # Wide tables scroll on their own, also with the keyboard.
     return (
         f'<div class="wide" tabindex="0" role="region" aria-label="{_plain(table.caption)}"><table>'
         f"<caption>{_words(table.caption)}</caption>"
@@ -97,12 +99,12 @@ def _table(table: Table) -> str:
     )
 
 
-def _right(index: int, table: Table) -> str:
+def _right(index: int, table: PageTable) -> str:
     return "" if index < table.names else ' class="figure"'
 
 
-def _cell(cell: CellLike, index: int, table: Table) -> str:
-    found = Cell(cell) if isinstance(cell, str) else cell
+def _cell(cell: PageCellLike, index: int, table: PageTable) -> str:
+    found = PageCell(cell) if isinstance(cell, str) else cell
     words = _words(found.text)
     if found.tone:
         words = f'<span class="{found.tone}">{words}</span>'
@@ -113,7 +115,7 @@ def _cell(cell: CellLike, index: int, table: Table) -> str:
 
 
 def _heat(heat: float | None) -> str:
-    """From warm at 0 over nothing in the middle to cool at 1; the figure stays readable on it."""
+    """Return a background from warm at 0 over none at 0.5 to cool at 1."""
     if heat is None:
         return ""
     name, strength = ("cool", 2 * heat - 1) if heat >= 0.5 else ("warm", 1 - 2 * heat)

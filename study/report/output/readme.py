@@ -1,4 +1,4 @@
-"""The comparison in the README: between two markers, and made of what `summary.json` holds."""
+"""The comparison in the README, between two markers, generated from `summary.json`."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from runtime.errors import UserError
 from study.report.output.markdown import table_lines
-from study.report.page import Table
+from study.report.page import PageTable
 from study.report.summary import HEAD, as_json, summaries
 from study.report.trials import NOISES, distinct, trials_of
 from study.report.words import DASH
@@ -17,7 +17,7 @@ from study.statistics.intervals import CONFIDENT
 
 BEGIN: Final = "<!-- study:begin -->"
 END: Final = "<!-- study:end -->"
-USUAL: Final = "default"
+DEFAULT_NOISE: Final = "default"
 NAVIGATOR, NOISE, SUCCESS, TOUCHED, ERROR, RATIO = (
     *("navigator", "noise", "success %", "touched something %"),
     *("true error m, median / 95th", "path / shortest, median (90th)"),
@@ -30,14 +30,15 @@ Rows = Sequence[Mapping[str, Any]]
 
 
 def summary_table(table: pa.Table) -> str:
-    """A row per navigator: success at each noise, and the rest at the usual one, as Markdown."""
+    """Return a Markdown row per navigator: success at each noise, the rest at the default noise."""
     return lines_of(as_json(summaries(distinct(trials_of(table)))))
 
 
 def lines_of(rows: Rows) -> str:
+    """Return the table of these rows."""
     noises = [noise for noise in NOISES if any(row[NOISE] == noise for row in rows)]
     noises += sorted({str(row[NOISE]) for row in rows} - set(NOISES))
-    usual = USUAL if USUAL in noises or not noises else noises[0]
+    usual = DEFAULT_NOISE if DEFAULT_NOISE in noises or not noises else noises[0]
     head = (
         *(NAVIGATOR, *(f"success %, {noise}" for noise in noises)),
         *(f"{name}, {usual}" for name in REST),
@@ -48,21 +49,22 @@ def lines_of(rows: Rows) -> str:
         successes = [str(at[noise][SUCCESS]) if noise in at else DASH for noise in noises]
         rest = [str(at[usual][name]) if usual in at else DASH for name in REST]
         body.append((label, *successes, *rest))
-    return table_lines(Table("", head, tuple(body)))
+    return table_lines(PageTable("", head, tuple(body)))
 
 
 def block(summary: Mapping[str, Any]) -> str:
-    """What stands between the markers."""
+    """Return the text between the markers."""
     says = (
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
-        f"families; in brackets {CONFIDENT} intervals.\nSuccess: arrived by its own belief "
-        "and touched nothing, of worlds with a way. Recognised: said\nso where there is none."
+        f"families; in brackets {CONFIDENT} intervals.\nSuccess: reached the goal by its own "
+        "estimate and touched nothing, in worlds with a path.\nRecognised: reported `unreachable` "
+        "in worlds without one."
     )
     return f"{lines_of(summary['rows'])}\n\n{says}"
 
 
 def with_block(readme: str, text: str, file: str = "README.md") -> str:
-    """The README with this between its markers. Raises UserError where they are not."""
+    """Return the README with this text between its markers; UserError without markers."""
     before, begin, rest = readme.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
@@ -71,7 +73,7 @@ def with_block(readme: str, text: str, file: str = "README.md") -> str:
 
 
 def update(readme: Path, summary: Path) -> None:
-    """Raises UserError when either cannot be read or written."""
+    """Update the README from a summary; raise UserError when a file cannot be used."""
     try:
         found = json.loads(summary.read_text(encoding="utf-8"))
         text = with_block(readme.read_text(encoding="utf-8"), block(found), str(readme))

@@ -1,15 +1,21 @@
-"""The paper's claims as rules that trials decide: confirmed, refuted or unclear, never by hand.
+"""Rules by which trials decide the paper's claims: confirmed, refuted or unclear.
 
-Each rule was fixed before the trials were run. Where bug's two sides disagree a claim is unclear.
+Each rule was fixed before the trials were run. A claim is unclear where bug's two sides disagree.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
-from study.report.charts.drives import Drive
-from study.report.comparisons import by_pair, comparison
-from study.report.paper.runs import Runs, left_of_deviation, turn_left_deg, untouched, ways
+from study.report.charts.drives import DrivenTrial
+from study.report.comparisons import comparison, runs_by_pair
+from study.report.paper.runs import (
+    PaperRuns,
+    arrived_untouched,
+    path_ratios,
+    remaining_deviation,
+    remaining_turn_deg,
+)
 from study.report.trials import Flags, Trials
 from study.report.words import count, interval, number, probability, share
 from study.statistics.intervals import Share, quantile, quantile_interval
@@ -33,17 +39,20 @@ MINIMA: Final = ("corner", "u_trap", "dead_end", "spiral", "zigzag")
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """`shown`: the trials that decide it, by world, seed and noise or by their id."""
+    """A claim of the paper and its verdict.
 
-    says: str
+    `shown` names the trials that decide it, by world, seed and noise or by their id.
+    """
+
+    statement: str
     rule: str
     evidence: str
     shown: str
     verdict: str
 
 
-def claims(trials: Trials, runs: Runs) -> list[Claim]:
-    """`trials` of any study, may be none; `runs` of the paper's figures."""
+def claims(trials: Trials, runs: PaperRuns) -> list[Claim]:
+    """Evaluate all claims on trials of a study, which may be none, and drives of the figures."""
     return [
         _path(runs),
         _return(runs, ("vgm",), "vgm returns to the original path, then reaches the goal", True),
@@ -71,12 +80,12 @@ def claims(trials: Trials, runs: Runs) -> list[Claim]:
     ]  # fmt: skip
 
 
-class Kind(NamedTuple):
-    """What is counted, in rows and in drives."""
+class ClaimMeasure(NamedTuple):
+    """A property that is counted over rows and drives."""
 
     what: str
     of_rows: Callable[[Trials], Flags]
-    of_drive: Callable[[Drive], bool]
+    of_drive: Callable[[DrivenTrial], bool]
 
 
 def _clean(some: Trials) -> Flags:
@@ -84,19 +93,21 @@ def _clean(some: Trials) -> Flags:
     return found
 
 
-ARRIVALS: Final = Kind("arrivals without contact", lambda some: some.success, untouched)
-CLEAN: Final = Kind("drives without contact", _clean, lambda one: not one.outcome.contacts)
+ARRIVALS: Final = ClaimMeasure(
+    "arrivals without contact", lambda some: some.success, arrived_untouched
+)
+CLEAN: Final = ClaimMeasure("drives without contact", _clean, lambda one: not one.outcome.contacts)
 
-Pool: TypeAlias = tuple[Trials, Sequence[Drive]]
+Evidence: TypeAlias = tuple[Trials, Sequence[DrivenTrial]]
 
 
-def _of_vgm(trials: Trials, runs: Runs) -> Pool:
+def _of_vgm(trials: Trials, runs: PaperRuns) -> Evidence:
     every = (*runs.figures, *runs.traps)
     return trials.of(navigator="vgm"), [one for one in every if one.trial.navigator == "vgm"]
 
 
-def _in_minima(trials: Trials, runs: Runs) -> Pool:
-    """vgm's in these families, and its drives in the shipped traps."""
+def _in_minima(trials: Trials, runs: PaperRuns) -> Evidence:
+    """Return vgm's trials in these families, and its drives in the shipped traps."""
     drives = [one for one in runs.traps if one.trial.navigator == "vgm"]
     return _of_families(trials.of(navigator="vgm"), MINIMA), drives
 
@@ -114,7 +125,11 @@ def _agreed(verdicts: Iterable[str]) -> str:
 
 
 def _beyond(values: Sequence[float], limit: float, confirms: bool) -> tuple[str, str]:
-    """Whether the median is surely below the limit (`confirms`) or surely above; in words."""
+    """Return the verdict on the median, and the median as text.
+
+    `confirms`: a median below the limit confirms the claim, otherwise one above it. A limit within
+    the interval leaves it unclear.
+    """
     low, high = span = quantile_interval(values, 0.5)
     text = f"{number(quantile(values, 0.5))} {interval(span)}, {len(values)} drives"
     if high <= limit:
@@ -124,41 +139,40 @@ def _beyond(values: Sequence[float], limit: float, confirms: bool) -> tuple[str,
     return UNCLEAR, text  # fmt: skip
 
 
-def _path(runs: Runs) -> Claim:
-    found = {label: _beyond(ways(runs, label, "vgm"), LONGER, False) for label in BUGS}
+def _path(runs: PaperRuns) -> Claim:
+    found = {label: _beyond(path_ratios(runs, label, "vgm"), LONGER, False) for label in BUGS}
     return Claim(
         "“Bug algorithm cannot properly guide the robot … the path is not proper”",
-        f"bug's way is more than {LONGER - 1:.0%} longer than vgm's, median over pairs that both "
-        "arrive; refuted when surely not",
+        f"bug's path is more than {LONGER - 1:.0%} longer than vgm's, median over pairs in which "
+        "both arrive; refuted when significantly not",
         "bug / vgm: " + _each(found),
         _batch(runs),
         _agreed(verdict for verdict, _ in found.values()),
     )
 
 
-def _return(runs: Runs, labels: Sequence[str], says: str, wanted: bool) -> Claim:
+def _return(runs: PaperRuns, labels: Sequence[str], statement: str, wanted: bool) -> Claim:
     rule = (
-        "half way from the largest deviation to the goal, the deviation that is left, over the "
-        f"largest: returned when the median is at most {RETURNED:g}; heading straight for the goal "
-        "gives 0.5"
+        "deviation half way from the largest deviation to the goal, over the largest: returned "
+        f"when the median is at most {RETURNED:g}; heading straight for the goal gives 0.5"
     )
-    return _measured(runs, labels, says, rule, left_of_deviation, RETURNED, wanted)
+    return _measured(runs, labels, statement, rule, remaining_deviation, RETURNED, wanted)
 
 
-def _heading(runs: Runs, labels: Sequence[str], says: str, wanted: bool) -> Claim:
+def _heading(runs: PaperRuns, labels: Sequence[str], statement: str, wanted: bool) -> Claim:
     rule = (
-        "what is left to turn on the spot at the goal, in degrees: oriented when the median is at "
-        f"most {ORIENTED_DEG:g}"
+        "remaining turn on the spot at the goal, in degrees: oriented when the median is at most "
+        f"{ORIENTED_DEG:g}"
     )
-    return _measured(runs, labels, says, rule, turn_left_deg, ORIENTED_DEG, wanted)
+    return _measured(runs, labels, statement, rule, remaining_turn_deg, ORIENTED_DEG, wanted)
 
 
 def _measured(
-    runs: Runs,
+    runs: PaperRuns,
     labels: Sequence[str],
-    says: str,
+    statement: str,
     rule: str,
-    measure: Callable[[Drive], float | None],
+    measure: Callable[[DrivenTrial], float | None],
     limit: float,
     wanted: bool,
 ) -> Claim:
@@ -167,15 +181,15 @@ def _measured(
         values = [value for drive in runs.of(label) if (value := measure(drive)) is not None]
         found[label] = _beyond(values, limit, wanted)
     verdict = _agreed(verdict for verdict, _ in found.values())
-    return Claim(says, rule, _each(found), _batch(runs), verdict)
+    return Claim(statement, rule, _each(found), _batch(runs), verdict)
 
 
 def _each(found: dict[str, tuple[str, str]]) -> str:
     return "; ".join(f"{label}: {text}" for label, (_, text) in found.items())
 
 
-def _corner(trials: Trials, runs: Runs) -> Claim:
-    """A claim of never, decided per side."""
+def _corner(trials: Trials, runs: PaperRuns) -> Claim:
+    """Evaluate a claim of never, per side."""
     verdicts, texts, shown = [], [], []
     for side in ("left", "right"):
         rows = _of_families(trials.of(navigator="bug", side=side), CORNERS)
@@ -192,24 +206,24 @@ def _corner(trials: Trials, runs: Runs) -> Claim:
     return Claim(
         "bug “cannot avoid obstacles with corners … gets stuck and never reaches the goal”",
         f"arrivals in corners: confirmed when there is none in at least {ENOUGH} trials, refuted "
-        f"when their share is surely above {RARE:.0%}",
+        f"when their share is significantly above {RARE:.0%}",
         "; ".join(texts),
         "arrivals: " + ", ".join(shown) if shown else "",
         _agreed(verdicts),
     )
 
 
-def _always(says: str, pool: Pool, kind: Kind) -> Claim:
-    """A claim of always, in worlds with a way to the goal."""
+def _always(statement: str, pool: Evidence, kind: ClaimMeasure) -> Claim:
+    """Evaluate a claim of always, in worlds with a path to the goal."""
     rows, drives = pool
     chosen = rows.where(rows.possible), drives
     found, against = _pooled(chosen, kind), _shown(chosen, kind, False)
     return Claim(
-        says,
+        statement,
         f"{kind.what}: confirmed when there is nothing else in at least {ENOUGH} trials, refuted "
-        f"when their share is surely below {1 - RARE:.0%}",
+        f"when their share is significantly below {1 - RARE:.0%}",
         f"{share(found)} % of {count(found.of)}",
-        "against it: " + ", ".join(against) if against else "",
+        "counterexamples: " + ", ".join(against) if against else "",
         _universal(found),
     )
 
@@ -220,14 +234,14 @@ def _universal(found: Share) -> str:
     return CONFIRMED if found.count == found.of and found.of >= ENOUGH else UNCLEAR
 
 
-def _pooled(pool: Pool, kind: Kind) -> Share:
+def _pooled(pool: Evidence, kind: ClaimMeasure) -> Share:
     rows, drives = pool
     good = rows.count(kind.of_rows(rows)) + sum(map(kind.of_drive, drives))
     return Share(good, len(rows) + len(drives))
 
 
-def _shown(pool: Pool, kind: Kind, good: bool) -> list[str]:
-    """A few trials that are good, or that are not, of both sources."""
+def _shown(pool: Evidence, kind: ClaimMeasure, good: bool) -> list[str]:
+    """Return a few trials for which the measure is true, or false, from both sources."""
     rows, drives = pool
     found = [
         f"{one.trial.world.name} {one.outcome.noise} seed {one.trial.seed}"
@@ -245,12 +259,12 @@ def _shown(pool: Pool, kind: Kind, good: bool) -> list[str]:
 
 
 def _dominant(trials: Trials) -> Claim:
-    """vgm against both of bug's sides on the same worlds, noise and seeds."""
+    """Compare vgm with both sides of bug on the same worlds, noise and seeds."""
     open_ = trials.where(trials.possible)
-    vgm = "vgm", by_pair(open_.of(navigator="vgm"))
+    vgm = "vgm", runs_by_pair(open_.of(navigator="vgm"))
     texts, verdicts = [], []
     for side in ("left", "right"):
-        bug = f"bug, {side}", by_pair(open_.of(navigator="bug", side=side))
+        bug = f"bug, {side}", runs_by_pair(open_.of(navigator="bug", side=side))
         found = comparison("", vgm, bug)
         lead = found.worlds_first - found.worlds_second
         sure = found.p_worlds < LEVEL
@@ -262,16 +276,16 @@ def _dominant(trials: Trials) -> Claim:
         )
     return Claim(
         "vgm “is dominant over Bug algorithm”, “more reliable”",
-        "successes in the same worlds at the same noise and seed: who is better in more worlds, "
-        f"sign test, p < {LEVEL:g}, against bug on either side",
+        "successes in the same worlds at the same noise and seed: better in more worlds, sign "
+        f"test, p < {LEVEL:g}, against bug on either side",
         "; ".join(texts),
         "all trials of vgm and bug in this study",
         _agreed(verdicts),
     )
 
 
-def _batch(runs: Runs) -> str:
-    """The trials of the paper's figures."""
+def _batch(runs: PaperRuns) -> str:
+    """Describe the trials of the paper's figures."""
     worlds = dict.fromkeys(drive.trial.world.name for drive in runs.figures)
     seeds = {drive.trial.seed for drive in runs.figures}
     if not seeds:

@@ -1,7 +1,7 @@
-"""The paper's experiments run again, and what can be measured on a trajectory.
+"""The paper's experiments run again, and measures of a trajectory.
 
 Figures 11 and 12 show one place, with vgm and with bug; figure 13 another. Every navigator drives
-both, so that each drive has its counterpart at the same noise and seed.
+both, so that each drive has a counterpart at the same noise and seed.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from typing import Final
 
 from plant.model.noise import LEVELS
 from plant.world.file import load
-from study.report.charts.drives import Drive, all_driven
+from study.report.charts.drives import DrivenTrial, drive_all
 from study.trial.trial import Trial
 
 SEEDS: Final = 20
@@ -19,31 +19,36 @@ TRAPS: Final = ("corner", "u_trap")
 DRIVERS: Final = (("bug", "left"), ("bug", "right"), ("vgm", "left"), ("vgm_memory", "left"))
 PAPERS_OWN: Final = DRIVERS[:3]
 PLACES: Final = {"11 and 12": "paper_fig11", "13": "paper_fig13"}
-"""The figures of the paper, and the world they are driven in."""
+"""Figures of the paper, and the world they are driven in."""
 
 MIN_DEVIATION_M: Final = 0.10
-"""Who never left the line by more has nothing to return from."""
+"""A drive that never left the line by more has no deviation to return from."""
 
 
 @dataclass(frozen=True, slots=True)
-class Runs:
-    """`figures` in the two places, `traps` in the shipped corner and U-trap."""
+class PaperRuns:
+    """Drives of the paper's figures, and `traps` in the shipped corner and U-trap."""
 
-    figures: tuple[Drive, ...] = ()
-    traps: tuple[Drive, ...] = ()
+    figures: tuple[DrivenTrial, ...] = ()
+    traps: tuple[DrivenTrial, ...] = ()
 
-    def of(self, label: str) -> list[Drive]:
+    def of(self, label: str) -> list[DrivenTrial]:
+        """Return the drives of a navigator in the paper's figures."""
         return [drive for drive in self.figures if label_of(drive) == label]
 
 
-def run_paper(jobs: int, seeds: int = SEEDS) -> Runs:
-    """So many seeds at each noise level, a quarter as many in the traps; none for 0."""
+def run_paper(jobs: int, seeds: int = SEEDS) -> PaperRuns:
+    """Run the figures with this many seeds per noise level, the traps with a quarter of them.
+
+    No drives for 0 seeds.
+    """
     figures, traps = figure_trials(seeds), trap_trials(-(-seeds // TRAP_SHARE))
-    found = all_driven([*figures, *traps], jobs)
-    return Runs(tuple(found[: len(figures)]), tuple(found[len(figures) :]))
+    found = drive_all([*figures, *traps], jobs)
+    return PaperRuns(tuple(found[: len(figures)]), tuple(found[len(figures) :]))
 
 
 def figure_trials(seeds: int) -> list[Trial]:
+    """Return the trials of the paper's figures."""
     return [
         trial
         for world in PLACES.values()
@@ -53,6 +58,7 @@ def figure_trials(seeds: int) -> list[Trial]:
 
 
 def trap_trials(seeds: int) -> list[Trial]:
+    """Return the trials in the traps."""
     return [
         trial
         for world in TRAPS
@@ -62,7 +68,7 @@ def trap_trials(seeds: int) -> list[Trial]:
 
 
 def _trials(world: str, navigator: str, side: str, seeds: int) -> list[Trial]:
-    """All noise levels; without noise a seed changes nothing."""
+    """Return trials at all noise levels; without noise a seed changes nothing."""
     return [
         Trial(world=load(world), navigator=navigator, side=side, seed=seed, noise=noise)
         for noise in LEVELS
@@ -70,25 +76,27 @@ def _trials(world: str, navigator: str, side: str, seeds: int) -> list[Trial]:
     ]
 
 
-def label_of(drive: Drive) -> str:
+def label_of(drive: DrivenTrial) -> str:
+    """Return the navigator, with its side if it is bug."""
     navigator, side = drive.trial.navigator, drive.trial.side
     return f"bug, {side}" if navigator == "bug" else navigator
 
 
-def untouched(drive: Drive) -> bool:
+def arrived_untouched(drive: DrivenTrial) -> bool:
+    """Return whether the goal was reached without a contact."""
     return drive.outcome.reached and not drive.outcome.contacts
 
 
-def deviation_m(drive: Drive) -> float:
-    """The farthest it was from the straight line between start and goal."""
+def deviation_m(drive: DrivenTrial) -> float:
+    """Return the largest distance from the straight line between start and goal."""
     return max(abs(left_m) for _, left_m in drive.offsets_m())
 
 
-def left_of_deviation(drive: Drive) -> float | None:
-    """Half way from where it deviated most to the goal: the deviation then over the largest.
+def remaining_deviation(drive: DrivenTrial) -> float | None:
+    """Return the deviation half way from the largest one to the goal, over the largest.
 
-    0: it is back on the straight line; 0.5: it heads straight for the goal. None when it never
-    arrived or never deviated.
+    0: back on the straight line; 0.5: straight towards the goal. None when the goal was not reached
+    or there was no deviation.
     """
     offsets = drive.offsets_m()
     sizes = [abs(left_m) for _, left_m in offsets]
@@ -103,14 +111,14 @@ def left_of_deviation(drive: Drive) -> float | None:
     return next(after, sizes[-1]) / sizes[worst]
 
 
-def turn_left_deg(drive: Drive) -> float | None:
-    """What was left to turn when it had come to the place."""
+def remaining_turn_deg(drive: DrivenTrial) -> float | None:
+    """Return the remaining turn on arrival at the goal position."""
     error_rad = drive.heading_error_on_arrival_rad
     return None if error_rad is None else degrees(error_rad)
 
 
-def ways(runs: Runs, first: str, second: str) -> list[float]:
-    """First's way over second's where both arrived, at the same place, noise and seed."""
+def path_ratios(runs: PaperRuns, first: str, second: str) -> list[float]:
+    """Return path length of `first` over that of `second` where both arrived in the same trial."""
     others = {_key(drive): drive for drive in runs.of(second) if drive.outcome.reached}
     return [
         drive.outcome.path_m / others[_key(drive)].outcome.path_m
@@ -119,5 +127,5 @@ def ways(runs: Runs, first: str, second: str) -> list[float]:
     ]
 
 
-def _key(drive: Drive) -> tuple[str, str, int]:
+def _key(drive: DrivenTrial) -> tuple[str, str, int]:
     return drive.trial.world.name, drive.outcome.noise, drive.trial.seed

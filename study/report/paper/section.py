@@ -1,21 +1,21 @@
-"""Figures 11, 12 and 13 of the paper redone, beside its claims."""
+"""The section on the paper: figures 11, 12 and 13 redone, and its claims."""
 
 from typing import Final
 
 from plant.model.noise import LEVELS
 from plant.world.file import load
-from study.report.charts.drives import Drive
-from study.report.charts.world_map import Map
-from study.report.page import Block, Cell, Figure, Gallery, Section, Table, Text
+from study.report.charts.drives import DrivenTrial
+from study.report.charts.world_map import WorldMap
+from study.report.page import Block, Gallery, PageCell, PageFigure, PageTable, Paragraph, Section
 from study.report.paper.claims import CONFIRMED, REFUTED, UNCLEAR, Claim, claims
 from study.report.paper.runs import (
     PLACES,
-    Runs,
+    PaperRuns,
+    arrived_untouched,
     deviation_m,
     label_of,
-    left_of_deviation,
-    turn_left_deg,
-    untouched,
+    remaining_deviation,
+    remaining_turn_deg,
 )
 from study.report.trials import Trials
 from study.report.words import number, share
@@ -31,54 +31,57 @@ FIGURES: Final = (
 )
 
 
-def paper_section(trials: Trials, runs: Runs) -> Section:
+def paper_section(trials: Trials, runs: PaperRuns) -> Section:
+    """Return the section on the paper's figures and claims."""
     found = claims(trials, runs)
     parts = (
         Section("Claims", (claims_table(found),)),
-        Section("Figures 11, 12 and 13", (Text(HOW_RUN), *_figures(runs), _runs_table(runs))),
+        Section("Figures 11, 12 and 13", (Paragraph(HOW_RUN), *_figures(runs), _runs_table(runs))),
     )
-    return Section("The paper's figures and claims", (Text(READING),), parts)
+    return Section("The paper's figures and claims", (Paragraph(READING),), parts)
 
 
 READING: Final = (
     "The paper shows vgm and bug in one place each (figures 11 and 12) and both results side by "
-    "side (figure 13); it gives no sizes and no numbers, so the worlds are ours. What it claims is "
-    "judged by rules that were written down before the trials were run. `vgm` and `bug` are the "
-    "paper's, with the signs put right and without memory."
+    "side (figure 13). It gives no dimensions and no numbers, so the worlds are our own. Its "
+    "claims are evaluated by rules that were fixed before the trials were run. `vgm` and `bug` are "
+    "the paper's methods with corrected signs and without memory."
 )
 HOW_RUN: Final = (
-    f"Thick: without noise. Thin: the first {DRAWN_SEEDS} seeds at every noise level; all seeds "
-    "are counted, in the table below. Dashed: bug passing on the right; the straight dashes are "
-    "the line from start to goal. Figures 11 and 12 show the same "
-    "place, so that their drives can be compared pair by pair."
+    f"Thick: without noise. Thin: the first {DRAWN_SEEDS} seeds at every noise level; the table "
+    "below counts all seeds. Dashed: bug passing on the right; the straight dashed line joins "
+    "start and goal. Figures 11 and 12 show the same place, so that their drives can be compared "
+    "in pairs."
 )
 
 
-def claims_table(found: list[Claim]) -> Table:
+def claims_table(found: list[Claim]) -> PageTable:
+    """Return the table of the paper's claims."""
     rows = tuple(
         (
-            one.says,
-            Cell(f"**{one.verdict}**", TONES[one.verdict]),
+            one.statement,
+            PageCell(f"**{one.verdict}**", TONES[one.verdict]),
             *(one.evidence, one.rule, one.shown),
         )
         for one in found
     )
     caption = (
-        "What the paper claims, and what the trials say. "
-        f"In brackets {CONFIDENT} intervals: Wilson's for "
-        "shares in percent, order statistics for medians."
+        f"The paper's claims and the results of the trials. In brackets {CONFIDENT} intervals: "
+        "Wilson's for shares in percent, order statistics for medians."
     )
     head = ("the paper's claim", "verdict", "evidence", "rule", "trials")
-    return Table(caption, head, rows, names=5)
+    return PageTable(caption, head, rows, names=5)
 
 
-def _figures(runs: Runs) -> tuple[Block, ...]:
+def _figures(runs: PaperRuns) -> tuple[Block, ...]:
     if not runs.figures:
-        return (Text("They were not run again for this report."),)
+        return (Paragraph("They were not run for this report."),)
     return (Gallery(tuple(_figure(runs, *figure) for figure in FIGURES)),)
 
 
-def _figure(runs: Runs, figure: str, name: str, labels: tuple[str, ...], shows: str) -> Figure:
+def _figure(
+    runs: PaperRuns, figure: str, name: str, labels: tuple[str, ...], shows: str
+) -> PageFigure:
     place = next(world for figures, world in PLACES.items() if figure in figures)
     drives = [
         drive
@@ -86,9 +89,9 @@ def _figure(runs: Runs, figure: str, name: str, labels: tuple[str, ...], shows: 
         for drive in runs.of(label)
         if drive.trial.world.name == place
     ]  # fmt: skip
-    ends = Share(sum(map(untouched, drives)), len(drives))
-    says = f"Figure {figure} redone: {' and '.join(labels)}, {ends.count} of {ends.of} arrive"
-    plan = Map(load(name), WIDTH, says)
+    ends = Share(sum(map(arrived_untouched, drives)), len(drives))
+    title = f"Figure {figure} redone: {' and '.join(labels)}, {ends.count} of {ends.of} arrive"
+    plan = WorldMap(load(name), WIDTH, title)
     plan.straight()
     for faint in (True, False):
         for drive in drives:
@@ -100,10 +103,10 @@ def _figure(runs: Runs, figure: str, name: str, labels: tuple[str, ...], shows: 
     command = (
         f"sidestep trial --world {name} --navigator {labels[0].partition(',')[0]} --noise none"
     )
-    return Figure(f"paper-figure-{figure}", plan.drawing, caption, code=command)
+    return PageFigure(f"paper-figure-{figure}", plan.drawing, caption, code=command)
 
 
-def _runs_table(runs: Runs) -> Table:
+def _runs_table(runs: PaperRuns) -> PageTable:
     rows = []
     for figures, place in PLACES.items():
         for label in dict.fromkeys(label_of(drive) for drive in runs.figures):
@@ -116,27 +119,27 @@ def _runs_table(runs: Runs) -> Table:
                 if some:
                     rows.append((figures, label, noise, *_measures(some)))
     head = (
-        *("figure", "navigator", "noise", "arrives %", "way / shortest"),
-        *("largest deviation m", "of it left half way to the goal", "left to turn at the goal deg"),
+        *("figure", "navigator", "noise", "arrives %", "path / shortest"),
+        *("largest deviation m", "deviation left half way", "remaining turn at the goal deg"),
     )
     caption = (
-        "The drives of these figures, medians. Half way from the largest deviation to the goal, 0 "
-        "means back on the straight line and 0.5 straight towards the goal."
+        "Medians over the drives of these figures. Half way from the largest deviation to the "
+        "goal, 0 means back on the straight line and 0.5 straight towards the goal."
     )
-    return Table(caption, head, tuple(rows), names=3)
+    return PageTable(caption, head, tuple(rows), names=3)
 
 
-def _measures(drives: list[Drive]) -> tuple[str, ...]:
+def _measures(drives: list[DrivenTrial]) -> tuple[str, ...]:
     there = [drive for drive in drives if drive.outcome.reached]
     ratios = [
         drive.outcome.path_m / drive.outcome.shortest_path_m
         for drive in there
         if drive.outcome.shortest_path_m
     ]
-    left = [value for drive in there if (value := left_of_deviation(drive)) is not None]
-    turns = [value for drive in there if (value := turn_left_deg(drive)) is not None]
+    left = [value for drive in there if (value := remaining_deviation(drive)) is not None]
+    turns = [value for drive in there if (value := remaining_turn_deg(drive)) is not None]
     return (
-        share(Share(sum(map(untouched, drives)), len(drives)), 0),
+        share(Share(sum(map(arrived_untouched, drives)), len(drives)), 0),
         number(quantile(ratios, 0.5)),
         number(quantile([deviation_m(drive) for drive in drives], 0.5)),
         number(quantile(left, 0.5)),

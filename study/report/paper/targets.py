@@ -1,7 +1,7 @@
-"""The figures this project set itself, beside what the trials of its own navigator came to.
+"""The project's own targets, compared with the trials of its own navigator.
 
-A figure is met when the measured one is at least as good as the wanted one, and missed otherwise;
-what an interval would still allow does not count. Nothing here is rounded before it is judged.
+A target is met when the measured value is at least as good as the target, and missed otherwise;
+intervals do not count. Values are compared before they are rounded.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.page import Cell, Table
+from study.report.page import PageCell, PageTable
 from study.report.trials import NOISES, Flags, Trials
 from study.report.words import DASH, interval, number, percent
 from study.statistics.intervals import (
@@ -25,7 +25,7 @@ from study.statistics.intervals import (
 
 OWN: Final = "vgm_memory"
 GRIDS: Final = ("moving_ai", "movingai", "grid")
-"""Families of worlds in Moving AI's format begin so; they have a figure of their own."""
+"""Prefixes of the families in Moving AI's format, which have a target of their own."""
 
 MET: Final = "met"
 MISSED: Final = "missed"
@@ -45,7 +45,9 @@ CORES: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class StudyTarget:
+    """One target, its measured value and the verdict."""
+
     what: str
     noise: str
     wanted: str
@@ -54,8 +56,8 @@ class Target:
     verdict: str
 
 
-def targets(trials: Trials) -> list[Target]:
-    """Of all trials, whatever navigators are among them."""
+def targets(trials: Trials) -> list[StudyTarget]:
+    """Return all targets; `trials` may be of any navigators."""
     own = trials.of(navigator=OWN)
     grid = np.array([f.startswith(GRIDS) for f in own.texts("family").tolist()], dtype=np.bool_)
     corpus, grids = own.where(~grid), own.where(grid)
@@ -67,7 +69,7 @@ def targets(trials: Trials) -> list[Target]:
     ]
 
 
-def _by_noise(corpus: Trials) -> Iterator[Target]:
+def _by_noise(corpus: Trials) -> Iterator[StudyTarget]:
     noises = {noise: corpus.of(noise=noise) for noise in NOISES}
     for noise, trials in noises.items():
         yield _arrivals(trials, noise)
@@ -87,36 +89,39 @@ def _by_noise(corpus: Trials) -> Iterator[Target]:
         yield from _changes(trials, noise)
 
 
-def _corpus(own: Trials) -> Iterator[Target]:
+def _corpus(own: Trials) -> Iterator[StudyTarget]:
     worlds = len(set(own.texts("world_digest").tolist()))
     families = len(own.values("family"))
     for what, have, wanted in (("worlds", worlds, WORLDS), ("families", families, FAMILIES)):
         verdict = UNMEASURED if not len(own) else MET if have >= wanted else MISSED
-        yield Target(f"{what} of the corpus", "all", f"at least {wanted}", str(have), "", verdict)
+        yield StudyTarget(
+            f"{what} of the corpus", "all", f"at least {wanted}", str(have), "", verdict
+        )
 
 
-def _arrivals(trials: Trials, noise: str) -> Target:
+def _arrivals(trials: Trials, noise: str) -> StudyTarget:
     open_ = trials.where(trials.possible)
     found = Share(open_.count(open_.arrived), len(open_))
-    return at_least("arrives by its own belief, touches nothing", noise, found, ARRIVALS[noise])
+    return at_least("arrives by its own estimate, touches nothing", noise, found, ARRIVALS[noise])
 
 
-def _error(trials: Trials, noise: str, most_m: float, rate: float) -> Target:
+def _error(trials: Trials, noise: str, most_m: float, rate: float) -> StudyTarget:
     there = trials.where(trials.arrived & trials.possible)
     found = Share(there.count(there.numbers("position_error_m") <= most_m), len(there))
     return at_least(f"of these, true position error ≤ {most_m:.2f} m", noise, found, rate)
 
 
-def _ellipse(trials: Trials, noise: str) -> Target:
+def _ellipse(trials: Trials, noise: str) -> StudyTarget:
     there = trials.where(trials.arrived & trials.possible)
     found = Share(there.count(there.inside), len(there))
     low, high = ELLIPSE
     wanted = f"{percent(low, 0)} to {percent(high, 0)} %"
-    what = f"of these, truly inside its own {CONFIDENT} ellipse"
+    what = f"of these, true position inside its own {CONFIDENT} ellipse"
     return _of_share(what, noise, wanted, found, low <= found.rate <= high)
 
 
-def at_least(what: str, noise: str, found: Share, wanted: float) -> Target:
+def at_least(what: str, noise: str, found: Share, wanted: float) -> StudyTarget:
+    """Return a target for the lower limit of a share."""
     return _of_share(
         what,
         noise,
@@ -126,84 +131,87 @@ def at_least(what: str, noise: str, found: Share, wanted: float) -> Target:
     )
 
 
-def _of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> Target:
+def _of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> StudyTarget:
     if not found.of:
-        return Target(what, noise, wanted, DASH, DASH, UNMEASURED)
+        return StudyTarget(what, noise, wanted, DASH, DASH, UNMEASURED)
     low, high = found.interval
     measured = f"{percent(found.rate, 2)} % ({found.count} of {found.of})"
     span = f"[{percent(low)}, {percent(high)}] %"
-    return Target(what, noise, wanted, measured, span, MET if met else MISSED)
+    return StudyTarget(what, noise, wanted, measured, span, MET if met else MISSED)
 
 
-def _contacts(touched: Flags, noise: str, most: float, what: str) -> Target:
+def _contacts(touched: Flags, noise: str, most: float, what: str) -> StudyTarget:
     found = Share(int(np.count_nonzero(touched)), len(touched))
     text = f"trials with a contact{what}, per 10,000"
     wanted = f"≤ {most:g}" if most else "0"
     if not found.of:
-        return Target(text, noise, wanted, DASH, DASH, UNMEASURED)
+        return StudyTarget(text, noise, wanted, DASH, DASH, UNMEASURED)
     per = 10_000.0
     measured = f"{number(per * found.rate, 1)} ({found.count} of {found.of})"
     low, high = found.interval
     span = interval(Interval(per * low, per * high), 1)
-    return Target(text, noise, wanted, measured, span, MET if per * found.rate <= most else MISSED)
+    return StudyTarget(
+        text, noise, wanted, measured, span, MET if per * found.rate <= most else MISSED
+    )
 
 
-def _ratio(trials: Trials, noise: str) -> Iterator[Target]:
+def _ratio(trials: Trials, noise: str) -> Iterator[StudyTarget]:
     values = trials.where(trials.possible).ratio
     for at, name, most in RATIO:
-        yield _at_most(f"way over shortest way, {name} of arrivals", noise, values, at, most)
+        yield _at_most(f"path over shortest path, {name} of arrivals", noise, values, at, most)
 
 
-def _at_most(what: str, noise: str, values: Floats, at: float, most: float) -> Target:
+def _at_most(what: str, noise: str, values: Floats, at: float, most: float) -> StudyTarget:
     value = quantile(values, at)
     if not isfinite(value):
-        return Target(what, noise, f"≤ {most:g}", DASH, DASH, UNMEASURED)
+        return StudyTarget(what, noise, f"≤ {most:g}", DASH, DASH, UNMEASURED)
     span = interval(quantile_interval(values, at)) if at < 1.0 else ""
     verdict = MET if value <= most else MISSED
-    return Target(what, noise, f"≤ {most:g}", f"{value:.4g}", span, verdict)
+    return StudyTarget(what, noise, f"≤ {most:g}", f"{value:.4g}", span, verdict)
 
 
-def _unreachable(trials: Trials, noise: str) -> Iterator[Target]:
+def _unreachable(trials: Trials, noise: str) -> Iterator[StudyTarget]:
     open_, shut = trials.where(trials.possible), trials.where(~trials.possible)
     seen = shut.where(shut.recognised)
     yield at_least("unreachable goals recognised", noise, Share(len(seen), len(shut)), 1.0)
     time_s = seen.numbers("time_s")
-    yield _at_most("time to that, median, s", noise, time_s, 0.5, UNREACHABLE_S)
+    yield _at_most("time to recognise it, median, s", noise, time_s, 0.5, UNREACHABLE_S)
     wronged = Share(open_.count(open_.gave_up), len(open_))
     what = "reachable goals called unreachable"
     yield _of_share(what, noise, "0", wronged, wronged.count == 0)
 
 
-def _changes(trials: Trials, noise: str) -> Iterator[Target]:
+def _changes(trials: Trials, noise: str) -> Iterator[StudyTarget]:
     values = trials.numbers("side_changes")
     for at, name, most in CHANGES:
         yield _at_most(f"changes of side per trial, {name}", noise, values, at, most)
 
 
-def _grids(grids: Trials) -> Iterator[Target]:
+def _grids(grids: Trials) -> Iterator[StudyTarget]:
     trials = grids.of(noise="none")
     open_ = trials.where(trials.possible)
     found = Share(open_.count(open_.arrived), len(open_))
     yield at_least("arrives in grid mazes, rooms and random maps", "none", found, GRID_RATE)
 
 
-def _speed(trials: Trials) -> Target:
+def _speed(trials: Trials) -> StudyTarget:
     forest = np.char.startswith(trials.texts("family"), "forest")
     chosen = trials.where(forest & np.isfinite(trials.numbers("wall_s")))
     wall_s = float(chosen.numbers("wall_s").sum())
     hours = float(chosen.numbers("time_s").sum()) / 3600.0
     pace = CORES * hours / (wall_s / 60.0) if wall_s > 0.0 else nan
-    what = f"simulated hours per minute in forests, the pace of {CORES} workers"
+    what = f"simulated hours per minute in forests with {CORES} workers"
     verdict = UNMEASURED if not isfinite(pace) else MET if pace >= HOURS_PER_MINUTE else MISSED
-    return Target(what, "all", f"≥ {HOURS_PER_MINUTE:g}", number(pace, 1), "", verdict)
+    return StudyTarget(what, "all", f"≥ {HOURS_PER_MINUTE:g}", number(pace, 1), "", verdict)
 
 
-def wanted_table(found: list[Target]) -> Table:
+def target_table(found: list[StudyTarget]) -> PageTable:
+    """Return the table of the targets."""
     tones = {MET: "good", MISSED: "bad", UNMEASURED: "none"}
     rows = tuple(
         (
             *(one.what, one.noise, one.wanted, one.measured, one.interval),
-            Cell(one.verdict, tones[one.verdict]),
+            PageCell(one.verdict, tones[one.verdict]),
         )
         for one in found
     )
@@ -211,8 +219,10 @@ def wanted_table(found: list[Target]) -> Table:
         f"{sum(one.verdict == verdict for one in found)} {verdict}" for verdict in tones
     )
     caption = (
-        f"Figures to reach, of `{OWN}` unless it says otherwise: {counts}. Intervals of "
-        f"{CONFIDENT}: Wilson's for shares, order statistics for quantiles. Met means that the "
-        "measured figure is at least as good as the wanted one."
+        f"Figures to reach, of `{OWN}` unless stated otherwise: {counts}. Intervals of "
+        f"{CONFIDENT}: Wilson's for shares, order statistics for quantiles. Met: the measured "
+        "figure is at least as good as the wanted one."
     )
-    return Table(caption, ("what", "noise", "wanted", "measured", "interval", ""), rows, names=2)
+    return PageTable(
+        caption, ("what", "noise", "wanted", "measured", "interval", ""), rows, names=2
+    )

@@ -1,4 +1,4 @@
-"""Trials that nobody drove, for tests of what is made of them."""
+"""Synthetic trials for tests of the report."""
 
 from collections.abc import Sequence
 from hashlib import sha256
@@ -10,7 +10,7 @@ import pyarrow as pa
 from plant.model.types import World
 from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
-from study.report.charts.drives import Drive, Pose
+from study.report.charts.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
 from study.runner.rows import SCHEMA, TrialRow, table_of
 from study.trial.trial import Trial
@@ -77,7 +77,7 @@ USUAL: dict[str, Any] = {
 
 
 def row(**changes: Any) -> TrialRow:
-    """An arrival as it should be, but for the changes; its identity is that of its contents."""
+    """Return a successful trial with changed values; its id depends on its values."""
     fields = {**USUAL, **changes}
     mark = sha256(repr(sorted(fields.items())).encode()).hexdigest()
     fields.setdefault("world_digest", sha256(fields["world"].encode()).hexdigest())
@@ -109,7 +109,7 @@ def study(
     noises: Sequence[str] = ("none", "default"),
     failing: bool = True,
 ) -> pa.Table:
-    """Ten worlds of five families and one without a way; vgm and bug fail where told."""
+    """Return trials in ten worlds with a path and one without; vgm and bug fail in some."""
     rows: list[TrialRow] = []
     families = ("box", "corner", "u_trap", "forest_dense", "moving")
     for navigator, noise, (place, family), number in product(
@@ -118,9 +118,9 @@ def study(
         bad = failing and navigator != "vgm_memory" and (place + number) % 3 == 0
         ending = (STUCK, COLLIDED, GAVE_UP)[place % 3] if bad else {}
         name, source = f"{family}_1_{number:03d}", f"corpus:{family}:1:{number}"
-        asked = {"navigator": navigator, "noise": noise, "world": name, "family": family}
+        request = {"navigator": navigator, "noise": noise, "world": name, "family": family}
         path_m = 5.2 + 0.1 * place + 0.3 * len(navigator)
-        rows.append(row(**{**asked, "world_source": source, "path_m": path_m, **ending}))
+        rows.append(row(**{**request, "world_source": source, "path_m": path_m, **ending}))
     rows += [
         row(**{"navigator": navigator, "noise": noise, **SHUT, **GAVE_UP})
         for navigator, noise in product(navigators, noises)
@@ -129,7 +129,7 @@ def study(
 
 
 def without_values(table: pa.Table) -> pa.Table:
-    """Every column that need not say anything says nothing; floats are NaN."""
+    """Return the table with nulls or NaN wherever the schema allows."""
     nulls = {"shortest_path_m", "reachable", "heading_error_rad"}
     columns = {}
     for field in SCHEMA:
@@ -149,12 +149,12 @@ def drive(
     world: World | None = None,
     outcome: str = "reached",
     contacts: int = 0,
-    **asked: Any,
-) -> Drive:
-    """A drive along these poses, believed as they are."""
+    **request: Any,
+) -> DrivenTrial:
+    """Return a drive along these poses, with a perfect estimate."""
     place = world or floor(far_m=2.0)
-    trial = Trial(world=place, **{"navigator": "vgm", "noise": "none", **asked})
-    return Drive(
+    trial = Trial(world=place, **{"navigator": "vgm", "noise": "none", **request})
+    return DrivenTrial(
         trial=trial,
         outcome=ended(trial, path, outcome, contacts),
         true=tuple(path),
@@ -165,7 +165,7 @@ def drive(
 
 
 def ended(trial: Trial, path: Sequence[Pose], outcome: str, contacts: int) -> Outcome:
-    """The outcome of a trial that drove along this path."""
+    """Return the outcome of a trial along this path."""
     way_m = sum(abs(complex(b[0] - a[0], b[1] - a[1])) for a, b in pairwise(path))
     return Outcome(
         world=trial.world.name,

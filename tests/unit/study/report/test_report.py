@@ -1,4 +1,4 @@
-"""The whole report: one page that needs nothing else, and sensible for every study there may be."""
+"""The whole report is a self-contained page and valid for every study."""
 
 import json
 import re
@@ -12,12 +12,21 @@ import pytest
 from plant.model.types import World
 from runtime.errors import UserError
 from study.report import ReportRequest, write
-from study.report.charts.svg import Drawing
+from study.report.charts.svg import SvgDrawing
 from study.report.cli import main
 from study.report.output.html import html
 from study.report.output.markdown import markdown
-from study.report.page import Cell, Code, Figure, Items, Page, Section, Table, Text
-from study.report.paper.runs import Runs
+from study.report.page import (
+    BulletList,
+    CodeBlock,
+    PageCell,
+    PageFigure,
+    PageTable,
+    Paragraph,
+    ReportPage,
+    Section,
+)
+from study.report.paper.runs import PaperRuns
 from study.runner.rows import SCHEMA, table_of
 from study.runner.store import commands_of, compact, write_table
 from tests.support.study.made import floor
@@ -25,12 +34,12 @@ from tests.support.study.report.made import STUCK, drive, row, study, without_va
 
 VOID = {"meta", "rect", "line", "circle", "polyline", "polygon", "ellipse", "br"}
 SECTIONS = [
-    *("Summary", "Figures to reach", "Families of worlds", "Comparisons in pairs", "Final pose"),
-    *("Length of the way", "Decisions and behaviour", "The paper's figures and claims"),
-    *("Failures", "How to read this"),
+    *("Summary", "Figures to reach", "Families of worlds", "Pairwise comparisons", "Final pose"),
+    *("Path length", "Decisions and behaviour", "The paper's figures and claims"),
+    *("Failures", "Definitions"),
 ]
 WAY = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (3.0, 1.0, 0.0)]
-RUNS = Runs(
+RUNS = PaperRuns(
     tuple(drive(WAY, navigator=name, seed=seed) for name in ("bug", "vgm") for seed in (0, 1))
 )
 
@@ -43,7 +52,7 @@ ASKED = ReportRequest(command="sidestep study --seeds 3", runs=RUNS, world_of=a_
 
 
 class Checker(HTMLParser):
-    """Every tag closed in turn, nothing from elsewhere, every drawing with a title."""
+    """Check that tags are closed, nothing is loaded, and every drawing has a title."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -78,9 +87,9 @@ def checked(page: str) -> Checker:
     return checker
 
 
-def written(table: pa.Table, directory: Path, asked: ReportRequest = ASKED) -> str:
-    """The HTML page, after what must hold of every report."""
-    files = write(table, directory, asked)
+def written(table: pa.Table, directory: Path, request: ReportRequest = ASKED) -> str:
+    """Write a report, check what holds for every report, and return its HTML."""
+    files = write(table, directory, request)
     assert all(file.exists() for file in files)
     page = (directory / "report.html").read_text()
     checked(page)
@@ -101,7 +110,7 @@ def headings(page: str) -> list[str]:
     return re.findall(r"<h2>(.*?)</h2>", page)
 
 
-def test_a_report_has_every_section(tmp_path: Path) -> None:
+def test_report_has_every_section(tmp_path: Path) -> None:
     page = written(study(), tmp_path)
     assert headings(page) == SECTIONS
     assert "sidestep study --seeds 3" in page
@@ -118,47 +127,47 @@ def test_equal_tables_give_equal_bytes(tmp_path: Path) -> None:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
-def test_an_empty_study_says_that_there_is_nothing(tmp_path: Path) -> None:
+def test_empty_study_has_a_note(tmp_path: Path) -> None:
     page = written(SCHEMA.empty_table(), tmp_path, ReportRequest())
     assert "There is no trial in this study" in page
     assert headings(page) == ["The paper's figures and claims"]
-    assert "They were not run again for this report." in page
+    assert "They were not run for this report." in page
 
 
-def test_one_navigator_alone_is_compared_with_nobody(tmp_path: Path) -> None:
+def test_single_navigator_has_no_comparison(tmp_path: Path) -> None:
     page = written(study(("vgm_memory",)), tmp_path)
     assert headings(page) == SECTIONS
     assert "No two navigators drove in the same worlds" in page
 
 
-def test_without_failures_nothing_is_drawn_among_them(tmp_path: Path) -> None:
+def test_report_without_failures_has_a_note(tmp_path: Path) -> None:
     page = written(study(failing=False), tmp_path)
-    assert "No trial failed, or none was kept." in page
+    assert "No trial failed, or none was selected." in page
 
 
-def test_noise_that_was_not_run_is_not_measured(tmp_path: Path) -> None:
+def test_noise_levels_not_run_are_not_measured(tmp_path: Path) -> None:
     page = written(study(noises=("harsh",)), tmp_path)
     assert headings(page) == SECTIONS
     assert "not measured" in page
 
 
-def test_a_study_in_which_nothing_is_known_is_reported_with_dashes(tmp_path: Path) -> None:
+def test_unknown_values_are_dashes(tmp_path: Path) -> None:
     assert headings(written(without_values(study()), tmp_path)) == SECTIONS
 
 
-def test_trials_that_failed_are_counted_and_told(tmp_path: Path) -> None:
+def test_failed_trials_are_counted(tmp_path: Path) -> None:
     failed = row(outcome="failed", digest="", reason="ValueError: no", navigator="vgm")
     page = written(table_of([row(), failed]), tmp_path)
     assert "1 trials could not be run" in page
 
 
-def test_names_that_look_like_markup_are_only_names(tmp_path: Path) -> None:
+def test_names_like_markup_are_escaped(tmp_path: Path) -> None:
     odd = row(world="<b>|&amp;", family="a|b<i>", navigator="<script>", **STUCK)
     page = written(table_of([odd]), tmp_path)
     assert "<script>" not in page
 
 
-def test_pictures_of_an_earlier_report_are_removed(tmp_path: Path) -> None:
+def test_old_figures_are_removed(tmp_path: Path) -> None:
     write(study(), tmp_path, ASKED)
     before = {file.name for file in (tmp_path / "figures").iterdir()}
     write(study(failing=False), tmp_path, ASKED)
@@ -168,26 +177,26 @@ def test_pictures_of_an_earlier_report_are_removed(tmp_path: Path) -> None:
     assert after < before
 
 
-def test_a_directory_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+def test_unwritable_directory_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(UserError, match="file"):
         write(study(), tmp_path / "file", ASKED)
 
 
-def test_the_command_line_reports_a_study_and_renews_a_readme(
+def test_command_writes_report_and_updates_readme(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_table(tmp_path / "results.parquet", study())
     readme = tmp_path / "README.md"
     readme.write_text("<!-- study:begin -->\n<!-- study:end -->\n")
-    asked = ["--output", str(tmp_path / "out"), "--readme", str(readme), "--failures", "0"]
-    assert main([str(tmp_path), *asked, "--paper-seeds", "0", "--jobs", "1"]) == 0
+    request = ["--output", str(tmp_path / "out"), "--readme", str(readme), "--failures", "0"]
+    assert main([str(tmp_path), *request, "--paper-seeds", "0", "--jobs", "1"]) == 0
     assert (tmp_path / "out" / "report.html").exists()
     assert "| vgm_memory |" in readme.read_text()
     assert "report.html" in capsys.readouterr().out
 
 
-def test_the_commands_that_made_a_study_are_read_from_its_results(tmp_path: Path) -> None:
+def test_report_lists_the_commands_of_the_study(tmp_path: Path) -> None:
     assert commands_of(tmp_path) == ""
     compact(tmp_path, study(), {"command": "sidestep study --quick"})
     assert commands_of(tmp_path) == "sidestep study --quick"
@@ -202,17 +211,23 @@ def test_wrong_usage_is_exit_code_2(wrong: list[str], tmp_path: Path) -> None:
     assert ended.value.code == 2
 
 
-def test_a_directory_without_results_is_refused_by_name(tmp_path: Path) -> None:
+def test_directory_without_results_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="holds no results"):
         main([str(tmp_path), "--paper-seeds", "0"])
 
 
-def test_every_block_has_its_form_in_both() -> None:
-    drawing = Drawing(10, 10, "says [so]")
-    table = Table("cap|tion", ("a", "b"), (("x|y", Cell("**1**", "good", 0.9)),))
-    figure = Figure("one", drawing, "caption", "note", "command")
-    blocks = (Text("`c` & **s**"), Items(("one", "two")), Code("a < b"), table, figure)
-    page = Page("T & U", (Text("lead"),), (Section("S one", blocks),))
+def test_every_block_renders_as_html_and_markdown() -> None:
+    drawing = SvgDrawing(10, 10, "says [so]")
+    table = PageTable("cap|tion", ("a", "b"), (("x|y", PageCell("**1**", "good", 0.9)),))
+    figure = PageFigure("one", drawing, "caption", "note", "command")
+    blocks = (
+        Paragraph("`c` & **s**"),
+        BulletList(("one", "two")),
+        CodeBlock("a < b"),
+        table,
+        figure,
+    )
+    page = ReportPage("T & U", (Paragraph("lead"),), (Section("S one", blocks),))
     made = html(page)
     checked(made)
     assert "<code>c</code> &amp; <strong>s</strong>" in made

@@ -1,4 +1,4 @@
-"""Navigator by noise, and the README's table that is made of it."""
+"""The summary by navigator and noise, and the README's table."""
 
 import json
 from math import inf, nan
@@ -23,14 +23,14 @@ ROOT = Path(__file__).parents[4]
 SUMMARY = ROOT / "docs" / "evidence" / "study" / "summary.json"
 
 
-def test_success_is_of_worlds_with_a_way_and_recognition_of_those_without() -> None:
+def test_success_counts_worlds_with_a_path() -> None:
     (found,) = summaries(trials(row(), row(**COLLIDED), row(**GAVE_UP), row(**{**SHUT, **GAVE_UP})))
     assert (found.success, found.recognised) == (Share(1, 3), Share(1, 1))
     assert (found.wronged, found.touched) == (Share(1, 3), Share(1, 4))
     assert (found.contacts, found.own_contacts, found.worlds) == (1, 1, 2)
 
 
-def test_every_navigator_has_a_row_for_every_noise_it_drove_in() -> None:
+def test_summary_has_a_row_per_navigator_and_noise() -> None:
     found = as_json(summaries(trials(row(), row(noise="harsh"), row(navigator="bug"))))
     assert [(one["navigator"], one["noise"]) for one in found] == [
         ("bug", "default"),
@@ -40,7 +40,7 @@ def test_every_navigator_has_a_row_for_every_noise_it_drove_in() -> None:
     assert all(tuple(one) == HEAD for one in found)
 
 
-def test_the_numbers_are_kept_unrounded_and_unknown_ones_are_empty() -> None:
+def test_numbers_are_unrounded_and_unknown_ones_empty() -> None:
     (found,) = summaries(trials(row(path_m=5.4321), row(**COLLIDED, heading_error_rad=None)))
     kept = numbers(found)
     assert (kept["success"], kept["success_of"], kept["ratio_0"]) == (1, 2, 5.4321 / 5.0)
@@ -48,7 +48,7 @@ def test_the_numbers_are_kept_unrounded_and_unknown_ones_are_empty() -> None:
     assert (kept["success_low"], kept["success_high"]) == Share(1, 2).interval
 
 
-def test_the_readme_table_has_a_column_per_noise_and_a_dash_where_nobody_drove() -> None:
+def test_readme_table_has_a_column_per_noise_or_a_dash() -> None:
     lines = summary_table(
         table_of([row(), row(noise="none", navigator="bug"), row(navigator="bug", **COLLIDED)])
     ).splitlines()
@@ -57,11 +57,11 @@ def test_the_readme_table_has_a_column_per_noise_and_a_dash_where_nobody_drove()
     assert lines[3].startswith("| vgm_memory | - | 100.0 [20.7, 100.0] | 0.00 | 1.10 (1.10) |")
 
 
-def test_a_readme_table_of_nothing_is_a_head() -> None:
+def test_readme_table_without_rows_has_a_head() -> None:
     assert len(summary_table(SCHEMA.empty_table()).splitlines()) == 2
 
 
-def test_the_block_replaces_what_stood_between_the_markers_and_nothing_else() -> None:
+def test_block_replaces_only_the_text_between_markers() -> None:
     page = f"# A\n\n{BEGIN}\nold\n{END}\n\nrest\n"
     once = with_block(page, "new")
     assert once == f"# A\n\n{BEGIN}\n\nnew\n\n{END}\n\nrest\n"
@@ -69,12 +69,12 @@ def test_the_block_replaces_what_stood_between_the_markers_and_nothing_else() ->
 
 
 @pytest.mark.parametrize("page", ["# A\n", f"{END}\n{BEGIN}\n", f"{BEGIN}\n"])
-def test_a_readme_without_the_markers_is_refused_by_name(page: str) -> None:
+def test_readme_without_markers_is_refused(page: str) -> None:
     with pytest.raises(UserError, match=r"R\.md: has no <!-- study:begin -->"):
         with_block(page, "new", "R.md")
 
 
-def test_updating_reads_the_summary_and_writes_the_block(tmp_path: Path) -> None:
+def test_update_writes_the_block_of_the_summary(tmp_path: Path) -> None:
     readme, summary = tmp_path / "README.md", tmp_path / "summary.json"
     readme.write_text(f"{BEGIN}\n{END}\n")
     summary.write_text(json.dumps(summary_of(study(), ReportRequest())))
@@ -85,13 +85,13 @@ def test_updating_reads_the_summary_and_writes_the_block(tmp_path: Path) -> None
         update(readme, summary)
 
 
-def test_the_readme_says_what_the_committed_study_says() -> None:
+def test_readme_agrees_with_the_committed_study() -> None:
     found = json.loads(SUMMARY.read_text(encoding="utf-8"))
     page = (ROOT / "README.md").read_text(encoding="utf-8")
     assert with_block(page, block(found)) == page, "sidestep study report ... --readme README.md"
 
 
-def test_what_was_committed_of_the_study_is_small() -> None:
+def test_committed_study_is_small() -> None:
     files = [file for file in SUMMARY.parent.rglob("*") if file.is_file()]
     assert sum(file.stat().st_size for file in files) < 3_000_000
 
@@ -100,16 +100,16 @@ def test_what_was_committed_of_the_study_is_small() -> None:
     ("rate", "text"),
     [(0.9999, ">99.9"), (1.0, "100.0"), (0.0001, "<0.1"), (0.0, "0.0"), (nan, "-"), (0.5, "50.0")],
 )
-def test_a_percentage_is_never_rounded_to_all_or_nothing(rate: float, text: str) -> None:
+def test_percentages_are_never_rounded_to_0_or_100(rate: float, text: str) -> None:
     assert percent(rate) == text
 
 
 @given(st.floats(), st.floats())
-def test_every_number_can_be_written(value: float, other: float) -> None:
+def test_every_number_can_be_formatted(value: float, other: float) -> None:
     for text in (number(value), interval(Interval(value, other)), probability(abs(value))):
         assert text
         assert "inf" not in text.replace("< ", "") or abs(value) == inf
 
 
-def test_a_share_of_nothing_is_a_dash() -> None:
+def test_share_of_nothing_is_a_dash() -> None:
     assert share(Share(0, 0)) == "-"

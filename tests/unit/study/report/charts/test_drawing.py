@@ -1,4 +1,4 @@
-"""Drawings: numbers that any reader takes, lines with few points, and what is drawn of a world."""
+"""Drawings: coordinates, simplified paths, and maps of worlds."""
 
 import xml.etree.ElementTree as xml
 from math import hypot, inf, nan, pi, sqrt
@@ -10,56 +10,56 @@ from hypothesis import strategies as st
 
 from plant.world.file import load
 from study.report.charts.charts import bars, distribution_chart, steps, success_chart
-from study.report.charts.drives import all_driven, driven
-from study.report.charts.svg import Drawing, n
-from study.report.charts.world_map import Map, ellipse, end_mark, thinned
+from study.report.charts.drives import drive_all, drive_trial
+from study.report.charts.svg import SvgDrawing, n
+from study.report.charts.world_map import WorldMap, ellipse, end_mark, simplified
 from study.statistics.intervals import CHI2_2, Share
 from study.trial.trial import Trial, run_trial
 from tests.support.study.made import boxed, floor
 from tests.support.study.report.made import drive
 
 
-def shapes(drawing: Drawing) -> list[str]:
-    """The shapes of the drawing, which must be well-formed alone and in a page."""
+def shapes(drawing: SvgDrawing) -> list[str]:
+    """Return the shapes of a drawing, which must be well-formed alone and in a page."""
     assert xml.fromstring(drawing.inline()).tag == "svg"
     root = xml.fromstring(drawing.alone())
     return [child.tag.partition("}")[2] for child in root]
 
 
 @given(st.floats(-1e7, 1e7))
-def test_a_number_is_short_near_enough_and_never_minus_nothing(value: float) -> None:
+def test_coordinates_are_short_and_never_minus_zero(value: float) -> None:
     assert float(n(value)) == pytest.approx(value, abs=0.051 if abs(value) < 1e5 else 0.51)
     assert n(value) != "-0"
     assert "e" not in n(value)
 
 
-def test_words_are_escaped() -> None:
-    drawing = Drawing(10, 10, "a < b & c")
+def test_text_is_escaped() -> None:
+    drawing = SvgDrawing(10, 10, "a < b & c")
     drawing.text((1, 1), "<&>")
     assert shapes(drawing)[-1] == "text"
     assert xml.fromstring(drawing.inline())[0].text == "a < b & c"
 
 
-def test_a_trial_run_again_is_the_same_drive() -> None:
+def test_rerun_gives_the_same_drive() -> None:
     trial = Trial(world=boxed(), seed=3, noise="default")
-    found = driven(trial)
+    found = drive_trial(trial)
     assert found.outcome.digest == run_trial(trial).digest
     assert len(found.true) == len(found.believed) == len(found.branches) == found.outcome.ticks + 1
     assert found.covariance[0] > 0.0
 
 
-def test_drives_come_in_the_order_asked_for_however_many_processes_drive() -> None:
+def test_drives_keep_their_order_on_several_processes() -> None:
     trials = [Trial(world=floor(), seed=seed, noise="default") for seed in range(3)]
-    alone, together = all_driven(trials, 1), all_driven(trials, 2)
+    alone, together = drive_all(trials, 1), drive_all(trials, 2)
     assert [one.outcome.digest for one in alone] == [one.outcome.digest for one in together]
     assert [one.trial.seed for one in together] == [0, 1, 2]
 
 
 @given(st.lists(st.tuples(st.floats(0, 5), st.floats(0, 5), st.just(0.0)), min_size=1, max_size=60))
-def test_a_thinned_way_keeps_its_ends_and_strays_by_less_than_shows(
+def test_simplified_path_stays_within_its_tolerance(
     poses: list[tuple[float, float, float]],
 ) -> None:
-    kept = thinned(poses)
+    kept = simplified(poses)
     assert kept[0] == poses[0][:2]
     assert kept[-1] == poses[-1][:2]
     for x, y, _ in poses:
@@ -75,11 +75,11 @@ def distance(p: tuple[float, float], a: tuple[float, float], b: tuple[float, flo
     return hypot(p[0] - a[0] - share * dx, p[1] - a[1] - share * dy)
 
 
-def test_a_straight_way_has_two_points() -> None:
-    assert len(thinned([(x / 100, 1.0, 0.0) for x in range(300)])) == 2
+def test_straight_path_has_two_points() -> None:
+    assert len(simplified([(x / 100, 1.0, 0.0) for x in range(300)])) == 2
 
 
-def test_the_ellipse_has_the_axes_of_the_covariance() -> None:
+def test_ellipse_has_the_axes_of_the_covariance() -> None:
     long_m, short_m, turn_rad = ellipse((0.01, 0.0, 0.04))
     assert long_m == pytest.approx(0.2 * sqrt(CHI2_2))
     assert short_m == pytest.approx(0.1 * sqrt(CHI2_2))
@@ -88,9 +88,9 @@ def test_the_ellipse_has_the_axes_of_the_covariance() -> None:
 
 
 @pytest.mark.parametrize("name", ["moving", "zigzag", "u_trap", "forest_dense", "open"])
-def test_every_kind_of_world_can_be_drawn_with_a_drive_in_it(name: str) -> None:
+def test_every_kind_of_world_can_be_drawn(name: str) -> None:
     world = load(name)
-    plan = Map(world, 300.0, f"the world {name}")
+    plan = WorldMap(world, 300.0, f"the world {name}")
     path = [(world.start.x_m, world.start.y_m, 0.0), (world.goal.x_m, world.goal.y_m, 0.0)]
     plan.straight()
     plan.add(drive(path, world=world), belief=True)
@@ -98,16 +98,16 @@ def test_every_kind_of_world_can_be_drawn_with_a_drive_in_it(name: str) -> None:
     assert {"rect", "polyline", "ellipse", "circle", "line", "text"} <= set(shapes(plan.drawing))
 
 
-def test_outcomes_end_in_different_shapes() -> None:
+def test_outcomes_have_different_end_marks() -> None:
     ends = {}
     for outcome in ("reached", "collided", "stuck", "timeout"):
-        drawing = Drawing(20, 20, outcome)
+        drawing = SvgDrawing(20, 20, outcome)
         end_mark(drawing, (10, 10), outcome, "mark")
         ends[outcome] = shapes(drawing)[-1]
     assert ends == {"reached": "circle", "collided": "line", "stuck": "rect", "timeout": "polygon"}
 
 
-def test_charts_of_nothing_are_charts() -> None:
+def test_charts_without_data_are_valid() -> None:
     assert shapes(success_chart({}, [], "none"))
     assert shapes(success_chart({"none": {"vgm": Share(0, 0)}}, ["vgm"], "none"))
     assert shapes(bars({}, {}, "none"))
@@ -116,7 +116,7 @@ def test_charts_of_nothing_are_charts() -> None:
     assert "polyline" not in shapes(distribution_chart(empty, "none", "m", (0.1, 10.0)))
 
 
-def test_a_distribution_rises_from_nothing_to_all_of_it() -> None:
+def test_distribution_rises_from_0_to_1() -> None:
     found = steps(np.random.default_rng(1).exponential(size=5000))
     assert found[0][1] == 0.0
     assert found[-1][1] == 1.0

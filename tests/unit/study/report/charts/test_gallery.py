@@ -1,4 +1,4 @@
-"""Failures: which are chosen, that they are run again, and how a reader repeats them."""
+"""Failures are selected, run again and given with a command to repeat them."""
 
 import pytest
 
@@ -6,8 +6,8 @@ from plant.model.errors import Problem
 from plant.model.types import World
 from plant.world.file import WorldError, load
 from runtime.errors import UserError
-from study.report.charts.gallery import chosen, command_of, gallery, kind_of, varied
-from study.report.page import Gallery, Text
+from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
+from study.report.page import Gallery, Paragraph
 from study.report.trials import distinct, trials_of
 from study.runner.rows import TrialRow, table_of
 from study.runner.run_task import trial_of
@@ -22,10 +22,10 @@ def a_world(source: str) -> World:
 
 def picked(*rows: TrialRow, most: int = 6) -> list[str]:
     table = table_of(list(rows))
-    return [one.row.world for one in chosen(table, distinct(trials_of(table)), most)]
+    return [one.row.world for one in selected_failures(table, distinct(trials_of(table)), most)]
 
 
-def test_only_failures_are_chosen_and_no_more_than_wanted() -> None:
+def test_selects_only_failures_up_to_the_limit() -> None:
     assert picked(row(), row(world="b", **STUCK), row(world="c", family="maze", **STUCK)) == [
         *("b", "c"),
     ]
@@ -33,31 +33,31 @@ def test_only_failures_are_chosen_and_no_more_than_wanted() -> None:
     assert picked(row(**{**SHUT, **GAVE_UP}), row()) == []
 
 
-def test_each_kind_and_each_family_has_its_turn_before_any_comes_twice() -> None:
+def test_selects_each_kind_and_family_in_turn() -> None:
     rows = [row(seed=seed, family="maze", **STUCK) for seed in range(50)]
     rows += [row(family="box", **STUCK), row(family="disc", **COLLIDED), row(**GAVE_UP)]
     rows += [row(family="disc", outcome="timeout")]
-    found = varied(rows, 5)
+    found = diverse(rows, 5)
     assert {kind_of(one) for one in found} == {
         *("stuck", "collided", "called unreachable", "timeout"),
     }
     assert {one.family for one in found} == {"maze", "box", "disc"}
-    assert found == varied(rows[::-1], 5)
+    assert found == diverse(rows[::-1], 5)
 
 
-def test_kinds_are_what_went_wrong() -> None:
-    assert kind_of(row(contacts=1)) == "was run into"
+def test_kind_of_a_failure_depends_on_its_outcome() -> None:
+    assert kind_of(row(contacts=1)) == "hit by an obstacle"
     assert kind_of(row(**{**SHUT, **STUCK})) == "stuck"
     assert kind_of(row(**SHUT)) == "reached"
 
 
-def test_trials_that_could_not_be_run_are_not_drawn() -> None:
+def test_failed_trials_are_not_drawn() -> None:
     assert picked(row(outcome="failed", digest="")) == []
 
 
-def test_a_failure_is_drawn_with_its_identity_and_command() -> None:
+def test_failure_is_drawn_with_its_id_and_command() -> None:
     table = study(("bug", "vgm"))
-    section = gallery(chosen(table, distinct(trials_of(table)), 2), a_world, 1)
+    section = gallery(selected_failures(table, distinct(trials_of(table)), 2), a_world, 1)
     assert [part.title for part in section.parts] == ["bug", "vgm"]
     (some,) = section.parts[0].blocks
     assert isinstance(some, Gallery)
@@ -68,11 +68,11 @@ def test_a_failure_is_drawn_with_its_identity_and_command() -> None:
         assert figure.code.startswith("sidestep worlds generate --family ")
 
 
-def test_a_recorded_drive_that_comes_out_the_same_is_not_doubted() -> None:
+def test_reproduced_drive_has_no_warning() -> None:
     failing = row(outcome="stuck", timeout_s=1.0, world="floor", noise="none")
     digest = run_trial(trial_of(failing, floor())).digest
     table = table_of([row(outcome="stuck", timeout_s=1.0, noise="none", digest=digest)])
-    section = gallery(chosen(table, trials_of(table), 1), a_world, 1)
+    section = gallery(selected_failures(table, trials_of(table), 1), a_world, 1)
     (some,) = section.parts[0].blocks
     assert isinstance(some, Gallery)
     assert "recorded" not in some.figures[0].note
@@ -86,24 +86,24 @@ def test_a_recorded_drive_that_comes_out_the_same_is_not_doubted() -> None:
         ValueError("no family"),
     ],
 )
-def test_a_world_that_is_gone_is_named_and_the_others_drawn(error: Exception) -> None:
+def test_missing_world_is_reported_and_others_drawn(error: Exception) -> None:
     def some_worlds(source: str) -> World:
         if "u_trap" in source:
             raise error
         return floor()
 
     table = study(("vgm",))
-    section = gallery(chosen(table, distinct(trials_of(table)), 6), some_worlds, 1)
+    section = gallery(selected_failures(table, distinct(trials_of(table)), 6), some_worlds, 1)
     lost = section.blocks[1]
-    assert isinstance(lost, Text)
+    assert isinstance(lost, Paragraph)
     assert lost.words.startswith("Could not be run again: `")
     assert len(section.parts) == 1
 
 
-def test_without_failures_the_gallery_says_so() -> None:
+def test_gallery_without_failures_has_a_note() -> None:
     section = gallery([], a_world, 1)
     assert section.parts == ()
-    assert section.blocks == (Text("No trial failed, or none was kept."),)
+    assert section.blocks == (Paragraph("No trial failed, or none was selected."),)
 
 
 @pytest.mark.parametrize(
@@ -119,23 +119,23 @@ def test_without_failures_the_gallery_says_so() -> None:
         ),
     ],
 )
-def test_the_command_names_the_world_wherever_it_comes_from(source: str, words: str) -> None:
-    asked = row(world_source=source, navigator="bug", side="right", seed=4, noise="harsh")
-    command = command_of(asked)
+def test_command_names_the_world_of_any_source(source: str, words: str) -> None:
+    request = row(world_source=source, navigator="bug", side="right", seed=4, noise="harsh")
+    command = command_of(request)
     assert command.startswith(words)
     assert command.endswith("--navigator bug --side right --seed 4 --noise harsh --timeout 300")
 
 
-def test_the_command_says_parameters_to_the_last_bit() -> None:
+def test_command_has_exact_parameters() -> None:
     assert command_of(row(parameters='{"d_obs_m": 0.1234567890123}')).endswith(
         " --param d_obs_m=0.1234567890123"
     )
 
 
-def test_the_command_says_when_the_robot_was_not_calibrated() -> None:
+def test_command_has_the_uncalibrated_option() -> None:
     assert command_of(row(calibrated=False)).endswith(" --uncalibrated")
     assert "calibrated" not in command_of(row())
 
 
-def test_shipped_worlds_can_be_loaded_by_the_name_in_the_command() -> None:
+def test_shipped_worlds_load_by_the_name_in_the_command() -> None:
     assert load(command_of(row(world_source="shipped:u_trap")).split()[3]).name == "u_trap"
