@@ -76,6 +76,6 @@ def test_attacks_are_measured_on_an_open_bus_and_behind_locked_doors() -> None:
     for name in ("open, questions", "locked, stops"):
         assert len(found[f"{name}: key to standstill"].values) == 1
         assert found[f"{name}: key to standstill"].median < 1000
-        assert found[f"{name}: operator could not go on"].median == 0
+        assert found[f"{name}: operator had to give up"].median == 0
         assert found[f"{name}: false acknowledgements"].median == 0
     assert found["open, questions: forged commands acted upon"].median == 0

@@ -3,6 +3,7 @@
 import random
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import pytest
@@ -61,16 +62,21 @@ def babble(session: Any, noises: Sequence[bytes] = NOISE) -> int:
     return len(OTHER_TOPICS) * len(noises) * len(KINDS)
 
 
-def pester(session: Any) -> int:
-    """Every noise to every service; how many were answered."""
-    answered = 0
+def pester(session: Any) -> None:
+    """Send every noise to every service until it is answered.
+
+    A client that sends megabytes faster than its peer reads closes its own link (wait_before_close,
+    protocol/bus/congestion.py); until it is connected again its questions reach nobody.
+    """
     for service in OTHER_SERVICES:
-        for noise in NOISE:
-            replies = session.get(
-                service.key("r1"), payload=noise, encoding=ENCODING, timeout=PATIENCE_S
-            )
-            answered += sum(reply.ok is not None for reply in replies)
-    return answered
+        for number, noise in enumerate(NOISE):
+            ask = partial(is_answered, session, service.key("r1"), noise)
+            until(ask, what=f"an answer of {service.path} to noise {number}")
+
+
+def is_answered(session: Any, key: str, noise: bytes) -> bool:
+    replies = session.get(key, payload=noise, encoding=ENCODING, timeout=PATIENCE_S)
+    return any(reply.ok is not None for reply in replies)
 
 
 def test_the_robot_reaches_its_goal_all_the_same() -> None:
@@ -81,7 +87,7 @@ def test_the_robot_reaches_its_goal_all_the_same() -> None:
             watch, goto = crew.dialling("watch"), crew.dialling("goto", "1.4", "2")
             witness.driving()
             babble(session)
-            assert pester(session) == len(OTHER_SERVICES) * len(NOISE), "each is answered"
+            pester(session)
             if goto.ends() != 0:
                 assert witness.was_late(0), goto.said
                 assert arrives(crew, witness, "goto", "1.4", "2").ends() == 0
