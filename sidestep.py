@@ -1,8 +1,8 @@
 """Sidestep: the command line, and the Python API.
 
-As the executable it looks a verb up in `runtime.cli.verb_table` and imports the package that does
-the work only when asked. `import sidestep` gives the names of `ground.client.api`, each imported
-at its first use:
+The executable looks a verb up in `runtime.cli.verb_table` and imports only the package that
+implements it. `import sidestep` provides the names of `ground.client.api`, each imported at its
+first use:
 
     async with sidestep.connect() as robot:
         outcome = await robot.goto(5.4, 2.0)
@@ -30,12 +30,12 @@ USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --vers
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; 0 reached or done, 1 not reached or refused, 2 wrong usage or configuration."""
+    """Run one verb; return 0 for reached or done, 1 for not, 2 for wrong usage or settings."""
     if conflict := displaced("runtime", "protocol"):
         return refuse("", conflict)
     try:
-        from runtime.cli.terminal import guarded_output  # the API alone imports nothing of ours
-    except Exception:  # of another package nothing is known
+        from runtime.cli.terminal import guarded_output  # the API alone needs no import
+    except Exception:  # another package may raise anything
         if conflict := shadowing_package():
             return refuse("", conflict)
         raise
@@ -52,6 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def dispatch(arguments: list[str]) -> int:
+    """Run the verb in the arguments; print an error without its traceback."""
     wants_traceback = arguments[:1] == ["--traceback"]
     if wants_traceback:
         del arguments[0]
@@ -78,12 +79,14 @@ def dispatch(arguments: list[str]) -> int:
 
 
 def verb_table() -> "Mapping[str, Verb]":
+    """Return the verbs by name."""
     from runtime.cli.verb_table import VERBS
 
     return VERBS
 
 
 def call(verb: "Verb", word: str, rest: Sequence[str]) -> int:
+    """Run a verb, unless its package is missing or shadowed by another one."""
     package = verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
         return refuse(
@@ -115,22 +118,23 @@ def own(name: str) -> ModuleType:
 
 
 def displaced(*packages: str) -> str:
-    """Name the first of these packages of which Python finds another one; empty when none is."""
+    """Return a text about the first package for which Python finds another one, or ""."""
     return str(next(own("packages").displaced(packages), ""))
 
 
 def shadowing_package() -> str:
-    """Name the package of others that keeps ours from working; empty when there is none."""
+    """Return a text about another package that keeps ours from working, or ""."""
     return next((str(found) for found in own("conflicts").conflicts() if found.wins), "")
 
 
 def refuse(word: str, why: str) -> int:
+    """Print why a verb cannot run; return the exit code."""
     print(f"{' '.join(['sidestep', *word.split()])}: {why}", file=sys.stderr)
     return EXIT_USAGE
 
 
 def explain(word: str, error: Exception) -> int:
-    """An error meant for the user is its own line; any other is a defect and says where it is."""
+    """Print an error and return the exit code; for a defect, include its place in the code."""
     code = getattr(error, "exit_code", None)
     if isinstance(code, int):
         print(f"sidestep {word}: {error}", file=sys.stderr)
@@ -139,14 +143,14 @@ def explain(word: str, error: Exception) -> int:
         return refuse(word, conflict)
     print(
         f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
-        f"for the whole story: sidestep --traceback {word} ...",
+        f"for the traceback: sidestep --traceback {word} ...",
         file=sys.stderr,
     )
     return 1
 
 
 def place_of(error: Exception) -> str:
-    """The innermost line of a file that was running."""
+    """Return the innermost line of a file that was running."""
     place, innermost = error.__traceback__, ""
     while place is not None:
         path = place.tb_frame.f_code.co_filename
@@ -157,7 +161,7 @@ def place_of(error: Exception) -> str:
 
 
 def reader_gone() -> int:
-    """Nobody reads our output any more: be silent, as other tools are, also at interpreter exit."""
+    """Discard further output, as other tools do, because its reader has exited."""
     import os  # needed only when something went wrong
 
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
@@ -165,11 +169,13 @@ def reader_gone() -> int:
 
 
 def complain(message: str) -> int:
+    """Print a usage error; return the exit code."""
     print(f"sidestep: {message}\n{USAGE}", file=sys.stderr)
     return EXIT_USAGE
 
 
 def nearest(word: str, verbs: "Mapping[str, Verb]") -> str:
+    """Return a suggestion for a misspelt verb, or ""."""
     import difflib  # needed only after a mistake
 
     near = difflib.get_close_matches(word, verbs, n=1)
@@ -177,6 +183,7 @@ def nearest(word: str, verbs: "Mapping[str, Verb]") -> str:
 
 
 def overview() -> str:
+    """Return the text of `sidestep --help`."""
     lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
     group = ""
     for word, verb in verb_table().items():
@@ -184,12 +191,16 @@ def overview() -> str:
             group = verb.group
             lines += ["", f"{group}:"]
         lines.append(f"  {word:<12} {verb.summary}")
-    lines += ["", "sidestep VERB --help says more. Exit codes: 0 reached or done, 1 not, 2 usage."]
+    lines += [
+        "",
+        "Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help",
+    ]
     return "\n".join(lines)
 
 
 def version() -> str:
-    from importlib import metadata  # slow to import, seldom asked
+    """Return the version of the installed distribution."""
+    from importlib import metadata  # slow to import, rarely needed
 
     try:
         return metadata.version("sidestep")
@@ -198,7 +209,7 @@ def version() -> str:
 
 
 def __getattr__(name: str) -> object:
-    """Find a name of the API."""
+    """Return a name of the API."""
     if not name.startswith("_"):
         public = public_names()
         if name in public.__all__:
@@ -207,13 +218,15 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
+    """Return the names of this module and of the API."""
     return sorted({*globals(), *public_names().__all__})
 
 
 def public_names() -> ModuleType:
+    """Return the module of the API; raise ImportError if another package shadows ours."""
     try:
         return importlib.import_module("ground.client.api")
-    except Exception as error:  # of another package nothing is known
+    except Exception as error:  # another package may raise anything
         if conflict := shadowing_package():
             raise ImportError(conflict) from error
         raise

@@ -3,8 +3,8 @@
     python examples/custom_navigator.py box wall
 
 A navigator is a memory and a step: pose, sonar ring, goal and parameters in, a decision out. This
-one turns along whatever is near and in the way, always to the same side; deep traps hold it. The
-guard stays in force below it: whatever it decides, the robot stops before an obstacle.
+one turns along an obstacle that is near and in the way, always to the same side; deep traps hold
+it. The guard stays in force below it: whatever it decides, the robot stops before an obstacle.
 """
 
 import argparse
@@ -29,7 +29,7 @@ ZONE_M = 0.5
 
 
 class Memory:
-    """What the navigator remembers between two ticks: on which side it passes obstacles."""
+    """The state of the navigator between two ticks: the side on which it passes obstacles."""
 
     def __init__(self) -> None:
         self.side = states.LEFT
@@ -61,7 +61,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 @contextmanager
 def installed() -> Iterator[None]:
-    """The robot's core uses this navigator in the place of another one."""
+    """Install this navigator in the robot's core in place of another one, while the block runs."""
     before = NAVIGATORS[states.BUG]
     NAVIGATORS[states.BUG] = Navigator(Memory, step, judges_progress=False)
     try:
@@ -71,7 +71,7 @@ def installed() -> Iterator[None]:
 
 
 def compare(worlds: Sequence[str], other: str) -> list[tuple[str, Outcome, Outcome]]:
-    """The new navigator and another one in the same worlds, each run the same every time."""
+    """Run the new navigator and another one in the same worlds; each run is reproducible."""
     rows = []
     for world in map(load, worlds):
         with installed():
@@ -81,6 +81,7 @@ def compare(worlds: Sequence[str], other: str) -> list[tuple[str, Outcome, Outco
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Compare the navigators; return 0 if the new one reaches every goal."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("worlds", nargs="+", metavar="WORLD", help="as `sidestep worlds list`")
     parser.add_argument("--other", default="vgm", help="the navigator to compare with (vgm)")

@@ -23,7 +23,7 @@ async def drive(
             async with asyncio.timeout(limit_s):
                 outcome = await robot.goto(x_m, y_m, heading_deg)
         except TimeoutError:
-            print(f"not there after {limit_s:g} s: the goal was aborted")
+            print(f"not reached after {limit_s:g} s: the goal was aborted")
             return False
         finally:
             printing.cancel()
@@ -32,7 +32,7 @@ async def drive(
 
 
 async def print_events(robot: sidestep.Robot) -> None:
-    """Print the changes of the goal, and the robot's own texts."""
+    """Print the changes of the goal, and the robot's texts."""
     async for event in robot.events():
         match event:
             case sidestep.GoalChanged(state=sidestep.GoalState() as state, distance_m=distance_m):
@@ -44,6 +44,7 @@ async def print_events(robot: sidestep.Robot) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Drive to the goal; return 0 if it was reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("x", type=float, help="metres")
     parser.add_argument("y", type=float, help="metres")

@@ -16,11 +16,11 @@ import sidestep
 
 COLUMNS = ("time_ns", "x_m", "y_m", "heading_rad", "speed_m_s", "yaw_rate_rad_s")
 ROWS = 1000
-"""Rows of a group: what a program that is killed loses at most."""
+"""Rows per group, the maximum loss if the program is killed."""
 
 
 async def log(endpoint: str | None, file: str, for_s: float) -> tuple[int, int]:
-    """Write for so long; return how many rows were written, and how many were dropped."""
+    """Log for `for_s` seconds; return the number of rows written and dropped."""
     import pyarrow as arrow
     import pyarrow.parquet as parquet
 
@@ -33,14 +33,14 @@ async def log(endpoint: str | None, file: str, for_s: float) -> tuple[int, int]:
             async for rows in batches(stream, for_s):
                 found = [{name: getattr(row, name) for name in COLUMNS} for row in rows]
                 table = arrow.Table.from_pylist(found, schema=schema)
-                # A disk can be slow. The loop must go on: it sends the heartbeat.
+                # A slow disk must not block the event loop, which sends the heartbeat.
                 await asyncio.to_thread(writer.write_table, table)
                 written += len(rows)
         return written, stream.dropped
 
 
 async def batches(stream: sidestep.Stream[Any], for_s: float) -> AsyncIterator[list[Any]]:
-    """Messages in groups, for so long; the last group is what is left."""
+    """Yield messages in groups for `for_s` seconds; the last group may be smaller."""
     rows: list[Any] = []
     with suppress(TimeoutError):
         async with asyncio.timeout(for_s):
@@ -54,6 +54,7 @@ async def batches(stream: sidestep.Stream[Any], for_s: float) -> AsyncIterator[l
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Log to the file; return 0 if there are rows."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("file")
     parser.add_argument("--connect", metavar="ENDPOINT")

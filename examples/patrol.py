@@ -1,9 +1,9 @@
-"""Drive a mission round after round, and say at which waypoint the robot is.
+"""Drive a mission round after round, and print each waypoint the robot drives to.
 
     python examples/patrol.py 2.0,1.0 4.0,1.0 4.0,3.0 --rounds 3
     python examples/patrol.py patrol.toml
 
-Ctrl-C pauses the mission: the robot stands.
+Ctrl-C pauses the mission: the robot stops.
 """
 
 import argparse
@@ -32,14 +32,14 @@ async def patrol(endpoint: str | None, mission: Mission | str, rounds: int) -> b
 
 
 async def print_events(robot: sidestep.Robot) -> None:
-    """Print each waypoint as the robot sets off to it."""
+    """Print each waypoint when the robot starts driving to it."""
     async for event in robot.events():
         if isinstance(event, sidestep.MissionChanged) and event.item is not None:
             print(f"waypoint {event.item} of {event.count}")
 
 
 def mission_of(words: list[str]) -> Mission | str:
-    """The places that were given as X,Y, or the name of a mission file."""
+    """Return a mission of the places given as X,Y, or the name of a mission file."""
     if len(words) == 1 and "," not in words[0]:
         return words[0]
     places = [word.split(",") for word in words]
@@ -47,6 +47,7 @@ def mission_of(words: list[str]) -> Mission | str:
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Drive the mission; return 0 if every waypoint was reached."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("mission", nargs="+", metavar="X,Y|FILE")
     parser.add_argument("--rounds", type=int, default=1)

@@ -2,7 +2,7 @@
 
     python examples/sonar_terminal.py
 
-The queue holds one scan only: a slow terminal shows the newest, never a late one.
+The queue holds one scan, so a slow terminal shows the newest scan.
 """
 
 import argparse
@@ -21,7 +21,7 @@ HOME = "\x1b[H\x1b[J"
 
 
 async def show(endpoint: str | None, scans: int | None) -> int:
-    """Draw so many scans, or all of them; return how many were drawn."""
+    """Draw this many scans, or all; return how many were drawn."""
     drawn = 0
     clear = HOME if sys.stdout.isatty() else ""
     async with sidestep.connect(endpoint) as robot:
@@ -36,12 +36,15 @@ async def show(endpoint: str | None, scans: int | None) -> int:
 
 
 def rows_of(scan: SonarScan) -> list[str]:
-    """One row for each sonar, the leftmost first."""
+    """Return one row for each sonar, the leftmost first."""
     return [row_of(scan, number) for number in reversed(range(SONARS))]
 
 
 def row_of(scan: SonarScan, number: int) -> str:
-    """`right 78.8 deg |######      | 0.45 m`; no echo is not the same as no measurement."""
+    """Return a row such as `right 78.8 deg |######      | 0.45 m`.
+
+    No echo differs from no measurement.
+    """
     bearing_deg = (number - (SONARS - 1) / 2) * BETWEEN_DEG
     side = "left" if bearing_deg > 0 else "right"
     label = f"{side:>5} {abs(bearing_deg):4.1f} deg"
@@ -56,9 +59,10 @@ def row_of(scan: SonarScan, number: int) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
+    """Draw scans until stopped."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--connect", metavar="ENDPOINT")
-    parser.add_argument("--scans", type=int, metavar="N", help="end after so many")
+    parser.add_argument("--scans", type=int, metavar="N", help="stop after N scans")
     given = parser.parse_args(argv)
     asyncio.run(show(given.connect, given.scans))
     return 0

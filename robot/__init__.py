@@ -1,0 +1,1 @@
+"""The robot process: control core, operator requests, missions and telemetry."""

@@ -21,7 +21,7 @@ REPORTED_GOALS: Final = frozenset(
 
 
 class ChangeLog:
-    """Compares machine and mission with what they were at the last call; it acts on nothing."""
+    """Report what has changed in the machine and the mission since the last call."""
 
     def __init__(self, machine: Machine, mission: Mission) -> None:
         self._machine = machine
@@ -33,6 +33,7 @@ class ChangeLog:
         self._text_id = 0
 
     def since_last_time(self) -> list[Statustext]:
+        """Return a text for each change of goal, vehicle, mode and mission since the last call."""
         machine = self._machine
         texts: list[Statustext] = []
         goal = (machine.serial, machine.goal_state, machine.goal_reason)
@@ -63,10 +64,11 @@ class ChangeLog:
         return self.text(Severity.ERROR if failed else Severity.INFO, words)
 
     def text(self, severity: int, words: str) -> list[Statustext]:
-        """Nothing for no words."""
+        """Return the pieces of one text, at most 50 bytes each; no pieces for an empty text."""
         self._text_id = self._text_id % 65_535 + 1
         return pieces_of(words, self._text_id, severity) if words else []
 
 
 def change_text(what: str, state: str, reason: int) -> str:
+    """Return the text for a state, with the reason if there is one."""
     return f"{what} {state}" if reason == reasons.OK else f"{what} {state}: {reason_text(reason)}"

@@ -1,4 +1,4 @@
-"""`sidestep robot`: one robot's control loop, from the command line."""
+"""The command line of `sidestep robot`, which runs the control loop of one robot."""
 
 import argparse
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ from runtime.cli.verb_table import VERBS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """`--config FILE`: its name, where the bus is, and parameters by name."""
+    """Settings of a `--config` file: the robot's name, the network and the parameters."""
 
     robot: str = "r1"
     network: Network | None = None
@@ -38,7 +38,7 @@ class Settings:
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run until told to stop; 0 after that, 1 when the core failed, 2 for wrong settings."""
+    """Run the robot; return 0 after a normal stop, 1 after a failure and 2 for bad settings."""
     arguments = parser().parse_args(numbers_kept(argv))
     settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
@@ -58,6 +58,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of `sidestep robot`."""
     parser = argparse.ArgumentParser(
         prog="sidestep robot",
         description=VERBS["robot"].summary,
@@ -71,35 +72,36 @@ def parser() -> argparse.ArgumentParser:
         nargs=3,
         type=finite,
         default=(0.0, 0.0, 0.0),
-        help="where it stands, so that goals are places of the world (0 0 0)",
+        help="start pose in the world frame, so that goals are in it too (0 0 0)",
     )
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument(
         "--state",
         metavar="DIR",
         type=Path,
-        help="keep parameters, fence and mission there, and how it ended",
+        help="directory that keeps parameters, fence, mission and how the run ended",
     )
     parser.add_argument(
-        "--after", metavar="WORDS", default="", help='how the one before ended: "signal SIGKILL"'
+        "--after", metavar="WORDS", default="", help='how the previous run ended: "signal SIGKILL"'
     )
     parser.add_argument(
-        "--lockstep", action="store_true", help="simulated time, given by the plant"
+        "--lockstep", action="store_true", help="use simulated time, which the plant provides"
     )
     parser.add_argument("--realtime", action="store_true", help="schedule the loop SCHED_FIFO")
     parser.add_argument(
         "--gc-freeze",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="keep the garbage collector away from what is there at the start (yes)",
+        help="exclude objects that exist at the start from garbage collection (yes)",
     )
     return parser
 
 
 def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) -> Vehicle:
-    """Defaults, then the file, then what an operator saved, then the command line.
+    """Return a vehicle with the parameters of all sources.
 
-    File and command line are the configuration, which bounds the safety group.
+    Later sources override earlier ones: defaults, configuration file, values saved by an operator,
+    command line. File and command line are the configuration, which bounds the safety group.
     """
     configured = adjusted(DEFAULTS, settings.parameters, f"{arguments.config}: [parameters]")
     configured = adjusted(configured, dict(arguments.param), "--param")

@@ -1,4 +1,4 @@
-"""Requests in, answers out: each is acted on once, however often it is repeated."""
+"""Handle the requests of operators; a repeated request is acted on only once."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -17,16 +17,17 @@ from robot.mission.mission import Mission
 
 MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
-"""Answers kept for each operator, of those that have asked last."""
+"""Answers kept for each operator; the operators with the newest requests are kept."""
 
 Order: TypeAlias = CommandRequest | GoalRequest
 
 
 class Commands:
-    """Acts on the mode machine of `state` and on the mission.
+    """Applies requests to the mode machine of `state` and to the mission.
 
-    `goal_id` is the request that led to the goal there is: a mission's goals have that of its
-    start. `stop_id` is the newest emergency stop that was acted upon, 0 before the first.
+    `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
+    the request that started it. `stop_id` is the id of the newest emergency stop, 0 before the
+    first.
     """
 
     def __init__(self, state: State, mission: Mission) -> None:
@@ -37,10 +38,10 @@ class Commands:
         self.goal_id = self.stop_id = 0
 
     def receive(self, request: Order, now_ms: int, operator: str = "") -> CommandAck:
-        """Act on a request and return the answer, which carries a reason.
+        """Act on a request and return the answer, which contains a reason.
 
-        A repeated request gets the answer it had. Another request under the same id is refused, and
-        an emergency stop is acted upon each time.
+        A repeated request gets its earlier answer. A different request with the same id is refused.
+        An emergency stop is acted on every time.
         """
         if is_stop(request):
             self.stop_id = request.request_id
@@ -116,13 +117,13 @@ class Commands:
 
 
 class AnswerCache:
-    """Requests of each operator with their answers, the newest of each."""
+    """The newest requests of each operator with their answers."""
 
     def __init__(self) -> None:
         self._of: OrderedDict[str, OrderedDict[int, tuple[Order, CommandAck]]] = OrderedDict()
 
     def find(self, operator: str, request: Order) -> CommandAck | None:
-        """Return the answer that this request had, or a refusal if its id was another's."""
+        """Return the earlier answer to this request, or a refusal if another one had its id."""
         of_operator = self._of.get(operator)
         kept = None if of_operator is None else of_operator.get(request.request_id)
         if kept is None:
@@ -131,6 +132,7 @@ class AnswerCache:
         return kept[1] if same else acknowledge(request, reasons.ID_REUSED)
 
     def keep(self, operator: str, request: Order, answer: CommandAck) -> None:
+        """Store the answer to a request and drop the oldest ones beyond the limits."""
         kept = self._of.setdefault(operator, OrderedDict())
         self._of.move_to_end(operator)
         kept[request.request_id] = request, answer
@@ -141,7 +143,7 @@ class AnswerCache:
 
 
 def wire_form(request: Order) -> tuple[type[Message], bytes]:
-    """Return what tells requests apart, bit by bit, so that NaN equals NaN."""
+    """Return the type and bytes of a request, by which NaN compares equal to NaN."""
     return type(request), wire_of(type(request)).pack(request)
 
 
@@ -159,12 +161,13 @@ def is_clear(request: Message | None) -> bool:
 
 
 def acknowledge(request: Order, reason: int) -> CommandAck:
-    """The answer that carries a reason; a goal is acknowledged as DO_REPOSITION."""
+    """Return the answer with a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
     return ack(command, reason)
 
 
 def ack(command: int, reason: int) -> CommandAck:
+    """Return a COMMAND_ACK for a command and a reason."""
     return CommandAck(
         command=command,
         result=result_of(reason),
@@ -176,6 +179,7 @@ def ack(command: int, reason: int) -> CommandAck:
 
 
 def result_of(reason: int) -> int:
+    """Return the MAV_RESULT that matches a reason."""
     if reason == reasons.OK:
         return AckResult.ACCEPTED
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
@@ -185,9 +189,9 @@ Handler = Callable[[Commands, float, float, int], int]
 
 
 class CommandRow(NamedTuple):
-    """A command's handler and the parameters that it uses; the others may hold anything.
+    """A command's handler, and the parameters it uses.
 
-    MAVLink marks a parameter that is not used with NaN.
+    The other parameters may have any value: MAVLink sets unused ones to NaN.
     """
 
     handler: Handler

@@ -1,6 +1,7 @@
-"""Who commands the robot: one operator at a time, or anyone while nobody has taken the lease.
+"""The lease: which operator may command the robot.
 
-Sans-I/O. `allows` may be asked from any thread: it reads one reference.
+Without a lease every operator may. Sans-I/O. `allows` and `is_holder` are thread-safe, because they
+read one reference.
 """
 
 from typing import Final, NamedTuple
@@ -26,18 +27,22 @@ READ_ONLY: Final = (ParamRequestRead, MissionRequestList, MissionRequestInt)
 
 
 class Holder(NamedTuple):
-    """An operator by identity on the bus, and what people call it."""
+    """The operator with the lease: identity on the bus and display name."""
 
     operator: str
     name: str
 
     @property
     def label(self) -> str:
+        """The display name, or the start of the identity if there is no name."""
         return self.name or self.operator[:8]
 
 
 class Lease:
-    """Taken, given back, seized, or lapsed when its holder has not been heard for LAPSE_NS."""
+    """The lease, which an operator takes, releases or seizes.
+
+    It lapses LAPSE_NS after the holder's last heartbeat.
+    """
 
     def __init__(self) -> None:
         self._holder: Holder | None = None
@@ -45,12 +50,12 @@ class Lease:
         self._texts: list[tuple[Severity, str]] = []
 
     def allows(self, operator: str) -> bool:
-        """May this operator command the robot?"""
+        """Return whether this operator may command the robot."""
         holder = self._holder
         return holder is None or holder.operator == operator
 
     def receive(self, request: LeaseRequest, operator: str, now_ns: int) -> int:
-        """Act on a request; a reason, 0 when granted. A repeated one changes nothing."""
+        """Act on a request and return a reason, 0 if granted; a repetition changes nothing."""
         if not operator:
             return reasons.NO_OPERATOR
         if request.action == LeaseAction.RELEASE:
@@ -63,30 +68,32 @@ class Lease:
         return reasons.OK
 
     def refresh(self, now_ns: int) -> None:
-        """Take a heartbeat of the holder, sent at `now_ns`."""
+        """Extend the lease by a heartbeat of the holder, sent at `now_ns`."""
         self._heartbeat_ns = max(self._heartbeat_ns, now_ns)
 
     def due(self, now_ns: int) -> list[tuple[Severity, str]]:
-        """Let it lapse if that is due; what there is to tell, and how loud."""
+        """End an expired lease; return the texts for operators, each with its severity."""
         holder = self._holder
         if holder is not None and now_ns - self._heartbeat_ns > LAPSE_NS:
             self._holder = None
             self._announce(
-                Severity.WARNING, f"lease of {holder.label} lapsed: not heard for {LAPSE_S:g} s"
+                Severity.WARNING, f"lease of {holder.label} lapsed: no heartbeat for {LAPSE_S:g} s"
             )
         texts, self._texts = self._texts, []
         return texts
 
     def is_holder(self, operator: str) -> bool:
-        """Return whether this operator holds the lease; may be asked from any thread."""
+        """Return whether this operator holds the lease; thread-safe."""
         holder = self._holder
         return holder is not None and holder.operator == operator
 
     @property
     def holder(self) -> Holder | None:
+        """The operator with the lease, or None."""
         return self._holder
 
     def status(self, time_ns: int, now_ns: int) -> LeaseStatus:
+        """Return the lease as a message, stamped `time_ns`."""
         holder = self._holder
         left_ns = 0 if holder is None else max(0, self._heartbeat_ns + LAPSE_NS - now_ns)
         return LeaseStatus(
@@ -110,7 +117,7 @@ class Lease:
         if not self.allows(operator):
             return reasons.LEASE_HELD
         if self._holder is not None:
-            self._announce(Severity.INFO, f"{self._holder.label} has given back the lease")
+            self._announce(Severity.INFO, f"{self._holder.label} has released the lease")
             self._holder = None
         return reasons.OK
 
@@ -119,7 +126,7 @@ class Lease:
 
 
 def needs_no_lease(request: Message) -> bool:
-    """The emergency stop, and questions that change nothing."""
+    """Return whether a request is allowed without the lease: an emergency stop, or a pure read."""
     if isinstance(request, CommandRequest):
         return request.command == Command.DO_FLIGHTTERMINATION
     return isinstance(request, READ_ONLY)

@@ -1,19 +1,19 @@
-"""Which frames of operators come too late to count, compared with what is usual for the sender."""
+"""Detect frames of operators that are late compared with the sender's usual delay."""
 
 from collections import OrderedDict
 from typing import Final
 
 MAX_EXTRA_NS: Final = 200_000_000
-"""A frame may be so much later than is usual for its sender."""
+"""A frame may be later than is usual for its sender by this much."""
 
 SPAN_NS: Final = 5_000_000_000
-"""The usual delay is the least of this span of time and of the one before it."""
+"""The usual delay is the minimum over this time span and the one before it."""
 
 MAX_SENDERS: Final = 16
 
 
 class UsualDelay:
-    """The least delay of one sender within the last two spans."""
+    """The minimum delay of one sender over the last two time spans."""
 
     __slots__ = ("_before_ns", "_least_ns", "_since_ns")
 
@@ -22,7 +22,7 @@ class UsualDelay:
         self._since_ns = now_ns
 
     def update(self, delay_ns: int, now_ns: int) -> int:
-        """Take a delay into account and return the least one."""
+        """Include a delay and return the minimum."""
         if now_ns - self._since_ns >= SPAN_NS:
             self._before_ns, self._least_ns = self._least_ns, delay_ns
             self._since_ns = now_ns
@@ -31,7 +31,7 @@ class UsualDelay:
 
 
 class DelayFilter:
-    """Judges frames by sender. It remembers the senders heard last."""
+    """Detects late frames by sender; only the most recent senders are kept."""
 
     def __init__(self) -> None:
         self._usual: OrderedDict[str, UsualDelay] = OrderedDict()

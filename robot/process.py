@@ -1,4 +1,4 @@
-"""The robot as a process: one tick after another, and requests in between."""
+"""The robot process: one control cycle per tick, with requests handled in between."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -32,22 +32,22 @@ from runtime.errors import LocalError
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
-"""Of a queue in one control period: 120 a second, faster than anyone types."""
+"""Requests of one queue per control period: 120 a second, more than any person sends."""
 
 MAX_VALIDITY_NS: Final = 60_000_000_000
-"""A deadline farther away is of another clock: the sender is to ask for the time again."""
+"""Longest time to a deadline; a later one belongs to another clock, which must be synchronised."""
 
 SAVING_S: Final = 3.0
-"""A robot that ends waits at most this long for its disk: less than a container is given to end."""
+"""Longest wait for the disk at the end, shorter than the time a container has to stop."""
 
 STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
 
 class Process:
-    """Ties a vehicle to a bus and a clock. All work is in one thread; the bus only enqueues.
+    """Connects a vehicle to a bus and a clock.
 
-    An emergency stop has a way of its own: the bus's thread sets a latch, which the loop takes
-    before everything else.
+    All work is done in one thread; the threads of the bus only enqueue. An emergency stop has its
+    own path: a thread of the bus sets a latch, which the loop reads before anything else.
     """
 
     def __init__(
@@ -71,16 +71,16 @@ class Process:
         self._unprivileged: SimpleQueue[ServiceRequest] = SimpleQueue()
         self._stop = StopLatch(vehicle.lease.is_holder)
         self._stopped_ns: int | None = None
-        """When the loop last took a stop from the latch, on the clock of the bus."""
+        """Time of the newest stop taken from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
         self._stop_requests: deque[ServiceRequest] = deque()
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
-        """Restore what was saved, which is recorded as if incoming for, and begin to take requests;
-        `nudge` is called from the bus when there is one.
+        """Restore saved state, record it as if requested, and start to accept requests.
 
-        Of too many requests the rest is refused. Those of operators who may not command wait in a
-        queue of their own; an emergency stop waits in none.
+        `nudge` is called from the bus for each request. Requests beyond a limit are refused.
+        Requests of operators without the lease have a separate queue; an emergency stop is never
+        queued.
         """
 
         def press(operator: str, frame: bytes) -> None:
@@ -88,7 +88,7 @@ class Process:
             nudge()
 
         def wait_for_stop(incoming: ServiceRequest) -> None:
-            """Have the loop answer, unless too many wait; the stop itself waits for none."""
+            """Let the loop answer a stop request, unless too many wait."""
             if len(self._stop_requests) >= MAX_WAITING:
                 incoming.drop()
             else:
@@ -98,7 +98,7 @@ class Process:
         def take(incoming: ServiceRequest) -> None:
             if is_stop(incoming.message):
                 self._stop.press(incoming.operator, incoming.payload)
-                wait_for_stop(incoming)  # after it: the loop drops askers without a stop
+                wait_for_stop(incoming)  # last: the loop drops requests without a stop
                 return
             queue = self._queue_for(incoming)
             if queue.qsize() >= MAX_WAITING:
@@ -126,9 +126,9 @@ class Process:
         self._stopping = True
 
     def run(self, grid: Iterable[Tick]) -> None:
-        """Until told to stop. Whatever ends it, the wheels are told to stand and the goal ends.
+        """Run until stopped. At any end, brake the wheels and end the goal.
 
-        `finish` is still to be called.
+        Call `finish` afterwards.
         """
         reason = reasons.SHUT_DOWN
         try:
@@ -143,7 +143,7 @@ class Process:
             self._end(reason, self._clock.now_ns())
 
     def _end(self, reason: int, now_ns: int) -> None:
-        """Brake first: what follows may fail without consequence."""
+        """Brake first, so that a failure in the rest has no consequence."""
         senses, reports = self._senses, self.reports
         reports.brake(senses.stamp_ns, senses.sequence)
         self.vehicle.stop(reason, now_ns)
@@ -152,12 +152,12 @@ class Process:
             reports.events(self.vehicle, senses.stamp_ns, now_ns)
 
     def finish(self) -> None:
-        """After the loop has ended: wait for the disk, and send the answers that waited for it."""
+        """Wait for the disk after the loop has ended, then send the withheld answers."""
         self.vehicle.finish_saving(SAVING_S)
         self._saved.settle(self._clock.now_ns())
 
     def cycle(self, tick: Tick) -> None:
-        """One control period: read, think, write, account."""
+        """Run one control period: read, decide, write, measure."""
         self._meter.begin(tick)
         self._bus.keep_serving()
         self._take_stop()
@@ -173,7 +173,7 @@ class Process:
         self._meter.end()
 
     def idle(self) -> None:
-        """Between two ticks: stop if incoming to, answer, and show that the loop lives."""
+        """Take stops, answer requests and publish events between two ticks."""
         self._take_stop()
         self._answer()
         self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
@@ -181,8 +181,8 @@ class Process:
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """Publish the wheel command first, then telemetry.
 
-        In an emergency stop and in a failsafe the motors are short-circuited, which is four times
-        as fast as a ramp.
+        In an emergency stop and in a failsafe the motors are short-circuited, which stops four
+        times as fast as a ramp.
         """
         senses, reports = self._senses, self.reports
         stamp_ns = senses.stamp_ns
@@ -202,7 +202,7 @@ class Process:
         reports.events(self.vehicle, stamp_ns, now_ns)
 
     def _report(self) -> int:
-        """Report what only the host can see to the core; return it as flags of TICK_INPUTS."""
+        """Report to the core what only the host can detect; return it as flags of TICK_INPUTS."""
         reported = 0
         if self._meter.violated:
             self.vehicle.report(reasons.BUDGET)
@@ -215,7 +215,7 @@ class Process:
     def _publish_inputs(
         self, inputs: Inputs, teleop: Teleop | None, tick: int, reported: int
     ) -> None:
-        """All that this tick's outcome came of, so that it can be had again."""
+        """Publish everything that determined this tick, so that it can be re-executed."""
         senses = self._senses
         given = CoreInputs(
             senses.wheels_seq, senses.scan_seq, senses.scan_age_ms, self.reports.recorded, reported
@@ -223,7 +223,7 @@ class Process:
         self.reports.inputs.put(telemetry.tick_inputs(inputs, given, teleop, tick, senses.stamp_ns))
 
     def _answer(self) -> None:
-        """Act on no more requests than a control period can bear."""
+        """Act on at most as many requests as fit into a control period."""
         self._saved.settle(self._clock.now_ns())
         for queue in (self._requests, self._unprivileged):
             for _ in range(MAX_ANSWERED):
@@ -234,11 +234,11 @@ class Process:
                 self._serve_one(incoming)
 
     def _take_stop(self) -> None:
-        """Act on the latched emergency stop, and answer its requests.
+        """Act on the latched emergency stop and answer its requests.
 
-        A request may be read only after its stop was acted upon: it is acknowledged as long as
-        that stop holds. Those who wait are counted before the latch is read, which was set before
-        they came: who comes in between waits for the next look.
+        A request read after its stop was acted on is acknowledged while that stop holds. Pending
+        requests are counted before the latch is read, because the latch is set before its request
+        is queued. A request that arrives in between waits for the next call.
         """
         waiting = len(self._stop_requests)
         request, vehicle = self._stop.take(), self.vehicle
@@ -269,10 +269,10 @@ class Process:
         self.reports.record(incoming.message, answer)
 
     def _rejection(self, incoming: ServiceRequest) -> int:
-        """Return why a request does not count: no operator, no deadline or one that is over.
+        """Return why a request is refused: no operator, no deadline, or one that has passed.
 
-        An emergency stop overtakes the requests that wait. One that came before and would release
-        the emergency stop does not release this one.
+        An emergency stop overtakes queued requests. A request to release it that arrived before the
+        stop is therefore refused.
         """
         if not incoming.operator:
             return reasons.NO_IDENTITY

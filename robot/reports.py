@@ -1,4 +1,4 @@
-"""What goes out: the wheel command first, then belief, status, decision, cost and events."""
+"""Publish the robot's output: wheel command first, then odometry, status, decision and events."""
 
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import MAX_STAMP_NS
@@ -27,7 +27,7 @@ from runtime.timing import UINT32
 
 
 class Reports:
-    """Publishers of one robot. `epoch` is when its process was started: see WHEEL_COMMAND."""
+    """Publishers of one robot; `epoch` is the start time of its process (see WHEEL_COMMAND)."""
 
     def __init__(self, bus: Bus, epoch: int = 0) -> None:
         self._epoch = epoch
@@ -47,14 +47,14 @@ class Reports:
         self.recorded = 0
 
     def command(self, stamp_ns: int, sense_seq: int, left_mrad_s: int, right_mrad_s: int) -> None:
-        """Tell the wheels what to do until the next command, or until this one expires."""
+        """Publish wheel speeds, in force until the next command or until they expire."""
         self._command(stamp_ns, sense_seq, left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
 
     def brake(self, stamp_ns: int, sense_seq: int) -> None:
-        """Stop the wheels as silence does, sooner: a command with no time to live.
+        """Publish a command with no time-to-live, which stops the wheels at once.
 
-        It is sent whatever the stamp is, as that may be why the loop has ended, and with one that
-        the plant takes.
+        It is sent whatever the stamp is, because a bad stamp may have ended the loop. The stamp is
+        reduced to the range that the plant accepts.
         """
         self._command(stamp_ns % MAX_STAMP_NS, sense_seq, 0, 0, 0)
 
@@ -75,13 +75,13 @@ class Reports:
         self._commands = (self._commands + 1) & UINT32
 
     def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
-        """Where the robot believes it is, what it is about, and why it turns."""
+        """Publish the pose, the state and the navigation decision."""
         self.odometry.put(telemetry.odometry(vehicle.state, stamp_ns))
         self.state(vehicle, stamp_ns, now_ns)
         self.decision.put(telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
 
     def state(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
-        """Vehicle, mode and goal."""
+        """Publish vehicle, mode and goal."""
         commands, now_ms = vehicle.commands, now_ms_of(now_ns)
         status = telemetry.status(
             vehicle.state, commands.goal_id, stamp_ns, now_ms, commands.stop_id
@@ -89,7 +89,7 @@ class Reports:
         self.status.put(status)
 
     def events(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
-        """What does not wait for a tick: that the loop lives, and what has just changed."""
+        """Publish what is independent of ticks: heartbeat, lease, mission and new texts."""
         beat = vehicle.heartbeat(now_ns)
         if beat is not None:
             self.heartbeat.put(beat)
@@ -103,7 +103,7 @@ class Reports:
             self.text.put(text)
 
     def record(self, request: Message, answer: Message) -> None:
-        """Put a request and its answer on the bus, for the black box, and count it."""
+        """Publish a request with its answer, for recordings, and count it."""
         if type(request) in COMMANDED.messages:
             self.recorded = (self.recorded + 1) & UINT32
             self.commanded.put(request)

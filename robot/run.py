@@ -1,4 +1,4 @@
-"""Puts a vehicle on the bus, gives it a clock, and runs it until told to stop."""
+"""Run a vehicle on the bus with a clock until it is stopped."""
 
 import signal
 import sys
@@ -35,9 +35,9 @@ PLACE_UNKNOWN: Final = "position assumed to be the start position; the true one 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """How the loop runs: simulated time, a frozen heap, real-time scheduling.
+    """Options of the loop: simulated time, frozen heap, real-time scheduling.
 
-    `after`: how the robot before this one ended, where whoever starts this one knows.
+    `after` describes how the previous run ended, if the launcher knows.
     """
 
     lockstep: bool = False
@@ -54,7 +54,7 @@ def epoch() -> int:
 def run(
     vehicle: Vehicle, network: Network, robot: str, options: Options, previous: PreviousRun
 ) -> int:
-    """0 when told to stop. Raises NameTaken, and whatever brought the core down."""
+    """Run until stopped and return 0; raise NameTaken, or the error that ended the core."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
         report_previous_run(vehicle, robot, previous, options.after)
@@ -80,28 +80,29 @@ def run(
 
 
 def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, after: str) -> None:
-    """Tell why there was one before, if it did not end as it should, and what is lost with it."""
+    """Report how the previous run ended, if abnormally, and that the position is lost."""
     before = previous.begin(after)
     if before:
-        words = f"started again: the one before {before}"
+        words = f"restarted: the previous run {before}"
         for line in (words, PLACE_UNKNOWN):
             vehicle.announce(Severity.WARNING, line)
             log_line(f"robot {robot}: {line}")
 
 
 def summary_of(error: Exception) -> str:
-    """Its name and the first line of what it says."""
+    """Return the type of an error and the first line of its text."""
     return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
 def log_line(line: str) -> None:
+    """Print a line to standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
 def in_wall_time(
     vehicle: Vehicle, bus: Bus, _idle: Callable[[], None], epoch: int = 0
 ) -> tuple[Process, Iterator[Tick]]:
-    """The grid is phase-locked to the scans as they arrive."""
+    """Return a process and ticks that are phase-locked to arriving scans."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=True)
@@ -115,7 +116,10 @@ def in_wall_time(
 def in_lockstep(
     vehicle: Vehicle, bus: Bus, idle: Callable[[], None], epoch: int = 0
 ) -> tuple[Process, Iterator[Tick]]:
-    """Time is the plant's; while it stands still, requests are answered and `idle` is called."""
+    """Return a process and ticks driven by the plant's clock.
+
+    While the clock pauses, requests are answered and `idle` is called.
+    """
 
     def between() -> None:
         idle()
@@ -137,9 +141,9 @@ def in_lockstep(
 
 
 def drive_clock(clock: LockstepClock, bus: Bus) -> None:
-    """Let the plant's clock frames drive `clock`; it stops when the plant begins anew.
+    """Advance `clock` by the plant's clock frames; stop it when the plant restarts.
 
-    What cannot be read is counted; time then stands still, which is the safe side.
+    Frames that cannot be read are counted; the time then pauses, which is safe.
     """
     frames: Mailbox[SystemTime] | None = None
 
@@ -156,7 +160,7 @@ def drive_clock(clock: LockstepClock, bus: Bus) -> None:
         clock.advance_to(stamp_ns)
 
     frames = bus.mailbox(CLOCK, notify=take)
-    take(0)  # what came before there was a mailbox to look into
+    take(0)  # a frame that arrived before the mailbox existed
 
 
 def on_signal(stop: Callable[[], None]) -> None:
@@ -166,7 +170,10 @@ def on_signal(stop: Callable[[], None]) -> None:
 
 
 def apply_options(vehicle: Vehicle, options: Options) -> None:
-    """Last, when all that stays is there; what does not work is said, and the robot runs on."""
+    """Freeze the heap and use real-time scheduling as chosen; report each failure and go on.
+
+    Call this last, when all objects that stay have been created.
+    """
     share_interpreter()
     for wanted, apply in ((options.freeze, freeze_heap), (options.fifo, use_fifo)):
         warning = apply() if wanted else None

@@ -1,4 +1,4 @@
-"""Answers that are withheld until what they vouch for is on the disk."""
+"""Withhold answers until the files they depend on are written."""
 
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ from runtime.units import NS_PER_S
 
 MAX_WITHHELD: Final = 64
 INTERIM_NS: Final = 300_000_000
-"""After this time the answer is IN_PROGRESS: in force, being saved, ask again."""
+"""After this time the answer is IN_PROGRESS: in force, being saved, repeat the request."""
 
 SLOW_NS: Final = 3_000_000_000
 """Warn about a write that takes longer: the disk may hang."""
@@ -21,13 +21,13 @@ SLOW_NS: Final = 3_000_000_000
 SLOW: Final = f"not saved for {SLOW_NS // NS_PER_S} s: the disk is slow, or it hangs"
 
 MAX_WAIT_NS: Final = 10_000_000_000
-"""After this time the answer is that nothing has been saved so far."""
+"""After this time the answer is that nothing has been saved."""
 
 SAVING: Final = CommandAck(command=0, result=AckResult.IN_PROGRESS, result_param2=reasons.OK)
 
 
 class WithheldReply(NamedTuple):
-    """A request whose answer waits for the disk."""
+    """A request whose answer waits for a file."""
 
     incoming: ServiceRequest
     answer: Answer
@@ -36,22 +36,22 @@ class WithheldReply(NamedTuple):
 
 
 class SavedReplies:
-    """Replies to requests: at once, or as soon as a file is written or could not be.
+    """Sends replies as soon as the file they depend on is written, or has failed.
 
-    What an answer vouches for is in force meanwhile.
+    Meanwhile the requested change is already in force.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._withheld: list[WithheldReply] = []
         self._stalled: dict[File, tuple[int, int]] = {}
-        """Files that are being written: what had ended when, at the last progress."""
+        """Files being written: the newest ended write, and the time of the last progress."""
         self._warned_slow = False
 
     def reply(
         self, incoming: ServiceRequest, request: Message, answer: Answer, now_ns: int
     ) -> None:
-        """Answer a request. Those beyond a bound are to ask again."""
+        """Answer a request now or when its file is written; refuse it beyond a limit."""
         ticket = self._vehicle.saving(request, answer)
         if ticket is None or not ticket.is_open:
             incoming.reply(answer)
@@ -64,7 +64,7 @@ class SavedReplies:
             )
 
     def settle(self, now_ns: int) -> None:
-        """Send the answers whose files have been written meanwhile, or wait for too long."""
+        """Send the answers whose files are written by now, or have taken too long."""
         self._vehicle.collect_saved()
         self._watch(now_ns)
         withheld, self._withheld = self._withheld, []
@@ -79,7 +79,7 @@ class SavedReplies:
                 self._withheld.append(one)
 
     def _watch(self, now_ns: int) -> None:
-        """Track the progress of each file; warn once if one makes none."""
+        """Track the progress of each file; warn once if a file makes none."""
         for file, (ended, _) in tuple(self._stalled.items()):
             if not file.ticket.is_open:
                 del self._stalled[file]

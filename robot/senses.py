@@ -1,4 +1,4 @@
-"""What the robot senses and receives in this tick, and when on the plant's clock this tick is."""
+"""Read sensor frames and operator frames for a tick, and the tick's time on the plant's clock."""
 
 from collections.abc import Callable
 from typing import Final, TypeVar
@@ -21,15 +21,16 @@ WRAP: Final = UINT32 + 1
 
 
 class Senses:
-    """Mailboxes of one robot; `beat` gets the arrival of each scan, `accept` tells which operators
-    it listens to.
+    """Mailboxes of one robot.
 
-    The age of a sense counts from its arrival, in lockstep from its stamp: there, time goes on only
-    with the clock's own frames. The age of an operator's frame counts from when it was sent, so
-    that a late one does not prolong anything; in lockstep a frame in time counts from now on.
-    `stamp_ns` and `sequence` are those of the last tick read, `ping_age_us` is how old its oldest
-    ping was when the scan was sent. `wheels_seq`, `scan_seq` and `scan_age_ms` are of the senses
-    read last, even if that is a while ago.
+    `beat` receives the arrival time of each scan. `accept` returns whether an operator's frames
+    count. The age of a sensor frame counts from its arrival; in lockstep from its stamp, because
+    there only clock frames advance the time. The age of an operator's frame counts from its sending
+    time, so that a late frame extends nothing; in lockstep an accepted frame counts from now.
+
+    `stamp_ns` and `sequence` belong to the last tick read. `ping_age_us` is the age of the oldest
+    ping when the scan was sent. `wheels_seq`, `scan_seq` and `scan_age_ms` belong to the newest
+    frames used.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Senses:
         self.wheels_seq = self.scan_seq = self.scan_age_ms = 0
 
     def read(self, tick: Tick, now_ns: int, vehicle: Vehicle) -> Inputs:
-        """The senses of this tick; None where one is missing or stale."""
+        """Return the inputs of this tick, with None for a missing or stale sensor."""
         self._receive_operator(vehicle, now_ns)
         arrived = self._wheels.latest()
         if not self.lockstep and is_restarted(arrived, self._last_wheels):
@@ -89,9 +90,9 @@ class Senses:
         return max(0, now_ns - (newest[0].time_ns if self.lockstep else newest[1]))
 
     def _set_stamp(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
-        """This tick is at the stamp of its scan, or so much after the last one.
+        """Set the time of this tick: its scan's stamp plus the time since then.
 
-        A scan that was late does not turn time back; a plant that began anew, or stood, does.
+        A late scan does not turn the time back; a restarted or paused plant does.
         """
         if self.lockstep:
             self.stamp_ns, self.sequence = now_ns, now_ns // PERIOD_NS
@@ -103,7 +104,7 @@ class Senses:
             self.sequence = scan.seq
 
     def _receive_operator(self, vehicle: Vehicle, now_ns: int) -> None:
-        """Hand on what operators who may command have sent since the last tick."""
+        """Pass on the newest heartbeat and teleop frame of operators that may command."""
         beat = self._operator.received()
         if beat is not None and beat[1] is not self._last_heartbeat:
             self._last_heartbeat = beat[1]
@@ -117,7 +118,7 @@ class Senses:
                 vehicle.receive_teleop(steered[0], sent_ns)
 
     def _is_accepted(self, origin: Origin, vehicle: Vehicle) -> bool:
-        """Return whether a frame is from an operator who commands now, and came in time."""
+        """Return whether a frame is in time and from an operator that may command now."""
         sent_ns, arrived_ns = origin.sent_ns, origin.arrived_ns
         if not origin.sender or sent_ns is None or not vehicle.lease.allows(origin.sender):
             return False
@@ -126,7 +127,7 @@ class Senses:
         return arrived_ns - sent_ns <= OPERATOR.stale_after_ns
 
     def _sent_ns(self, origin: Origin, now_ns: int) -> int:
-        """Return when a frame was sent, on the clock of this loop. Never later than it arrived."""
+        """Return when a frame was sent, on the clock of this loop, at most its arrival time."""
         if self.lockstep or origin.sent_ns is None:
             return now_ns
         return min(origin.sent_ns, origin.arrived_ns)
@@ -135,17 +136,17 @@ class Senses:
 def newer(
     newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None
 ) -> tuple[Sense, int] | None:
-    """What was sent last, and not what came last: that may have been overtaken on its way."""
+    """Return the frame that was sent last; the network may reorder frames."""
     return last if sending_order(newest, last) is Order.LATE else newest
 
 
 def is_restarted(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> bool:
-    """Was it sent by a plant that was started again?"""
+    """Return whether a frame was sent by a restarted plant."""
     return sending_order(newest, last) is Order.RESTARTED
 
 
 def sending_order(newest: tuple[Sense, int] | None, last: tuple[Sense, int] | None) -> Order:
-    """Return when a sample was sent, compared with the last one that was used."""
+    """Compare the sequence number of a frame with the last one used."""
     if newest is None or last is None:
         return Order.NEWER
     return order_of(newest[0].seq, last[0].seq, MAX_LATE_TICKS, modulus=WRAP)

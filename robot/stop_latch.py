@@ -1,7 +1,7 @@
-"""The emergency stop on its way from the bus to the loop: a latch that nothing can fill or block.
+"""A latch for the emergency stop, between the bus and the loop, that cannot fill or block.
 
-The bus's thread sets it, with whatever bytes came; the loop takes it before everything else. How
-many stops arrive in between makes no difference: one is enough.
+A thread of the bus sets it with any bytes received; the loop reads it before anything else. Several
+stops between two reads count as one.
 """
 
 from collections import deque
@@ -14,20 +14,25 @@ from protocol.wire.messages import CommandRequest
 from runtime.errors import RemoteError
 
 KEPT: Final = 8
-"""Frames kept until the loop takes them, of the lease's holder and of all others; they only tell
-whose stop it was."""
+"""Frames kept until the loop reads them, of the lease holder and of all others.
+
+They only identify the request of the stop.
+"""
 
 
 class StopRequest(NamedTuple):
-    """A stop as it arrived: who sent it, empty when unknown, and its bytes."""
+    """A stop as received: the sender's identity, empty if unknown, and its bytes."""
 
     operator: str
     frame: bytes
 
 
 class StopLatch:
-    """`is_holder` tells whether an operator holds the lease: its frames are not pushed out by a
-    flood of others, so that the holder sees its own stop acknowledged."""
+    """The latched stops of the lease holder and of all others.
+
+    `is_holder` returns whether an operator holds the lease. The holder's frames are kept apart, so
+    that a flood of others cannot displace them and the holder's own stop is acknowledged.
+    """
 
     def __init__(self, is_holder: Callable[[str], bool]) -> None:
         self._is_holder = is_holder
@@ -35,14 +40,14 @@ class StopLatch:
         self._others: deque[StopRequest] = deque(maxlen=KEPT)
 
     def press(self, operator: str, frame: bytes) -> None:
-        """Set the latch; may be called from any thread, as often as one likes."""
+        """Set the latch; thread-safe, and may be repeated."""
         pressed = self._holders if operator and self._is_holder(operator) else self._others
         pressed.append(StopRequest(operator, frame))
 
     def take(self) -> CommandRequest | None:
-        """Return the stop to act on and reset the latch; None when nobody has pressed.
+        """Return the stop to act on and reset the latch; None if it is not set.
 
-        The newest of the holder's stops if there is one, else the newest of the others.
+        The newest stop of the lease holder comes first, then the newest of the others.
         """
         newest = drained(self._others)
         newest = drained(self._holders) or newest
@@ -50,7 +55,7 @@ class StopLatch:
 
 
 def drained(pressed: "deque[StopRequest]") -> StopRequest | None:
-    """Remove what is there now and return the newest; what arrives meanwhile stays."""
+    """Remove the present entries and return the newest; later arrivals stay."""
     newest = None
     for _ in range(len(pressed)):
         newest = pressed.popleft()
@@ -58,7 +63,7 @@ def drained(pressed: "deque[StopRequest]") -> StopRequest | None:
 
 
 def stop_in(frame: bytes) -> CommandRequest:
-    """Return the request in a frame; one with id 0 for bytes that are none, which stop as well."""
+    """Return the request in a frame; bytes that are no request stop too, with id 0."""
     try:
         message = decode(frame).message
     except RemoteError:

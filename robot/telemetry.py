@@ -1,4 +1,4 @@
-"""What the robot tells of itself: the state of the core, put into messages."""
+"""Convert the state of the core to telemetry messages."""
 
 from math import nan
 from typing import Final, NamedTuple
@@ -39,7 +39,7 @@ SYSTEM_STATUS: Final = {
 
 
 def heartbeat(state: State) -> Heartbeat:
-    """The face of an ArduPilot Rover, which every MAVLink ground station knows."""
+    """Return the heartbeat of an ArduPilot Rover, which MAVLink ground stations recognise."""
     machine = state.machine
     armed = MODE_FLAG_SAFETY_ARMED if machine.vehicle == states.ACTIVE else 0
     return Heartbeat(
@@ -53,6 +53,7 @@ def heartbeat(state: State) -> Heartbeat:
 
 
 def odometry(state: State, time_ns: int) -> PlanarOdometry:
+    """Return pose, speeds and covariance."""
     odometry = state.odometry
     return PlanarOdometry(
         time_ns=time_ns,
@@ -73,7 +74,7 @@ def odometry(state: State, time_ns: int) -> PlanarOdometry:
 def status(
     state: State, goal_id: int, time_ns: int, now_ms: int, stop_id: int = 0
 ) -> NavigatorStatus:
-    """Vehicle, mode and goal; the goal's times are carried over from the core's clock to stamps."""
+    """Return vehicle, mode and goal; the goal's times are converted from core time to stamps."""
     machine = state.machine
     goal = machine.goal
     heading_rad = nan if goal is None or goal.heading_rad is None else goal.heading_rad
@@ -104,7 +105,7 @@ def _stamp(at_ms: int, time_ns: int, now_ms: int) -> int:
 
 
 def decision(outputs: Outputs, zone_m: float, time_ns: int) -> AvoidanceDecision:
-    """Why the robot turns; not-a-number where nothing was decided."""
+    """Return why the robot turns; values are NaN where nothing was decided."""
     chosen = outputs.decision
     bearing_rad = None if chosen is None else chosen.nearest_bearing_rad
     return AvoidanceDecision(
@@ -124,20 +125,20 @@ def decision(outputs: Outputs, zone_m: float, time_ns: int) -> AvoidanceDecision
 
 
 class CoreInputs(NamedTuple):
-    """Of what the core was given, that which it does not see: where it came from."""
+    """The origin of the core's inputs, which the core itself does not see."""
 
     wheels_seq: int
     scan_seq: int
     scan_age_ms: int
     requests: int
     reported: int
-    """Flags of what the host has reported to the core."""
+    """Flags of the failsafe reasons reported by the host."""
 
 
 def tick_inputs(
     inputs: Inputs, given: CoreInputs, teleop: Teleop | None, tick: int, time_ns: int
 ) -> TickInputs:
-    """With the senses on their own topics, all that the core's step depended on."""
+    """Return all other inputs of the core's step besides the sensor frames."""
     flags = given.reported
     flags |= INPUT_WHEELS if inputs.wheels is not None else 0
     flags |= INPUT_SCAN if inputs.scan is not None else 0

@@ -1,4 +1,4 @@
-"""The dead man's handle: an operator steers for as long as frames keep coming, and no longer."""
+"""Manual driving with a dead-man switch: steering lasts only while frames arrive."""
 
 from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
@@ -8,7 +8,7 @@ from runtime.units import NS_PER_MS
 
 
 class TeleopInput:
-    """The newest frame and until when it counts. A frame that would count too long is ignored."""
+    """The newest teleop frame and its expiry; a frame with too long a validity is ignored."""
 
     def __init__(self) -> None:
         self._newest: Teleop | None = None
@@ -16,7 +16,7 @@ class TeleopInput:
         self._refused_ms = 0
 
     def receive(self, teleop: Teleop, sent_ns: int) -> str:
-        """Take a frame that was sent then; return why it is ignored, once for each new cause."""
+        """Take a frame sent at `sent_ns`; return why it is ignored, once for each new cause."""
         ttl_ms = teleop.ttl_ms
         if ttl_ms > MAX_TELEOP_TTL_MS:
             again, self._refused_ms = ttl_ms == self._refused_ms, ttl_ms
@@ -30,14 +30,14 @@ class TeleopInput:
         return ""
 
     def clear(self) -> None:
-        """Forget the frame: another operator takes over."""
+        """Drop the frame, because another operator takes over."""
         self._newest = None
 
     def newest(self, now_ns: int) -> Teleop | None:
-        """Return the frame in force; None when its time is over."""
+        """Return the frame in force, or None after its expiry."""
         return self._newest if now_ns < self._until_ns else None
 
 
 def operator_twist(teleop: Teleop | None) -> Twist | None:
-    """Return how the operator steers; None when there is no frame in force."""
+    """Return the twist the operator commands, or None without a frame in force."""
     return None if teleop is None else twist_of(teleop.speed_mm_s, teleop.yaw_rate_mrad_s)

@@ -1,4 +1,4 @@
-"""All that is onboard but the clock and the sockets: core, operators, missions, what to tell."""
+"""The robot without clock and sockets: core, operators, missions and texts."""
 
 from math import nan
 from typing import Final, TypeAlias
@@ -57,16 +57,17 @@ Transfer: Final = (
     MissionClearAll,
 )
 
-MAX_TEXTS: Final = 100  # from one look to the next
+MAX_TEXTS: Final = 100  # between two calls of `texts`
 HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
 ORIGIN: Final = Pose(0.0, 0.0, 0.0)
 
 
 class Vehicle:
-    """Sans-I/O: requests and senses in, answers, wheel speeds and texts out; time is passed in.
+    """Sans-I/O: takes requests and sensor data, returns answers, wheel speeds and texts.
 
-    `configured` bounds the safety parameters; without it those that it begins with do.
+    Time is passed in. `configured` bounds the safety parameters; by default the initial parameters
+    do.
     """
 
     def __init__(
@@ -95,10 +96,11 @@ class Vehicle:
         self._missions = ReportTimer(SLOW_NS)
         self._slipping = False
         self.restored: tuple[str, ...] = ()
-        """What there was to announce of what an earlier run had kept."""
+        """Texts about the state restored from an earlier run."""
 
     @property
     def params(self) -> Params:
+        """The parameters in force."""
         return self.parameters.params
 
     @property
@@ -108,25 +110,26 @@ class Vehicle:
         return zones_m.get(self.state.machine.navigator, nan)
 
     def receive_heartbeat(self, sent_ns: int) -> None:
-        """Take a heartbeat of an operator who may command: the operator was there at `sent_ns`."""
+        """Take a heartbeat, sent at `sent_ns`, of an operator that may command."""
         newest_ns = self._operator_ns
         self._operator_ns = sent_ns if newest_ns is None else max(newest_ns, sent_ns)
         self.lease.refresh(sent_ns)
 
     def operator_age_ms(self, now_ns: int) -> int | None:
+        """Return the age of the newest operator heartbeat, or None before the first."""
         newest_ns = self._operator_ns
         return None if newest_ns is None else max(0, now_ns - newest_ns) // NS_PER_MS
 
     def receive_teleop(self, teleop: Teleop, sent_ns: int) -> None:
-        """Take a frame of an operator who may command, sent at `sent_ns`."""
+        """Take a teleop frame, sent at `sent_ns`, of an operator that may command."""
         ignored = self.teleop.receive(teleop, sent_ns)
         if ignored:
             self.announce(Severity.WARNING, ignored)
 
     def receive(self, request: Message, now_ns: int, operator: str = "") -> Answer:
-        """Act on a request and answer it; a refusal comes with its reason.
+        """Act on a request and return the answer; a refusal contains its reason.
 
-        `operator` is who asks, as the bus knows it. The answer counts once `saving` has ended.
+        `operator` is the sender's identity on the bus. The answer is final once `saving` has ended.
         """
         answer = self._act(request, now_ns, operator)
         ticket = self.saving(request, answer)
@@ -148,7 +151,7 @@ class Vehicle:
         return self.refused(request, reasons.UNKNOWN_COMMAND)
 
     def saving(self, request: Message, answer: Answer) -> Ticket | None:
-        """Return what has to be on the disk before a request may get this answer."""
+        """Return the write that must end before this answer may be sent, or None."""
         if isinstance(request, ParamSet) and isinstance(answer, ParamValue):
             return self._store.ticket
         if isinstance(answer, MissionVerdict) and answer.reason == reasons.OK:
@@ -156,7 +159,7 @@ class Vehicle:
         return None
 
     def collect_saved(self) -> None:
-        """Collect the writes that have ended since the last call; report those that failed."""
+        """Collect the writes that have ended since the last call; report failed ones."""
         for file in self._store.directory.collect():
             self.parameters.forget_text()
             if file.error is not None:
@@ -164,22 +167,22 @@ class Vehicle:
                 self.announce(Severity.ERROR, f"{file.name} not saved: {words}")
 
     def finish_saving(self, patience_s: float) -> None:
-        """Wait for what is being written, no longer than this; only once the loop has ended."""
+        """Wait at most `patience_s` for pending writes; call it only after the loop has ended."""
         self._store.directory.close(patience_s)
         self.collect_saved()
 
     @property
     def stopped(self) -> bool:
-        """Whether the emergency stop is latched."""
+        """True while the emergency stop is latched."""
         return self.state.machine.vehicle == states.EMERGENCY_STOP
 
     @property
     def brakes(self) -> bool:
-        """Return whether the motors brake: in a failsafe or an emergency stop."""
+        """True while the motors brake: in a failsafe or an emergency stop."""
         return self.state.machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
 
     def restore(self) -> list[Exchange]:
-        """Before anybody asks anything: have the fence and the mission again that were kept."""
+        """Restore the saved fence and mission; call it before the first request."""
         done = restored(self._mission_store, self._transfers, self.state)
         for severity, words in done.words:
             self.announce(severity, words)
@@ -187,9 +190,9 @@ class Vehicle:
         return done.exchange
 
     def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
-        """One tick of mission and core; `manual`: how an operator steers.
+        """Run one tick of mission and core; `manual` is the twist the operator commands.
 
-        An exception leaves the vehicle in FAILSAFE and goes on upwards.
+        An exception of the core leaves the vehicle in FAILSAFE and is raised again.
         """
         self.mission.step(inputs.now_ms)
         self.state.manual = manual
@@ -200,49 +203,50 @@ class Vehicle:
             raise
         slipping = self.state.slip.share > 0.0
         if slipping and not self._slipping:
-            self.announce(Severity.WARNING, "wheels seem to slip: place less sure")
+            self.announce(Severity.WARNING, "wheel slip suspected: position less certain")
         self._slipping = slipping
         return outputs
 
     def report(self, reason: int) -> None:
-        """A failsafe reason that only the host can see; the next step acts on it."""
+        """Report a failsafe reason that only the host can detect; the next step acts on it."""
         self.state.reported = reason
 
     def stop(self, reason: int, now_ns: int) -> None:
-        """For what the host knows: no goal survives it; a failsafe that is on keeps its reason."""
+        """Stop an active vehicle for a reason of the host; an earlier failsafe keeps its reason."""
         if self.state.machine.vehicle == states.ACTIVE:
             failsafe.trip(self.state.machine, reason, now_ns // NS_PER_MS)
 
     def lose_position(self, now_ns: int) -> None:
-        """Its senses have begun anew: whatever they count from now on, the way was not driven."""
-        self.announce(Severity.ERROR, "senses began anew: the place is not known any more")
+        """Stop, because restarted sensors count from another start and the position is lost."""
+        self.announce(Severity.ERROR, "position lost: sensor stream restarted")
         self.stop(reasons.TICKS_LOST, now_ns)
 
     def announce(self, severity: int, words: str) -> None:
+        """Queue a text for the operators; drop the oldest ones beyond the limit."""
         self._texts = (self._texts + self._change_log.text(severity, words))[-MAX_TEXTS:]
 
     def texts(self) -> list[Statustext]:
-        """What is to be told now, oldest first."""
+        """Return the texts to publish now, oldest first."""
         self.collect_saved()
         texts = self._texts + self._change_log.since_last_time()
         self._texts = []
         return texts
 
     def heartbeat(self, now_ns: int) -> Heartbeat | None:
-        """Due five times a second, and at once when vehicle or mode has changed."""
+        """Return a heartbeat five times a second, and at once when vehicle or mode has changed."""
         machine = self.state.machine
         beat = (machine.vehicle, machine.mode, machine.vehicle_reason)
         return telemetry.heartbeat(self.state) if self._heartbeats.due(beat, now_ns) else None
 
     def lease_status(self, stamp_ns: int, now_ns: int) -> LeaseStatus | None:
-        """Due twice a second, and at once when the holder has changed."""
+        """Return the lease twice a second, and at once when its holder has changed."""
         for severity, words in self.lease.due(now_ns):
             self.announce(severity, words)
         due = self._leases.due(self.lease.holder, now_ns)
         return self.lease.status(stamp_ns, now_ns) if due else None
 
     def mission_status(self, stamp_ns: int, now_ns: int) -> MissionStatus | None:
-        """Due twice a second, and at once when the mission has changed or gone on."""
+        """Return the mission's status twice a second, and at once when it has changed."""
         mission = self.mission
         progress = (mission.number, len(mission.items), mission.current, mission.state)
         due = self._missions.due((progress, mission.reason), now_ns)
@@ -251,7 +255,7 @@ class Vehicle:
     def _command(
         self, request: CommandRequest | GoalRequest, now_ns: int, operator: str
     ) -> CommandAck:
-        """Act on a command; arming lists the safety parameters that are not as configured."""
+        """Act on a command; when it arms, list the safety parameters changed from configuration."""
         machine = self.state.machine
         was_armed = machine.vehicle == states.ACTIVE
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
@@ -259,7 +263,7 @@ class Vehicle:
             changes = self.parameters.safety_changes()
             if changes:
                 self.announce(
-                    Severity.NOTICE, f"armed, other than configured: {', '.join(changes)}"
+                    Severity.NOTICE, f"armed with changed safety parameters: {', '.join(changes)}"
                 )
         return answer
 
@@ -271,7 +275,7 @@ class Vehicle:
         return ack(NO_COMMAND, reason)
 
     def refused(self, request: Message, reason: int) -> Answer:
-        """Return the answer that refuses a request of this kind."""
+        """Return the refusal that answers a request of this type."""
         if isinstance(request, Transfer):
             return self._transfers.verdict(request.mission_type, reason)
         if isinstance(request, CommandRequest | GoalRequest):
@@ -280,28 +284,29 @@ class Vehicle:
 
 
 def once_saved(answer: Answer, ticket: Ticket) -> Answer:
-    """Return the answer, or the refusal NOT_SAVED where what it vouches for is not on the disk."""
+    """Return the answer, or the refusal NOT_SAVED if its file could not be written."""
     return answer if ticket.error is None else not_saved(answer)
 
 
 def not_saved(answer: Answer) -> Answer:
-    """Return the answer NOT_SAVED: in force until the next restart."""
+    """Return the refusal NOT_SAVED: the change is in force until the next restart."""
     if isinstance(answer, MissionVerdict):
         return msgspec.structs.replace(answer, reason=reasons.NOT_SAVED)
     return ack(NO_COMMAND, reasons.NOT_SAVED)
 
 
 class ReportTimer:
-    """Decides when to report a value again: at once when it has changed, else every `period_ns`."""
+    """Decides when to publish a value: at once after a change, else every `period_ns`."""
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
         self._last: object = self
         self._due_ns = 0
 
-    def due(self, what: object, now_ns: int) -> bool:
-        if what == self._last and now_ns < self._due_ns:
+    def due(self, value: object, now_ns: int) -> bool:
+        """Return whether to publish `value` now, and note it if so."""
+        if value == self._last and now_ns < self._due_ns:
             return False
-        self._last = what
+        self._last = value
         self._due_ns = now_ns + self._period_ns
         return True

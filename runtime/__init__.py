@@ -1,1 +1,1 @@
-"""What every process needs and no domain owns: clocks, settings, files, errors."""
+"""Services that every process needs: clocks, settings, files and errors."""

@@ -1,6 +1,6 @@
-"""Waiting for what other threads bring: a wake-up, and the pulse of arriving frames.
+"""Wait for events from other threads: a wake-up, and a pulse of arriving frames.
 
-The loop's grid locks its phase to the pulse.
+The control loop locks the phase of its grid to the pulse.
 """
 
 from collections import deque
@@ -14,11 +14,12 @@ from runtime.units import NS_PER_S
 
 
 class WakeUp:
-    """Wakes one waiting thread. A wake-up while no thread waits is kept; several count as one.
+    """Wakes one waiting thread.
 
-    Store what has arrived before `wake`: the thread reads it after `wait`.
+    A wake-up without a waiting thread is kept; several count as one. Store the data before `wake`:
+    the thread reads it after `wait`.
 
-    `SimpleQueue.get` would not do. Before Python 3.13 it waits for ever if a signal interrupts it
+    `SimpleQueue.get` is unsuitable. Before Python 3.13 it waits for ever if a signal interrupts it
     and the handler returns after the deadline. A condition would wake the waiting thread into a
     lock that the notifier still holds.
     """
@@ -28,20 +29,21 @@ class WakeUp:
         self._held.acquire()
 
     def wake(self) -> None:
-        """Return at once; may be called from any thread and from a signal handler."""
+        """Wake the thread; returns at once, from any thread and from a signal handler."""
         if self._held.locked():
-            with suppress(RuntimeError):  # another thread has released it meanwhile
+            with suppress(RuntimeError):  # another thread has just released it
                 self._held.release()
 
     def wait(self, timeout_s: float | None = None) -> bool:
-        """Return True when woken, False when the time is up."""
+        """Return True if woken, False after the timeout."""
         return self._held.acquire(timeout=-1.0 if timeout_s is None else max(0.0, timeout_s))
 
 
 class PulseSource(Protocol):
-    """What the grid needs to know of a pulse."""
+    """A source of frame arrivals for the grid."""
 
-    def wait_until(self, deadline_ns: int) -> int | None: ...
+    def wait_until(self, deadline_ns: int) -> int | None:
+        """Return the time of an arrival, or None if there is none before the deadline."""
 
 
 class Pulse:
@@ -53,12 +55,12 @@ class Pulse:
         self._arrival = WakeUp()
 
     def beat(self, arrived_ns: int) -> None:
-        """Note that a frame has arrived; called from the bus, returns at once."""
+        """Note the arrival of a frame; called from the bus, returns at once."""
         self._newest_ns.append(arrived_ns)
         self._arrival.wake()
 
     def wait_until(self, deadline_ns: int) -> int | None:
-        """Return when the newest beat not yet taken arrived; None when none came in time."""
+        """Return the newest arrival that was not yet returned, or None at the deadline."""
         while (arrived_ns := self._taken()) is None:
             remaining_s = (deadline_ns - self._now_ns()) / NS_PER_S
             if remaining_s <= 0 or not self._arrival.wait(remaining_s):

@@ -11,9 +11,9 @@ from pathlib import Path
 
 
 def replace(path: Path, text: str) -> None:
-    """Write `text` to `path` as a whole; a symbolic link keeps leading to its file.
+    """Replace the content of a file as a whole; a symbolic link keeps its target.
 
-    Raises OSError, and then leaves nothing half written behind.
+    Raises OSError; no temporary file is left then.
     """
     file = Path(os.path.realpath(path))
     draft = file.with_name(f".{file.name}.part")
@@ -28,7 +28,7 @@ def replace(path: Path, text: str) -> None:
 
 
 def remove(path: Path) -> None:
-    """Remove a file; one that is not there stays away. Raises OSError."""
+    """Remove a file, if it exists; raise OSError if that fails."""
     try:
         os.unlink(path)
     except FileNotFoundError:
@@ -38,7 +38,7 @@ def remove(path: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a directory with its parents, unless it is there. Raises OSError."""
+    """Create a directory and its parents, if missing; raise OSError if that fails."""
     if os.path.isdir(path):
         return
     make_folder(path.parent)
@@ -48,7 +48,7 @@ def make_folder(path: Path) -> None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a new file, or an old one afresh, and wait until its content is on the disk."""
+    """Write a file, which may exist, and wait until its content is on the disk."""
     number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
     try:
         while data:
@@ -59,9 +59,9 @@ def write(path: Path, data: bytes) -> None:
 
 
 def sync_folder(path: Path) -> None:
-    """Wait until the names in a directory are on the disk.
+    """Wait until the entries of a directory are on the disk.
 
-    A file system that cannot synchronise a directory says so by EINVAL; nothing can be done there.
+    A file system without this function reports EINVAL, which is ignored.
     """
     number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:

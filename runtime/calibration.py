@@ -1,7 +1,7 @@
-"""What a robot's calibration has found for each level of noise: read here, by all who start robots.
+"""Load the calibration of a robot for a noise level; shared by all launchers of robots.
 
-The files are as `sidestep calibrate --output` writes them; the command is in each. A world that
-changes single values of its noise has the calibration of the level that it starts from.
+`sidestep calibrate --output` writes the files; each contains its command. A world that changes
+single noise values uses the calibration of the noise level that it is based on.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ class Calibration:
 
 @cache
 def calibration_of(level: str) -> Mapping[str, float]:
-    """Parameters by name for a noise level; ConfigError when nobody has calibrated for it."""
+    """Return the parameters for a noise level; raise ConfigError if there is no calibration."""
     found = config.load(FOLDER / f"{level}.toml", Calibration)
     return MappingProxyType(found.parameters)
 
@@ -40,15 +40,16 @@ def calibration_of(level: str) -> Mapping[str, float]:
 def settings_of(
     robot: Mapping[str, bool | int | float | str], level: str, *, calibrated: bool
 ) -> dict[str, float]:
-    """Parameters of a robot in a world: its calibration, and over it the world's own `[robot]`."""
+    """Return a robot's parameters in a world: calibration, then the world's own `[robot]`."""
     found = calibration_of(level) if calibrated else {}
     return {**found, **parameters_of(robot)}
 
 
 def parameters_of(robot: Mapping[str, bool | int | float | str]) -> dict[str, float]:
-    """Parameters of the robot that differ from its defaults because the world's robot does.
+    """Return the parameters that a world's `[robot]` changes.
 
-    What the robot cannot know of itself (motor lag, brake, where its counters start) is left out.
+    Properties that the robot cannot know, such as motor lag, brake and initial counters, are left
+    out.
     """
     values: dict[str, float] = {}
     for key, setting in robot.items():

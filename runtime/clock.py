@@ -1,4 +1,4 @@
-"""Time, passed in rather than looked up, so a test can own it."""
+"""Clocks that are passed in, so that a test controls the time, and the grid of control ticks."""
 
 import time
 from collections.abc import Iterator
@@ -24,58 +24,74 @@ __all__ = [
 
 
 class Clock(Protocol):
-    def now_ns(self) -> int: ...
+    """A clock of a control loop."""
+
+    def now_ns(self) -> int:
+        """Return the time in nanoseconds."""
+
     def cpu_ns(self) -> int:
-        """CPU time of this thread: what the work cost, whoever else had the core."""
+        """Return the CPU time of this thread, which is independent of the load of the machine."""
         ...
 
-    def sleep_until(self, deadline_ns: int) -> None: ...
+    def sleep_until(self, deadline_ns: int) -> None:
+        """Wait until the clock has reached the deadline."""
 
 
 class WallClock:
     """The monotonic clock of this machine."""
 
     def now_ns(self) -> int:
+        """Return the monotonic time."""
         return time.monotonic_ns()
 
     def cpu_ns(self) -> int:
+        """Return the CPU time of this thread."""
         return time.thread_time_ns()
 
     def sleep_until(self, deadline_ns: int) -> None:
+        """Sleep until the deadline."""
         remaining_ns = deadline_ns - time.monotonic_ns()
         if remaining_ns > 0:
             time.sleep(remaining_ns / NS_PER_S)  # noqa: TID251 - the one place that sleeps
 
 
 class ManualClock:
-    """Jumps straight to whatever is waited for. A minute of driving takes milliseconds."""
+    """A clock for tests, which jumps to each deadline: a minute of driving takes milliseconds."""
 
     def __init__(self, start_ns: int = 0) -> None:
         self._now_ns = start_ns
 
     def now_ns(self) -> int:
+        """Return the simulated time."""
         return self._now_ns
 
     def cpu_ns(self) -> int:
+        """Return the simulated time; computing costs nothing."""
         return self._now_ns
 
     def advance(self, ns: int) -> None:
+        """Advance the time."""
         self._now_ns += ns
 
     def sleep_until(self, deadline_ns: int) -> None:
+        """Jump to the deadline."""
         self._now_ns = max(self._now_ns, deadline_ns)
 
 
 SLACK: Final = 4
-"""A frame may come this fraction of a period after it was due before the grid goes on without."""
+"""The grid waits this fraction of a period (1/4) for a late frame before it ticks without one."""
 
 DRAWN: Final = 50
-"""By this fraction of a period an early frame draws the next tick forward."""
+"""An early frame moves the next tick forward by at most this fraction of a period (1/50)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """`late_ns` counts from the arrival of the frame that started it, or from its deadline."""
+    """One tick of the grid.
+
+    `late_ns` counts from the arrival of the frame that started the tick, or from its deadline.
+    `missed` counts the skipped ticks so far.
+    """
 
     index: int
     due_ns: int
@@ -85,11 +101,11 @@ class Tick:
 
 
 def ticks(clock: Clock, rate_hz: float, pulse: PulseSource | None = None) -> Iterator[Tick]:
-    """Yield on a fixed grid. A late tick drops the deadlines it overran; it never bursts.
+    """Yield ticks on a fixed grid; a late tick skips the deadlines it overran.
 
-    With a pulse the grid is phase-locked to arriving frames: a frame starts the tick, the grid's
-    own deadline (a quarter of a period after the frame was due) does when none comes. The grid
-    begins with the first tick and ends when the clock is stopped.
+    With a pulse the grid is phase-locked to arriving frames. A frame starts the tick; without one
+    the grid's own deadline does, a quarter of a period after the frame was due. The grid begins
+    with the first tick and ends when the clock is stopped.
     """
     grid = _Grid(clock, round(NS_PER_S / rate_hz), pulse)
     try:
@@ -100,7 +116,7 @@ def ticks(clock: Clock, rate_hz: float, pulse: PulseSource | None = None) -> Ite
 
 
 class _Grid:
-    """Where on the grid a loop is: when the next tick is due and what was skipped so far."""
+    """State of a grid: when the next tick is due, and how many were skipped."""
 
     def __init__(self, clock: Clock, period_ns: int, pulse: PulseSource | None) -> None:
         self._clock = clock
@@ -113,6 +129,7 @@ class _Grid:
         self._frame_owed = False
 
     def next_tick(self) -> Tick:
+        """Wait for the next tick and return it."""
         arrived_ns = self._wait()
         now_ns = self._clock.now_ns()
         if self._index < 0:
@@ -122,7 +139,7 @@ class _Grid:
         return self._started_by_frame(arrived_ns, now_ns)
 
     def _wait(self) -> int | None:
-        """Arrival of the frame that starts the tick; None when the deadline does."""
+        """Return the arrival of the frame that starts the tick, or None for a deadline."""
         if self._pulse is None:
             self._clock.sleep_until(self._due_ns)
             return None
@@ -133,7 +150,7 @@ class _Grid:
             self._too_early(arrived_ns)
 
     def _too_early(self, arrived_ns: int) -> None:
-        """Part of a burst, or the frame the grid's last tick did not wait for: re-phase once."""
+        """Skip an early frame; correct the phase if the previous tick did not wait for it."""
         if self._frame_owed:
             self._frame_owed = False
             self._due_ns = arrived_ns + self._period_ns
@@ -148,14 +165,14 @@ class _Grid:
         late_ns = now_ns - arrived_ns
         self._skip((arrived_ns - self._due_ns + self._period_ns // 2) // self._period_ns)
         self._frame_owed = False
-        # A frame may start its tick early, but the grid follows only so far: whoever sends frames
-        # all the time makes no faster loop of it.
+        # A frame may start its tick early, but the grid follows only by a small step. A sender of
+        # too many frames cannot speed up the loop.
         phase_ns = max(arrived_ns, self._due_ns - self._period_ns // DRAWN)
         self._due_ns = phase_ns + self._skip(late_ns // self._period_ns)
         return self._tick(arrived_ns, late_ns, by_frame=True)
 
     def _skip(self, periods: int) -> int:
-        """Count whole periods as missed; how long they last."""
+        """Count whole periods as missed; return their duration."""
         skipped = max(0, periods)
         self._index += skipped
         self._missed += skipped

@@ -1,4 +1,4 @@
-"""TOML configuration: typed, ranged, and a misspelt key is refused by name."""
+"""Load typed TOML configuration; unknown keys and values out of range are refused by name."""
 
 import re
 from collections.abc import Mapping
@@ -16,17 +16,17 @@ from runtime.toml_reader import MAX_BYTES, table_in
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
 SHARED: Final = ("robot", "network", "parameters")
-"""The top-level names of the file that ground, robot and plant can share."""
+"""Top-level keys of a file that ground, robot and plant may share."""
 MISSING: Final = re.compile(r"missing required field `(.+)`")
 
 
 def load(path: Path | str, schema: type[T]) -> T:
-    """The file as an instance of `schema`; ConfigError names file, key, reason and fix."""
+    """Return a file as an instance of `schema`; ConfigError has file, key, reason and fix."""
     return parse(read_toml(path), schema, file=str(path))
 
 
 def load_shared(path: Path | str, schema: type[T]) -> T:
-    """The same, of a file in which names that other processes read may stand, too."""
+    """Load a file that may also contain keys of other processes."""
     table, known = read_toml(path), get_type_hints(schema)
     for key in table:
         if key not in known and key not in SHARED:
@@ -36,7 +36,7 @@ def load_shared(path: Path | str, schema: type[T]) -> T:
 
 
 def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The same with the files of `[network.tls]` where they lie: beside the one naming them."""
+    """Return the table with the files of `[network.tls]` relative to the folder of the file."""
     network = table.get("network")
     tls = network.get("tls") if isinstance(network, dict) else None
     if not isinstance(network, dict) or not isinstance(tls, dict):
@@ -49,7 +49,7 @@ def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def read_toml(path: Path | str) -> dict[str, Any]:
-    """The tables of a TOML file, unjudged."""
+    """Return the tables of a TOML file, unchecked."""
     try:
         with Path(path).open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -66,7 +66,7 @@ def read_toml(path: Path | str) -> dict[str, Any]:
 
 
 def parse(table: Mapping[str, Any], schema: type[T], *, file: str) -> T:
-    """A table as an instance of a (nested) frozen dataclass; ranges by `Annotated[.., Meta]`."""
+    """Return a table as a (nested) frozen dataclass; `Annotated[.., Meta]` gives ranges."""
     check_keys(table, schema, file=file)
     try:
         return msgspec.convert(dict(table), schema)
@@ -75,7 +75,7 @@ def parse(table: Mapping[str, Any], schema: type[T], *, file: str) -> T:
 
 
 def check_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above: str = "") -> None:
-    """Raise ConfigError for the first key the schema does not have, or value that is not finite."""
+    """Raise ConfigError for the first unknown key, or value that is not finite."""
     hints = get_type_hints(schema)
     for key, value in table.items():
         if key not in hints:
@@ -88,12 +88,12 @@ def check_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above:
 
 
 def _schema_in(hint: Any) -> Any:
-    """The dataclass a table is read into, also where it may be left out (`Schema | None`)."""
+    """Return the dataclass that a table is read into, also for `Schema | None`."""
     return next((kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)), None)
 
 
 def unknown_key(where: str, key: str, known: list[str], *, file: str) -> ConfigError:
-    """The error for a key nobody reads: misspelt settings must not be silently ignored."""
+    """Return the error for an unknown key: misspelt settings must not be ignored."""
     near = get_close_matches(key, known, n=1)
     fix = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(sorted(known))}"
     return ConfigError(file=file, key=where, reason="unknown key", fix=fix)
@@ -113,7 +113,7 @@ def _refused(error: msgspec.ValidationError, schema: type[Any], file: str) -> Co
 
 
 def _fix(schema: type[Any], key: str) -> str:
-    """The choices of a key that has some."""
+    """Return the fix for a value: the choices of its key, if there are some."""
     hint: Any = schema
     for name in key.split("."):
         schema_here = _schema_in(hint)

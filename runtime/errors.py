@@ -1,28 +1,34 @@
-"""Whose fault it is: ours (LocalError), the user's (UserError), the other side's (RemoteError)."""
+"""Errors by origin: LocalError (a defect), UserError (the user), RemoteError (the peer)."""
 
 
 class LocalError(Exception):
-    """Our own bug: a value that may not be sent, a call out of order. Raised, never counted."""
+    """A defect of this program, such as an invalid value to send or a call out of order."""
 
 
 class RemoteError(Exception):
-    """Something the other side did: count it, show it, go on."""
+    """An error of the other side, which is counted and shown; the program continues."""
 
 
 class NoAnswer(RemoteError):
-    """A question stayed without an answer; the text says which and why."""
+    """A request got no answer; the text contains the request and the cause.
+
+    Exit code 1.
+    """
 
     exit_code = 1
 
 
 class UserError(LocalError, ValueError):
-    """Something a person asked for cannot be done; the text says what, why and what to do."""
+    """A request of the user cannot be fulfilled; the text has the problem, its cause and a fix.
+
+    Exit code 2.
+    """
 
     exit_code = 2
 
 
 class ConfigError(UserError):
-    """A configuration file is refused: which file and key, why, and how to put it right."""
+    """A configuration file is refused; the text has file, key, reason and fix."""
 
     def __init__(self, *, file: str, key: str, reason: str, fix: str) -> None:
         self.file, self.key, self.reason, self.fix = file, key, reason, fix
@@ -31,23 +37,23 @@ class ConfigError(UserError):
 
 
 class BadEndpoint(UserError):
-    """An endpoint that cannot be understood, or that this machine cannot listen on."""
+    """An endpoint is invalid, or this machine cannot listen on it."""
 
 
 class EndpointInUse(UserError):
-    """Somebody else listens there already."""
+    """Another process already listens on the endpoint."""
 
 
 class NoPeer(UserError):
-    """Nobody listens where this process was told to connect."""
+    """There is no process that listens on the endpoint to connect to."""
 
 
 class PeerHangs(NoPeer):
-    """Somebody listens where this process was told to connect, and does not answer."""
+    """A process listens on the endpoint to connect to, but does not answer."""
 
 
 class NotLetIn(NoPeer):
-    """Who listens where this process was told to connect does not let it in; `do` is the remedy."""
+    """The peer refuses the connection; `do` is the remedy."""
 
     def __init__(self, why: str, do: str) -> None:
         super().__init__(f"{why}: {do}")
@@ -55,8 +61,8 @@ class NotLetIn(NoPeer):
 
 
 class BadKeys(UserError):
-    """A certificate, key or authority that cannot be used: which file, why, and what to do."""
+    """A certificate, key or authority is unusable; the text has the file, the reason and a fix."""
 
 
 class Stopped(Exception):
-    """Raised to whoever waits on a clock that will not go on; a loop simply ends."""
+    """Raised to a thread that waits on a stopped clock, which ends its loop."""

@@ -1,13 +1,10 @@
-"""The garbage collector, kept from stalling a process that has to be in time."""
+"""Keep the garbage collector from stalling a process with deadlines."""
 
 import gc
 
 
 def freeze_heap() -> str | None:
-    """Move all that exists out of the collector's sight: no full collection stalls the loop.
-
-    None when it worked, else the warning to show.
-    """
+    """Exclude all present objects from garbage collection; return a warning if unavailable."""
     if not hasattr(gc, "freeze"):
         return "this Python cannot freeze its heap: a collection may stall the loop"
     gc.collect()

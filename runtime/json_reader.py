@@ -1,4 +1,4 @@
-"""JSON from others: read, or refused by one kind of error, however deep or long it is."""
+"""Read JSON from untrusted sources; any problem raises ValueError, also for depth or length."""
 
 import json
 from typing import Any, Final
@@ -6,11 +6,11 @@ from typing import Any, Final
 MAX_DEPTH: Final = 100
 TOO_DEEP: Final = "nested too deeply"
 MAX_DIGITS: Final = 18
-"""Digits; a longer whole number is a float, perhaps infinite, as it would be anywhere else."""
+"""A whole number with more digits becomes a float, possibly infinite."""
 
 
 def value_in(text: str | bytes) -> Any:
-    """What the text says; ValueError when it is no JSON."""
+    """Return the value of a JSON text; raise ValueError if it is invalid."""
     try:
         value = json.loads(text, parse_int=_number)
     except RecursionError as error:
@@ -20,7 +20,7 @@ def value_in(text: str | bytes) -> Any:
 
 
 def _check_depth(value: object) -> None:
-    """ValueError for what the parser takes and a recursive reader or writer would not."""
+    """Raise ValueError for values that are nested too deeply for recursive code."""
     level = [value]
     for _ in range(MAX_DEPTH):
         nested = [one for one in level if isinstance(one, dict | list)]

@@ -1,4 +1,4 @@
-"""A clock that only goes on when the simulation does, so that a run repeats to the last bit."""
+"""A clock that advances only with the simulation, so that runs are reproducible bit by bit."""
 
 import time
 from collections.abc import Callable
@@ -8,11 +8,11 @@ from runtime.errors import Stopped
 
 
 class LockstepClock:
-    """Time is the stamp of the newest senses; it stands still until somebody feeds it.
+    """The time is the stamp of the newest sensor frames.
 
-    `advance_to` and `stop` may be called from any thread. A waiting thread that is given no stamp
-    for `patience_s` of wall time raises Stopped too, if a patience is set. With an `idle` it calls
-    that instead, and whenever it is nudged: the waiting thread has other things to do meanwhile.
+    `advance_to` and `stop` are thread-safe. If no stamp arrives for `patience_s` of wall time, a
+    waiting thread raises Stopped. With `idle` it calls that instead, and also at each `nudge`, so
+    that it can do other work.
     """
 
     def __init__(
@@ -30,30 +30,32 @@ class LockstepClock:
         self._change = WakeUp()
 
     def now_ns(self) -> int:
+        """Return the newest stamp."""
         stamp_ns = self._stamp_ns
         return self._start_ns if stamp_ns is None else stamp_ns
 
     def cpu_ns(self) -> int:
+        """Return the CPU time of this thread."""
         return time.thread_time_ns()
 
     def advance_to(self, stamp_ns: int) -> None:
-        """The newest senses bear this stamp; an older one changes nothing."""
+        """Set the time to the stamp of the newest sensor frames; ignore an older one."""
         if self._stamp_ns is None or stamp_ns > self._stamp_ns:
             self._stamp_ns = stamp_ns
             self._change.wake()
 
     def nudge(self) -> None:
-        """Let the waiting thread call `idle` now, if it has one."""
+        """Make the waiting thread call `idle` now, if set."""
         self._nudged = self._idle is not None
         self._change.wake()
 
     def stop(self) -> None:
-        """Time will not go on: whoever waits, now or later, gets Stopped."""
+        """Stop the time: threads that wait, now or later, raise Stopped."""
         self._stopped = True
         self._change.wake()
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Block until a stamp of at least `deadline_ns` was fed; Stopped when it never will be."""
+        """Wait for a stamp of at least `deadline_ns`; raise Stopped after `stop`."""
         while not self._reached(deadline_ns):
             if self._stopped:
                 raise Stopped("the clock was stopped")

@@ -1,7 +1,7 @@
-"""The order in which one sender made its frames, by a count or a stamp that they carry.
+"""Order the frames of one sender by a count or a stamp in them.
 
-A network may deliver a frame late, after a newer one, or twice. A sender that was restarted counts
-anew. The two are told apart by the distance: at most one second may pass on the way.
+A network may delay, reorder or repeat frames. A restarted sender begins its count again. The
+distance distinguishes the two: a frame may be delayed by one second at most.
 """
 
 from enum import Enum, auto
@@ -10,14 +10,14 @@ from typing import Final
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 
 MAX_LATE_TICKS: Final = round(CONTROL_HZ)
-"""A frame at most so many control periods older than the newest is late; an older one restarted."""
+"""A frame at most this much older than the newest is late; an older one means a restart."""
 
 MAX_LATE_NS: Final = MAX_LATE_TICKS * PERIOD_NS
-"""The same for stamps."""
+"""The same limit for stamps."""
 
 
 class Order(Enum):
-    """How a frame relates to the newest one of its sender."""
+    """The relation of a frame to the newest one of its sender."""
 
     NEWER = auto()
     REPEATED = auto()
@@ -26,10 +26,10 @@ class Order(Enum):
 
 
 def order_of(number: int, newest: int, max_late: int, *, modulus: int = 0) -> Order:
-    """Compare a count or a stamp with the newest one; `modulus` is where a count begins at 0 again.
+    """Compare a count or a stamp with the newest one; a count wraps at `modulus`.
 
-    A frame up to `max_late` behind is LATE: a newer one has overtaken it on the way. One farther
-    behind is of a sender that has RESTARTED.
+    A frame up to `max_late` behind is LATE: the network has reordered it. A frame farther behind
+    belongs to a RESTARTED sender.
     """
     behind = newest - number
     if modulus:
@@ -42,14 +42,14 @@ def order_of(number: int, newest: int, max_late: int, *, modulus: int = 0) -> Or
 
 
 class SequenceTracker:
-    """Keeps the newest count or stamp of one sender."""
+    """Tracks the newest count or stamp of one sender."""
 
     def __init__(self, max_late: int) -> None:
         self._max_late = max_late
         self._newest: int | None = None
 
     def take(self, number: int) -> Order:
-        """Classify a frame, and go on from it unless it is late."""
+        """Classify a frame; note its number unless it is late."""
         newest = self._newest
         order = Order.NEWER if newest is None else order_of(number, newest, self._max_late)
         if order is not Order.LATE:

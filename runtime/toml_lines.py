@@ -1,4 +1,4 @@
-"""The line on which each key of a TOML text stands, which the standard parser does not tell."""
+"""Find the line of each key in a TOML text, which the standard parser does not report."""
 
 import re
 from typing import TypeAlias

@@ -1,4 +1,4 @@
-"""TOML as tables, from people: the standard parser, kept from what would take it hours."""
+"""Read TOML with the standard parser, protected from input that would take it hours."""
 
 import re
 import tomllib
@@ -6,18 +6,18 @@ from typing import Any, Final
 
 MAX_BYTES: Final = 1_000_000
 MAX_DOTS: Final = 100
-"""Of one key. The parser's time grows with their square."""
+"""Maximum of dots in one key: the parser's time grows with their square."""
 
 NAME: Final = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 DOTTED: Final = re.compile(rf"(?<![\w-])(?:{NAME}[ \t]*+\.[ \t]*+){{{MAX_DOTS}}}")
 
 
 class TooDeepError(ValueError):
-    """Lists in lists, or tables in tables, beyond what can be read."""
+    """Lists or tables are nested too deeply."""
 
 
 def table_in(text: str) -> dict[str, Any]:
-    """The tables of a text; ValueError says what is wrong and, where it is known, the line."""
+    """Return the tables of a text; ValueError has the problem and, if known, the line."""
     if len(text) > MAX_BYTES:
         raise ValueError(f"is larger than {MAX_BYTES} bytes")
     if found := DOTTED.search(text):

@@ -1,4 +1,4 @@
-"""Nanoseconds, in which all stamps and ages are counted."""
+"""Conversion to nanoseconds, the unit of all stamps and ages."""
 
 from typing import Final
 

@@ -1,9 +1,9 @@
-"""Ends a process whose loop hangs: the kernel's alarm clock, wound up again by every round.
+"""End a process whose loop hangs, by an interval timer that each pass of the loop resets.
 
-No Python has to run for it to strike, so it does where Python's own lock is held for ever. What
-it leaves is the signal's default action, the end: whoever started the process sees SIGALRM. A
-process that was stopped for longer ends when it is let go. As process 1 of a container it would be
-spared by the kernel: such a container needs an init.
+The timer needs no Python code to expire, so it works even while the interpreter's lock is held for
+ever. The default action of SIGALRM then ends the process, and the launcher sees this signal. A
+process that is suspended for longer ends when it is resumed. The kernel ignores the signal for
+process 1 of a container: such a container needs an init process.
 """
 
 import faulthandler
@@ -15,16 +15,15 @@ from typing import IO, Final, Self, TypeVar
 
 HUNG_S: Final = 5.0
 HANGS: Final = f"hung (its loop did not run for {HUNG_S:g} s)"
-"""What is said of a process that it has ended."""
+"""Describes a process that the watchdog has ended."""
 
 T = TypeVar("T")
 
 
 class Watchdog:
-    """Strikes within the block, `patience_s` after it was last wound up; only in the main thread.
+    """Ends the process `patience_s` after the last reset, within the block, in the main thread.
 
-    `trace` is a file that then gets the place where each thread hung, for developers, if it can be
-    written.
+    `trace` is a file that then receives the stack traces of all threads, if it can be written.
     """
 
     def __init__(self, patience_s: float = HUNG_S, trace: Path | None = None) -> None:
@@ -48,11 +47,11 @@ class Watchdog:
             self._file.close()
 
     def reset(self) -> None:
-        """The loop runs."""
+        """Restart the timer."""
         signal.setitimer(signal.ITIMER_REAL, self._patience_s)
 
     def reset_by(self, rounds: Iterable[T]) -> Iterator[T]:
-        """The same rounds, each of which winds it up."""
+        """Yield the items, and reset the watchdog for each."""
         for one in rounds:
             self.reset()
             yield one

@@ -1,4 +1,4 @@
-"""One control cycle, read aloud: sense, check, decide, guard. No clock, no I/O, no luck."""
+"""One control cycle: sense, check, decide, act. No clock, no I/O, no randomness."""
 
 from robot.core import machine as machines
 from robot.core import pursuit, reasons, states
@@ -21,19 +21,20 @@ __all__ = ["State", "step"]
 
 
 class StageHook(Protocol):
-    """Called with the number of each stage as it ends, so that a host may take the time."""
+    """A callback with the number of each finished stage, by which a host measures time."""
 
-    def __call__(self, __stage: int) -> None: ...
+    def __call__(self, __stage: int) -> None:
+        """Note the end of a stage."""
 
 
 def ignore(_stage: int) -> None:
-    """Nobody takes the time."""
+    """Ignore the end of a stage."""
 
 
 def step(
     state: State, inputs: Inputs, params: Params, mark: StageHook = ignore
 ) -> tuple[State, Outputs]:
-    """One tick: from what is sensed now to what the wheels shall do until the next."""
+    """Run one tick: from the inputs to the wheel speeds until the next tick."""
     sense(state, inputs, params)
     failsafe.check(state, inputs, params)
     mark(ODOMETRY)
@@ -45,7 +46,7 @@ def step(
 
 
 def sense(state: State, inputs: Inputs, params: Params) -> None:
-    """Bring pose, ring and watches up to this tick; the first whole set of senses ends BOOT."""
+    """Update pose, sonar ring and monitors; the first complete set of inputs ends BOOT."""
     now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
     odometry, machine = state.odometry, state.machine
     heading_rad = odometry.pose.heading_rad
@@ -70,8 +71,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
 
 
 def decide(state: State, inputs: Inputs, params: Params) -> Twist:
-    """The twist that is wanted: towards the goal, as the operator steers, braking to a stand, or
-    halt at once."""
+    """Return the wanted twist: to the goal, as the operator steers, or a stop."""
     machine, goal = state.machine, state.machine.goal
     state.decision = None
     if machine.vehicle != states.ACTIVE:
@@ -87,19 +87,19 @@ def decide(state: State, inputs: Inputs, params: Params) -> Twist:
 
 
 def steer(state: State, params: Params) -> Twist:
-    """What the operator wants in MANUAL, within the limits of the robot; nobody there is a halt."""
+    """Return the operator's twist in MANUAL within the robot's limits; halt without one."""
     manual = state.manual
     if manual is None:
         return HALT
     speed_m_s, fastest_m_s = manual.speed_m_s, params.v_max_m_s
-    if abs(speed_m_s) > fastest_m_s:  # what is not a number stays so, for the guard to find
+    if abs(speed_m_s) > fastest_m_s:  # NaN stays NaN, so that the guard detects it
         speed_m_s = fastest_m_s if speed_m_s > 0.0 else -fastest_m_s
     speed_m_s, yaw_rate_rad_s = limited(speed_m_s, manual.yaw_rate_rad_s, params)
     return ramp(Twist(speed_m_s, yaw_rate_rad_s), state.twist, params)
 
 
 def act(state: State, wanted: Twist, inputs: Inputs, params: Params) -> Outputs:
-    """What the guard leaves of it, in whole mrad/s cut towards zero: rounding adds no speed."""
+    """Apply the guard; return wheel speeds in whole mrad/s, truncated so that none increases."""
     speed_m_s, yaw_rate_rad_s = wanted
     factor, reason = guard.limit(speed_m_s, yaw_rate_rad_s, state.ring, inputs.wheels, params)
     twist = wanted

@@ -1,4 +1,4 @@
-"""What each stage of a control cycle may cost: on the host, and of the LPC1768's 50 ms envelope."""
+"""The budget of each stage of a control cycle: time on the host, share on the LPC1768."""
 
 from robot.core.typing_shim import Final, NamedTuple
 
@@ -19,6 +19,6 @@ STAGES: Final = (
     Stage("guard", 100, 4),
     Stage("write", 1300, 4),
 )
-"""In the order of the cycle; on the host 5 % of the period, on the MCU less than half of it."""
+"""In the order of the cycle: 5 % of the period on the host, less than half of it on the MCU."""
 
 TICK_US: Final = sum([stage.host_us for stage in STAGES])

@@ -1,4 +1,4 @@
-"""Angles on the circle: one wrap, and the bearings of the eight sonars."""
+"""Angles: wrapping, and the bearings of the eight sonars."""
 
 from math import cos, pi, sin
 
@@ -8,7 +8,7 @@ from robot.core.values import SONARS
 TWO_PI: Final = 2.0 * pi
 
 BEARINGS: Final = tuple([(i - 3.5) * pi / 8.0 for i in range(SONARS)])
-"""Sonar i looks here, radians from the heading: 0 right, 7 left."""
+"""Bearing of each sonar in radians from the heading: 0 is the right one, 7 the left one."""
 
 COSINES: Final = tuple([cos(b) for b in BEARINGS])
 SINES: Final = tuple([sin(b) for b in BEARINGS])
@@ -17,7 +17,7 @@ HALF_CONE: Final = pi / 16.0
 
 
 def wrap(angle_rad: float) -> float:
-    """The same direction in (-pi, pi]; NaN stays NaN, infinity has no direction and becomes NaN."""
+    """Return the same direction in (-pi, pi]; NaN and infinity become NaN."""
     if -pi < angle_rad <= pi:
         return angle_rad
     if angle_rad - angle_rad != 0.0:

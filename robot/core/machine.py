@@ -1,4 +1,4 @@
-"""What the vehicle, its mode and its one goal are, and the few ways in which they change."""
+"""The state of vehicle, mode and goal, and its few transitions."""
 
 from robot.core import reasons, states
 from robot.core.parameters import Params
@@ -7,14 +7,13 @@ from robot.core.values import Goal
 
 
 class Machine:
-    """Vehicle, mode and goal with their reasons; `serial` counts goals, so each is known as new.
+    """Vehicle, mode and goal with their reasons; `serial` counts goals.
 
-    `cause` is the failsafe that would trip right now, armed or not; `senses` and `operator` say
-    whether fresh senses and a fresh operator's heartbeat were there in the last step.
-    `replaced_serial` is the last goal that a newer one pushed out (ABORTED, REPLACED). `fence` is
-    what the robot must not leave, None where there is none; `fence_unreadable`: there was one, and
-    it is lost. `pursuits` counts what is to be gone about afresh: a new goal, or the same with
-    another navigator.
+    `cause` is the failsafe condition that holds now, armed or not. `senses` and `operator` are set
+    if fresh sensor data and a fresh operator heartbeat were present in the last step.
+    `replaced_serial` is the last goal ended by a newer one (ABORTED, REPLACED). `fence` is the area
+    that the robot must not leave, or None; `fence_unreadable` means that a saved fence is lost.
+    `pursuits` counts fresh starts of driving: a new goal, or the same goal with another navigator.
     """
 
     __slots__ = (
@@ -63,11 +62,12 @@ class Machine:
 
 
 def goal_is_active(machine: Machine) -> bool:
+    """Return whether there is a goal that has not ended."""
     return states.ACCEPTED <= machine.goal_state <= states.ALIGNING
 
 
 def drives(machine: Machine) -> bool:
-    """Armed, in a driving mode, with a living goal."""
+    """Return whether the robot is armed, in a driving mode, and has an active goal."""
     return (
         machine.vehicle == states.ACTIVE
         and machine.mode >= states.AUTO
@@ -76,7 +76,7 @@ def drives(machine: Machine) -> bool:
 
 
 def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
-    """Take a new goal; `replaced_serial` tells that a living one is ABORTED, REPLACED."""
+    """Set a new goal; an active one becomes ABORTED, REPLACED, shown by `replaced_serial`."""
     if goal_is_active(machine):
         machine.replaced_serial = machine.serial
     machine.serial += 1
@@ -90,7 +90,7 @@ def start_goal(machine: Machine, goal: Goal, mode: int, now_ms: int) -> None:
 
 
 def end_goal(machine: Machine, goal_state: int, reason: int, now_ms: int) -> None:
-    """Close a living goal with its outcome; one that has ended keeps the outcome it has."""
+    """End an active goal with an outcome; a goal that has ended keeps its outcome."""
     if goal_is_active(machine):
         machine.goal_state = goal_state
         machine.goal_reason = reason

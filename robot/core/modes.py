@@ -1,4 +1,4 @@
-"""What an operator may ask of the vehicle; every command answers with a reason, 0 is accepted."""
+"""The commands of an operator; each returns a reason, 0 if accepted."""
 
 from math import pi
 
@@ -16,12 +16,15 @@ MIN_POSITION_TOLERANCE_M: Final = 0.005
 MAX_POSITION_TOLERANCE_M: Final = 1.0
 MIN_HEADING_TOLERANCE_RAD: Final = 0.2 * pi / 180.0
 MAX_HEADING_TOLERANCE_RAD: Final = pi
-EPSILON: Final = 1e-6  # a tolerance given as an integer of the wire may be half a unit off
+EPSILON: Final = 1e-6  # the wire rounds a tolerance to whole units
 
 
 def arm(machine: Machine) -> int:
-    """Let the wheels turn: needs fresh senses, no failsafe whose cause is still there, and to know
-    the fence."""
+    """Let the wheels turn.
+
+    This requires fresh sensor data, no failsafe condition, and a fence that is readable if there is
+    one.
+    """
     if machine.vehicle == states.EMERGENCY_STOP:
         return reasons.EMERGENCY_STOPPED
     if machine.vehicle == states.BOOT or not machine.senses:
@@ -46,7 +49,7 @@ def disarm(machine: Machine, now_ms: int) -> int:
 
 
 def estop(machine: Machine, now_ms: int) -> int:
-    """Latch the emergency stop: disarmed, goal ended, nothing moves until it is cleared."""
+    """Latch the emergency stop: end the goal and stop until it is cleared."""
     machines.end_goal(machine, states.ABORTED, reasons.EMERGENCY_STOPPED, now_ms)
     machine.vehicle = states.EMERGENCY_STOP
     machine.vehicle_reason = reasons.BY_OPERATOR
@@ -54,7 +57,7 @@ def estop(machine: Machine, now_ms: int) -> int:
 
 
 def clear_estop(machine: Machine) -> int:
-    """Release the latch, if there is one; the vehicle stands by, disarmed."""
+    """Release a latched emergency stop; the vehicle is then disarmed in STANDBY."""
     if machine.vehicle == states.EMERGENCY_STOP:
         enter_standby(machine)
     return reasons.OK
@@ -68,7 +71,7 @@ def enter_standby(machine: Machine) -> None:
 
 
 def hold(machine: Machine) -> int:
-    """Stand still and keep the goal."""
+    """Stop and keep the goal."""
     if machine.mode != states.HOLD:
         machine.resume_mode = machine.mode
         machine.mode = states.HOLD
@@ -76,7 +79,7 @@ def hold(machine: Machine) -> int:
 
 
 def resume(machine: Machine) -> int:
-    """Go on to the goal that `hold` kept, in the mode it had."""
+    """Continue to the goal that `hold` kept, in its mode."""
     if not machines.goal_is_active(machine):
         return reasons.NO_GOAL
     if machine.mode != states.HOLD:
@@ -88,7 +91,7 @@ def resume(machine: Machine) -> int:
 
 
 def abort(machine: Machine, now_ms: int) -> int:
-    """Drop the goal and stand still, armed."""
+    """Drop the goal and stop, armed."""
     if not machines.goal_is_active(machine):
         return reasons.NO_GOAL
     machines.end_goal(machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
@@ -96,7 +99,7 @@ def abort(machine: Machine, now_ms: int) -> int:
 
 
 def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
-    """Drive to a pose in AUTO or GUIDED; a living goal is replaced. A refusal leaves it alone."""
+    """Drive to a pose in AUTO or GUIDED and replace an active goal; a refusal changes neither."""
     refusal = refusal_of(machine, goal, mode)
     if refusal == reasons.OK:
         machines.start_goal(machine, goal, mode, now_ms)
@@ -107,7 +110,7 @@ def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
 
 
 def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
-    """Drive back to the start along the robot's own trail."""
+    """Drive back to the start along the recorded trail."""
     refusal = may_drive(machine, states.SMART_RTL)
     if refusal != reasons.OK:
         return refusal
@@ -123,7 +126,7 @@ def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
 
 
 def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
-    """Change the mode; a living goal goes on in AUTO and GUIDED, waits in HOLD, ends in MANUAL."""
+    """Change the mode: an active goal continues in AUTO and GUIDED and ends in MANUAL."""
     if mode == states.HOLD:
         return hold(machine)
     if mode == states.SMART_RTL:
@@ -139,9 +142,9 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
 
 
 def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
-    """Put up a fence, or with None take it down. It must hold the robot and the goal it has.
+    """Set a fence, or with None remove it; it must contain the robot and an active goal.
 
-    A robot that has sensed nothing yet takes one that leaves it out: it cannot be armed then.
+    Before the first sensor data the fence may exclude the robot: arming is refused then.
     """
     if fence is not None:
         refusal = fences.refusal_of(fence)
@@ -161,14 +164,16 @@ def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
 
 
 def lose_fence(machine: Machine) -> None:
-    """Forbid arming until a fence is put up or taken down: the one of before cannot be read."""
+    """Forbid arming until a fence is set or removed, because the saved one is unreadable."""
     machine.fence_unreadable = True
     machine.vehicle_reason = reasons.FENCE_UNREADABLE
 
 
 def set_navigator(machine: Machine, navigator: int, side: int) -> int:
-    """Choose the navigator and the side on which it passes obstacles. A living goal goes on with
-    it from here, with nothing remembered of the way so far."""
+    """Choose the navigator and the side on which it passes obstacles.
+
+    An active goal continues from here with an empty memory.
+    """
     if navigator not in NAVIGATORS:
         return reasons.UNKNOWN_NAVIGATOR
     if side not in (states.LEFT, states.RIGHT):
@@ -181,7 +186,7 @@ def set_navigator(machine: Machine, navigator: int, side: int) -> int:
 
 
 def may_drive(machine: Machine, mode: int) -> int:
-    """Why driving in this mode is refused now, or 0."""
+    """Return why driving in this mode is refused now, or 0."""
     if machine.vehicle == states.EMERGENCY_STOP:
         return reasons.EMERGENCY_STOPPED
     if machine.vehicle != states.ACTIVE:
@@ -194,7 +199,7 @@ def may_drive(machine: Machine, mode: int) -> int:
 
 
 def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
-    """Why this goal is refused in this mode, or 0."""
+    """Return why this goal is refused in this mode, or 0."""
     if mode not in (states.AUTO, states.GUIDED):
         return reasons.UNKNOWN_MODE
     refusal = may_drive(machine, mode)
@@ -202,8 +207,10 @@ def refusal_of(machine: Machine, goal: Goal, mode: int) -> int:
 
 
 def goal_problem(machine: Machine, goal: Goal) -> int:
-    """Why no robot of these settings would take this goal, or 0. Written so that NaN fails every
-    comparison."""
+    """Return why this goal is invalid for the robot's settings, or 0.
+
+    NaN fails every comparison.
+    """
     far_m = machine.goal_max_m
     if not (-far_m <= goal.x_m <= far_m and -far_m <= goal.y_m <= far_m):
         return reasons.GOAL_OUT_OF_RANGE

@@ -1,4 +1,4 @@
-"""The settings of the core: one flat table of SI numbers, names short enough for a MAVLink id."""
+"""The settings of the core in SI units; each name fits into a MAVLink parameter id."""
 
 from robot.core import limits, states
 from robot.core.typing_shim import Final, NamedTuple
@@ -45,7 +45,7 @@ Params = NamedTuple(
         # guard
         ("guard_stop_m", float),
         ("guard_time_s", float),
-        # failsafes and giving up
+        # failsafes and lack of progress
         ("op_lost_ms", int),
         ("wheel_min_m_s", float),
         ("wheel_time_ms", int),

@@ -1,4 +1,4 @@
-"""The way to one goal: navigate, arrive, align, stand, reached, or give up."""
+"""Drive to one goal: navigate, arrive, align, stop, then report it as reached or stuck."""
 
 from math import cos, inf, pi, sin, sqrt
 
@@ -17,18 +17,18 @@ from robot.core.state import State
 from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Twist
 
-LEAVE: Final = 3.0  # arrived is taken back only at this many tolerances
-CENTRE_M: Final = 0.02  # in the open the robot goes on to within this, or a share of the tolerance
+LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances
+CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE
 CENTRE_SHARE: Final = 0.4
-CROWDED: Final = 4  # ticks in a row with something near, so that a false echo does not count
-ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same of its heading
+CROWDED: Final = 4  # ticks in a row with a near echo, to ignore false ones
+ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same limits for the heading
 ALIGNED_SHARE: Final = 0.6
 STILL_M_S: Final = 0.02
 STILL_RAD_S: Final = 0.10
 
 
 def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
-    """The twist that brings the robot nearer to its goal; keeps the goal's state on the way."""
+    """Return the twist towards the goal, and update the goal's state."""
     begin(state, now_ms)
     target = next_target(state, goal, now_ms)
     pose = state.odometry.pose
@@ -51,10 +51,10 @@ def pursue(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
 
 
 def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> bool:
-    """Whether to stop here: within the tolerance, and with nothing gained by going on.
+    """Return whether to stop here: within the tolerance, with no gain by driving on.
 
-    In the open the robot goes on to the middle for as long as that lies ahead; with anything near,
-    the tolerance will do, so that it does not insist on a place that it cannot take.
+    In the open the robot drives on towards the centre while it lies ahead. With an obstacle near,
+    the tolerance is enough, so that the robot does not insist on a blocked place.
     """
     tolerance_m = goal.position_tolerance_m
     if state.arrived:
@@ -72,8 +72,7 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
 
 
 def begin(state: State, now_ms: int) -> None:
-    """A new goal, or another navigator, starts with an empty memory; after a hold only the judging
-    starts afresh."""
+    """Start a new goal or navigator with an empty memory; after a hold restart only the timers."""
     machine = state.machine
     if state.pursuits != machine.pursuits:
         state.pursuits = machine.pursuits
@@ -87,7 +86,7 @@ def begin(state: State, now_ms: int) -> None:
 
 
 def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
-    """The goal itself, or on the way back the newest crumb of the trail."""
+    """Return the goal, or on the way back the newest crumb of the trail."""
     if state.machine.mode != states.SMART_RTL:
         return goal
     trail, pose = state.trail, state.odometry.pose
@@ -99,8 +98,11 @@ def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
 
 
 def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: Params) -> Twist:
-    """Ask the navigator where to, and drive there; the last stretch in the open bends the way in
-    so that the robot arrives with its final heading."""
+    """Let the navigator choose a direction, and return the twist for it.
+
+    Near a goal with a heading, and in the open, the path bends so that the robot arrives with that
+    heading.
+    """
     pose, ring = state.odometry.pose, state.ring
     machine = state.machine
     decision = NAVIGATORS[machine.navigator].step(state.memory, pose, ring, target, params)
@@ -134,7 +136,7 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
 
 
 def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
-    """At the place: turn to the final heading, stand, and only then call it reached."""
+    """Turn to the final heading and stop; then end the goal as reached."""
     machine, pose = state.machine, state.odometry.pose
     if goal.heading_rad is not None:
         error_rad = heading_error(goal.heading_rad, pose.heading_rad)
@@ -154,7 +156,7 @@ def settle(state: State, goal: Goal, now_ms: int, params: Params) -> Twist:
 
 
 def is_still(state: State) -> bool:
-    """Told to stand, and standing."""
+    """Return whether the robot is commanded to stop and has stopped."""
     odometry = state.odometry
     return (
         state.twist.speed_m_s == 0.0

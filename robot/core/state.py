@@ -1,4 +1,4 @@
-"""All that changes from tick to tick, in one place."""
+"""The complete state of the core between two ticks."""
 
 from math import inf
 
@@ -17,12 +17,12 @@ from robot.core.values import Decision, Twist
 
 
 class State:
-    """The whole memory of the core. `goal_distance_m`, `decision` and `guard` are there to be read.
+    """The state of the core; `goal_distance_m` and `decision` are outputs for the host.
 
-    `reported` is a failsafe reason that only the host can see (BUDGET); `pursuits` counts as the
-    machine's does, `arrived` is whether the goal's place is reached, `twist` what the wheels were
-    last told, `crowded` for how many ticks something was near at the goal. `manual` is how an
-    operator steers in MANUAL, given by the host for each tick; None: nobody does.
+    `reported` is a failsafe reason that only the host can detect, such as BUDGET. `pursuits`
+    follows the counter of the machine. `arrived` is set at the goal's place. `twist` is the last
+    commanded twist. `crowded` counts ticks with a near echo at the goal. `manual` is the operator's
+    twist in MANUAL, set by the host for each tick, or None.
     """
 
     __slots__ = (

@@ -1,22 +1,25 @@
-"""The values that cross the border of the core: what it is given each tick and what it answers."""
+"""Inputs and outputs of the core."""
 
 from robot.core.typing_shim import Final, NamedTuple
 
 SONARS = 8
 EVERY: Final = tuple(range(SONARS))
-"""The numbers of all sonars: to go through these costs less than `range` does, here and there."""
+"""Indices of all sonars; iterating over this tuple is cheaper than over a `range`."""
 
 Pose = NamedTuple("Pose", [("x_m", float), ("y_m", float), ("heading_rad", float)])
 
 Wheels = NamedTuple("Wheels", [("left", int), ("right", int), ("bumper", int), ("at_ms", int)])
-"""Encoder counters (32 bits, they wrap), pressed bumper sectors (1 left, 2 right, 4 rear), and when
-that was by the clock of whoever counted."""
+"""Encoder counters and bumpers.
+
+Counters have 32 bits and wrap. `bumper` has a bit for each pressed sector: 1 left, 2 right, 4 rear.
+`at_ms` is the time of the sample on the sender's clock.
+"""
 
 Scan = NamedTuple(
     "Scan",
     [("range_mm", "tuple[int, ...]"), ("age_ms", "tuple[int, ...]"), ("valid", int), ("echo", int)],
 )
-"""One ring: ranges from the rim, the age of each ping, bit masks «measured» and «echo came»."""
+"""One scan: ranges from the robot's rim, age of each ping, bit masks of measured and of echo."""
 
 Inputs = NamedTuple(
     "Inputs",
@@ -27,7 +30,7 @@ Inputs = NamedTuple(
         ("operator_age_ms", "int | None"),
     ],
 )
-"""None is missing or stale, decided before the core sees it; operator_age_ms None: never heard."""
+"""None means missing or stale, as the host decides; operator_age_ms None means no heartbeat yet."""
 
 Goal = NamedTuple(
     "Goal",
@@ -39,7 +42,7 @@ Goal = NamedTuple(
         ("heading_tolerance_rad", float),
     ],
 )
-"""Where to go; heading_rad None: any final heading will do."""
+"""A goal pose; heading_rad None accepts any final heading."""
 
 Decision = NamedTuple(
     "Decision",
@@ -54,9 +57,10 @@ Decision = NamedTuple(
         ("speed_limit_m_s", float),
     ],
 )
-"""What a navigator saw and chose; without an echo the range is inf and the bearing None.
+"""The measurement and the choice of a navigator.
 
-`speed_limit_m_s` is inf where the navigator sets none. After branch GIVE_UP the rest is not read.
+Without an echo the range is inf and the bearing None. `speed_limit_m_s` is inf without a limit.
+After branch GIVE_UP the other fields are not used.
 """
 
 Twist = NamedTuple("Twist", [("speed_m_s", float), ("yaw_rate_rad_s", float)])
@@ -71,4 +75,4 @@ Outputs = NamedTuple(
         ("decision", "Decision | None"),
     ],
 )
-"""Wheel speeds as integers, so that the wire changes nothing; guard: why speed was taken away."""
+"""Wheel speeds are integers, which the wire does not change; guard: the reason for a reduction."""

@@ -1,1 +1,1 @@
-"""Missions and the fence: how they come to the robot, what it checks, and how it drives one."""
+"""Missions and the fence: upload, checks, storage and execution."""

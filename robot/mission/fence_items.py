@@ -1,4 +1,4 @@
-"""The fence as it is transferred: the corners of one polygon, or one circle."""
+"""The fence as mission items: the corners of one polygon, or one circle."""
 
 from typing import Final
 
@@ -14,7 +14,7 @@ CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
 
 
 class FenceItems:
-    """`items` as they were uploaded; the fence itself is the core's."""
+    """Stores the uploaded `items` of the fence; the core has the fence itself."""
 
     max_items = MAX_CORNERS
 
@@ -23,7 +23,7 @@ class FenceItems:
         self._state = state
 
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
-        """Put up this fence instead of the one there is; else which item is bad, and why."""
+        """Replace the fence; return the index of a bad item, if any, and a reason, 0 if done."""
         kind = items[0].command
         for index, item in enumerate(items):
             reason = problem_of(item, kind, len(items))
@@ -35,6 +35,7 @@ class FenceItems:
         return None, refusal
 
     def clear(self) -> int:
+        """Remove the fence and return a reason, 0 if done."""
         self.items = ()
         return self._set(None)
 
@@ -43,7 +44,7 @@ class FenceItems:
 
 
 def problem_of(item: MissionItemInt, kind: int, count: int) -> int:
-    """Why an item is no part of a fence of this kind, or 0."""
+    """Return why an item cannot be part of a fence of this kind, or 0."""
     if item.command not in (CORNER, CIRCLE):
         return reasons.UNKNOWN_COMMAND
     if item.frame != FRAME_LOCAL_FLU:
@@ -53,10 +54,12 @@ def problem_of(item: MissionItemInt, kind: int, count: int) -> int:
 
 
 def fence_of(items: tuple[MissionItemInt, ...]) -> Fence:
+    """Return the fence that the items describe."""
     radius_m = tidy(items[0].param1) if items[0].command == CIRCLE else 0.0
     xs_m, ys_m = (tuple(place / PER_M for place in places) for places in places_of(items))
     return Fence(xs_m, ys_m, radius_m)
 
 
 def places_of(items: tuple[MissionItemInt, ...]) -> tuple[list[int], list[int]]:
+    """Return the x and y coordinates of the items, in units of 1 / PER_M metres."""
     return [item.x for item in items], [item.y for item in items]

@@ -1,11 +1,11 @@
-"""The mission: one stop after another, with a wait at each; it needs no operator once started.
+"""The mission: drive to one stop after another and wait at each, without an operator.
 
-Sans-I/O. It drives by giving the mode machine one goal at a time, and looks each tick at what has
-become of it: whatever ends the goal short of its place ends the mission, with the same reason.
+Sans-I/O. The mission sets one goal at a time in the mode machine and checks it each tick. A goal
+that ends before it is reached ends the mission with the same reason.
 
-A start is in AUTO. The mode chosen under way is kept: in GUIDED the mission goes on from item to
-item only while an operator is heard. A lost operator then ends it, at a stop as well as on the way.
-A pause keeps the mode, too. Only a command leads from GUIDED back to AUTO.
+A mission starts in AUTO and keeps a mode that is chosen later, also over a pause. In GUIDED it
+continues only while an operator sends heartbeats; losing the operator ends it, driving or waiting.
+Only a command leads from GUIDED back to AUTO.
 """
 
 from typing import Final
@@ -20,12 +20,12 @@ from runtime.timing import UINT32
 
 MAX_ITEMS: Final = 200
 CURRENT: Final = -1
-"""Instead of the number of an item: the one it is about."""
+"""Item number that stands for the current item."""
 ACTIVE: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 
 
 class Mission:
-    """`items` as they were uploaded; `number` counts missions, `current` is an index from 0."""
+    """`items` are the uploaded ones; `number` counts missions; `current` is an index from 0."""
 
     max_items = MAX_ITEMS
 
@@ -37,19 +37,20 @@ class Mission:
         self.reason: int = reasons.OK
         self._machine = machine
         self._stops: tuple[MissionStop, ...] = ()
-        self._serial = 0  # of the goal that it gave
-        self._under_way = False  # that goal is the current item's
-        self._left_ms: int | None = None  # of the hold time; None: not there yet
+        self._serial = 0  # serial number of the mission's own goal
+        self._under_way = False  # whether that goal belongs to the current item
+        self._left_ms: int | None = None  # left of the hold time; None before arrival
         self._last_ms = 0
 
     @property
     def active(self) -> bool:
+        """True while the mission is started and has not ended."""
         return self.state in ACTIVE
 
-    # What is uploaded: all of it is checked before any of it counts.
+    # Upload: all items are checked before any is accepted.
 
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
-        """Take these items instead of those there are; else which one is bad, and why."""
+        """Replace the items; return the index of a bad item, if any, and a reason, 0 if done."""
         if self.active:
             return None, reasons.DRIVING
         for index, item in enumerate(items):
@@ -58,27 +59,28 @@ class Mission:
                 return index, reason
         self.items = items
         self._stops = tuple(stop_of(item) for item in items)
-        self.number = self.number % UINT32 + 1  # 0 says that there is none
+        self.number = self.number % UINT32 + 1  # 0 means no mission
         self._rest(MissionState.READY)
         return None, reasons.OK
 
     def clear(self) -> int:
+        """Remove all items and return a reason, 0 if done."""
         if self.active:
             return reasons.DRIVING
         self.items = self._stops = ()
         self._rest(MissionState.NONE)
         return reasons.OK
 
-    # What an operator asks.
+    # Requests of operators.
 
     def start(self, first: int, now_ms: int) -> int:
-        """Set off for an item, now; CURRENT for the one it was about."""
+        """Start driving to an item now; CURRENT means the current item."""
         index = self.current if first == CURRENT else first
         refusal = self._missing(index)
         return self._set_off(index, states.AUTO, now_ms) if refusal == reasons.OK else refusal
 
     def jump(self, index: int, now_ms: int) -> int:
-        """Make an item the current one: at once when under way, else with the next start."""
+        """Make an item the current one: at once if active, else at the next start."""
         refusal = self._missing(index)
         if refusal != reasons.OK:
             return refusal
@@ -94,7 +96,7 @@ class Mission:
         return reasons.OK
 
     def resume(self) -> int:
-        """Go on after a hold, which pauses it, in the mode before."""
+        """Continue after a hold, in the mode before it."""
         machine = self._machine
         if machine.mode != states.HOLD:
             return reasons.OK
@@ -105,15 +107,15 @@ class Mission:
         return refusal
 
     def abort(self, now_ms: int) -> int:
-        """Stand still; it can be started again."""
+        """Stop; the mission can be started again."""
         machines.end_goal(self._machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
         self._fail(reasons.BY_OPERATOR)
         return reasons.OK
 
-    # What becomes of it.
+    # Execution.
 
     def step(self, now_ms: int) -> None:
-        """Once a tick, before the core's step."""
+        """Run one tick, before the core's step."""
         elapsed_ms, self._last_ms = now_ms - self._last_ms, now_ms
         if not self.active:
             return
@@ -128,6 +130,7 @@ class Mission:
             self._wait(elapsed_ms, now_ms)
 
     def status(self, time_ns: int) -> MissionStatus:
+        """Return the mission's status, stamped `time_ns`."""
         return MissionStatus(
             time_ns=time_ns,
             mission_id=self.number if self.items else 0,
@@ -139,7 +142,7 @@ class Mission:
         )
 
     def _wait(self, elapsed_ms: int, now_ms: int) -> None:
-        """On the way, or at the place until the hold time is over."""
+        """Drive to the stop, then wait there until the hold time is over."""
         self.state, self.reason = MissionState.RUNNING, reasons.OK
         if self._left_ms is None:
             if self._machine.goal_state != states.REACHED:
@@ -161,11 +164,11 @@ class Mission:
             self._fail(refusal)
 
     def _mode(self) -> int:
-        """Return the mode to go on in: GUIDED while that is chosen, else AUTO."""
+        """Return the mode for the next goal: GUIDED while that is chosen, else AUTO."""
         return states.GUIDED if self._machine.mode == states.GUIDED else states.AUTO
 
     def _set_off(self, index: int, mode: int, now_ms: int) -> int:
-        """Give the machine the goal of an item; a refusal changes nothing."""
+        """Set the goal of an item in the machine; a refusal changes nothing."""
         refusal = modes.goto(self._machine, self._stops[index].goal, mode, now_ms)
         if refusal == reasons.OK:
             self.current = index
@@ -175,7 +178,7 @@ class Mission:
         return refusal
 
     def _end(self) -> int:
-        """What has ended it, or 0."""
+        """Return the reason that ends the mission now, or 0."""
         machine = self._machine
         if machine.serial != self._serial:
             return reasons.REPLACED

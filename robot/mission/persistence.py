@@ -1,4 +1,4 @@
-"""Items that survive a restart: a JSON file for the mission and one for the fence."""
+"""Store mission and fence items in one JSON file each, to survive a restart."""
 
 import json
 from collections.abc import Mapping
@@ -16,17 +16,17 @@ from runtime.errors import LocalError
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
     {MissionType.FENCE: "fence", MissionType.MISSION: "mission"}
 )
-"""What is kept, in the order in which it is put up again: a mission must lie within the fence."""
+"""The stored kinds in the order of their restoration: a mission must lie within the fence."""
 
 Items = tuple[MissionItemInt, ...]
 
 
 class UnreadableItemsError(Exception):
-    """What is kept cannot be used; the text names the file and says why."""
+    """The stored items cannot be used; the text contains the file and the reason."""
 
 
 class MissionStore:
-    """Files in `directory`; where that has no path nothing is kept."""
+    """The item files of a directory; without a path nothing is stored."""
 
     def __init__(self, directory: Directory) -> None:
         self._files: dict[int, File | None] = {
@@ -34,18 +34,18 @@ class MissionStore:
         }
 
     def ticket(self, kind: int) -> Ticket | None:
-        """A ticket for what was kept last; None where nothing is kept."""
+        """Return the ticket of the newest write, or None if nothing is stored."""
         file = self._files.get(kind)
         return None if file is None else file.ticket
 
     def keep(self, kind: int, items: Items) -> None:
-        """Have these survive a restart instead of those that were kept; none: no file does."""
+        """Store these items instead of the former ones; without items remove the file."""
         file = self._files.get(kind)
         if file is not None:
             file.put(text_of(items) if items else None)
 
     def found(self, kind: int) -> Items:
-        """Return what an earlier run of the robot kept. Raises UnreadableItemsError."""
+        """Return the items of an earlier run; raise UnreadableItemsError if they cannot be read."""
         file = self._files.get(kind)
         if file is None:
             return ()
@@ -53,7 +53,7 @@ class MissionStore:
             rows = json.loads(file.path.read_text(encoding="utf-8"))
             items = tuple(item_of(row) for row in rows)
             if not items:
-                raise ValueError("there is nothing in it")
+                raise ValueError("it contains no items")
         except FileNotFoundError:
             file.found(None)
             return ()
@@ -64,13 +64,16 @@ class MissionStore:
 
 
 def text_of(items: Items) -> str:
-    """Return JSON that Python reads, with NaN as it is, and an item in each line."""
+    """Return JSON with one item per line, in which NaN is written as Python does."""
     rows = ",\n".join(json.dumps(msgspec.structs.asdict(item)) for item in items)
     return f"[\n{rows}\n]"
 
 
 def item_of(row: object) -> MissionItemInt:
-    """An item with just these fields. Raises ValueError, TypeError or LocalError."""
+    """Return the item in a JSON object with exactly its fields.
+
+    Raises ValueError, TypeError or LocalError.
+    """
     names = MissionItemInt.__struct_fields__
     if not isinstance(row, dict) or row.keys() != set(names):
         raise ValueError(f"not an item of this version, which has {', '.join(names)}")

@@ -1,7 +1,7 @@
-"""After a restart: what was kept is put up again by the requests that brought it, and it is said.
+"""Restore fence and mission after a restart by replaying their upload.
 
-A fence that cannot be had back forbids arming until an operator takes it down or uploads another.
-A mission is there to be started; it never starts by itself.
+A fence that cannot be restored forbids arming until an operator clears it or uploads another. A
+restored mission never starts by itself.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -19,13 +19,14 @@ Exchange: TypeAlias = tuple[Request, Reply]
 
 
 class Restored(NamedTuple):
-    """Each request and its answer, as if an operator had asked again, and what there is to say."""
+    """The replayed requests with their answers, and texts for the operators."""
 
     exchange: list[Exchange]
     words: list[tuple[Severity, str]]
 
 
 def restored(kept: MissionStore, transfers: Transfers, state: State) -> Restored:
+    """Restore fence and mission, in this order."""
     done = Restored([], [])
     for kind in NAMES:
         try:
@@ -41,7 +42,7 @@ def restored(kept: MissionStore, transfers: Transfers, state: State) -> Restored
 
 
 def replay(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
-    """Up to the verdict, which ends a transfer."""
+    """Replay an upload until the verdict that ends it."""
     exchange: list[Exchange] = []
     requests: list[Request] = [MissionCount(count=len(items), mission_type=kind), *items]
     for request in requests:
@@ -52,30 +53,31 @@ def replay(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
 
 
 def outcome(kind: int, items: Items, answer: Reply, state: State) -> tuple[Severity, str]:
+    """Return the severity and text for the result of a replayed upload."""
     why = refusal(answer)
     if why:
         return Severity.ERROR, lost(kind, state, why)
     if kind == MissionType.MISSION:
         count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
-        return Severity.INFO, f"mission of before is there, {count}, not started"
+        return Severity.INFO, f"mission restored, {count}, not started"
     fence, pose = state.machine.fence, state.odometry.pose
     if fence is not None and not fences.inside(fence, pose.x_m, pose.y_m):
-        return Severity.WARNING, "fence of before is up, robot OUTSIDE of it: lift it to arm"
-    return Severity.INFO, "fence of before is up"
+        return Severity.WARNING, "fence restored, robot OUTSIDE of it: lift it to arm"
+    return Severity.INFO, "fence restored"
 
 
 def lost(kind: int, state: State, why: str) -> str:
-    """Return the words for what cannot be had back; without its fence the robot is not armed."""
+    """Return the text for items that cannot be restored; for a fence, forbid arming."""
     if kind != MissionType.FENCE:
-        return f"started WITHOUT the {NAMES[kind]} of before: {why}"
+        return f"saved {NAMES[kind]} NOT restored: {why}"
     modes.lose_fence(state.machine)
-    return f"fence of before is LOST: arming is refused until `fence off` or a new fence: {why}"
+    return f"saved fence LOST: arming is refused until `fence off` or a new fence: {why}"
 
 
 def refusal(answer: Reply) -> str:
-    """Why it could not be put up; empty when it is."""
+    """Return why the items were refused; empty if they were accepted."""
     if not isinstance(answer, MissionVerdict):
-        return "an item is there twice"
+        return "an item is stored twice"
     if answer.reason == reasons.OK:
         return ""
     item = "" if answer.item == NO_ITEM else f"item {answer.item + 1}: "

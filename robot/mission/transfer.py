@@ -1,7 +1,7 @@
-"""MAVLink's mission protocol, one frame per question: items go up one by one and count as a whole.
+"""MAVLink's mission protocol: items are uploaded one by one and accepted as a whole.
 
-Sans-I/O. Every frame may be repeated, as whoever hears no answer will do: it is answered again and
-acted on once.
+Sans-I/O. Each request gets one frame as its answer. A client that receives no answer repeats its
+request; the repeated request is answered again but acted on once.
 """
 
 from typing import Final, Protocol, TypeAlias
@@ -28,18 +28,20 @@ Reply: TypeAlias = MissionCount | MissionRequestInt | MissionItemInt | MissionVe
 
 
 class ItemStore(Protocol):
-    """What a transfer is about: it takes items as a whole or not at all."""
+    """A receiver of uploaded items, which accepts them as a whole or not at all."""
 
     max_items: int
     items: tuple[MissionItemInt, ...]
 
-    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]: ...
+    def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
+        """Replace the items; return the index of a bad item, if any, and a reason, 0 if done."""
 
-    def clear(self) -> int: ...
+    def clear(self) -> int:
+        """Remove all items and return a reason, 0 if done."""
 
 
 class Upload:
-    """Items on their way up, of one operator; `verdict` once all were there."""
+    """A running upload of one operator; `verdict` is set once all items have arrived."""
 
     def __init__(self, count: int, operator: str) -> None:
         self.count = count
@@ -58,7 +60,7 @@ class Transfers:
         self._uploads: dict[int, Upload] = {}
 
     def receive(self, request: Request, operator: str = "") -> Reply:
-        """The next frame of the transfer, or how it ends."""
+        """Return the next frame of the transfer, or the verdict that ends it."""
         kind = request.mission_type
         held = self._held.get(kind)
         if held is None:
@@ -80,6 +82,7 @@ class Transfers:
         return self.verdict(kind, reason)
 
     def verdict(self, kind: int, reason: int, item: int | None = None) -> MissionVerdict:
+        """Return a verdict about the items of a kind; `item` is the index of a bad one."""
         return MissionVerdict(
             mission_id=self._mission.number if self._mission.items else 0,
             item=NO_ITEM if item is None else item,
@@ -114,5 +117,5 @@ class Transfers:
 
 
 def repeated(item: MissionItemInt, items: list[MissionItemInt]) -> bool:
-    """Is it the last one once more? Compared as text, in which NaN is NaN."""
+    """Return whether an item repeats the last one; compared as text, so that NaN equals NaN."""
     return bool(items) and repr(items[-1]) == repr(item)

@@ -1,4 +1,4 @@
-"""A mission item as the robot understands it: a pose to drive to, and how long to wait there."""
+"""Convert a mission item to a goal pose and a waiting time, and check it."""
 
 from math import isnan, radians
 from typing import Final, NamedTuple
@@ -10,19 +10,19 @@ from robot.core.machine import Machine
 from robot.core.values import Goal
 
 PER_M: Final = 10_000.0
-"""Local positions of MAVLink's integer items are metres times this."""
+"""Items hold local positions in metres times this factor."""
 MAX_HOLD_S: Final = 3600.0
 
 
 class MissionStop(NamedTuple):
-    """Where to, and for how long."""
+    """A goal, and the time to wait there."""
 
     goal: Goal
     hold_ms: int
 
 
 def stop_of(item: MissionItemInt) -> MissionStop:
-    """What a good item says; of a bad one, what its numbers come to."""
+    """Return the stop that an item describes; the item need not be valid."""
     heading_rad = None if isnan(item.param4) else radians(item.param4)
     place_m = item.x / PER_M, item.y / PER_M
     goal = Goal(*place_m, heading_rad, tidy(item.param2), radians(item.param3))
@@ -30,7 +30,7 @@ def stop_of(item: MissionItemInt) -> MissionStop:
 
 
 def problem_of(item: MissionItemInt, machine: Machine) -> int:
-    """Why the robot cannot do this item, or 0. NaN fails every comparison."""
+    """Return why the robot cannot drive to this item, or 0; NaN fails every comparison."""
     if item.command != Command.SIDESTEP_NAV_POSE:
         return reasons.UNKNOWN_COMMAND
     if item.frame != FRAME_LOCAL_FLU:
@@ -41,5 +41,5 @@ def problem_of(item: MissionItemInt, machine: Machine) -> int:
 
 
 def tidy(value: float) -> float:
-    """What float32 has made of a number with a few digits: 0.005 is 0.005 again."""
+    """Undo the rounding of a decimal number to float32, such as 0.005."""
     return float(f"{value:.7g}")

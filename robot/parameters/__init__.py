@@ -1,1 +1,1 @@
-"""The robot's parameters: their table and the service that sets them."""
+"""The robot's parameters: their table, and the service that reads and sets them."""

@@ -1,4 +1,4 @@
-"""The parameters in force: asked for, set, refused with a reason, and kept over a restart."""
+"""Read, set, check and save the parameters in force."""
 
 import json
 from typing import Final, TypeAlias
@@ -24,13 +24,13 @@ from robot.storage.files import Store
 Answer: TypeAlias = CommandAck | ParamValue
 
 NO_COMMAND: Final = 0
-"""What an acknowledgement is about that is no command's."""
+"""The command id in an acknowledgement that belongs to no command."""
 
 
 class ParameterService:
-    """`params` are replaced as a whole.
+    """The parameters in force, `params`, which are replaced as a whole.
 
-    `configured` bounds the safety group; None: nothing is refused as less safe.
+    `configured` bounds the safety group; None disables this check.
     """
 
     def __init__(
@@ -43,13 +43,13 @@ class ParameterService:
         self._text = b""
 
     def forget_text(self) -> None:
-        """Make the list anew when it is asked for: values or what is saved has changed."""
+        """Discard the cached list, because values or saved values have changed."""
         self._text = b""
 
     def described(self) -> bytes:
-        """All parameters as JSON; `saved`: this value is still there after a restart.
+        """Return all parameters as JSON; `saved` means that a restart restores the value.
 
-        Made once for each change: whoever asks all the time costs the loop nothing.
+        The text is cached, so that frequent requests do not load the control loop.
         """
         if not self._text:
             rows = [
@@ -60,8 +60,9 @@ class ParameterService:
         return self._text
 
     def set(self, request: ParamSet) -> Answer:
+        """Set a parameter; return its new value, or a refusal."""
         self.forget_text()
-        value = float(f"{request.param_value:.7g}")  # float32 carries seven digits: 0.1 is 0.1
+        value = float(f"{request.param_value:.7g}")  # float32 has seven digits: restore 0.1
         try:
             params = with_value(self.params, request.param_id, value)
         except UnknownParameterError:
@@ -75,13 +76,14 @@ class ParameterService:
         return self._value(request.param_id)
 
     def read(self, request: ParamRequestRead) -> Answer:
+        """Return a parameter by name or index, or a refusal."""
         name = request.param_id
         if 0 <= request.param_index < len(TABLE):
             name = TABLE[request.param_index].name
         return self._value(name) if name in SPECS else ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
 
     def safety_changes(self) -> list[str]:
-        """Return each safety parameter that is not as configured, with both values."""
+        """Return the safety parameters that differ from the configuration, with both values."""
         if self.configured is None:
             return []
         return safety_changes(self.params, self.configured)
@@ -97,7 +99,7 @@ class ParameterService:
         return reasons.OK
 
     def _adopt(self, params: Params) -> int:
-        """Put parameters into force; navigator and side are the mode machine's to refuse."""
+        """Put parameters into force, unless the mode machine refuses navigator or side."""
         machine = self._machine
         if (params.navigator, params.side) != (self.params.navigator, self.params.side):
             reason = modes.set_navigator(machine, params.navigator, params.side)

@@ -1,8 +1,9 @@
-"""The robot's parameters as an operator sees them: unit, range and meaning of each setting.
+"""The table of the robot's parameters, with unit, range and meaning.
 
-What guard and failsafes rest on is the safety group, the geometry that the pose is measured with
-included. An operator may change these only while the robot is disarmed, and only so that it is at
-least as safe as its configuration, which is the file and the command line it was started with.
+The safety group contains the parameters that guard and failsafes depend on, including the geometry
+that the pose is computed from. An operator may change these only while the robot is disarmed. The
+new values must be at least as safe as the configuration, which is the file and the command line at
+the start.
 """
 
 from collections.abc import Mapping
@@ -20,24 +21,28 @@ from runtime.errors import UserError
 
 
 class SafetyBound(StrEnum):
-    """Which values of a safety parameter are as safe as the configured one."""
+    """The direction in which values of a safety parameter are as safe as the configured one."""
 
     NONE = ""
-    """All: it is not in the safety group."""
+    """Any value: the parameter is not in the safety group."""
     UP = "up"
     DOWN = "down"
     NEAR = "near"
-    """Those within `NEAR_SHARE`: a measure of the robot, which a calibration makes more exact."""
+    """Values within `NEAR_SHARE` of it: a dimension of the robot that a calibration refines."""
 
 
 NEAR_SHARE: Final = 0.1
 ROUNDING: Final = 1e-6
-"""Values come as float32, so the configured one may come back a little different."""
+"""Tolerance of comparisons, because values arrive as float32."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """What one parameter may be; `integer` values are whole numbers."""
+    """Unit, range and meaning of one parameter.
+
+    `choices` are the allowed values, empty for all in the range. `safer` is not NONE in the safety
+    group.
+    """
 
     name: str
     unit: str
@@ -49,14 +54,17 @@ class ParameterSpec:
 
     @property
     def group(self) -> str:
+        """Name of the group: `safety` or empty."""
         return "safety" if self.safer else ""
 
     @property
     def default(self) -> float:
+        """Default value."""
         return float(getattr(DEFAULTS, self.name))
 
     @property
     def integer(self) -> bool:
+        """True for a parameter with whole numbers."""
         return isinstance(getattr(DEFAULTS, self.name), int)
 
 
@@ -222,11 +230,11 @@ SPECS: Final = MappingProxyType({spec.name: spec for spec in TABLE})
 
 
 class UnknownParameterError(LookupError):
-    """No parameter has this name."""
+    """There is no parameter of this name."""
 
 
 class OutOfRangeError(ValueError):
-    """Not finite, not whole where it must be, or outside its range."""
+    """The value is not finite, not whole where required, or outside its range."""
 
 
 def with_value(params: Params, name: str, value: float) -> Params:
@@ -259,7 +267,7 @@ def with_values(params: Params, values: Mapping[str, float]) -> Params:
 
 
 def adjusted(params: Params, values: Mapping[str, float], where: str) -> Params:
-    """As `with_values`. Raises UserError, naming where a bad one stands."""
+    """Return parameters with several changed; raise UserError that contains `where`."""
     try:
         return with_values(params, values)
     except (UnknownParameterError, OutOfRangeError) as error:
@@ -282,7 +290,7 @@ def is_less_safe(name: str, value: float, configured: Params) -> bool:
 
 
 def safety_changes(params: Params, configured: Params) -> list[str]:
-    """Return each safety parameter that is not as configured, with both values."""
+    """Return the safety parameters that differ from the configuration, with both values."""
     found = []
     for spec in TABLE:
         value, limit = float(getattr(params, spec.name)), float(getattr(configured, spec.name))
@@ -294,9 +302,9 @@ def safety_changes(params: Params, configured: Params) -> list[str]:
 def described(
     params: Params, configured: Params | None = None
 ) -> list[dict[str, float | bool | str]]:
-    """All parameters in table order, each with value, default, unit, range and doc.
+    """Return all parameters in table order, each with value, default, unit, range and doc.
 
-    Those of the safety group have the direction that is safer than the configured value.
+    `direction` is the safer direction of a parameter in the safety group.
     """
     configured = params if configured is None else configured
     return [

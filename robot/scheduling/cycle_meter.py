@@ -1,4 +1,4 @@
-"""What each control cycle cost and how late it was; it keeps the account and judges the budget."""
+"""Measure the cost and lateness of each control cycle, and check the budget."""
 
 from typing import Final
 
@@ -12,10 +12,10 @@ LAST_STAGE: Final = len(STAGES) - 1
 
 
 class CycleMeter:
-    """CPU time per stage of the tick under way; `violated` tells that the wheels have to stop.
+    """CPU time per stage of the current tick.
 
-    In lockstep (`enforced` false) time stands still while the robot thinks, so nothing is late and
-    no verdict may depend on how busy the machine is.
+    In lockstep (`enforced` false) simulated time pauses during a cycle. Nothing is late then, and
+    no verdict depends on the load of the machine.
     """
 
     def __init__(self, clock: Clock, *, period_ns: int, enforced: bool) -> None:
@@ -31,6 +31,7 @@ class CycleMeter:
         self.overruns = 0
 
     def begin(self, tick: Tick) -> None:
+        """Start measuring a tick."""
         self._tick = tick
         now_ns = self._clock.now_ns()
         self._stalled = self._last_ns is not None and now_ns - self._last_ns > 2 * self._period_ns
@@ -38,13 +39,13 @@ class CycleMeter:
         self._begun_ns = self._marked_ns = self._clock.cpu_ns()
 
     def mark(self, stage: int) -> None:
-        """The stage with this number has just ended."""
+        """Note that a stage has just ended."""
         now_ns = self._clock.cpu_ns()
         self._stage_us[stage] = (now_ns - self._marked_ns) // 1000
         self._marked_ns = now_ns
 
     def end(self) -> None:
-        """The cycle is over: its cost counts from here on."""
+        """End the cycle and compare its cost with the budget."""
         self.mark(LAST_STAGE)
         over = (self._marked_ns - self._begun_ns) // 1000 > TICK_US
         self.overruns += over
@@ -52,18 +53,19 @@ class CycleMeter:
 
     @property
     def violated(self) -> bool:
-        """Three overruns in a row, or a tick more than one period late.
+        """True after three overruns in a row, or for a tick more than one period late.
 
-        A process that was stopped begins again with a frame that has just arrived: only the time
-        since the tick before tells that it is late.
+        A process that was suspended resumes with a fresh frame. Only the time since the previous
+        tick shows that it is late.
         """
         late = self._stalled or self._tick.late_ns > self._period_ns
         return self._enforced and (late or self._in_a_row >= OVERRUNS_IN_A_ROW)
 
     def report(self, time_ns: int, *, sense_age_us: int, rejected: int) -> CycleReport:
-        """The account of this tick; its writing, not over yet, is that of the tick before.
+        """Return the report of this tick.
 
-        The number of the tick wraps. A count or a time that 32 bits cannot hold is the largest.
+        Its last stage is still running, so that of the previous tick is reported. The tick number
+        wraps; other values are limited to 32 bits.
         """
         return CycleReport(
             time_ns=time_ns,

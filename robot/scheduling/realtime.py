@@ -1,4 +1,4 @@
-"""What the operating system can do for punctuality; each option falls back with a warning."""
+"""Real-time options of the operating system; each returns a warning if unavailable."""
 
 import os
 import sys
@@ -12,23 +12,23 @@ SWITCH_S = 0.0005
 
 
 def share_interpreter() -> None:
-    """Let no thread keep the interpreter from the loop for longer; the usual 5 ms may do harm."""
+    """Limit the time that another thread may hold the interpreter; the default is 5 ms."""
     sys.setswitchinterval(SWITCH_S)
 
 
 def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:
-    """Schedule this process SCHED_FIFO, the calling thread above the others; None when it worked,
-    else the warning to show.
+    """Schedule the process SCHED_FIFO; return None, or a warning if that failed.
 
-    The others, too: one that is not given a processor while it holds the interpreter would hold up
-    the loop. To be called after the bus is open: what is started later does not inherit the class.
+    The calling thread has priority over the others. These are included, because a preempted thread
+    that holds the interpreter would block the loop. Call this after the bus is open: threads
+    started later do not inherit the class.
     """
     if not hasattr(os, "sched_setscheduler"):
         return "real-time scheduling is not available on this system: running as a normal process"
     try:
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         for thread in other_threads():
-            with suppress(ProcessLookupError):  # it has ended meanwhile
+            with suppress(ProcessLookupError):  # the thread has ended
                 os.sched_setscheduler(thread, policy, os.sched_param(priority - BELOW))
         os.sched_setscheduler(0, policy, os.sched_param(priority))
     except PermissionError:
@@ -39,7 +39,7 @@ def use_fifo(priority: int = FIFO_PRIORITY) -> str | None:
 
 
 def other_threads() -> list[int]:
-    """Those of this process that the system knows of, without the one that asks."""
+    """Return the native ids of the other threads of this process."""
     tasks = Path("/proc/self/task")
     own = threading.get_native_id()
     if not tasks.exists():

@@ -1,14 +1,13 @@
-"""A dry run just before the senses are due, so that the real one finds its code in the cache.
+"""A dry run of the control cycle just before the sensor frames are due, to warm the caches.
 
-Between two ticks the processor does other things for 50 ms and forgets the loop: the first run of
-the same code costs many times the second. The rehearsal acts on a state of its own and sends
-nothing.
+Between two ticks the processor does other work for 50 ms. The first run of the same code then costs
+many times the second. The rehearsal uses a state of its own and sends nothing.
 
-What it brings, by the robot's own reports of `sidestep bench jitter`, 5 times 18 s with it and 5
-times without it, alternately, on 2 shared and loaded cores: the median cycle costs 0.51 ms of CPU
-time instead of 0.63 ms, and the median tick starts 0.09 ms after its scan instead of 0.12 ms. In
-each of the 5 pairs both are better with it. The slowest 1 % (0.81 and 0.83 ms) and the worst do
-not differ by more than they vary. It costs 0.3 % of a core.
+Gain by the robot's own reports of `sidestep bench jitter`, 5 runs of 18 s with and 5 without it,
+alternately, on 2 shared and loaded cores: the median cycle costs 0.51 ms of CPU time instead of
+0.63 ms, and the median tick starts 0.09 ms after its scan instead of 0.12 ms. Both are better in
+each of the 5 pairs. The slowest 1 % (0.81 and 0.83 ms) and the worst cycles differ by less than
+their spread. It costs 0.3 % of a core.
 """
 
 from typing import Final
@@ -30,9 +29,9 @@ TICKS: Final = WheelTicks(time_ns=0, seq=0, left=0, right=0, bumper=0, expired=0
 
 
 class RehearsingPulse:
-    """A pulse that rehearses `LEAD_NS` before a frame is due, if it has not come by then.
+    """A pulse that rehearses `LEAD_NS` before a frame is due, unless the frame is early.
 
-    `patience_ns` is how long after the due time of a frame the grid's deadline is.
+    `patience_ns` is the time from a frame's due time to the deadline of the grid.
     """
 
     def __init__(self, pulse: PulseSource, rehearsal: "Rehearsal", patience_ns: int) -> None:
@@ -41,6 +40,7 @@ class RehearsingPulse:
         self._ahead_ns = patience_ns + LEAD_NS
 
     def wait_until(self, deadline_ns: int) -> int | None:
+        """Wait as `Pulse.wait_until` does, with a rehearsal in between."""
         arrived_ns = self._pulse.wait_until(deadline_ns - self._ahead_ns)
         if arrived_ns is not None:
             return arrived_ns
@@ -49,7 +49,7 @@ class RehearsingPulse:
 
 
 class Rehearsal:
-    """Decodes senses, drives towards a goal past an obstacle, encodes the wheel command."""
+    """Decodes sensor frames, drives past an obstacle to a goal, and encodes the wheel command."""
 
     def __init__(self, params: Params) -> None:
         self._params = params
@@ -57,6 +57,7 @@ class Rehearsal:
         self._frames = (Encoder(1, 25).encode(TICKS), Encoder(1, 25).encode(SCAN))
 
     def run(self) -> WheelCommand:
+        """Run two steps of the core on a new state; return the wheel command, which is not sent."""
         ticks, scan = (decode(frame).message for frame in self._frames)
         assert isinstance(ticks, WheelTicks)
         assert isinstance(scan, SonarScan)

@@ -1,1 +1,1 @@
-"""What survives a restart of the robot, and the thread that writes it."""
+"""Saved state of the robot, and the thread that writes it."""

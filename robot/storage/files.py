@@ -1,6 +1,6 @@
-"""Parameters that survive a restart: a small JSON file, replaced as a whole or not at all.
+"""Store parameters in a JSON file, which is replaced as a whole.
 
-A directory of saved state belongs to one robot, whose name is in a file there: no robot drives with
+A state directory belongs to one robot, whose name is in a file there. This keeps a robot from using
 the fence or the parameters of another.
 """
 
@@ -21,9 +21,9 @@ OWNER_NAME: Final = "robot.txt"
 
 
 def own(directory: Path | None, robot: str) -> str:
-    """Note that a directory is this robot's; return a warning if that cannot be written.
+    """Claim a state directory for a robot; return a warning if that cannot be written.
 
-    Raises UserError if it is another's, or does not tell whose it is.
+    Raises UserError if the directory belongs to another robot or its owner is unreadable.
     """
     if directory is None:
         return ""
@@ -33,11 +33,11 @@ def own(directory: Path | None, robot: str) -> str:
     except (FileNotFoundError, NotADirectoryError):
         return _note(path, robot)
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{path}: cannot tell whose state this is: {error}") from None
+        raise UserError(f"{path}: owner of the directory not readable: {error}") from None
     if owner != robot:
         raise UserError(
             f"--state {directory}: belongs to robot {owner[:32]!r}; give robot {robot} a directory "
-            f"of its own, or remove {path.name} there if it is to take that over"
+            f"of its own, or remove {path.name} there to hand it over"
         )
     return ""
 
@@ -52,9 +52,9 @@ def _note(path: Path, robot: str) -> str:
 
 
 class Store:
-    """Keeps what an operator has set, in `directory`; without a directory it keeps nothing.
+    """The saved parameters in `directory`; without a directory nothing is saved.
 
-    `writer` writes; without one each change is written at once.
+    Without a `writer` each change is written at once.
     """
 
     def __init__(self, directory: Path | None, writer: Writer | None = None) -> None:
@@ -66,20 +66,20 @@ class Store:
 
     @property
     def ticket(self) -> Ticket | None:
-        """A ticket for all that was saved so far; None where nothing is kept."""
+        """The ticket of the newest write, or None if nothing is saved."""
         return None if self._file is None else self._file.ticket
 
     def holds(self, name: str, value: float) -> bool:
-        """Return whether this value is what a restart will find."""
+        """Return whether a restart would restore this value."""
         text = None if self._file is None else self._file.on_disk
         if text is not self._read:
             self._read, self._durable = text, values_in(text)
         return self._durable.get(name) == value
 
     def load(self, params: Params, configured: Params | None = None) -> tuple[Params, list[str]]:
-        """Return parameters with the saved values on top, and a warning for each unusable one.
+        """Return the parameters with saved values applied, and a warning for each unusable value.
 
-        With `configured` the safety group must be at least as safe as there.
+        With `configured`, values of the safety group must be at least as safe as there.
         """
         if self._file is None:
             return params, []
@@ -105,13 +105,13 @@ class Store:
         return params, warnings
 
     def save(self, name: str, value: float) -> Ticket | None:
-        """Have a restart find this value; None where nothing is kept."""
+        """Save a value for the next start; return its ticket, or None if nothing is saved."""
         self._values[name] = value
         return None if self._file is None else self._file.put(json.dumps(self._values, indent=1))
 
 
 def values_in(text: str | None) -> dict[str, float]:
-    """Return the numbers in a file of parameters; none where it cannot be read."""
+    """Return the numbers in a parameter file; empty if it cannot be read."""
     try:
         saved = value_in(text or "")
     except ValueError:

@@ -1,4 +1,4 @@
-"""How the previous run of the robot ended, from a mark on the disk and from its launcher."""
+"""Record how a run of the robot ended, and report it at the next start."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -13,15 +13,15 @@ FILE_NAME: Final = f"{NAME}{ENDING}"
 HUNG_NAME: Final = "hung.txt"
 HUNG_BEFORE: Final = "hung-before.txt"
 RUNNING: Final = "running"
-STOPPED: Final = "was told to stop"
-NO_REPORT: Final = "ended without a word"
+STOPPED: Final = "stopped on request"
+NO_REPORT: Final = "ended without a report"
 SIGNAL: Final = "signal "
 
 
 class PreviousRun:
-    """Marks a directory while this robot lives; where that has no path it knows nothing.
+    """Marks a state directory while the robot runs; without a path it does nothing.
 
-    The marks are written like all that the robot saves, and so is reported that one was not.
+    The marks are written as all saved state, so that a failed write is reported.
     """
 
     def __init__(self, directory: Directory) -> None:
@@ -30,13 +30,13 @@ class PreviousRun:
 
     @property
     def trace(self) -> Path | None:
-        """Where a loop that hangs leaves its place; None where nothing is kept."""
+        """The file for the stack traces of a hung loop, or None if nothing is saved."""
         return None if self._directory is None else self._directory / HUNG_NAME
 
     def begin(self, after: str = "") -> str:
-        """How the one before ended, ready to follow "the one before"; empty when all was well.
+        """Mark the start; return how the previous run ended, or "" if it ended normally.
 
-        `after` is what whoever starts this one saw of it.
+        `after` is what the launcher observed of it. The text continues "the previous run".
         """
         word = self._last_end()
         self._write(RUNNING)
@@ -45,7 +45,7 @@ class PreviousRun:
         return ending_of(after) or (NO_REPORT if word == RUNNING else "")
 
     def end(self, how: str = STOPPED) -> None:
-        """This one ends by itself, and how."""
+        """Mark the end of this run and its cause."""
         self._write(how)
 
     def _last_end(self) -> str:
@@ -66,5 +66,5 @@ class PreviousRun:
 
 
 def ending_of(after: str) -> str:
-    """A bare signal, as `--after "signal SIGKILL"` has it, was a kill."""
+    """Return the ending in words; a bare signal, such as `signal SIGKILL`, means killed."""
     return f"was killed ({after})" if after.startswith(SIGNAL) else after

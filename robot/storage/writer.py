@@ -1,7 +1,7 @@
-"""Files that are written beside the control loop: the loop never waits for a disk.
+"""Write files beside the control loop, which never waits for a disk.
 
-A `File` takes contents one after the other and hands the newest to a writer; a `Ticket` tells
-whether the disk has what was handed over. Only the loop's thread uses files and tickets.
+A `File` accepts new contents and passes the newest one to a writer. A `Ticket` shows whether that
+content is on the disk. Only the loop's thread uses files and tickets.
 """
 
 import errno
@@ -20,7 +20,7 @@ UNKNOWN: Final = "\0"
 
 
 class Job(NamedTuple):
-    """Replace a file, or remove it where `text` is None; `number` counts contents of that file."""
+    """Replace a file, or remove it if `text` is None; `number` counts the contents of the file."""
 
     path: Path
     text: str | None
@@ -28,17 +28,17 @@ class Job(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A job that has ended: durable if `error` is None."""
+    """A finished job; its content is durable if `error` is None."""
 
     job: Job
     error: OSError | None
 
 
 class Writer(Protocol):
-    """Does jobs in their order."""
+    """Executes jobs in order."""
 
     def submit(self, job: Job) -> Done | None:
-        """Take a job; return how it ended if it has, else None: `done` tells it later."""
+        """Accept a job; return its result if it has ended, else None and later in `done`."""
         ...
 
     def done(self) -> list[Done]:
@@ -46,27 +46,29 @@ class Writer(Protocol):
         ...
 
     def close(self, patience_s: float) -> None:
-        """End after the jobs there are, or after this time."""
+        """Finish the pending jobs, within `patience_s`."""
         ...
 
 
 class InlineWriter:
-    """Writes at once and in the caller's thread, so that a run repeats exactly."""
+    """Writes at once in the caller's thread, so that runs are reproducible."""
 
     def submit(self, job: Job) -> Done:
+        """Execute a job and return its result."""
         return do(job)
 
     def done(self) -> list[Done]:
+        """Return no jobs: `submit` has returned each result."""
         return []
 
     def close(self, patience_s: float) -> None:
-        """There is nothing left to do."""
+        """Do nothing: no job is pending."""
 
 
 class WriterThread:
-    """Writes in a thread of its own. `submit` and `done` never wait for it.
+    """Writes in its own thread, for which `submit` and `done` never wait.
 
-    The queue is bounded by those who submit: a `File` has one job under way at most.
+    The callers bound the queue: a `File` has at most one job pending.
     """
 
     def __init__(self) -> None:
@@ -76,9 +78,11 @@ class WriterThread:
         self._thread.start()
 
     def submit(self, job: Job) -> None:
+        """Queue a job."""
         self._jobs.put(job)
 
     def done(self) -> list[Done]:
+        """Return the jobs that have ended since the last call."""
         found: list[Done] = []
         while True:
             try:
@@ -87,6 +91,7 @@ class WriterThread:
                 return found
 
     def close(self, patience_s: float) -> None:
+        """Finish the queued jobs, within `patience_s`."""
         self._jobs.put(None)
         self._thread.join(patience_s)
 
@@ -105,14 +110,14 @@ def do(job: Job) -> Done:
             atomic_file.replace(job.path, job.text)
     except OSError as error:
         return Done(job, error)
-    except Exception as error:  # a defect must not end the thread without a word
+    except Exception as error:  # a defect must not end the thread silently
         LOG.exception("%s could not be written", job.path)
         return Done(job, OSError(errno.EIO, f"{type(error).__name__}: {error}"))
     return Done(job, None)
 
 
 class File:
-    """One file. Of contents that come while one is being written, only the newest is written."""
+    """One file; of several contents that arrive during a write only the newest is written."""
 
     def __init__(self, name: str, path: Path, writer: Writer) -> None:
         self.name = name
@@ -132,13 +137,13 @@ class File:
         """Number of the content that was handed to the writer last."""
 
     def found(self, text: str | None) -> None:
-        """Note what an earlier run has left."""
+        """Note the content that an earlier run has left."""
         self.on_disk = self._text = text
 
     def put(self, text: str | None) -> "Ticket":
-        """Have this content replace the former, None: have the file removed.
+        """Replace the content; with None, remove the file.
 
-        The content that is there, or on its way, is not written again.
+        Content that is present, or already being written, is not written again.
         """
         failed = self.error is not None and self.ended == self.number
         if text != self._text or failed:
@@ -149,11 +154,11 @@ class File:
 
     @property
     def ticket(self) -> "Ticket":
-        """A ticket for the newest content."""
+        """The ticket of the newest content."""
         return Ticket(self, self.number)
 
     def take(self, done: Done) -> None:
-        """Note how a job has ended, and go on with what has come meanwhile."""
+        """Note the result of a job and submit newer content, if any."""
         self.ended, self.error = done.job.number, done.error
         if done.error is None:
             self.durable, self.on_disk = done.job.number, done.job.text
@@ -162,12 +167,12 @@ class File:
         self._submit()
 
     def _submit(self) -> None:
-        """Hand the newest content to the writer, unless one is being written."""
+        """Submit the newest content, unless a write is pending."""
         if self._submitted == self.ended:
             self.hand_over()
 
     def hand_over(self) -> None:
-        """Hand the newest content to the writer if it does not have it."""
+        """Submit the newest content if the writer does not have it."""
         if self._submitted == self.number:
             return
         self._submitted = self.number
@@ -184,12 +189,12 @@ class Ticket(NamedTuple):
 
     @property
     def is_open(self) -> bool:
-        """Return whether the write has not ended yet."""
+        """True until the write has ended."""
         return self.file.ended < self.number
 
     @property
     def error(self) -> OSError | None:
-        """Return why neither this content nor a newer one is durable; None if there is no error."""
+        """Why neither this content nor a newer one is durable; None if there is no error."""
         lost = not self.is_open and self.file.durable < self.number
         return self.file.error if lost else None
 
@@ -204,7 +209,7 @@ class Directory:
         self._collected: dict[Path, int] = {}
 
     def file(self, name: str, ending: str = ".json") -> File | None:
-        """Return a file by its name without the ending; None: nothing is kept."""
+        """Return a file by its name without the ending, or None if nothing is stored."""
         if self.path is None:
             return None
         path = self.path / f"{name}{ending}"
@@ -213,7 +218,7 @@ class Directory:
         return self._files[path]
 
     def collect(self) -> list[File]:
-        """Note what the writer has done; return the files of which something has ended."""
+        """Process the writer's results; return the files with a finished write."""
         for done in self._writer.done():
             self._files[done.job.path].take(done)
         changed = []
@@ -224,7 +229,7 @@ class Directory:
         return changed
 
     def close(self, patience_s: float) -> None:
-        """Let the writer finish what is on its way, and the newest content of each file."""
+        """Finish pending writes and write the newest content of each file."""
         for file in self._files.values():
             file.hand_over()
         self._writer.close(patience_s)

@@ -1,1 +1,1 @@
-"""What every verb shares: the table of verbs, output that is safe for terminals, own packages."""
+"""Shared code of all verbs: the verb table, safe terminal output, package checks."""

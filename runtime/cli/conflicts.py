@@ -1,7 +1,7 @@
-"""Find what other distributions have done to our packages: Robot Framework has a `robot`, too.
+"""Find other distributions that replace our packages, such as `robot` of Robot Framework.
 
-Two distributions with a package of one name are installed into the same folder, where files of the
-one replace those of the other. Each lists its files in its RECORD.
+Two distributions with a package of the same name are installed into the same folder, where files of
+one replace those of the other. The RECORD of each distribution lists its files.
 """
 
 import base64
@@ -15,11 +15,11 @@ from typing import Final
 from runtime.cli.packages import APART, NAME, PACKAGES, ROOT, Conflict, displaced, shown
 
 LISTED: Final = re.compile(rf"^({'|'.join(PACKAGES)})/", re.MULTILINE)
-"""The line of a RECORD for a file in a package that has one of our names."""
+"""The line of a RECORD for a file in a package with one of our names."""
 
 
 def conflicts() -> list[Conflict]:
-    """Return all conflicts, those that keep us from working first."""
+    """Return all conflicts, first those that keep this program from working."""
     found = list(displaced())
     owners = owners_of_folders()
     for name, file in broken_files().items():
@@ -38,7 +38,7 @@ def conflicts() -> list[Conflict]:
 
 
 def owners_of_folders() -> dict[Path, str]:
-    """Return the folders of our names that other distributions have files in, and which those are.
+    """Return the folders with our names that other distributions have files in, and their names.
 
     A distribution that does not list its files is not found.
     """
@@ -53,9 +53,9 @@ def owners_of_folders() -> dict[Path, str]:
 
 
 def broken_files() -> dict[str, Path]:
-    """Return for each of our packages the first file that is missing or not as it was installed.
+    """Return for each of our packages the first file that is missing or was modified.
 
-    A checkout has none: its installation lists only the place where it is.
+    A checkout has none: its installation lists only the location.
     """
     try:
         record = metadata.distribution(NAME).read_text("RECORD") or ""
@@ -73,7 +73,7 @@ def broken_files() -> dict[str, Path]:
 
 
 def digest_of(file: Path, algorithm: str) -> str:
-    """Return the digest as RECORD writes it; empty for a file that cannot be read."""
+    """Return the digest in the notation of RECORD; empty for an unreadable file."""
     try:
         digest = hashlib.new(algorithm, file.read_bytes()).digest()
     except OSError:

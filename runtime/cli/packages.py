@@ -1,7 +1,7 @@
-"""Tell whether Python finds our packages or others of the same names, such as `robot`.
+"""Check whether Python finds our packages, or others of the same names such as `robot`.
 
-The executable loads this module by its file before it imports any of our packages, so it imports
-none of them, and nothing that takes long.
+The executable loads this module by its file before it imports any of our packages. So this module
+imports none of them, and nothing that takes long.
 """
 
 import importlib.util
@@ -21,9 +21,9 @@ APART: Final = (
 
 
 class Conflict(NamedTuple):
-    """A package that has the name of one of ours.
+    """A package with the same name as one of ours.
 
-    `wins`: Python finds the other one, or files of ours are replaced, so that we do not work.
+    `wins`: Python finds the other package, or our files were replaced, so that this program fails.
     """
 
     what: str
@@ -35,7 +35,7 @@ class Conflict(NamedTuple):
 
 
 def displaced(packages: Iterable[str] = PACKAGES) -> Iterator[Conflict]:
-    """Yield a conflict for each of these packages of which Python finds another one first."""
+    """Yield a conflict for each package for which Python finds another one first."""
     for name in packages:
         place = place_of(name)
         if place is not None and place != ROOT / name:
@@ -44,7 +44,7 @@ def displaced(packages: Iterable[str] = PACKAGES) -> Iterator[Conflict]:
 
 
 def place_of(package: str) -> Path | None:
-    """Return the folder or file that `import package` would take; None when there is none."""
+    """Return the folder or file that `import package` would use, or None."""
     try:
         spec = importlib.util.find_spec(package)
     except (ImportError, ValueError):
@@ -56,7 +56,7 @@ def place_of(package: str) -> Path | None:
 
 
 def way_out(folder: Path) -> str:
-    """What to do about a folder that comes before ours on the path."""
+    """Return the remedy for a folder that precedes ours on the path."""
     on_path = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     if folder in [Path(entry).resolve() for entry in on_path if entry]:
         return f"take {shown(folder)} out of PYTHONPATH"
@@ -66,5 +66,5 @@ def way_out(folder: Path) -> str:
 
 
 def shown(path: Path) -> str:
-    """Return a path for a terminal, without control characters."""
+    """Return a path without control characters, for a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in str(path))

@@ -1,8 +1,8 @@
-"""Output for terminals, into which no text from elsewhere can put a control character.
+"""Write to terminals without control characters from untrusted text.
 
-A name, a message or a file may hold escape sequences that change a terminal's title, clipboard or
-input, and marks that reverse the order of what is read. Every process of Sidestep writes through
-`PrintableText`; only `steer` sends one of the few sequences of our own.
+A name, a message or a file may contain escape sequences that change a terminal's title, clipboard
+or input, and marks that reverse the reading order. Every process of Sidestep writes through
+`PrintableText`; only `steer` writes one of a few control sequences.
 """
 
 import sys
@@ -19,10 +19,10 @@ Sequence = Literal["\r", "\r\x1b[K", "\x1b[2m", "\x1b[0m"]
 
 
 def printable(text: str) -> str:
-    """Replace each character that is not printable, line breaks included, by a question mark.
+    """Replace each non-printable character, line breaks included, by a question mark.
 
-    Not printable are the control characters of C0 and C1, format characters such as those that
-    change the direction of writing, line separators, and halves of surrogate pairs.
+    These are the control characters of C0 and C1, format characters such as those that change the
+    direction of writing, line separators, and halves of surrogate pairs.
     """
     if text.isprintable():
         return text
@@ -30,17 +30,18 @@ def printable(text: str) -> str:
 
 
 def printable_lines(text: str) -> str:
-    """The same, but line feeds stay and tabs become spaces."""
+    """Replace non-printable characters, but keep line feeds; tabs become spaces."""
     return "\n".join(printable(line) for line in text.replace("\t", " ").split("\n"))
 
 
 class PrintableText:
-    """A text stream whose `write` lets only printable characters and line feeds through."""
+    """A text stream whose `write` passes only printable characters and line feeds."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
     def write(self, text: str) -> int:
+        """Write text without control characters; return its length."""
         self.stream.write(printable_lines(text))
         return len(text)
 
@@ -49,7 +50,7 @@ class PrintableText:
 
 
 def guarded(stream: TextIO) -> TextIO:
-    """The stream behind a `PrintableText`, once however often it is asked for."""
+    """Return the stream behind a `PrintableText`, unless it is one already."""
     return stream if isinstance(stream, PrintableText) else cast(TextIO, PrintableText(stream))
 
 
@@ -63,8 +64,8 @@ def steer(stream: TextIO, sequence: Sequence) -> None:
 def guarded_output() -> Iterator[None]:
     """Guard standard output and standard error of this process while the block runs.
 
-    After an exception they stay guarded: the interpreter prints its traceback later. One that was
-    closed when the process began is None, and stays so.
+    After an exception they stay guarded, because the interpreter prints its traceback later. A
+    stream that was closed at the start is None, and stays so.
     """
     before = sys.stdout, sys.stderr
     sys.stdout = sys.stdout and guarded(sys.stdout)

@@ -1,7 +1,7 @@
-"""Every verb of `sidestep`, described once: its group, its line of help, and the code that does it.
+"""The table of all verbs of `sidestep`: group, summary and implementation of each.
 
-The executable, each verb's own `--help` and the console of the ground station read this table. It
-names modules and imports none, so that a process loads only the verb that was asked for.
+The executable, the verbs' `--help` and the console of the ground station read this table. It names
+modules and imports none, so that a process loads only the verb it runs.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,11 @@ LOOKING: Final = "ground.grammar.looking"
 
 
 class Verb(NamedTuple):
-    """A verb as the name of its module and the names of the functions in it.
+    """A verb, with the names of its module and of the functions in it.
 
-    `words` is the class that reads a typed operation, for the shell and for the app's command line.
-    Other verbs of an operator read `arguments`, and then either run by themselves (`run`), or act
-    over a link to a robot (`act`). A verb with none of these is a program: `main` takes its words.
+    `words` is the class that parses a typed operation, for the shell and for the app's command
+    line. Other verbs of an operator parse `arguments` and then either run by themselves (`run`) or
+    act over a link to a robot (`act`). A verb with none of these is a program with a `main`.
     """
 
     group: str
@@ -35,6 +35,7 @@ class Verb(NamedTuple):
 
     @property
     def is_program(self) -> bool:
+        """True for a verb whose module has its own `main`."""
         return not (self.act or self.run or self.words)
 
 
@@ -42,7 +43,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
     {
         "up": Verb(
             RUN,
-            "start plant, robot and a goal, and tell how it ended",
+            "start plant and robot, drive to a goal, report the outcome",
             "ground.cli.run.up",
             run="run",
         ),
@@ -64,22 +65,22 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "keys": Verb(
             RUN,
-            "who may join a locked bus: certificates made, and checked",
+            "certificates for a locked bus: create and check them",
             "ground.cli.run.certificates",
             run="run",
         ),
         "berth": Verb(
             RUN,
-            "a verb in a container: its robot, its start, its network",
+            "run a verb in a container: robot, start and network",
             "ground.cli.run.container",
             run="run",
         ),
         "goto": Verb(
             COMMAND, "drive to X Y [DEG] and wait for the outcome", DRIVING, words="GotoWords"
         ),
-        "hold": Verb(COMMAND, "stand still, keep the goal", COMMANDS, words="CommandWords"),
-        "resume": Verb(COMMAND, "go on to the goal", COMMANDS, words="CommandWords"),
-        "abort": Verb(COMMAND, "drop the goal and stand still", COMMANDS, words="CommandWords"),
+        "hold": Verb(COMMAND, "stop and keep the goal", COMMANDS, words="CommandWords"),
+        "resume": Verb(COMMAND, "continue to the goal", COMMANDS, words="CommandWords"),
+        "abort": Verb(COMMAND, "stop and drop the goal", COMMANDS, words="CommandWords"),
         "rtl": Verb(
             COMMAND, "drive back along the robot's own trail", COMMANDS, words="CommandWords"
         ),
@@ -109,28 +110,28 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "lease": Verb(
             COMMAND,
-            "who commands the robot: take it, give it back, show it",
+            "exclusive command of the robot: take, release, show",
             COMMANDS,
             words="LeaseWords",
         ),
         "teleop": Verb(
             COMMAND, "drive by hand at a speed and a turn", DRIVING, words="TeleopWords"
         ),
-        "watch": Verb(LOOK, "show what the robot says, line by line", LOOKING, words="WatchWords"),
-        "doctor": Verb(LOOK, "say what is missing and what to do", LOOKING, words="DoctorWords"),
+        "watch": Verb(LOOK, "print telemetry and texts as lines", LOOKING, words="WatchWords"),
+        "doctor": Verb(LOOK, "find problems, and how to fix them", LOOKING, words="DoctorWords"),
         "health": Verb(
             LOOK,
-            "are the data of a role flowing? For health checks",
+            "health check: does a role publish its data?",
             "ground.cli.observe.health",
             "act",
             "run",
         ),
         "explain": Verb(
-            LOOK, "why did it turn? now, or in a recording", LOOKING, words="ExplainWords"
+            LOOK, "show why the robot turns, live or in a recording", LOOKING, words="ExplainWords"
         ),
         "ghost": Verb(
             LOOK,
-            "what another navigator would do from here on",
+            "show what another navigator would do from here on",
             "ground.cli.observe.ghost",
             "act",
             "run",
@@ -143,28 +144,28 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "bridge": Verb(
             LOOK,
-            "live, for Foxglove or Lichtblick to connect to",
+            "serve live data to Foxglove or Lichtblick",
             "ground.cli.observe.bridge",
             "act",
         ),
-        "mark": Verb(LOOK, "a remark in what is being recorded", COMMANDS, words="MarkWords"),
+        "mark": Verb(LOOK, "add a remark to the recording", COMMANDS, words="MarkWords"),
         "replay": Verb(
-            LOOK, "a recorded run, shown or executed again", "ground.cli.observe.replay", run="run"
+            LOOK, "show a recorded run, or execute it again", "ground.cli.observe.replay", run="run"
         ),
         "export": Verb(
-            LOOK, "a recording as a table: CSV or Parquet", LOOKING, words="ExportWords"
+            LOOK, "convert a recording to a CSV or Parquet table", LOOKING, words="ExportWords"
         ),
-        "plot": Verb(LOOK, "a recorded run as a picture", LOOKING, words="PlotWords"),
-        "reexecute": Verb(STUDY, "what `replay --re-execute` does", "study.cli.reexecute"),
-        "trial": Verb(STUDY, "one run in this process, as fast as possible", "study.cli.trial"),
+        "plot": Verb(LOOK, "draw a recorded run as a picture", LOOKING, words="PlotWords"),
+        "reexecute": Verb(STUDY, "execute a recorded run again", "study.cli.reexecute"),
+        "trial": Verb(STUDY, "run one trial as fast as possible", "study.cli.trial"),
         "study": Verb(
-            STUDY, "many trials on all cores, their results and a report", "study.cli.study"
+            STUDY, "run many trials on all cores, and report the results", "study.cli.study"
         ),
-        "calibrate": Verb(STUDY, "wheels, track and slip from squares", "study.calibration.cli"),
+        "calibrate": Verb(STUDY, "find wheels, track and slip by squares", "study.calibration.cli"),
         "worlds": Verb(
             STUDY, "list, check, show, generate and import world files", "plant.cli.worlds"
         ),
-        "bench": Verb(STUDY, "measure, against floors and peers", "benchmarks.__main__"),
+        "bench": Verb(STUDY, "measure speed and cost", "benchmarks.__main__"),
     }
 )
 """In the order of `sidestep --help`."""

@@ -63,7 +63,7 @@ def test_a_robot_that_was_killed_comes_back_stands_disarmed_and_says_why(stack: 
     stack.arms()
     stack.inside("robot", *KILL_ALL)
     until(lambda: stack.logs("robot").count("ready, disarmed") == 2, 30.0, "a second robot")
-    assert "started again: the one before" in stack.logs("robot")
+    assert "restarted: the previous run" in stack.logs("robot")
     stack.becomes("healthy", "robot")
     seen = stack.verb("watch", "--json").object
     assert seen["streams"]["tlm/status"]["message"]["vehicle"] == Vehicle.STANDBY

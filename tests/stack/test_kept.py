@@ -24,8 +24,8 @@ def test_a_robot_that_was_killed_has_its_fence_and_its_mission_again(tmp_path: P
         robot.send(signal.SIGKILL)
         robot.ends()
         robot = crew.robot("--state", str(state))
-        robot.says("robot r1: fence of before is up")
-        robot.says("robot r1: mission of before is there, 1 item, not started")
+        robot.says("robot r1: fence restored")
+        robot.says("robot r1: mission restored, 1 item, not started")
         code, said = crew.run("fence", "show")
         assert (code, said.strip()) == (0, "circle of 1.5 m around (1, 2)")
         code, said = crew.run("mission", "status")
@@ -33,5 +33,5 @@ def test_a_robot_that_was_killed_has_its_fence_and_its_mission_again(tmp_path: P
         assert crew.run("fence", "off")[0] == 0
     with Crew() as crew:
         robot = crew.robot("--state", str(state))
-        robot.says("mission of before")
+        robot.says("mission restored")
         assert "fence" not in robot.said

@@ -106,7 +106,7 @@ def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
             assert TOUCHED not in robot.said
         robot.ends()
         robot = crew.robot("--state", str(state))
-        robot.says("fence of before is up")
-        robot.says("mission of before is there, 1 item")
+        robot.says("fence restored")
+        robot.says("mission restored, 1 item")
         code, said = crew.run("param", "get", "d_obs_m")
         assert said.strip() == "d_obs_m = 0.31 m"

@@ -126,7 +126,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     hurt_ns = stage.hurt("robot r1", how, sabotage)
     before_ns, still_ns = witness.stopped_at_ns(hurt_ns + 50 * MS)
     assert (still_ns - before_ns) / MS <= STOPPED_MS
-    stage.until(lambda: stage.said("started again: the one before", cause), "the cause")
+    stage.until(lambda: stage.said("restarted: the previous run", cause), "the cause")
     assert stage.told == [f"the robot r1 process {cause}; restarting"]
     stage.until(lambda: witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
     assert witness.status.goal == GoalState.NONE
@@ -144,7 +144,7 @@ def without_its_plant_the_robot_stays_where_it_is(
     stage.hurt("plant", how, sabotage)
     stage.until(lambda: witness.status.vehicle == Vehicle.FAILSAFE, "FAILSAFE")
     assert witness.status.vehicle_reason == Reason.TICKS_LOST
-    stage.until(lambda: stage.said("senses began anew: the place is not known"), "its words")
+    stage.until(lambda: stage.said("position lost: sensor stream restarted"), "its words")
     assert stage.told == [f"the plant process {cause}; restarting"]
     assert witness.status.vehicle == Vehicle.FAILSAFE
     assert witness.status.goal == GoalState.ABORTED
@@ -169,7 +169,7 @@ def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
     with stage_of(router=False) as stage:
         sabotage.fail("robot")
         words = "ended by a core exception (ZeroDivisionError: as the test wants it"
-        stage.until(lambda: stage.said("started again: the one before", words[:40]), "the cause")
+        stage.until(lambda: stage.said("restarted: the previous run", words[:40]), "the cause")
         assert words in stage.told[0]
         stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
@@ -197,14 +197,14 @@ def test_a_robot_alone_ends_itself_when_it_hangs_and_the_next_one_says_so(
         assert "Traceback" not in robot.said
         assert "thread" not in robot.said
         again = crew.robot(*state)
-        words = "started again: the one before hung (its loop did not run for 5 s)"
+        words = "restarted: the previous run hung (its loop did not run for 5 s)"
         assert words in again.said
         watch.says(f"r1: {words}")
         assert "most recent call" in (tmp_path / "state" / "hung-before.txt").read_text()
         again.send(signal.SIGKILL)
         again.ends()
         third = crew.robot(*state)
-        assert "started again: the one before ended without a word" in third.said
+        assert "restarted: the previous run ended without a report" in third.said
         third.send(signal.SIGTERM)
         assert third.ends() == 0
         assert "again" not in crew.robot(*state).said

@@ -91,7 +91,7 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_goes_on(tmp_path:
     back = "it is back, but with a fresh state"
     assert str(found["reason"]).startswith(f"no valid trial: {why}; {back}; r1 ")
     (log,) = tmp_path.glob("*-r2.tlog")
-    assert "started again: the one before was killed (signal SIGKILL)" in texts_in(log)
+    assert "restarted: the previous run was killed (signal SIGKILL)" in texts_in(log)
 
 
 def texts_in(log: Path) -> str:
@@ -148,7 +148,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         tmux.press("j", "j", "s", "4")
         tmux.shows(
             "the robot r1 process was killed (signal SIGKILL); restarting",
-            "started again: the one before was killed (signal SIGKILL)",
+            "restarted: the previous run was killed (signal SIGKILL)",
             "r1 has been restarted (1)",
         )
         tmux.press("1")
@@ -156,7 +156,7 @@ def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
         tmux.press("7", "j", "s", "4")
         tmux.shows(
             "the plant process hung (silent for 2.5 s); restarting",
-            "senses began anew: the place is not known any more",
+            "position lost: sensor stream restarted",
             "the plant of r1 has been restarted (1)",
             within_s=15.0,
         )

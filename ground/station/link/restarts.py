@@ -10,7 +10,7 @@ Sign = Literal["token", "count"]
 SHOWN_NS: Final = 20 * NS_PER_S
 NEAR_NS: Final = 10 * NS_PER_S
 """What is told of a restart is told so soon before or after it is noticed."""
-TOLD: Final = "started again: "
+TOLD: Final = "restarted: "
 """A robot that is not the first begins with this, and how the one before it ended."""
 
 

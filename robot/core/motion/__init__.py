@@ -1,1 +1,1 @@
-"""From a place to go to, to wheel speeds within limits."""
+"""Controllers, speed limits, progress monitoring and the trail."""

@@ -1,4 +1,4 @@
-"""From a place to go to, to a speed and a yaw rate that the wheels can follow."""
+"""Compute speed and yaw rate towards a point or pose, within the limits of the wheels."""
 
 from math import cos, pi, sin, tanh
 
@@ -14,10 +14,10 @@ NEAR_M: Final = 1e-6
 
 
 def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float, float]:
-    """Position controller (Secchi and Carelli): speed and yaw rate towards a point.
+    """Return speed and yaw rate towards a point (position controller of Secchi and Carelli).
 
-    u = v tanh(k rho) cos(alpha), w = k_w alpha + v (tanh(k rho) / rho) sin(alpha) cos(alpha).
-    Never backwards: with the point behind it turns on the spot.
+    u = v tanh(k rho) cos(alpha), w = k_w alpha + v (tanh(k rho) / rho) sin(alpha) cos(alpha). The
+    robot never drives backwards: if the point is behind it, it turns on the spot.
     """
     if not -HALF_TURN < bearing_rad < HALF_TURN:
         return 0.0, params.k_omega * bearing_rad
@@ -32,9 +32,9 @@ def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float
 def into(
     distance_m: float, bearing_rad: float, approach_rad: float, params: Params
 ) -> tuple[float, float]:
-    """Pose controller (Aicardi et al., saturated): arrives with the final heading.
+    """Return speed and yaw rate towards a pose (controller of Aicardi et al., saturated).
 
-    `approach_rad` is the line of sight seen from the final heading (theta_g).
+    `approach_rad` is the direction of the goal relative to the final heading (theta_g).
     """
     if not -HALF_TURN < bearing_rad < HALF_TURN:
         return 0.0, params.pose_k_omega * bearing_rad
@@ -49,7 +49,7 @@ def into(
 
 
 def align(error_rad: float, params: Params) -> float:
-    """Yaw rate of the last turn on the spot: quick, then slow, and never past the end in a tick."""
+    """Return the yaw rate of the final turn on the spot: fast, then slow, without overshoot."""
     size_rad = abs(error_rad)
     rate_rad_s = max(params.align_k * size_rad, params.align_min_rad_s)
     rate_rad_s = min(rate_rad_s, 0.5 * size_rad / params.period_s, params.yaw_max_rad_s)
@@ -57,13 +57,14 @@ def align(error_rad: float, params: Params) -> float:
 
 
 def heading_error(wanted_rad: float, heading_rad: float) -> float:
+    """Return the turn from a heading to the wanted one, wrapped."""
     return wrap(wanted_rad - heading_rad)
 
 
 def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[float, float]:
-    """Within wheel and yaw limits by one factor, so that the curvature stays.
+    """Scale a twist to the wheel and yaw limits by one factor, which keeps the curvature.
 
-    A smaller wheel has to turn faster for the same speed, and that is what its motor limits.
+    The smaller wheel turns faster at the same speed, and the limit is one of its motor.
     """
     size_rad_s = abs(yaw_rate_rad_s)
     fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * size_rad_s
@@ -79,7 +80,7 @@ def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[fl
 
 
 def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
-    """As far from the last twist to the wanted one as the wheels can accelerate in a period."""
+    """Return the twist nearest to the wanted one within the acceleration limit of a period."""
     more_m_s = wanted.speed_m_s - last.speed_m_s
     more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
     change_m_s = abs(more_m_s) + 0.5 * params.track_m * abs(more_rad_s)

@@ -1,4 +1,4 @@
-"""How fast and how far the sonars let the robot go: what lies ahead, at the flanks, goalwards."""
+"""Limits of speed, heading and free distance from the sonar ranges."""
 
 from math import cos, pi, sin
 
@@ -8,57 +8,69 @@ from robot.core.perception.sonar_ring import Ring
 from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS
 
-# How fast. `_PER_S`: metres per second for each metre of room. Sonars 2 to 5 look ahead, the
-# others at the flanks; "usual" is what the parameters say by default.
+# Speed limits. `_PER_S`: metres per second for each metre of free range. Sonars 2 to 5 look ahead,
+# the others to the flanks. "Default" refers to the default parameters.
 CLOSE_M: Final = 0.30
-"""What is farther slows nobody down; nothing beyond 0.23 m takes any of the usual 0.3 m/s."""
+"""Farther echoes do not limit the speed; beyond 0.23 m the default 0.3 m/s is not reduced."""
 STOP_M: Final = 0.004
-"""Ahead and no farther than this above the guard's stop the robot only turns: of any speed, and of
-the turn with it, the guard would take most away."""
+"""With an echo ahead at most this far above the guard's stop range, the robot only turns.
+
+The guard would reduce the speed, and the turn with it, to almost nothing.
+"""
 KEEP_M: Final = 0.03
 LEAST_M_S: Final = 0.03
-"""Ahead, speed grows from LEAST_M_S at KEEP_M. That is nearer than the guard's usual stop of
-0.04 m, so that wherever the guard lets the robot go, it goes."""
+"""Ahead, the speed limit grows from LEAST_M_S at KEEP_M.
+
+KEEP_M is below the default guard stop of 0.04 m, so the robot moves wherever the guard permits it.
+"""
 AHEAD_PER_S: Final = 1.4
-"""Sonars 3 and 4: from 0.08 m on slower than the guard, as it usually is, would have it; so that it
-seldom has to act, which slows the turn too."""
+"""Sonars 3 and 4: from 0.08 m on slower than the default guard, which then seldom acts.
+
+The guard would also slow the turn.
+"""
 ASIDE_PER_S: Final = 2.0
-"""Sonars 2 and 5: faster, as they look 34 degrees aside, at what may be passed."""
+"""Sonars 2 and 5: faster, because they look 34 degrees aside at obstacles to be passed."""
 FREE_PER_S: Final = 0.9
-"""The way that remembered echoes leave: slowest, and 0 at 0 m, as no guard watches over those."""
+"""Free distance to remembered echoes: slowest, and 0 at 0 m, as the guard ignores those."""
 TOUCHING_M: Final = 0.08
-"""What is nearer, ahead or at a flank, is closed in on no faster than would take a quarter of a
-second to RIM_M; farther away, that takes nothing of the usual speed."""
+"""A nearer echo, ahead or at a flank, limits the approach to RIM_M in a quarter of a second.
+
+At larger ranges this does not reduce the default speed.
+"""
 RIM_M: Final = 0.025
 CRAWL_M_S: Final = 0.04
 CRAWL_M: Final = 0.015
 NARROW_M: Final = 0.05
-"""Past a flank the robot crawls also where that leaves nothing, or it would never get away from
-there. Nearer than CRAWL_M it may be touching and only turns; ours measure from 0.02 m on.
-With no more than NARROW_M left at both flanks together the robot does not go on: whether the gap
-closes in further no sonar can tell."""
+"""Limits beside a near flank.
 
-# How far aside.
+The robot crawls past a flank even if its limit is 0, or it could not get away. Nearer than CRAWL_M
+it may touch the obstacle and only turns; our sonars measure from 0.02 m on. With at most NARROW_M
+at both flanks together it stops: no sonar shows whether the gap narrows further.
+"""
+
+# Heading bias.
 FLANK_M: Final = 0.06
 FLANK_RAD: Final = 40.0 * pi / 180.0
-"""What is nearer than FLANK_M on one side turns the heading away, in proportion, by FLANK_RAD at
-0 m; what is as near on the other side turns it back."""
-FRONT_M: Final = 0.05
-"""What is ahead and nearer than this counts as so much nearer still: before any flank."""
+"""An echo nearer than FLANK_M on one side turns the heading away by FLANK_RAD at 0 m.
 
-# How far it is free towards the goal.
+The turn is proportional; an echo on the other side compensates it.
+"""
+FRONT_M: Final = 0.05
+"""An echo ahead nearer than this counts as nearer by this much, so it outweighs any flank."""
+
+# Free distance towards the goal.
 BESIDE: Final = 0.5 * pi
-"""Radians from the heading: here the outermost cones end."""
+"""Radians from the heading to the outer edge of the outermost cones."""
 LOOK_M: Final = 0.25
-"""So much before an echo what it comes from would be met; DistBug takes off as much."""
+"""The obstacle may begin this much before its echo; DistBug subtracts as much."""
 MARGIN_M: Final = 0.02
-"""What leaves so much room beside the body is passed; it is the tight margin of the headings."""
+"""An obstacle is passed with at least this margin, as the tight margin of the headings."""
 INNER: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
-"""How much of its speed the robot closes in with on what is at the inner edge of a cone."""
+"""Share of the speed with which the robot approaches an echo at the inner edge of a cone."""
 
 
 def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
-    """The most speed: slower the nearer something is, and while the heading is `error_rad` off."""
+    """Return the speed limit: lower near an echo, and while the heading error is large."""
     most_m_s = params.v_max_m_s
     if ring.nearest_m < CLOSE_M:
         stop_m, ranges_m = params.guard_stop_m + STOP_M, ring.range_m
@@ -84,7 +96,7 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
                     may_m_s = least_m_s
                 if may_m_s < most_m_s:
                     most_m_s = may_m_s
-    if free_mm < 400:  # more room takes nothing off the usual speed
+    if free_mm < 400:  # more range does not reduce the default speed
         most_m_s = min(most_m_s, FREE_PER_S * 0.001 * free_mm)
     if error_rad != 0.0:
         cosine = max(cos(error_rad), 0.0)
@@ -93,7 +105,7 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
 
 
 def is_narrow(ring: Ring) -> bool:
-    """Whether what is at both flanks leaves no room to tell whether the robot fits between."""
+    """Return whether the echoes at both flanks leave too little room to pass safely."""
     ranges_m = ring.range_m
     right_m, left_m = ranges_m[0], ranges_m[7]
     if ranges_m[1] is not None and (right_m is None or ranges_m[1] < right_m):
@@ -104,7 +116,7 @@ def is_narrow(ring: Ring) -> bool:
 
 
 def keep_off(ring: Ring) -> float:
-    """How far to bias the heading away from a flank that is nearer than it should be."""
+    """Return the heading bias in radians away from a flank that is too near."""
     if ring.nearest_m >= FLANK_M:
         return 0.0
     left_m = right_m = FLANK_M
@@ -112,7 +124,7 @@ def keep_off(ring: Ring) -> float:
         range_m = ring.range_m[i]
         if range_m is not None:
             if 1 < i < 6 and range_m < FRONT_M:
-                # Until it is beside the robot, the guard will let nothing pass.
+                # Until the obstacle is beside the robot, the guard stops forward motion.
                 range_m = range_m - FRONT_M
             if i < SONARS // 2:
                 right_m = min(right_m, range_m)
@@ -122,8 +134,10 @@ def keep_off(ring: Ring) -> float:
 
 
 def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> float:
-    """How far the robot could drive towards the goal at `alpha_rad` until something were a hit;
-    0 where the sonars do not look, or one that does is silent."""
+    """Return the free distance towards the goal at `alpha_rad`, at most `distance_m`.
+
+    It is 0 if no sonar looks there, or if one that does has no measurement.
+    """
     if not -BESIDE < alpha_rad < BESIDE:
         return 0.0
     free_m = params.sonar_max_m

@@ -1,4 +1,4 @@
-"""Giving up: the robot has not moved although it tries to, or has come no closer for too long."""
+"""Detect a blocked robot, and a lack of progress towards the goal."""
 
 from math import inf
 
@@ -9,7 +9,7 @@ from robot.core.values import Pose
 
 
 class Progress:
-    """Where and when the robot last got away from where it was, and its best distance so far."""
+    """Place and time of the last real motion, and the shortest distance to the goal so far."""
 
     __slots__ = ("anchor", "best_m", "best_ms", "moved_ms")
 
@@ -20,7 +20,7 @@ class Progress:
 
 
 def restart(progress: Progress, pose: Pose, now_ms: int) -> None:
-    """Start judging afresh: a new goal, a new stretch of the trail, or the end of a hold."""
+    """Restart the timers: for a new goal, a new part of the trail, or after a hold."""
     progress.anchor = pose
     progress.best_m = inf
     progress.moved_ms = progress.best_ms = now_ms
@@ -34,9 +34,9 @@ def judge(
     params: Params,
     patient: bool = False,
 ) -> int:
-    """BLOCKED, NO_PROGRESS, or 0 while the robot gets anywhere.
+    """Return BLOCKED, NO_PROGRESS, or 0.
 
-    `patient`: going far away and back is the navigator's business, only not moving is not.
+    `patient`: the navigator detects a lack of progress itself; only BLOCKED is returned.
     """
     if distance_m < progress.best_m - params.progress_m:
         progress.best_m = distance_m
@@ -52,7 +52,7 @@ def judge(
 
 
 def got_away(anchor: Pose, pose: Pose, params: Params) -> bool:
-    """Far enough from the anchor, or turned far enough away."""
+    """Return whether the robot has moved or turned far enough from the anchor."""
     dx_m, dy_m = pose.x_m - anchor.x_m, pose.y_m - anchor.y_m
     if dx_m * dx_m + dy_m * dy_m >= params.stuck_m * params.stuck_m:
         return True

@@ -1,4 +1,4 @@
-"""The way back: at most 128 breadcrumbs of where the robot has been, thinned by half when full."""
+"""The trail for the way back: at most 128 points, every second one removed when full."""
 
 from math import sqrt
 
@@ -10,7 +10,7 @@ PASSED_M: Final = 0.20
 
 
 class Trail:
-    """Crumbs from the start on, the newest last; the spacing doubles each time they are thinned."""
+    """Points from the start, the newest last; the spacing doubles each time they are thinned."""
 
     __slots__ = ("spacing_m", "xs_m", "ys_m")
 
@@ -21,7 +21,7 @@ class Trail:
 
 
 def drop_crumb(trail: Trail, x_m: float, y_m: float) -> None:
-    """Remember this place if the last crumb is a spacing away."""
+    """Store this place if the newest point is a spacing away."""
     if trail.xs_m and distance_m(trail, x_m, y_m) < trail.spacing_m:
         return
     if len(trail.xs_m) >= LIMIT:
@@ -31,21 +31,24 @@ def drop_crumb(trail: Trail, x_m: float, y_m: float) -> None:
 
 
 def thin(trail: Trail) -> None:
-    """Keep the start and every second crumb after it."""
+    """Keep the start and every second point after it."""
     trail.xs_m = trail.xs_m[::2]
     trail.ys_m = trail.ys_m[::2]
     trail.spacing_m *= 2.0
 
 
 def distance_m(trail: Trail, x_m: float, y_m: float) -> float:
-    """From here to the newest crumb."""
+    """Return the distance to the newest point."""
     dx_m = x_m - trail.xs_m[-1]
     dy_m = y_m - trail.ys_m[-1]
     return sqrt(dx_m * dx_m + dy_m * dy_m)
 
 
 def pass_crumb(trail: Trail, x_m: float, y_m: float) -> bool:
-    """Take up the newest crumb when it is reached; the start stays. True: there is a new one."""
+    """Remove the newest point when it is reached; return whether there is a new one.
+
+    The start stays.
+    """
     if len(trail.xs_m) < 2 or distance_m(trail, x_m, y_m) > PASSED_M:
         return False
     trail.xs_m.pop()

@@ -1,1 +1,1 @@
-"""The navigators, and what only they use."""
+"""The navigators and their shared code."""

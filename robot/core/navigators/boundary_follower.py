@@ -1,8 +1,9 @@
-"""Follows the boundary of an obstacle with eight wide cones and a little memory of what is behind.
+"""Boundary following with eight wide sonar cones and a short memory of echoes behind.
 
-Every echo closes the headings in which the robot, moved a short way ahead, would come too near.
-From the followed point the headings are swept away from the obstacle; the first open one is taken,
-tangent to everything that is closed without a gap: round corners and ends, into dead ends and out.
+Every echo closes the headings in which the robot, moved a short way ahead, would come too near. The
+headings are swept away from the obstacle, starting at the followed point, and the first open one is
+taken. It is tangent to everything closed without a gap, so the robot follows corners and ends, into
+dead ends and out again.
 """
 
 from math import acos, asin, atan2, cos, pi, sin, sqrt
@@ -15,35 +16,37 @@ from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 12
 SPACING_M: Final = 0.05
-NEAR_M: Final = 0.40  # an echo beside the robot up to this range is remembered
+NEAR_M: Final = 0.40  # echoes beside the robot up to this range are stored
 OLD_TICKS: Final = 240
 WEIGHT: Final = 6
-JUMP_M: Final = 0.12  # two ranges of one sonar that differ by less agree
-THROUGH_M: Final = 0.08  # an echo this much behind a remembered point has passed through it
+JUMP_M: Final = 0.12  # two ranges of one sonar agree within this
+THROUGH_M: Final = 0.08  # an echo this far behind a stored point contradicts it
 CORE_RAD: Final = 0.8 * HALF_CONE
 
 LOOK_M: Final = 0.20
-TIGHT_M: Final = 0.02  # the clearance that every way must have
-WIDE_M: Final = 0.11  # the clearance that is kept where there is room
+TIGHT_M: Final = 0.02  # minimum clearance
+WIDE_M: Final = 0.11  # clearance where there is room
 PUSH_RAD_PER_M: Final = 6.0
 SHARE: Final = 0.4
-SHARP_RAD: Final = 0.6  # a course that changes by more is taken at once
+SHARP_RAD: Final = 0.6  # larger changes of the course are not smoothed
 QUARTER_TURN: Final = 0.5 * pi
-WIDEST_RAD: Final = QUARTER_TURN + PUSH_RAD_PER_M * WIDE_M  # of a point at the rim
+WIDEST_RAD: Final = QUARTER_TURN + PUSH_RAD_PER_M * WIDE_M  # for a point at the rim
 BOXED_RAD: Final = TWO_PI - 0.3
 HALF_CONES_OUT: Final = 0.5 * HALF_CONE
 
 OUTWARD: Final = tuple(
     [b + (HALF_CONES_OUT if b > 0.0 else -HALF_CONES_OUT) * (abs(b) > HALF_CONE) for b in BEARINGS]
 )
-"""Where an echo is taken to be in its cone: a wall beside is nearest at the cone's outer edge."""
+"""Assumed bearing of an echo in its cone: a wall beside is nearest at the cone's outer edge."""
 
 
 class Follower:
-    """`side` is where the obstacle is passed; the anchor is the point that is followed.
+    """State of boundary following; `side` is the side on which the obstacle is passed.
 
-    `seen_m` are the ranges without single ghosts and dropouts; `points_*` the remembered echoes of
-    the sonar beside; `bearing_rad`, `far_m` what is near now, `count` of them; `lost`, `boxed`.
+    The anchor is the followed point. `seen_m` are the ranges without isolated false echoes and
+    dropouts. `points_*` are the stored echoes of the sonar beside the robot. `bearing_rad` and
+    `far_m` list the near points, `count` of them. `lost` is set without a near point, `boxed`
+    without an open heading.
     """
 
     __slots__ = (
@@ -92,12 +95,12 @@ class Follower:
 
 
 def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
-    """Take one scan; remember what is beside on the obstacle's side before it goes out of view."""
+    """Take one scan; store the echo beside the robot before the obstacle leaves the view."""
     follower.tick += 1
     recent_m, older_m, seen_m = follower.recent_m, follower.older_m, follower.seen_m
     for i in EVERY:
         here_m, last_m = ring.range_m[i], recent_m[i]
-        # A missing range needs no proof; one that agrees with neither of the last two waits.
+        # A missing range counts at once; a range must agree with one of the last two.
         if here_m is None or last_m is None or -JUMP_M < here_m - last_m < JUMP_M:
             seen_m[i] = here_m
         else:
@@ -113,7 +116,7 @@ def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
 
 
 def remember(follower: Follower, pose: Pose, sonar: int, far_m: float) -> None:
-    """Note where this echo came from; one next to the last only renews it."""
+    """Store the place of an echo; an echo next to the last one only refreshes that."""
     direction_rad = pose.heading_rad + OUTWARD[sonar]
     x_m, y_m = pose.x_m + far_m * cos(direction_rad), pose.y_m + far_m * sin(direction_rad)
     k = follower.newest
@@ -127,7 +130,7 @@ def remember(follower: Follower, pose: Pose, sonar: int, far_m: float) -> None:
 
 
 def start(follower: Follower, pose: Pose, side: int, toward_rad: float, params: Params) -> None:
-    """Begin to follow what is nearest to the bearing `toward_rad`."""
+    """Start to follow the point nearest to the bearing `toward_rad`."""
     follower.side = side
     follower.lost = follower.boxed = False
     follower.course_rad = pose.heading_rad
@@ -136,7 +139,7 @@ def start(follower: Follower, pose: Pose, side: int, toward_rad: float, params: 
 
 
 def nearest(follower: Follower, toward_rad: float) -> int:
-    """The index of what stands most in the way of this bearing, or -1."""
+    """Return the index of the point that most obstructs this bearing, or -1."""
     best, best_m = -1, 1e9
     for k in range(follower.count):
         aside = abs(wrap(follower.bearing_rad[k] - toward_rad))
@@ -147,7 +150,7 @@ def nearest(follower: Follower, toward_rad: float) -> int:
 
 
 def anchor(follower: Follower, pose: Pose, k: int) -> None:
-    """Follow the point k of what is near."""
+    """Follow the near point k from now on; -1 changes nothing."""
     if k < 0:
         return
     direction_rad = pose.heading_rad + follower.bearing_rad[k]
@@ -158,7 +161,7 @@ def anchor(follower: Follower, pose: Pose, k: int) -> None:
 
 
 def gather(follower: Follower, pose: Pose, params: Params) -> None:
-    """List what is near enough to matter: the echoes of now, then what is remembered."""
+    """List the points near enough to matter: current echoes, then stored ones."""
     reach_m = LOOK_M + params.radius_m + WIDE_M
     count = 0
     for i in EVERY:
@@ -181,7 +184,7 @@ def gather(follower: Follower, pose: Pose, params: Params) -> None:
 
 
 def recall(follower: Follower, heading_rad: float, dx_m: float, dy_m: float, params: Params) -> int:
-    """List a remembered point that is near; how much weight it loses because it is not seen."""
+    """List a near stored point; return the weight it loses because echoes contradict it."""
     far_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     bearing_rad = wrap(atan2(dy_m, dx_m) - heading_rad)
     k = follower.count
@@ -198,7 +201,7 @@ def recall(follower: Follower, heading_rad: float, dx_m: float, dy_m: float, par
 
 
 def half_width(far_m: float, room_m: float) -> float:
-    """Half of the headings in which a point closes the way to a disc of radius `room_m`."""
+    """Return half the sector of headings that a point closes for a disc of radius `room_m`."""
     if far_m <= room_m:
         return QUARTER_TURN + PUSH_RAD_PER_M * (room_m - far_m)
     square, room2 = far_m * far_m, room_m * room_m
@@ -209,7 +212,7 @@ def half_width(far_m: float, room_m: float) -> float:
 
 
 def heading(follower: Follower, pose: Pose, params: Params) -> float:
-    """The bearing to steer along the boundary; sets `lost` when there is none, `boxed` in a box."""
+    """Return the bearing along the boundary; set `lost` without one, `boxed` if enclosed."""
     gather(follower, pose, params)
     live = follower.count
     reach_m = 2.0 * (LOOK_M + params.radius_m + WIDE_M)
@@ -238,7 +241,7 @@ def heading(follower: Follower, pose: Pose, params: Params) -> float:
 
 
 def smoothed(follower: Follower, pose: Pose, turn_rad: float) -> float:
-    """The bearing of a course that follows what was found a little late, so that it wavers less."""
+    """Return the bearing of a low-pass filtered course, which wavers less."""
     change_rad = wrap(pose.heading_rad + turn_rad - follower.course_rad)
     share = SHARE if -SHARP_RAD < change_rad < SHARP_RAD else 1.0
     follower.course_rad = wrap(follower.course_rad + share * change_rad)
@@ -246,7 +249,7 @@ def smoothed(follower: Follower, pose: Pose, turn_rad: float) -> float:
 
 
 def sweep(follower: Follower, start_rad: float, params: Params) -> tuple[float, int]:
-    """How far to turn from `start_rad` to the first open heading, and which point closes it."""
+    """Return the turn from `start_rad` to the first open heading, and the last closing point."""
     room_m = params.radius_m + TIGHT_M
     turn_rad, tight_rad = follower.turn_rad, follower.tight_rad
     for k in range(follower.count):
@@ -265,7 +268,7 @@ def sweep(follower: Follower, start_rad: float, params: Params) -> tuple[float, 
 
 
 def widened(follower: Follower, swept_rad: float, params: Params) -> float:
-    """The same gap with more clearance if there is room for it, else through its middle."""
+    """Return the turn into the same gap with more clearance, or to the middle of the gap."""
     room_m = params.radius_m + WIDE_M
     near, far, edge = swept_rad, 1e9, 1e9
     for k in range(follower.count):

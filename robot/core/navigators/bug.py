@@ -1,8 +1,8 @@
-"""The bug algorithm of the paper (section 4): turn to the user's side, follow, leave when open.
+"""The bug algorithm of the paper (section 4).
 
-An obstacle in the way nearer than d_th starts the following of its boundary; as soon as the way to
-the goal looks open the robot heads for the goal again. What it met before is forgotten, so deep
-traps may hold it. Obstacles are passed on `memory.side`; the wall is on the other side.
+An obstacle in the way nearer than d_th starts boundary following. As soon as the way to the goal
+looks open, the robot heads for the goal again. Earlier obstacles are forgotten, so deep traps may
+hold the robot. Obstacles are passed on `memory.side`; the wall is on the other side.
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
@@ -19,9 +19,9 @@ from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.05
 IN_VIEW_RAD: Final = 70.0 * pi / 180.0
-LOST_M: Final = 0.15  # a wall this much farther than it should be is no longer beside the robot
+LOST_M: Final = 0.15  # a wall this much beyond its distance is lost
 LOST_TURN_RAD: Final = 1.5 * pi
-WALL_SIDE: Final = 2  # the sonars 0, 1 and 2 from the wall's end of the ring look at its side
+WALL_SIDE: Final = 2  # the first three sonars, counted from the wall, face it
 STEER_RAD_PER_M: Final = 4.0
 STEER_MAX_RAD: Final = 0.6
 QUARTER_CONE: Final = 0.5 * HALF_CONE
@@ -32,7 +32,7 @@ BESIDE: Final = 0.5 * pi
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now: at the goal, or along the wall on the side away from `memory.side`."""
+    """Return where to drive: at the goal, or along the wall on the side away from `memory.side`."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
     beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
@@ -59,7 +59,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def decide(memory: Memory, ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> None:
-    """Follow when something stands in the way; stop following when the way is seen to be open."""
+    """Start following if an obstacle is in the way; stop when the way is open in view."""
     if not memory.following:
         memory.following = in_the_way(ring, alpha_rad, distance_m, HIT_MARGIN_M, params)
         memory.lost_rad = 0.0
@@ -71,10 +71,10 @@ def decide(memory: Memory, ring: Ring, alpha_rad: float, distance_m: float, para
 def in_the_way(
     ring: Ring, alpha_rad: float, distance_m: float, margin_m: float, params: Params
 ) -> bool:
-    """Whether an echo nearer than d_th lies in the strip the robot would sweep towards the goal.
+    """Return whether an echo nearer than d_th lies in the strip swept towards the goal.
 
-    An echo may come from anywhere in its cone; half way from its middle to the edge next to the
-    goal is taken. At the edge, a wall along the way would seem to stand in it.
+    An echo may come from anywhere in its cone. It is assumed halfway from the middle to the edge
+    next to the goal. At the edge itself, a wall along the way would seem to obstruct it.
     """
     if ring.nearest_m >= params.d_th_m:
         return False
@@ -90,10 +90,10 @@ def in_the_way(
 
 
 def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> float:
-    """The bearing to steer: tangent to the wall, corrected for its distance; an arc round its end.
+    """Return the bearing along the wall, corrected for its distance; an arc around its end.
 
-    The ring is blind behind 90 degrees, so a wall that ends is followed by turning towards where
-    it was, for three quarters of a turn at most; then the robot goes for its goal again.
+    The ring is blind beyond 90 degrees. When the wall ends, the robot turns towards its last place
+    by at most three quarters of a turn, then heads for the goal again.
     """
     side = memory.side
     i = wall_sonar(memory, ring, params)
@@ -113,10 +113,11 @@ def along_the_wall(memory: Memory, pose: Pose, ring: Ring, params: Params) -> fl
 
 
 def leaning_rad(beside_m: float, before_m: float | None, params: Params) -> float:
-    """How far the robot leans towards the wall, from the two outermost sonars on its side.
+    """Return the angle of the robot towards the wall, from the two outermost sonars beside it.
 
-    Along a flat wall the cone before the last sees it farther by 1 / cos(22.5 deg); to first order
-    the ratio changes with the lean by sin(22.5 deg). Without this the following would swing.
+    Along a flat wall the second cone measures a range larger by 1 / cos(22.5 deg). To first order
+    this ratio changes with the angle by sin(22.5 deg). Without this term the following would
+    oscillate.
     """
     if before_m is None or before_m > beside_m + LOST_M:
         return 0.0
@@ -125,11 +126,11 @@ def leaning_rad(beside_m: float, before_m: float | None, params: Params) -> floa
 
 
 def wall_sonar(memory: Memory, ring: Ring, params: Params) -> int:
-    """The sonar that sees the followed wall nearest.
+    """Return the sonar with the shortest range to the followed wall.
 
-    Once the wall is beside the robot that is one of the three on its side; what lies ahead counts
-    only when it is as near as a wall may be, so that the way round a wall's end into a gap is not
-    taken for the opposite wall. Until then everything near ahead is the obstacle to turn from.
+    Once the wall is beside the robot this is one of the three sonars there. An echo ahead then
+    counts only if it is as near as the wall, so that a gap behind the wall's end is entered instead
+    of mistaken for a wall. Before that, any near echo ahead counts as the obstacle.
     """
     side = memory.side
     wall = 0 if side == states.LEFT else SONARS - 1

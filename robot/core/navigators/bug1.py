@@ -1,7 +1,7 @@
-"""Bug1 (Lumelsky and Stepanov 1987): all the way round, then back to the nearest point, and on.
+"""Bug1 (Lumelsky and Stepanov 1987): circle the obstacle, return to its nearest point, leave.
 
-From the nearest point of a boundary a goal that can be reached is not behind the same obstacle:
-whoever meets it again there knows that the goal is unreachable.
+From the nearest point of a boundary, a reachable goal is not behind the same obstacle. A robot that
+meets the same obstacle again from there has proof that the goal is unreachable.
 """
 
 from math import inf
@@ -21,12 +21,15 @@ RETURNING: Final = 2
 
 AT_M: Final = 0.12
 NEARER_M: Final = 0.10
-TRIES: Final = 2  # the nearest point may be missed once, by drift
+TRIES: Final = 2  # drift may cause one miss of the nearest point
 
 
 class Memory:
-    """`nearest` is the place of the boundary nearest to the goal, `nearest_m` its distance, and
-    `nearest_at_m` where it lies along the way round; `left_m` how near the last one left was."""
+    """`nearest` is the point of the boundary nearest to the goal, `nearest_m` its distance.
+
+    `nearest_at_m` is its position along the lap. `left_m` is the distance from the goal at the last
+    leave.
+    """
 
     __slots__ = (
         "boundary",
@@ -51,7 +54,7 @@ class Memory:
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now: at the goal, round the obstacle, or back to its nearest point."""
+    """Return where to drive: at the goal, around the obstacle, or back to its nearest point."""
     boundary = memory.boundary
     if boundaries.is_not_finite(pose, goal):
         return boundaries.halt(ring, goal)
@@ -72,7 +75,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def meet(memory: Memory, pose: Pose, params: Params) -> bool:
-    """Begin to circle what stands in the way; False when that has been done, to no avail."""
+    """Start to circle the obstacle; return False if that was done without success before."""
     boundary = memory.boundary
     if boundary.distance_m < memory.left_m - NEARER_M:
         memory.tries = 0
@@ -88,7 +91,7 @@ def meet(memory: Memory, pose: Pose, params: Params) -> bool:
 
 
 def circle(memory: Memory, pose: Pose) -> None:
-    """Note the nearest point; once round, go back to it the shorter way."""
+    """Note the nearest point; after a full lap return to it by the shorter way."""
     boundary, lap = memory.boundary, memory.boundary.lap
     if boundary.distance_m < memory.nearest_m:
         memory.nearest, memory.nearest_m = pose, boundary.distance_m
@@ -110,7 +113,7 @@ def circle(memory: Memory, pose: Pose) -> None:
 
 
 def come_back(memory: Memory, pose: Pose) -> None:
-    """Leave at the nearest point, or where it should have been by now."""
+    """Leave at the nearest point, or after the distance at which it should have been reached."""
     boundary, lap = memory.boundary, memory.boundary.lap
     laps.closed(lap, pose)
     here = laps.apart_m(pose, memory.nearest) <= AT_M
@@ -119,6 +122,7 @@ def come_back(memory: Memory, pose: Pose) -> None:
 
 
 def leave(memory: Memory) -> None:
+    """Leave the boundary and head for the goal."""
     memory.left_m = min(memory.left_m, memory.nearest_m)
     memory.phase = GOING
     boundaries.leave(memory.boundary)

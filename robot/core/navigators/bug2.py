@@ -1,7 +1,8 @@
-"""Bug2 (Lumelsky and Stepanov 1987): along the boundary to the line from start to goal, then on.
+"""Bug2 (Lumelsky and Stepanov 1987): follow the boundary to the line from start to goal.
 
-The boundary is left on that line only nearer to the goal than where the obstacle was met, so every
-obstacle met is nearer than the last. Back where it was met without having left: unreachable.
+The robot leaves the boundary on that line only if it is nearer to the goal than where it met the
+obstacle. So each obstacle is met nearer than the one before. If the robot comes back to the meeting
+point without leaving, the goal is unreachable.
 """
 
 from math import sqrt
@@ -19,8 +20,7 @@ NEARER_M: Final = 0.10
 
 
 class Memory:
-    """The line starts at `start_x_m`, `start_y_m`; `aside_m` is how far the robot is to the left
-    of it."""
+    """The line starts at `start_x_m`, `start_y_m`; `aside_m` is the robot's offset to its left."""
 
     __slots__ = ("aside_m", "boundary", "side", "start_x_m", "start_y_m")
 
@@ -31,7 +31,7 @@ class Memory:
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now: at the goal, or along the boundary."""
+    """Return where to drive: at the goal, or along the boundary."""
     boundary = memory.boundary
     if boundaries.is_not_finite(pose, goal):
         return boundaries.halt(ring, goal)
@@ -46,7 +46,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
-    """Whether the robot is on the line, or has come to its other side since the last tick."""
+    """Return whether the robot is on the line, or has crossed it since the last tick."""
     along_x_m, along_y_m = goal.x_m - memory.start_x_m, goal.y_m - memory.start_y_m
     length_m = sqrt(along_x_m * along_x_m + along_y_m * along_y_m)
     dx_m, dy_m = pose.x_m - memory.start_x_m, pose.y_m - memory.start_y_m
@@ -57,7 +57,7 @@ def crosses(memory: Memory, pose: Pose, goal: Goal) -> bool:
 
 
 def leaves(boundary: Boundary, crossed: bool, params: Params) -> bool:
-    """On the line, and nearer than where the obstacle was met."""
+    """Return whether to leave: on the line, and nearer than where the obstacle was met."""
     if boundaries.goal_at_hand(boundary, params) or boundaries.leave_at_nearest(boundary):
         return True
     return crossed and boundary.distance_m <= boundary.begun_m - NEARER_M

@@ -1,6 +1,6 @@
-"""What the classical bugs have in common: go for the goal, meet an obstacle, follow its boundary.
+"""Shared behaviour of the classical bugs: drive to the goal, detect and follow obstacles.
 
-When to leave, and what a closed loop means, is what they differ in.
+They differ in when to leave the boundary, and in what a closed lap means.
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
@@ -17,10 +17,10 @@ from robot.core.perception.sonar_ring import AHEAD, Ring
 from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
-HIT_M: Final = 0.03  # an obstacle that leaves less clearance than this is in the way
+HIT_M: Final = 0.03  # an obstacle with less clearance is in the way
 HIT_LOOK_M: Final = 0.22
 HIT_TICKS: Final = 2
-NEAR_GOAL_M: Final = 0.60  # so near, a way that is seen to be free is taken
+NEAR_GOAL_M: Final = 0.60  # nearer, a free way in view is taken
 LAPS: Final = 2
 SETTLE_M: Final = 0.10
 NEARER_M: Final = 0.10
@@ -28,10 +28,10 @@ AT_M: Final = 0.03
 STOP_M: Final = 0.035
 TIME_S: Final = 0.5
 CREEP_M_S: Final = 0.03
-AFAR_M: Final = 0.60  # nearer, a wall beside the way would seem to stand in it
+AFAR_M: Final = 0.60  # nearer, a wall beside the way would seem to obstruct it
 IN_VIEW_RAD: Final = 78.0 * pi / 180.0
 CLOSING: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
-"""The share of the speed with which an echo may come nearer: it may be at the cone's inner edge."""
+"""Share of the speed at which an echo may approach, as at the inner edge of its cone."""
 
 
 class Boundary:
@@ -75,7 +75,7 @@ class Boundary:
 
 
 def look(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params) -> bool:
-    """Take in where everything is now; True when the goal is a new one."""
+    """Update from pose, ring and goal; return True if the goal is a new one."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     boundary.distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     boundary.bearing_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
@@ -90,7 +90,7 @@ def look(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params)
 
 
 def meets(boundary: Boundary, params: Params) -> bool:
-    """Whether something has stood in the way to the goal for more than a single scan."""
+    """Return whether an obstacle has been in the way to the goal for more than one scan."""
     clearance_m = 0.0 if boundary.distance_m < NEAR_GOAL_M else HIT_M
     room_m = params.radius_m + clearance_m
     look_m = min(HIT_LOOK_M, boundary.distance_m) + room_m
@@ -102,10 +102,10 @@ def meets(boundary: Boundary, params: Params) -> bool:
 def free_m(
     follower: Follower, bearing_rad: float, room_m: float, params: Params, kind: bool = False
 ) -> float:
-    """How far the centre of the robot is from the nearest echo in a strip of half-width `room_m`.
+    """Return the distance from the robot's centre to the nearest echo in a strip.
 
-    `kind` takes an echo where it leaves room within its cone, else where it leaves none.
-    A sonar that is missing leaves no way.
+    The strip has the half-width `room_m`. With `kind`, an ambiguous echo is placed where it leaves
+    room within its cone, else where it leaves none. A missing measurement in the strip returns 0.
     """
     free_m = inf
     for i in EVERY:
@@ -129,7 +129,7 @@ def free_m(
 
 
 def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
-    """The obstacle in the way is followed from here on, passed on this side."""
+    """Start to follow the obstacle in the way, passing it on this side."""
     boundary.following = True
     boundary.met_ticks = 0
     followers.start(boundary.follower, pose, side, boundary.bearing_rad, params)
@@ -138,9 +138,11 @@ def follow(boundary: Boundary, pose: Pose, side: int, params: Params) -> None:
 def advance(
     boundary: Boundary, pose: Pose, side: int, near_m: float, step_m: float, params: Params
 ) -> bool:
-    """One tick along the boundary, or straight on until one is met and followed; False when there
-    is no way to the goal. A boundary met `step_m` nearer than the last, by the navigator's own
-    `near_m`, is a new one; else the lap that was begun goes on."""
+    """Run one tick along the boundary, or straight on until an obstacle is met.
+
+    Returns False if there is no way to the goal. A boundary met `step_m` nearer than the last,
+    measured by the navigator's `near_m`, is a new one; otherwise the previous lap continues.
+    """
     if boundary.following:
         return not rounded(boundary, pose)
     if not meets(boundary, params):
@@ -156,7 +158,7 @@ def advance(
 
 
 def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
-    """Count laps from here, or go on with the lap that was begun where the goal was as far."""
+    """Start counting laps from here, or continue the previous lap."""
     if anew:
         boundary.laps = 0
         boundary.left_at_nearest = False
@@ -168,7 +170,7 @@ def circle(boundary: Boundary, pose: Pose, anew: bool) -> None:
 
 
 def rounded(boundary: Boundary, pose: Pose) -> bool:
-    """Account one tick along the boundary; whether it has been circled often enough to give up."""
+    """Update the lap; return whether there were enough laps to give up."""
     marked, mark = boundary.lap.marked, boundary.lap.mark
     boundary.near_m = min(boundary.near_m, boundary.distance_m)
     if laps.closed(boundary.lap, pose):
@@ -179,8 +181,10 @@ def rounded(boundary: Boundary, pose: Pose) -> bool:
 
 
 def leave_at_nearest(boundary: Boundary) -> bool:
-    """Once round and nowhere left: whether this is the nearest point, the one place where trying
-    without being asked can show a way that the sonars did not (as Bug1 does)."""
+    """Return True once, at the nearest point of a completed lap without another way to leave.
+
+    Leaving there, as Bug1 does, can find a way that the sonars have not shown.
+    """
     if (
         not boundary.laps
         or boundary.left_at_nearest
@@ -192,22 +196,23 @@ def leave_at_nearest(boundary: Boundary) -> bool:
 
 
 def is_unreachable(boundary: Boundary) -> bool:
-    """Whether the obstacle met now is met again where even the nearest point led no nearer."""
+    """Return whether the obstacle is met again and even its nearest point led no nearer."""
     return boundary.left_at_nearest and boundary.distance_m > boundary.near_m - NEARER_M
 
 
 def leave(boundary: Boundary) -> None:
+    """Stop following."""
     boundary.following = False
     boundary.met_ticks = 0
 
 
 def under_way(boundary: Boundary) -> bool:
-    """Whether it follows a boundary, away from where it met it by now: what it sees is new."""
+    """Return whether the robot has followed the boundary away from where it was met."""
     return boundary.following and boundary.lap.at_m >= boundary.hit_at_m + SETTLE_M
 
 
 def goal_at_hand(boundary: Boundary, params: Params) -> bool:
-    """Whether the goal is near and the whole way to it is seen to be free."""
+    """Return whether the goal is near and the whole way to it is free in view."""
     if boundary.distance_m >= NEAR_GOAL_M or abs(boundary.bearing_rad) > IN_VIEW_RAD:
         return False
     free = free_m(boundary.follower, boundary.bearing_rad, params.radius_m, params)
@@ -215,7 +220,7 @@ def goal_at_hand(boundary: Boundary, params: Params) -> bool:
 
 
 def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Along the boundary while one is followed, else at the goal."""
+    """Return the decision: along the boundary while following, else at the goal."""
     follower, alpha_rad = boundary.follower, boundary.bearing_rad
     beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m
     limit_m_s = speed_limit_m_s(ring, params)
@@ -242,19 +247,19 @@ def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Par
 
 
 def is_not_finite(pose: Pose, goal: Goal) -> bool:
-    """Whether pose or goal is no place at all."""
+    """Return whether pose or goal contain NaN or infinity."""
     total = pose.x_m + pose.y_m + pose.heading_rad + goal.x_m + goal.y_m
     return total - total != 0.0
 
 
 def halt(ring: Ring, goal: Goal) -> Decision:
-    """Nowhere to go to: do not drive."""
+    """Return the decision to stop, without a direction."""
     beta_rad = rings.bearing_rad(ring)
     return Decision(states.TO_GOAL, beta_rad, ring.nearest_m, 0.0, 0.0, goal.x_m, goal.y_m, 0.0)
 
 
 def give_up(boundary: Boundary, ring: Ring, goal: Goal) -> Decision:
-    """All the way round, and no way to the goal."""
+    """Return the decision that the goal is unreachable."""
     beta_rad, alpha_rad = rings.bearing_rad(ring), boundary.bearing_rad
     return Decision(
         states.GIVE_UP, beta_rad, ring.nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, 0.0
@@ -262,8 +267,10 @@ def give_up(boundary: Boundary, ring: Ring, goal: Goal) -> Decision:
 
 
 def speed_limit_m_s(ring: Ring, params: Params) -> float:
-    """No echo is closed in on faster than in TIME_S to STOP_M; blind ahead, or beside a wall, it
-    creeps."""
+    """Return the speed limit: at least TIME_S to STOP_M from any echo.
+
+    Without a measurement ahead, and beside a wall, the robot creeps.
+    """
     limit_m_s = params.v_max_m_s
     for i in EVERY:
         range_m = ring.range_m[i]

@@ -1,6 +1,6 @@
-"""DistBug (Kamon and Rivlin 1997): along the boundary until the free way leads nearer than ever.
+"""DistBug (Kamon and Rivlin 1997): follow the boundary until a free way leads nearer than ever.
 
-What the sonars see free towards the goal is believed, less what the robot needs to stop and turn.
+The free distance is what the sonars measure towards the goal, minus the distance to stop and turn.
 """
 
 from robot.core import states
@@ -12,13 +12,13 @@ from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 STEP_M: Final = 0.05
-SURE_TICKS: Final = 3  # in a quick turn a range belongs to where the sonar looked before
+SURE_TICKS: Final = 3  # during a quick turn a range is of an earlier bearing
 STRIP_M: Final = 0.04
-SHORT_M: Final = 0.25  # this much before an echo the obstacle would be met
+SHORT_M: Final = 0.25  # the obstacle may begin this much before its echo
 
 
 class Memory:
-    """`open_ticks` is for how long the way to the goal has looked good enough to leave."""
+    """`open_ticks` counts the ticks for which the way to the goal has been good enough to leave."""
 
     __slots__ = ("boundary", "open_ticks", "side")
 
@@ -29,7 +29,7 @@ class Memory:
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now: at the goal, or along the boundary."""
+    """Return where to drive: at the goal, or along the boundary."""
     boundary = memory.boundary
     if boundaries.is_not_finite(pose, goal):
         return boundaries.halt(ring, goal)
@@ -44,7 +44,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def leaves(memory: Memory, params: Params) -> bool:
-    """Whether the next obstacle towards the goal would be met nearer than the goal ever was."""
+    """Return whether leaving leads nearer to the goal than the robot has ever been."""
     boundary = memory.boundary
     memory.open_ticks = memory.open_ticks + 1 if leads_nearer(boundary, params) else 0
     if memory.open_ticks >= SURE_TICKS:
@@ -53,7 +53,7 @@ def leaves(memory: Memory, params: Params) -> bool:
 
 
 def leads_nearer(boundary: Boundary, params: Params) -> bool:
-    """Whether what is seen free, less what is needed to stop and turn, leads nearer than ever."""
+    """Return whether the free distance, less that to stop and turn, leads nearer than ever."""
     if abs(boundary.bearing_rad) > boundaries.IN_VIEW_RAD:
         return False
     room_m = params.radius_m + STRIP_M

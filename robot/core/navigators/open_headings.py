@@ -1,8 +1,8 @@
-"""Which headings are open: every near point closes a sector, and a sweep finds the next free one.
+"""Sectors of closed headings around near points, in which a sweep finds the next open heading.
 
-The disc of the robot, grown by a margin, must be able to move a look-ahead along a heading without
-meeting a remembered point. So a point closes the sector of headings around its bearing for which
-it does not. Sectors are integers (brads, 4096 to the circle; millimetres), not bins.
+The disc of the robot, enlarged by a margin, must be able to move a look-ahead distance along a
+heading without meeting a stored point. So each point closes a sector of headings around its
+bearing. Sectors are pairs of integers (brads, 4096 to the circle; millimetres), not bins.
 """
 
 from math import acos, asin, atan2, cos, sin, sqrt
@@ -23,25 +23,25 @@ from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 NEAR: Final = 24
-"""At most this many sectors at a time."""
+"""Maximum number of sectors."""
 SLICES: Final = 3
 FEW: Final = NEAR // SLICES
-"""So many of them are compared when one must make room."""
+"""Number of sectors that are compared when one must be replaced."""
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
 SQUEEZE_MM: Final = -10
 FREE_MM: Final = 1000
 WARY_MM: Final = 60
-"""What only one echo has told of slows the robot down as if it were no nearer than this."""
+"""A point with a single echo limits the speed as if it were at least this far away."""
 DOUBT: Final = 8  # quarters of the spread
-WALK_WIDE_MM: Final = 100  # of room for who walks, by which he may be elsewhere than believed
+WALK_WIDE_MM: Final = 100  # margin for the uncertain position of a pedestrian
 WALK_TIGHT_MM: Final = 50
 PERSON_MM: Final = int(1000.0 * PERSON_M)
 MEET_M: Final = 1.2
 SPEED_MM_S: Final = 300
 CLOSES_MM: Final = LOOK_MM + WIDE_MM
-"""So much beyond the body of the robot a point closes nothing."""
+"""A point farther than this from the robot's rim closes no heading."""
 LOOK_MM2: Final = LOOK_MM * LOOK_MM
 UNKNOWN: Final = CIRCLE  # no bearing
 TABLE: Final = 256
@@ -50,12 +50,12 @@ ACOS: Final = tuple([int(BRADS * acos(k / TABLE)) + 1 for k in range(TABLE + 1)]
 
 
 class Sectors:
-    """Bearings of what is near, in the odometry frame, and half the sector that it closes: with a
-    wide margin, with a tight one and, once worked out, with none.
+    """Bearings of near points in the odometry frame, and half of the sector that each closes.
 
-    `point` is its index among the echoes, NOTHING for somebody who walks. `free_mm` is how far the
-    robot could drive on along its heading. A sweep leaves `closing`, the sector that closes the
-    heading just before the one it found; `low` and `rest` are its own.
+    `wide`, `tight` and `squeezed` are half sectors with a wide margin, a tight one, and none.
+    `point` is the index among the echoes, NOTHING for a pedestrian. `free_mm` is the free distance
+    along the robot's heading. A sweep sets `closing` to the sector just before the heading it
+    found; `low` and `rest` are its working memory.
     """
 
     __slots__ = (
@@ -98,7 +98,7 @@ def measure(
     ease_mm: int,
     radius_mm: int,
 ) -> None:
-    """Collect what is near enough to close anything; `ease_mm` is taken off every margin."""
+    """Collect the points that can close headings; `ease_mm` is subtracted from all margins."""
     sectors.count = 0
     sectors.free_mm = FREE_MM
     heading = int(BRADS * pose.heading_rad)
@@ -120,7 +120,7 @@ def gather(
     ease_mm: int,
     radius_mm: int,
 ) -> None:
-    """The points within reach: weaken those an echo passes through, and see what lies ahead."""
+    """Collect points within reach, weaken contradicted ones, and update the free distance."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
@@ -171,7 +171,7 @@ def gather(
 
 
 def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure: bool) -> None:
-    """How far the robot can drive until its disc meets this point."""
+    """Update the free distance with the distance at which the robot's disc meets a point."""
     free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
     if not sure and free_mm < WARY_MM:
         free_mm = WARY_MM
@@ -180,14 +180,14 @@ def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure
 
 
 def push_out(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, radius_mm: int) -> None:
-    """Where the robot stands there is no obstacle: the echo came from beyond its rim."""
+    """Move a point out of the robot's disc: its echo came from beyond the rim."""
     if away_mm > 0:
         echoes.x_mm[k] = x_mm + (echoes.x_mm[k] - x_mm) * radius_mm // away_mm
         echoes.y_mm[k] = y_mm + (echoes.y_mm[k] - y_mm) * radius_mm // away_mm
 
 
 def shape(sectors: Sectors) -> None:
-    """What `gather` has put there are places of points and their distances squared."""
+    """Convert the offsets and squared distances left by `gather` to bearings and distances."""
     bearing, away_mm, wide, tight = sectors.bearing, sectors.away_mm, sectors.wide, sectors.tight
     for n in range(sectors.count):
         away_mm[n] = int(sqrt(away_mm[n]))
@@ -196,7 +196,7 @@ def shape(sectors: Sectors) -> None:
 
 
 def give_way(sectors: Sectors, pedestrians: Pedestrians, radius_mm: int) -> None:
-    """Who walks closes the headings along which the robot would meet him."""
+    """Close the headings along which the robot would meet a pedestrian."""
     for k in EACH:
         if pedestrians.sure[k] and pedestrians.range_m[k] < MEET_M:
             n = sectors.count
@@ -227,9 +227,12 @@ def meet(
     across: int,
     halves: "list[int]",
 ) -> None:
-    """The sector of headings along which the robot, at its full speed, meets who walks on as he
-    does: those that make its motion, seen by him, point at his body (`sine` of half of what that
-    covers, in 256ths; his speeds along and across the line of sight in mm/s)."""
+    """Compute the sector of headings on which the robot, at full speed, meets a pedestrian.
+
+    On these headings the robot's motion relative to the pedestrian points at its body. `sine` is
+    that of half the angle the body covers, in 256ths. `nears` and `across` are the pedestrian's
+    speeds along and across the line of sight in mm/s.
+    """
     sine = min(sine, TABLE)
     half, cosine = ASIN[sine], int(sqrt(TABLE * TABLE - sine * sine))
     left = half + arcsine((nears * sine + across * cosine) // SPEED_MM_S)
@@ -239,12 +242,12 @@ def meet(
 
 
 def arcsine(sine: int) -> int:
-    """In brads, of 256ths."""
+    """Return the arcsine in brads of a value in 256ths."""
     return -ASIN[min(-sine, TABLE)] if sine < 0 else ASIN[min(sine, TABLE)]
 
 
 def farthest(away: "list[int]", first: int) -> int:
-    """Of a few sectors, beginning with this one; all of them would take too long."""
+    """Return the farthest of a few sectors from `first` on; comparing all would take too long."""
     n, most = first, away[first]
     for k in range(first + 1, first + FEW):
         here = away[k]
@@ -254,8 +257,7 @@ def farthest(away: "list[int]", first: int) -> int:
 
 
 def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
-    """Half of each sector: the headings along which a disc, so much larger than the robot's, meets
-    the point within the look."""
+    """Compute half sectors: headings on which the disc with a margin meets the point in reach."""
     away, body, look_mm, look_mm2 = sectors.away_mm, sectors.body_mm, LOOK_MM, LOOK_MM2
     asins, acoses = ASIN, ACOS
     for k in range(sectors.count):
@@ -273,7 +275,7 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
 
 
 def squeeze(sectors: Sectors) -> None:
-    """Work out the sectors without any margin; who walks keeps his."""
+    """Compute the sectors without a margin; pedestrians keep the tight one."""
     close(sectors, sectors.squeezed, SQUEEZE_MM)
     if NOTHING in sectors.point:
         for k in range(sectors.count):

@@ -1,4 +1,4 @@
-"""The navigators by their numbers; all have one shape, so more of them change nothing elsewhere."""
+"""The table of navigators by number; all have the same interface."""
 
 from robot.core import states
 from robot.core.navigators import bug, bug1, bug2, distbug, vgm, vgm_memory
@@ -10,23 +10,25 @@ from robot.core.values import Decision, Goal, Pose
 
 
 class Step(Protocol):
-    """Where to drive now: a virtual goal, and what was seen and chosen."""
+    """A navigator's step, which returns where to drive: a virtual goal with its reasons."""
 
     def __call__(
         self, __memory: Any, pose: Pose, ring: Ring, goal: Goal, params: Params
-    ) -> Decision: ...
+    ) -> Decision:
+        """Decide for one tick."""
 
 
 class Factory(Protocol):
-    """An empty memory of the kind that the navigator's step is given; it has a `side`."""
+    """Creates an empty memory for a navigator's step; the memory has a `side`."""
 
-    def __call__(self) -> Any: ...
+    def __call__(self) -> Any:
+        """Return an empty memory."""
 
 
 Navigator = NamedTuple(
     "Navigator", [("memory", "Factory"), ("step", "Step"), ("judges_progress", bool)]
 )
-"""`judges_progress`: it knows by itself when the goal cannot be reached, and says GIVE_UP."""
+"""`judges_progress`: the navigator detects an unreachable goal itself and returns GIVE_UP."""
 
 NAVIGATORS: "Final[dict[int, Navigator]]" = {
     states.BUG: Navigator(memories.Memory, bug.step, False),
@@ -39,7 +41,7 @@ NAVIGATORS: "Final[dict[int, Navigator]]" = {
 
 
 def new_memory(number: int, side: int) -> Any:
-    """An empty memory for this navigator: a new goal is a new problem."""
+    """Return an empty memory for a navigator, as for each new goal."""
     memory = NAVIGATORS[number].memory()
     memory.side = side
     return memory

@@ -1,11 +1,11 @@
-"""Sweeps over closed sectors: the smallest turn to an open heading, and what lies beyond it."""
+"""Sweeps over closed sectors: find the smallest turn to an open heading, and the room beyond."""
 
 from robot.core.navigators.open_headings import FREE_MM, Sectors
 from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE, NOTHING
 
 
 def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
-    """The nearest sector that closes this heading, or NOTHING; `halves`: `wide` or `tight`."""
+    """Return the nearest sector that closes this heading, or NOTHING."""
     bearing, away_mm = sectors.bearing, sectors.away_mm
     nearest, least_mm = NOTHING, FREE_MM
     across, circle, half_circle = HALF_CIRCLE - heading, CIRCLE, HALF_CIRCLE
@@ -17,7 +17,7 @@ def closer(sectors: Sectors, heading: int, halves: "list[int]") -> int:
 
 
 def aim(sectors: Sectors, start: int, side: int) -> None:
-    """Before sweeps from `start` towards `side`: how far to turn to the middle of each sector."""
+    """Compute the turn from `start` towards `side` to the middle of each sector."""
     bearing, offset = sectors.bearing, sectors.offset
     across, circle = -side * start, CIRCLE
     for k in range(sectors.count):
@@ -25,16 +25,16 @@ def aim(sectors: Sectors, start: int, side: int) -> None:
 
 
 def sweep(sectors: Sectors, start: int, side: int, halves: "list[int]") -> int:
-    """How far to turn from `start` towards `side` until a heading is open; CIRCLE if none is."""
+    """Return the turn from `start` towards `side` to an open heading; CIRCLE if there is none."""
     aim(sectors, start, side)
     return open_from(sectors, halves, 0, CIRCLE)
 
 
 def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> int:
-    """How far to turn, from `turn` on, until a heading is open; CIRCLE if none is before `most`.
+    """Return the turn, from `turn` on, to an open heading; CIRCLE if there is none before `most`.
 
-    First everything is put in the order it is in, once about the circle; what covers a heading is
-    done with, the others are looked at again until none of them covers the next.
+    The first pass handles the sectors in their order, once around the circle. Sectors that cover
+    the heading are done; the others are checked again until none covers the next heading.
     """
     offset, low, rest = sectors.offset, sectors.low, sectors.rest
     count, closing = 0, NOTHING
@@ -70,7 +70,7 @@ def open_from(sectors: Sectors, halves: "list[int]", turn: int, most: int) -> in
 
 
 def room(sectors: Sectors, turn: int, halves: "list[int]") -> int:
-    """How much farther headings stay open beyond the one that the last sweep ended with."""
+    """Return how far headings stay open beyond the one found by the last sweep."""
     offset, least, circle = sectors.offset, HALF_CIRCLE, CIRCLE
     for k in range(sectors.count):
         half = halves[k]

@@ -1,8 +1,9 @@
-"""The Virtual Goal Method of the paper (section 5) with its signs put right; it remembers nothing.
+"""The Virtual Goal Method of the paper (section 5) with corrected signs, without a memory.
 
 Paper to code: beta is `nearest_bearing_rad` (here positive to the left), alpha `goal_bearing_rad`,
-gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is turned
-about the robot, not about the origin, until the way to it is tangent to the nearest obstacle.
+gamma `rotation_rad`, X_d the goal, X_v the virtual goal, d_obs `params.d_obs_m`. The goal is
+rotated about the robot, not about the origin, until the way to it is tangent to the nearest
+obstacle.
 """
 
 from math import atan2, cos, inf, pi, sin
@@ -17,7 +18,7 @@ from robot.core.values import Decision, Goal, Pose
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now: at the goal, or past the nearest echo in the avoidance zone."""
+    """Return where to drive: at the goal, or past the nearest echo in the avoidance zone."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     alpha_rad = wrap(atan2(dy_m, dx_m) - pose.heading_rad)
     beta_rad, nearest_m = rings.bearing_rad(ring), ring.nearest_m

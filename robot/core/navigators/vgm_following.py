@@ -1,7 +1,7 @@
-"""Following an obstacle on a latched side, by the echoes remembered of it.
+"""Follow an obstacle on a latched side, by its stored echoes.
 
-A way that closes upon itself keeps robot and goal apart, or went round an island; one that only
-leads away is tried on the other side.
+A closed loop either separates robot and goal, or encircles an island. If the way only leads away
+from the goal, the other side is tried.
 """
 
 from math import atan2, inf
@@ -27,31 +27,32 @@ from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 STEP_M: Final = 0.10
-"""Following ends only where the way to go gets shorter than ever by this much."""
-SOFT: Final = 455  # brads, 40 degrees: so far aside for the sake of a wide margin
-SHARP: Final = 796  # 70 degrees: on so sharp a turn the followed point is kept
-WIDE_TURN: Final = 400  # 35 degrees: before turning by more, gaps are tried without a margin
-HELD_MM: Final = 120  # so near to the followed point an echo must be remembered
-LOST_MM: Final = 600  # farther away than this nothing is followed in its place
-EASE_MM: Final = 20  # taken off all margins once a way has closed upon itself
-AGAIN_CM: Final = 30  # hit again so near to where it was left, the same side goes on
-PATIENCE_CM: Final = 150  # of way on a side that leads away; twice as much after each island
-AWAY: Final = 1.15  # leading away: so many times as far as at the hit, and AWAY_M
+"""Following ends only where the remaining distance becomes shorter than ever by this much."""
+SOFT: Final = 455  # brads, 40 degrees: largest detour for a wide margin
+SHARP: Final = 796  # 70 degrees: on a sharper turn the followed point is kept
+WIDE_TURN: Final = 400  # 35 degrees: before a larger turn, gaps without a margin are tried
+HELD_MM: Final = 120  # an echo must be stored this near to the followed point
+LOST_MM: Final = 600  # no echo farther away replaces the followed point
+EASE_MM: Final = 20  # subtracted from all margins after a closed loop
+AGAIN_CM: Final = 30  # a new hit this near to the last leave keeps the side
+PATIENCE_CM: Final = 150  # distance on a side that leads away; doubles per island
+AWAY: Final = 1.15  # leads away: beyond this factor of the hit's distance, plus AWAY_M
 AWAY_M: Final = 0.2
-ISLANDS: Final = 10  # after more of them it gives up
-SHUT: Final = 20  # choices without an open heading, until none of the echoes is believed
-ABOUT: Final = 1365  # 120 degrees: who turns by more has turned about
-LONG_CM: Final = 1200  # of a loop that takes one proof more when doubtful
+ISLANDS: Final = 10  # gives up after more islands
+SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
+ABOUT: Final = 1365  # 120 degrees: a larger turn is a reversal
+LONG_CM: Final = 1200  # a longer doubtful loop needs one more proof
 
 
 class Memory:
-    """`side` is where the followed obstacle is passed, `anchor` the place of the echo followed.
+    """State of the navigator; `side` is where the followed obstacle is passed.
 
-    `best_m` is the least distance to the goal so far, `left_m` that when it last left an obstacle,
-    `hit_m` when it met this one; `broken` counts leaves that did not pay. `aside` is the side of
-    the last small detour and `aside_ticks` for how many choices it stays that. `heading` is what
-    was chosen last and `rotation` how far aside of the goal that was; for `stood` choices the robot
-    has stood at one place. `turn` says whose it is, `before` is the pose one tick ago.
+    `anchor` is the place of the followed echo. `best_m` is the shortest distance to the goal so
+    far, `left_m` that at the last leave, `hit_m` the distance at the last hit. `failed_leaves`
+    counts leaves without progress. `aside` is the side of the last small detour, kept for
+    `aside_ticks` choices. `heading` is the last choice, `rotation` its angle from the goal's
+    direction. `still` counts the choices at one place. `phase` selects the work of a tick; `before`
+    is the pose one tick ago.
     """
 
     __slots__ = (
@@ -109,7 +110,7 @@ class Memory:
 
 
 def begin(memory: Memory) -> None:
-    """For a goal of its own; what the echoes told stays true."""
+    """Reset for a new goal; the echoes stay valid."""
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.doubtful = memory.reversed = False
     memory.proofs = memory.rotation = 0
@@ -119,7 +120,7 @@ def begin(memory: Memory) -> None:
 
 
 def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
-    """Latch the side of the smaller rotation, but not the one tried at this place before."""
+    """Latch the side of the smaller rotation, unless it was tried at this place before."""
     sectors = memory.sectors
     memory.following = True
     memory.shut = 0
@@ -153,7 +154,7 @@ def hold(memory: Memory, sector: int) -> None:
 
 
 def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
-    """Along the obstacle: the first open heading from the followed point, on the latched side."""
+    """Take the first open heading from the followed point on, on the latched side."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     if not is_held(memory) and not regain(memory, x_mm, y_mm):
         memory.following = False
@@ -170,7 +171,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
     if not -ABOUT < off < ABOUT:
         memory.doubtful = True
     if -SHARP < off < SHARP:
-        # Before that the same point is kept: on the turn the sonars may still see a way past it.
+        # On a sharp turn the point is kept: the sonars may still see a way past it.
         hold(memory, memory.sectors.closing)
     if loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading):
         close_loop(memory)
@@ -182,8 +183,11 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
 
 
 def open_turn(memory: Memory, start: int, heading: int) -> int:
-    """How far to turn from the followed point: with a wide margin where that costs little, else in
-    the middle of what is open, and through a gap without a margin before turning back."""
+    """Return the turn from the followed point to an open heading.
+
+    A wide margin is used where the detour is small, else the middle of the gap. Before turning
+    back, a gap without a margin is tried.
+    """
     sectors, side = memory.sectors, memory.side
     halves = sectors.tight
     turn = sweeps.sweep(sectors, start, side, halves)
@@ -208,7 +212,7 @@ def open_turn(memory: Memory, start: int, heading: int) -> int:
 
 
 def shut_in(memory: Memory, heading: int) -> None:
-    """Every heading is closed: look round on the spot, and in the end believe none of it."""
+    """Turn on the spot if every heading is closed; in the end drop all echoes."""
     memory.shut += 1
     memory.heading = heading + memory.side * QUARTER
     if memory.shut > SHUT:
@@ -218,8 +222,10 @@ def shut_in(memory: Memory, heading: int) -> None:
 
 
 def is_astray(memory: Memory, distance_m: float) -> bool:
-    """Whether it has gone on for long on this side, and only away from the goal: then the other
-    side is tried, once for each obstacle."""
+    """Return whether a long way on this side has only led away from the goal.
+
+    The other side is then tried, once for each obstacle.
+    """
     return (
         not memory.reversed
         and loops.walked_cm(memory.loops) >= PATIENCE_CM << memory.islands
@@ -228,9 +234,12 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
 
 
 def close_loop(memory: Memory) -> None:
-    """The way has closed upon itself. Where the loop does not keep robot and goal apart it was an
-    island: go for the goal again. Where it does, that proves that no way leads there, unless the
-    robot turned about on it, as in a dead end: then again, the other way round."""
+    """Handle a closed loop.
+
+    If the loop does not separate robot and goal it was an island: head for the goal again. If it
+    does, it proves that there is no way, unless the robot reversed on it, as in a dead end. Then
+    the other direction is tried.
+    """
     way = memory.loops
     doubtful, needed = memory.doubtful, 2
     if doubtful and loops.walked_cm(way) > LONG_CM:
@@ -254,7 +263,7 @@ def close_loop(memory: Memory) -> None:
 
 
 def is_held(memory: Memory) -> bool:
-    """Whether an echo is still remembered where the followed one was."""
+    """Return whether an echo is still stored near the followed point."""
     low_x, high_x = memory.anchor_x_mm - HELD_MM, memory.anchor_x_mm + HELD_MM
     low_y, high_y = memory.anchor_y_mm - HELD_MM, memory.anchor_y_mm + HELD_MM
     echoes = memory.echoes
@@ -266,7 +275,7 @@ def is_held(memory: Memory) -> bool:
 
 
 def regain(memory: Memory, x_mm: int, y_mm: int) -> bool:
-    """Follow the nearest remembered echo instead."""
+    """Follow the nearest stored echo instead; return False if there is none."""
     echoes = memory.echoes
     best, least = NOTHING, LOST_MM * LOST_MM
     for k in range(echoes.count):

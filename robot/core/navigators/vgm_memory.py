@@ -1,11 +1,11 @@
-"""The Virtual Goal Method with a memory: the goal is turned by the smallest rotation that is open.
+"""The Virtual Goal Method with a memory: rotate the goal by the smallest open angle.
 
-What the paper's method lacks is here: the echoes of the last metre are remembered, the side is
-latched while an obstacle is followed, following ends only with progress, and ways that close upon
-themselves between robot and goal prove in the end that nothing leads there.
+It extends the paper's method. The echoes of the last metre are stored, the side is latched while an
+obstacle is followed, and following ends only with progress. Closed loops between robot and goal
+prove in the end that the goal is unreachable.
 
-It takes turns: at one tick it hears what the sonars say, at the next it looks which headings are
-open, at the third it chooses one. All at once would take more than half the period of the LPC1768.
+The work is spread over three ticks: record echoes, measure open headings, choose one. All at once
+would take more than half of the period on the LPC1768.
 """
 
 from math import atan2, cos, sin, sqrt
@@ -28,22 +28,22 @@ from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]
 
-PHASES: Final = 3  # ticks: it hears, it looks, it chooses
+PHASES: Final = 3  # ticks: record, measure, choose
 RECORD: Final = 1
 MEASURE: Final = 2
-NEAR_GOAL_M: Final = 0.6  # so near, a free straight way is taken without a margin
-SAME_SIDE: Final = 228  # 20 degrees: so much smaller must a rotation be to change the side
-MAX_FAILED_LEAVES: Final = 2  # broken by the sonars, until what they promise does not count
+NEAR_GOAL_M: Final = 0.6  # nearer, a free straight way is taken without a margin
+SAME_SIDE: Final = 228  # 20 degrees: a rotation on the other side must be smaller by this
+MAX_FAILED_LEAVES: Final = 2  # then free ranges no longer count for leaving
 LATCH: Final = 7  # choices for which the side of a small detour is kept
 MAX_STILL: Final = 20  # choices, three seconds, within STILL_MM of one place
 STILL_MM: Final = 20
-BLOCK_MM: Final = 20  # beyond the rim the block_heading is remembered
-BLOCK_WEIGHT: Final = 40  # looks through it that it outlasts, six seconds
-FARTHEST: Final = 1e5  # metres or radians: beyond them, millimetres and brads are no numbers
+BLOCK_MM: Final = 20  # distance of the stored point from the rim
+BLOCK_WEIGHT: Final = 40  # looks through the point until it is dropped, six seconds
+FARTHEST: Final = 1e5  # metres or radians: larger values overflow millimetres or brads
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Where to drive now, and how fast at most; GIVE_UP when no way leads to the goal."""
+    """Return where to drive and the speed limit; GIVE_UP if no way leads to the goal."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     if not is_somewhere(pose, distance_m):
@@ -80,7 +80,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:
-    """Whether these are numbers that a robot's place can have; NaN and infinity are not."""
+    """Return whether the numbers are a possible pose; NaN and infinity are not."""
     return (
         distance_m < FARTHEST
         and -FARTHEST < pose.x_m < FARTHEST
@@ -90,14 +90,14 @@ def is_somewhere(pose: Pose, distance_m: float) -> bool:
 
 
 def forget(memory: Memory) -> None:
-    """What was followed was no obstacle, and its echoes tell of none."""
+    """Stop following and drop all echoes: the followed object was a pedestrian."""
     memory.following = False
     echo_memory.clear(memory.echoes)
     memory.sectors.count = 0
 
 
 def is_stationary(memory: Memory, x_mm: int, y_mm: int) -> bool:
-    """Whether the robot has got nowhere for so many choices."""
+    """Return whether the robot has not moved for MAX_STILL choices."""
     dx_mm, dy_mm = x_mm - memory.still_x_mm, y_mm - memory.still_y_mm
     if (
         memory.flank_walker.ticks
@@ -110,7 +110,7 @@ def is_stationary(memory: Memory, x_mm: int, y_mm: int) -> bool:
 
 
 def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
-    """The heading looks open and the guard lets nothing through: remember something there."""
+    """Store a point ahead: the heading looks open, but the guard stops the robot."""
     memory.still = 0
     away_mm = radius_mm + BLOCK_MM
     x_mm = int(1000.0 * pose.x_m + away_mm * cos(memory.heading / BRADS))
@@ -119,7 +119,7 @@ def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
 
 
 def give_way(memory: Memory) -> None:
-    """Away from who walks alongside, where that is open, and wait until he has gone ahead."""
+    """Turn away from a pedestrian at the flank where that is open, and let it pass ahead."""
     sectors, flank_walker = memory.sectors, memory.flank_walker
     flank_walker.ticks = max(flank_walker.ticks - PHASES, 0)
     left = sweeps.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
@@ -131,7 +131,7 @@ def give_way(memory: Memory) -> None:
 def choose(
     memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> None:
-    """Go on following or leave; go straight, a little aside, or begin to follow."""
+    """Choose: keep following or leave; drive straight, make a detour, or start to follow."""
     x_cm, y_cm = int(100.0 * pose.x_m), int(100.0 * pose.y_m)
     if memory.following:
         if leaves(memory, pose, ring, to_goal, distance_m, params):
@@ -143,7 +143,7 @@ def choose(
 
 
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
-    """Whether something stands in the way to the goal; what is only near it is passed aside."""
+    """Return whether an obstacle is in the way to the goal; pass one beside it by a detour."""
     sectors = memory.sectors
     if sweeps.closer(sectors, to_goal, sectors.wide) == NOTHING:
         return False
@@ -157,7 +157,7 @@ def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: 
 
 
 def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
-    """The smallest rotation with a wide margin, if it is small; the side is kept for a while."""
+    """Take the smallest rotation with a wide margin, if it is small; keep its side for a while."""
     sectors = memory.sectors
     left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.wide)
     right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.wide)
@@ -176,8 +176,10 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
 def leaves(
     memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> bool:
-    """Whether the way to the goal is open and leads nearer to it than ever (DistBug's rule). What
-    the sonars promise counts only while such promises are kept."""
+    """Return whether the way to the goal is open and leads nearer than ever (DistBug's rule).
+
+    The free ranges count only until too many leaves have failed.
+    """
     if distance_m < NEAR_GOAL_M and is_clear(memory, pose, to_goal, distance_m, params):
         return True
     sectors = memory.sectors
@@ -191,13 +193,14 @@ def leaves(
 
 
 def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
+    """Stop following; note the place and the distance."""
     memory.following = False
     memory.left_m = memory.best_m
     memory.left_x_cm, memory.left_y_cm = x_cm, y_cm
 
 
 def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
-    """Whether no remembered echo touches the straight way to a near goal, without any margin."""
+    """Return whether no stored echo touches the straight way to a near goal, without a margin."""
     echoes = memory.echoes
     along_x, along_y = int(1024.0 * cos(to_goal / BRADS)), int(1024.0 * sin(to_goal / BRADS))
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -224,7 +227,7 @@ def decision(
     dy_m: float,
     params: Params,
 ) -> Decision:
-    """The virtual goal at the chosen heading, away from a flank that is too near, and the speed."""
+    """Return the decision: virtual goal at the chosen heading, flank bias, and speed limit."""
     alpha_rad = wrap(goal_rad - pose.heading_rad)
     rotation = memory.rotation
     gamma_rad = 0.0 if rotation == 0 else wrap(rotation / BRADS)

@@ -1,1 +1,1 @@
-"""From raw sensor values to what the navigators use."""
+"""Perception: from raw sensor values to pose, ranges, tracks and monitors."""

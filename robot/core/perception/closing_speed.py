@@ -1,9 +1,9 @@
-"""Who walks: what comes nearer, or goes away, otherwise than by the robot's own motion.
+"""Detect pedestrians: echoes whose range changes otherwise than by the robot's own motion.
 
-What stands still, post or wall, comes nearer exactly as fast as the robot drives at its nearest
-point. So the cones nearer than both their neighbours are followed, each by the straight line
-through its last scans, and what nears by another rate walks. It is believed to go on walking so,
-seen or not: most who would walk into the robot do so where it has no eyes.
+The range to a static obstacle shrinks at the robot's own speed towards its nearest point. So the
+echoes nearer than both neighbours are tracked, each by a line of best fit through its last scans.
+An echo that closes at another rate is treated as a pedestrian. A pedestrian is assumed to keep
+walking, seen or not, because most collisions happen outside the sonars' view.
 """
 
 from math import cos, sqrt
@@ -26,45 +26,45 @@ from robot.core.values import EVERY, SONARS
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))
 FAR_M: Final = 1.1
-GATE_M: Final = 0.03  # farther from where it should be, or GATE_RAD aside, it is another echo
+GATE_M: Final = 0.03  # farther from the prediction, or GATE_RAD aside: another echo
 GATE_SHARE: Final = 0.04
 GATE_RAD: Final = 0.5
-LEAN_M: Final = 0.10  # so much farther in the cone beside says no more than nothing there
+LEAN_M: Final = 0.10  # a neighbour farther by this counts as without an echo
 NOISE_M: Final = 0.003
 NOISE_SHARE: Final = 0.01
-SURE: Final = 8  # scans in which a track was seen, until its rate counts
-MOST: Final = 24  # scans that a straight line goes through
-LEAST_M_S: Final = 0.025  # slower than this, and than noise can be, is standing
+SURE: Final = 8  # scans of a track until its rate counts
+MOST: Final = 24  # scans in the line of best fit
+LEAST_M_S: Final = 0.025  # slower echoes, or within the noise, are static
 SIGMAS: Final = 2.5
-FASTEST_M_S: Final = 0.28  # what seems faster is another echo
-AGREE: Final = 3  # scans in a row that must say so
-BELIEF: Final = 40  # scans for which it is believed after the last that did
-ACROSS_M_S: Final = 0.13  # of who crosses; slower, the bearing of what stands may seem to go
-CURVED: Final = 0.11  # both neighbours see a person so much farther, by the share of its distance
-ROUND_M: Final = 0.35  # of what is as round as a person or rounder
-CROWD: Final = 3  # among more near echoes at a time who seems to cross may be many who stand
+FASTEST_M_S: Final = 0.28  # a faster echo is another one
+AGREE: Final = 3  # scans in a row that must agree
+BELIEF: Final = 40  # scans for which it is believed after the last agreement
+ACROSS_M_S: Final = 0.13  # for crossing; static bearings may seem to move more slowly
+CURVED: Final = 0.11  # share of its distance by which neighbours see a person farther
+ROUND_M: Final = 0.35  # radius of curvature up to that of a person
+CROWD: Final = 3  # with more near echoes, apparent crossing may be several static ones
 CAPPED_M_S: Final = 0.3
 TURNING_RAD_S: Final = 0.15
-CLAMPED_M: Final = 0.03  # nearer than a sonar can measure everything seems to stand
-FORGET: Final = 0.95  # a scan, of how fast the robot drove
-FLANK_M: Final = 0.06  # what walks comes 3 cm nearer while the wheels stop
+CLAMPED_M: Final = 0.03  # nearer than a sonar can measure every echo seems static
+FORGET: Final = 0.95  # decay per scan of the recent speed
+FLANK_M: Final = 0.06  # a pedestrian comes 3 cm nearer while the wheels stop
 FLANKS: Final = (0, 1, 6, 7)
-WAIT_M: Final = 0.25  # to who walks towards the way the robot keeps that, and so long to it
+WAIT_M: Final = 0.25  # distance and time kept to a pedestrian approaching the way
 WAIT_S: Final = 2.0
 
 UNSURE: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) - cos(b) for b in BEARINGS])
-"""How much of the robot's speed an echo in this cone may see beyond what its middle sees."""
+"""Share of the robot's speed by which an echo in this cone may differ from one in its middle."""
 GAIN: Final = tuple([1.0, 1.0] + [2.0 * (2 * n - 1) / (n * (n + 1)) for n in range(2, MOST + 1)])
 RATE_GAIN: Final = tuple([0.0, 0.0] + [6.0 / (n * (n + 1)) for n in range(2, MOST + 1)])
-"""Share of a surprise, with n scans, that goes to end and slope of a line of best fit."""
+"""Shares of an innovation after n scans that correct end and slope of a line of best fit."""
 DOUBT: Final = tuple(
     [SIGMAS * sqrt(12.0 / (n or 1)) / (DEFAULTS.period_s * (n or 1)) for n in range(MOST + 1)]
 )
-"""How far that slope may be off per metre of noise, in 1/s."""
+"""Uncertainty of that slope per metre of noise, in 1/s."""
 
 
 def watch(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
-    """Follow the echoes by one scan more, and tell the ring how fast each one walks."""
+    """Update the tracks by one scan, and set the approach speeds of the ring."""
     if pedestrians.reported:
         pedestrians.reported = False
         for i in EVERY:
@@ -91,8 +91,10 @@ def watch(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Para
 
 
 def follow(w: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
-    """Find the cones nearer than both their neighbours, and how far in each of them leans; no more
-    of them than there are tracks, from the right and from the left by turns."""
+    """Find the cones nearer than both neighbours, and the position of the echo in each.
+
+    At most TRACKS of them, alternately from the right and from the left.
+    """
     range_m, last = ring.range_m, SONARS - 1
     near = foremost = 0
     w.leftwards = not w.leftwards
@@ -134,8 +136,11 @@ def see(
     odometry: Odometry,
     params: Params,
 ) -> None:
-    """Take the echo of one cone: how much farther both neighbours see says where in it that is,
-    whatever it is. The even sonars were pinged half a period ago."""
+    """Take the echo of one cone.
+
+    The ranges of both neighbours give its bearing within the cone, whatever its shape. The even
+    sonars were pinged half a period ago.
+    """
     here_m = ring.range_m[i] or 0.0
     lean_rad = HALF_CONE * (right - left) / (right + left)
     off_rad = BEARINGS[i] + lean_rad
@@ -152,7 +157,7 @@ def see(
     if (i == 0 or i == SONARS - 1) and w.sure[k] == 0:
         yaw_rate_rad_s = odometry.yaw_rate_rad_s
         if not -TURNING_RAD_S <= yaw_rate_rad_s <= TURNING_RAD_S:
-            # The edge of the view sweeps over what stands beside the robot.
+            # The edge of the view sweeps over static obstacles beside the robot.
             w.seen[k], w.agreed[k] = 2, 0
             learn(w, k, late_m, off_rad, False, params)
             return
@@ -165,7 +170,7 @@ def see(
 
 
 def find(w: Pedestrians, here_m: float, off_rad: float) -> int:
-    """The track that is nearest to where it should be, or -1."""
+    """Return the track with the nearest prediction, or -1."""
     best, least_m = -1, GATE_M + GATE_SHARE * here_m
     range_m, seen, taken = w.range_m, w.seen, w.taken
     for k in EACH:
@@ -181,7 +186,7 @@ def find(w: Pedestrians, here_m: float, off_rad: float) -> int:
 def learn(
     w: Pedestrians, k: int, here_m: float, off_rad: float, measured: bool, params: Params
 ) -> None:
-    """Lay the line of best fit anew, with one scan more."""
+    """Update the line of best fit of a track by one scan."""
     w.taken |= 1 << k
     w.missed[k] = 0
     n = w.seen[k]
@@ -207,8 +212,10 @@ def learn(
 def walks(
     w: Pedestrians, k: int, i: int, here_m: float, width: float, odometry: Odometry, params: Params
 ) -> bool:
-    """Whether a track comes nearer, or goes away, faster than noise can make what stands seem to,
-    or crosses. At the edge of the view a wall that stands may seem to go away."""
+    """Return whether a track moves faster than the noise of a static echo, or crosses.
+
+    At the edge of the view a static wall may seem to recede.
+    """
     approach_m_s, across_m_s = w.approach_m_s[k], w.across_m_s[k]
     slow = -LEAST_M_S <= approach_m_s <= LEAST_M_S
     if slow and -ACROSS_M_S <= across_m_s <= ACROSS_M_S:
@@ -227,7 +234,7 @@ def walks(
 
 
 def crossing(w: Pedestrians, k: int) -> bool:
-    """Whether it seems to go where the robot goes, and long enough to be sure."""
+    """Return whether a track crosses in front of the robot, for long enough to be sure."""
     across_m_s = w.across_m_s[k]
     if w.seen[k] < MOST or not (across_m_s > ACROSS_M_S or across_m_s < -ACROSS_M_S):
         return False
@@ -235,7 +242,7 @@ def crossing(w: Pedestrians, k: int) -> bool:
 
 
 def believe(w: Pedestrians, k: int, walking: bool) -> None:
-    """Some scans in a row must say so; what then seems to stand is believed for a while yet."""
+    """Confirm a pedestrian after some scans in a row; keep it for a while without agreement."""
     if w.sure[k]:
         w.sure[k] = BELIEF if walking else w.sure[k] - 1
         return
@@ -252,7 +259,7 @@ def believe(w: Pedestrians, k: int, walking: bool) -> None:
 
 
 def start(w: Pedestrians, here_m: float, off_rad: float, heading_rad: float) -> None:
-    """A new track, in the place of none or of the one that matters least."""
+    """Start a track in a free slot, or in that of the least important track."""
     best, least = -1, here_m
     for k in EACH:
         if w.seen[k] == 0:
@@ -285,7 +292,7 @@ def limit_m_s(ring: Ring, most_m_s: float) -> float:
 
 
 def is_flanked(ring: Ring) -> bool:
-    """Whether something walks so near at a flank that such a robot must not drive on past it."""
+    """Return whether a pedestrian is so near at a flank that the robot must not drive past it."""
     for i in FLANKS:
         range_m = ring.range_m[i]
         if ring.approach_m_s[i] > 0.0 and range_m is not None and range_m <= FLANK_M:

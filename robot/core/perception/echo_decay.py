@@ -1,4 +1,4 @@
-"""Forgetting echoes: what is far away, what is old, and what longer echoes pass through."""
+"""Remove stored echoes that are far away, old, or contradicted by longer echoes."""
 
 from math import atan2
 
@@ -22,14 +22,17 @@ CORE_TO: Final = CONE // 2 + CORE
 FORGET_MM2: Final = 900 * 900
 THROUGH_MM: Final = 70
 SLICES: Final = 2
-"""At a time one of so many slices of the points is looked at, whether it still holds."""
+"""Number of slices of the points; one slice is checked at a time."""
 FADE_TURNS: Final = 40
-"""All points lose weight once in so many turns."""
+"""All points lose weight once in this many turns."""
 
 
 def fade(echoes: Echoes, pose: Pose) -> None:
-    """Look at one slice of the points: drop the far ones, weaken those that an echo passes through
-    and, once in a while, all of them."""
+    """Check one slice of the points.
+
+    Far points are dropped. Points that an echo passes through lose weight and, once in FADE_TURNS,
+    all points do.
+    """
     echoes.turn = turn = (echoes.turn + 1) % FADE_TURNS
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
@@ -54,8 +57,10 @@ def fade(echoes: Echoes, pose: Pose) -> None:
 
 
 def update_through(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
-    """Within which distance each sonar passes through what it does not see. No echo at all proves
-    nothing: a wall met obliquely sends none."""
+    """Update the distance up to which each sonar contradicts stored points.
+
+    No echo contradicts nothing: a wall at an oblique angle returns none.
+    """
     if echoes.count == 0:
         return
     through_mm2, range_m = echoes.through_mm2, ring.range_m
@@ -69,7 +74,7 @@ def update_through(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
 
 
 def looks_at(bearing: int) -> int:
-    """The sonar whose cone's core holds this bearing (brads from the heading), or NOTHING."""
+    """Return the sonar whose inner cone contains a bearing in brads, or NOTHING."""
     from_right = (bearing + QUARTER) % CIRCLE
     if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
         return from_right // CONE

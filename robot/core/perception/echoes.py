@@ -1,11 +1,11 @@
-"""A short memory of where echoes came from: at most 64 points in the odometry frame.
+"""A short memory of echoes: at most 64 points in the odometry frame.
 
-A cone says how far the nearest surface in it is, not at which bearing. So a point carries with it
-how far aside of its place the surface may have been (`spread_mm`); a later echo from nearer by
-narrows that. Points count once an echo has confirmed them, and go when longer echoes pass through
-their place, when they are not seen again for long, or when they are far away.
+A cone gives the distance of the nearest surface, not its bearing. So a point has a `spread_mm`, by
+which the surface may be aside of it; a later echo at a shorter range reduces that. A point counts
+once a second echo has confirmed it. It is dropped when longer echoes pass through it, when it is
+not confirmed for long, or when it is far away.
 
-Millimetres and brads (4096 to the circle) as integers: they cost a third of floats there.
+Millimetres and brads (4096 to the circle) as integers cost a third of floats on the MCU.
 """
 
 from math import cos, pi, sin, sqrt
@@ -17,7 +17,7 @@ from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 64
 SURE: Final = 2
-"""Points with at least this weight count."""
+"""Minimum weight of a point that counts."""
 MOST_WEIGHT: Final = 4
 NOTHING: Final = -1
 
@@ -28,14 +28,14 @@ BRADS: Final = CIRCLE / (2.0 * pi)
 CONE: Final = 256  # brads, 22.5 degrees
 
 REACH_M: Final = 0.75
-"""Echoes from farther away are not remembered."""
+"""Echoes from farther away are not stored."""
 SAME_MM: Final = 35
 ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
 SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
 SPREAD_LEANING: Final = 6
 SLANT: Final = 2.1
 FEW: Final = 8
-"""So many points are compared when one of them must make room."""
+"""Number of points that are compared when one of them must be replaced."""
 
 EDGE_RAD: Final = 0.75 * HALF_CONE
 AHEAD: Final = tuple(
@@ -44,18 +44,17 @@ AHEAD: Final = tuple(
         for b in [(i - 3.5) * pi / 8.0 for i in range(SONARS)]
     ]
 )
-"""Where sonar i looks, 1024 long, in the robot's frame."""
+"""Direction of each sonar in the robot's frame, scaled to 1024."""
 COS_EDGE: Final = int(1024 * cos(EDGE_RAD))
 SIN_EDGE: Final = int(1024 * sin(EDGE_RAD))
 
 
 class Echoes:
-    """Points `x_mm`, `y_mm` with weight and spread, the first `count` of them in use.
+    """Points `x_mm`, `y_mm` with weight and spread; the first `count` are in use.
 
-    `last` is per sonar the point that its last echo belonged to; `next` is where to look for room.
-    For `fading`: `turn` counts what it has looked at, and a point is passed through when its
-    distance squared is less than `through_mm2` of the sonar that looks there; one more is for where
-    none looks.
+    `last` is the point of each sonar's last echo; `next` is where to replace a point next. For
+    `echo_decay`, `turn` counts its calls. A point is contradicted if its squared distance is below
+    `through_mm2` of the sonar that looks there; the last entry is for bearings without a sonar.
     """
 
     __slots__ = (
@@ -89,8 +88,10 @@ def clear(echoes: Echoes) -> None:
 
 
 def record(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Take the echoes of a ring: the odd sonars were pinged right now, the even ones half way from
-    the pose `before`, one tick ago."""
+    """Store the echoes of a ring.
+
+    The odd sonars were pinged now, the even ones halfway from the pose `before`, one tick ago.
+    """
     if ring.nearest_m >= REACH_M:
         return
     record_group(echoes, 1, pose, ring, radius_mm)
@@ -101,7 +102,7 @@ def record(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int)
 
 
 def record_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Every second sonar, from where they were pinged."""
+    """Store the echoes of every second sonar, pinged at this pose."""
     x_m, y_m, heading_rad = pose
     cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
@@ -118,9 +119,10 @@ def record_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: 
 
 
 def leaning(ring: Ring, sonar: int, range_m: float, radius_mm: int) -> int:
-    """On which side of its cone an echo lies: 1 left, -1 right, 0 in the middle or unknown.
+    """Return the side of the cone on which an echo lies: 1 left, -1 right, 0 middle or unknown.
 
-    Where a neighbour sees the same surface nearer, this cone meets it at the edge next to that.
+    If a neighbour measures the same surface nearer, this cone meets it at the edge next to that
+    neighbour.
     """
     least_m = (range_m + 0.001 * radius_mm) / SLANT - 0.001 * radius_mm
     lean = 0
@@ -146,7 +148,7 @@ def take(
     range_mm: int,
     radius_mm: int,
 ) -> None:
-    """One echo: confirm the point it comes from, or remember a new one."""
+    """Take one echo: confirm the point it comes from, or store a new one."""
     away_mm = range_mm + radius_mm
     slack_mm = SAME_MM + range_mm // 50
     spread_mm = range_mm * (SPREAD_LEANING if lean else SPREAD) // 100 + 1
@@ -184,9 +186,9 @@ def find(
     away_mm: int,
     slack_mm: int,
 ) -> int:
-    """The point in the cone at the distance of its echo, the one of the last echo first."""
+    """Return the point in the cone at the echo's distance, first that of the last echo."""
     xs, ys, count = echoes.x_mm, echoes.y_mm, echoes.count
-    # No such point is farther from the middle of the arc than this, along either axis.
+    # Such a point is at most this far from the middle of the arc, along either axis.
     reach_mm = slack_mm + away_mm * ASIDE // 1000
     low_x = x_mm + (away_mm * along_x >> 10) - reach_mm
     low_y = y_mm + (away_mm * along_y >> 10) - reach_mm
@@ -211,7 +213,7 @@ def find(
 
 
 def fits(dx_mm: int, dy_mm: int, along_x: int, along_y: int, nearest: int, farthest: int) -> bool:
-    """Whether a point lies in the cone, and between two distances (squared)."""
+    """Return whether a point lies in the cone and between two squared distances."""
     along_mm = dx_mm * along_x + dy_mm * along_y >> 10
     aside_mm = dy_mm * along_x - dx_mm * along_y
     if not -ASIDE * along_mm <= aside_mm <= ASIDE * along_mm:
@@ -221,7 +223,7 @@ def fits(dx_mm: int, dy_mm: int, along_x: int, along_y: int, nearest: int, farth
 
 
 def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
-    """Room for a new point; when there is none the farthest of the next few goes."""
+    """Return a free index, or that of the farthest of the next few points."""
     k = echoes.count
     if k < POINTS:
         echoes.count += 1
@@ -238,14 +240,14 @@ def vacant(echoes: Echoes, x_mm: int, y_mm: int) -> int:
 
 
 def put(echoes: Echoes, x_mm: int, y_mm: int, weight: int) -> None:
-    """A point that no echo has told of."""
+    """Store a point without an echo."""
     k = vacant(echoes, x_mm, y_mm)
     echoes.x_mm[k], echoes.y_mm[k] = x_mm, y_mm
     echoes.weight[k], echoes.spread_mm[k] = weight, 1
 
 
 def drop(echoes: Echoes, k: int) -> None:
-    """Forget a point; the last one takes its place."""
+    """Drop a point; the last one takes its index."""
     echoes.count -= 1
     last = echoes.count
     echoes.x_mm[k] = echoes.x_mm[last]

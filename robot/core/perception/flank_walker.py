@@ -1,8 +1,8 @@
-"""Notices who walks along beside the robot: near the last sonar of a flank, and it does not pass.
+"""Detect a pedestrian that walks alongside: an echo at one flank that stays there.
 
-What stands still there, with nothing before it, is behind the robot after a hand's breadth of
-straight driving. What is still there after much more drives or walks alongside, and following its
-boundary would follow a person. Then the robot turns away and lets it go ahead.
+A static obstacle that only the last sonar of a flank detects is behind the robot after a short
+straight drive. An echo that is still there after a longer one moves alongside, and following it
+would follow a person. The robot then turns away and lets it go ahead.
 """
 
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
@@ -11,7 +11,7 @@ from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 NEAR_M: Final = 0.20
-BEFORE_M: Final = 0.25  # so much farther sees the sonar before it, if it sees the thing at all
+BEFORE_M: Final = 0.25  # minimum difference to the range of the sonar before it
 ALONG_MM: Final = 350
 STRAIGHT: Final = 340  # brads, 30 degrees
 GIVE_WAY_TICKS: Final = 60
@@ -20,8 +20,10 @@ ASIDE: Final = 1080  # brads, 95 degrees
 
 
 class FlankWalker:
-    """Where and how the robot stood when it first saw something only at one flank, on `side` (1
-    left, -1 right, 0 nothing); while `ticks` are left it gives way along `heading`."""
+    """Pose of the robot when an echo appeared at one flank only.
+
+    `side` is 1 left, -1 right, 0 none. While `ticks` are left, the robot gives way along `heading`.
+    """
 
     __slots__ = ("began", "heading", "side", "ticks", "x_mm", "y_mm")
 
@@ -30,7 +32,7 @@ class FlankWalker:
 
 
 def watch(flank_walker: FlankWalker, ring: Ring, pose: Pose) -> bool:
-    """One tick; whether somebody has been walking alongside just now."""
+    """Update for one tick; return whether a pedestrian has just been detected."""
     side = flank(ring)
     if side == 0:
         flank_walker.side = 0
@@ -52,7 +54,7 @@ def watch(flank_walker: FlankWalker, ring: Ring, pose: Pose) -> bool:
 
 
 def flank(ring: Ring) -> int:
-    """The flank at which only the last sonar sees something near, and the one before it nothing."""
+    """Return the flank at which only the last sonar has a near echo."""
     if ring.nearest_m >= NEAR_M:
         return 0
     right_m, left_m = ring.range_m[0], ring.range_m[7]
@@ -64,5 +66,5 @@ def flank(ring: Ring) -> int:
 
 
 def is_last(before_m: float | None, range_m: float) -> bool:
-    """Whether the sonar before the last one sees nothing of it."""
+    """Return whether the sonar before the last one does not detect the same object."""
     return before_m is not None and before_m > range_m + BEFORE_M

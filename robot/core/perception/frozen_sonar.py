@@ -1,10 +1,10 @@
-"""Whether the echoes have stopped following the motion: sonars that repeat what they measured.
+"""Detect frozen sonars, whose echoes no longer follow the robot's motion.
 
-Unchanged to the millimetre while the wheels rolled `freeze_m` is proof only if something had to
-change. Without noise a robot that drives straight between parallel walls sees the same all along,
-and so does one that circles a disc. So it counts when the sonars have been seen to be noisy, when
-the robot turned tightly or between echoes, when something close ahead should have come closer, or
-when something ahead came closer as fast as the robot drove and then, from one scan on, no more.
+Ranges that stay the same to the millimetre over `freeze_m` are proof only if they had to change.
+Without noise they also stay the same for a robot that drives straight between parallel walls, or
+circles a disc. So they count in these cases: the sonars are known to be noisy; the robot turned
+tightly or between echoes; an obstacle close ahead should have come closer; an obstacle ahead came
+closer at the robot's speed and then stopped from one scan to the next.
 """
 
 from robot.core.parameters import Params
@@ -12,20 +12,20 @@ from robot.core.perception.sonar_ring import AHEAD
 from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
 
-NOISY: Final = 3  # echoes that changed before a standing robot, until they are called noisy
+NOISY: Final = 3  # changed scans of a stationary robot until sonars count as noisy
 RIGHT_SIDE: Final = 0x0F
 LEFT_SIDE: Final = 0xF0
 STRAIGHT_RAD_PER_M: Final = 0.5
-CLOSING: Final = 3  # scans in a row in which an echo ahead came closer, until it is called closing
+CLOSING: Final = 3  # scans in a row with a closer echo ahead until it counts as closing
 CLOSING_SHARE: Final = 0.9
 SWING_MM: Final = 4
-SWING_SHARE: Final = 2.0  # what turning changes in a range, at most, along a wall seen aslant
-LEAP_MM: Final = 100  # an echo that changes by more is another one
-SWINGS: Final = 4  # to and fro in a row, until a sonar is called noisy
+SWING_SHARE: Final = 2.0  # maximum change of a range by turning, along an oblique wall
+LEAP_MM: Final = 100  # a larger change is another echo
+SWINGS: Final = 4  # alternating changes in a row until a sonar counts as noisy
 
 
 class FrozenSonar:
-    """The last new echoes, and what the robot did since; `verdict` says whether they are frozen."""
+    """The last new echoes and the motion since; `verdict` is set if they are frozen."""
 
     __slots__ = (
         "change_mm",
@@ -54,7 +54,7 @@ class FrozenSonar:
 def watch(
     frozen: FrozenSonar, scan: Scan | None, moved_m: float, turned_rad: float, params: Params
 ) -> None:
-    """Judge one scan and the motion before it; a single changed echo clears the verdict."""
+    """Judge one scan and the motion before it; one changed echo resets the verdict."""
     if scan is None:
         return
     echo = scan.echo & scan.valid
@@ -76,7 +76,7 @@ def watch(
 
 
 def had_to_change(frozen: FrozenSonar, scan: Scan, params: Params) -> bool:
-    """Whether anything proves that these echoes cannot have stayed as they are."""
+    """Return whether these echoes must have changed."""
     if frozen.noise >= NOISY or frozen.turned_rad >= params.freeze_rad:
         return True
     for i in AHEAD:
@@ -87,7 +87,7 @@ def had_to_change(frozen: FrozenSonar, scan: Scan, params: Params) -> bool:
 
 
 def compare(frozen: FrozenSonar, scan: Scan, both: int, moved_m: float, turned_rad: float) -> None:
-    """How the new echoes differ from the last: closing ahead with the motion, to and fro by noise.
+    """Compare new echoes with the last: closing with the motion ahead, alternating by noise.
 
     `both` masks the sonars with an echo in both scans.
     """

@@ -1,8 +1,8 @@
-"""Where the robot believes it is, from wheel ticks alone, and how surely (paper eq. 7-12).
+"""Dead reckoning from wheel ticks, with its covariance (paper eq. 7-12).
 
-Two things that eq. 12 leaves out are in the covariance too, for without them the truth lies outside
-the 95 % ellipse too often: an uncertain heading not only carries the position sideways (first
-order) but makes the way shorter (second order: `bend`), and encoders count whole ticks (`grain`).
+The covariance has two terms that eq. 12 omits; without them the 95 % ellipse contains the true pose
+too seldom. An uncertain heading not only moves the position sideways (first order) but also
+shortens the way (second order: `bend`). And encoders count whole ticks (`grain`).
 """
 
 from math import cos, sin
@@ -14,22 +14,22 @@ from robot.core.values import Pose, Wheels
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000
-SHORT: Final = 0x100000  # a difference that is so small goes the short way
+SHORT: Final = 0x100000  # a smaller difference needs no wrapping
 EVEN: Final = (1.0, 1.0)
 JUMP_SLACK_M: Final = 0.02
 BEND: Final = 0.76
-"""sqrt(7/12): what the mean and the variance of 1 - cos of a heading that wanders add up to."""
+"""sqrt(7/12): combines mean and variance of 1 - cos of a random-walk heading."""
 GRAIN_LENGTH_M: Final = 0.042
-"""On so long a way the wheels' fractions of a tick, and the heading error by them, stay alike."""
+"""Distance over which the wheels' fractions of a tick, and their heading error, are correlated."""
 
 
 class Odometry:
-    """Pose, its covariance in scalars (h: heading), speeds, and what the wheels did last.
+    """Pose, covariance in scalars (h: heading), speeds, and the last wheel motion.
 
-    `moved_m` is the distance each wheel rolled at the last update, on average, forward or back;
-    `jumped` says that a counter moved farther than a wheel can turn: the pose ignores that step.
-    `cosine` and `sine` are those of the heading halfway through the last step. `grain_rad2` is the
-    part of `phh` that comes of whole ticks: it neither grows nor carries the position away.
+    `moved_m` is the mean distance the wheels rolled in the last update, in either direction.
+    `jumped` is set if a counter moved farther than a wheel can turn; the pose ignores that step.
+    `cosine` and `sine` belong to the heading halfway through the last step. `grain_rad2` is the
+    part of `phh` caused by whole ticks: it does not grow and does not move the position.
     """
 
     __slots__ = (
@@ -69,7 +69,7 @@ class Odometry:
 
 
 def tick_difference(new: int, old: int) -> int:
-    """From one value of a 32-bit counter to the next, the short way round."""
+    """Return the difference of two values of a 32-bit counter, by the shorter way."""
     difference = new - old
     if -SHORT < difference < SHORT:
         return difference
@@ -78,10 +78,10 @@ def tick_difference(new: int, old: int) -> int:
 
 
 def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
-    """One sample. None changes nothing: the next difference catches up. The first only latches.
+    """Update by one sample; the first only initialises the counters.
 
-    Speeds are over the time between the two counts, however late each came; a sample that is read
-    again leaves them.
+    None changes nothing: the next difference includes the missing one. Speeds use the time between
+    the two samples, however late they arrived; a repeated sample does not change them.
     """
     odometry.moved_m = odometry.left_m = odometry.right_m = 0.0
     odometry.jumped = False
@@ -111,7 +111,7 @@ def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
 
 
 def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> None:
-    """Move pose and covariance by what the wheels rolled (eq. 8 with the track L, not 2l)."""
+    """Move pose and covariance by the wheels' distances (eq. 8 with the track L, not 2l)."""
     left_way_m, right_way_m, track_m = abs(left_m), abs(right_m), params.track_m
     odometry.left_m = left_m
     odometry.right_m = right_m
@@ -135,7 +135,7 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
 
 
 def wheel_shares(params: Params) -> tuple[float, float]:
-    """Diameters of left and right wheel over their mean, from their ratio (c_l, c_r of UMBmark)."""
+    """Return the left and right wheel diameters over their mean (c_l, c_r of UMBmark)."""
     ratio = params.wheel_ratio
     if ratio == 1.0:
         return EVEN
@@ -143,7 +143,7 @@ def wheel_shares(params: Params) -> tuple[float, float]:
 
 
 def start_grain(odometry: Odometry, params: Params) -> None:
-    """The first sample is whole ticks already: as wrong as every later one will be."""
+    """Add the variance of whole ticks, which the first sample already has."""
     variance_m2 = params.m_per_tick * params.m_per_tick / 6.0
     odometry.pxx += variance_m2
     odometry.pyy += variance_m2
@@ -152,10 +152,10 @@ def start_grain(odometry: Odometry, params: Params) -> None:
 
 
 def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
-    """P <- F_p P F_p' (eq. 12): a heading error carries the position away, sideways to the step.
+    """P <- F_p P F_p' (eq. 12): a heading error moves the position sideways.
 
-    Before that the way gets shorter by 1 - cos of the heading error, on all steps in the same
-    sense, and by the little that the heading error by whole ticks adds, now one way, now the other.
+    Before that, 1 - cos of the heading error shortens the way, on all steps in the same direction.
+    The heading error of whole ticks adds a little, in random directions.
     """
     grain_rad2 = odometry.grain_rad2
     phh = odometry.phh - grain_rad2
@@ -175,7 +175,7 @@ def spread(odometry: Odometry, dx_m: float, dy_m: float) -> None:
 
 
 def blur(odometry: Odometry, variance_m2: float, x: float, y: float, h: float) -> None:
-    """P <- P + q f f': one wheel's variance (eq. 10) through its column (x, y, h) of F_q."""
+    """P <- P + q f f': add a wheel's variance (eq. 10) by its column (x, y, h) of F_q."""
     qx, qy, qh = variance_m2 * x, variance_m2 * y, variance_m2 * h
     odometry.pxx += qx * x
     odometry.pxy += qx * y

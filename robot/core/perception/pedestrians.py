@@ -1,8 +1,8 @@
-"""The memory of who may walk: the foremost echoes, each followed as if it were a person.
+"""Tracks of possible pedestrians: the foremost echoes, each modelled as a person.
 
-For each track: how far its echo is from the rim of the robot, in which direction of the odometry
-frame, how fast it comes nearer by itself, and how fast its middle goes leftwards across the line
-of sight. `closing` keeps it, `headings` closes the headings along which the robot would meet one.
+A track has its echo's distance from the robot's rim, its direction in the odometry frame, its own
+approach speed, and its speed to the left across the line of sight. `closing_speed` updates the
+tracks; `open_headings` closes the headings along which the robot would meet one.
 """
 
 from math import cos, inf, sin
@@ -15,22 +15,22 @@ from robot.core.typing_shim import Final
 TRACKS: Final = 3
 EACH: Final = tuple(range(TRACKS))
 PERSON_M: Final = 0.20
-"""So far behind the nearest point of a person is its middle."""
-MISSED: Final = 5  # scans without it until a track ends,
-HIDDEN: Final = 15  # if it walks and should be in view,
-BEHIND: Final = 60  # or walks where no sonar looks
+"""Distance from the nearest point of a person to its middle."""
+MISSED: Final = 5  # scans without an echo until a track ends
+HIDDEN: Final = 15  # for a pedestrian that should be in view
+BEHIND: Final = 60  # for a pedestrian where no sonar looks
 VIEW_RAD: Final = 1.45
 GONE_M: Final = 1.5
 
 
 class Pedestrians:
-    """`seen` counts the scans that showed a track (0: there is none), `missed` those since.
+    """The tracks; `seen` counts the scans of a track (0: unused), `missed` those without an echo.
 
-    `agreed` scans in a row said that it walks, and while `sure` is above 0 that is believed.
-    `off_rad` is its bearing from the heading, `taken` has a bit for each track in this scan; `any`
-    says whether there is one at all, `near` how many cones saw something near in the last scan,
-    `leftwards` in which order they were looked at, `lately_m_s` how fast the robot drove lately,
-    `told` whether the ring has been told of anybody's speed.
+    `agreed` counts the scans in a row that showed a pedestrian; it is confirmed while `sure` is
+    above 0. `off_rad` is the bearing from the heading. `taken` has a bit for each track of the
+    current scan. `any` is set if there is a track. `near` counts the cones with a near echo in the
+    last scan, `leftwards` is the order of their processing. `lately_m_s` is the recent maximum
+    speed of the robot. `reported` is set while the ring has an approach speed.
     """
 
     __slots__ = (
@@ -63,14 +63,14 @@ class Pedestrians:
 
 
 def clear(pedestrians: Pedestrians) -> None:
-    """Forget everybody."""
+    """Forget all tracks."""
     for k in EACH:
         pedestrians.seen[k] = pedestrians.sure[k] = 0
     pedestrians.any = False
 
 
 def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
-    """Where each track should be by now, by the robot's motion and its own."""
+    """Predict each track by the robot's motion and its own."""
     speed_m_s, heading_rad = odometry.speed_m_s, odometry.pose.heading_rad
     period_s, radius_m = params.period_s, params.radius_m
     for k in EACH:
@@ -95,7 +95,7 @@ def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
 
 
 def goes_on(w: Pedestrians, k: int) -> bool:
-    """A track that this scan does not show goes on as it was, and ends in time."""
+    """Keep a track without an echo in this scan; return False when it ends."""
     w.missed[k] += 1
     most = MISSED
     if w.sure[k]:

@@ -1,11 +1,13 @@
-"""Whether the ground gives what the wheels turn, as far as the sonars ahead can tell.
+"""Detect wheel slip with the sonars ahead.
 
-What is foremost ahead, nearer than all that the neighbouring cones see, is a point or a surface
-that must come nearer by at least cos 22.5 deg of the way, whatever it is, if it stands still. When
-over `WINDOW_M` of the way it comes nearer by less, the wheels slip (or it walks away: that cannot
-be told apart, and the pose is then called less sure than it is). From the last stretch that was
-as it should be, but no farther back than about `MEMORY_M`, until the next such stretch the wheels
-may have lost the share of their way that is missing. Where nothing is ahead, nothing is known.
+The foremost echo ahead, if nearer than the echoes of the neighbouring cones, is a point or a
+surface. If static, its range must shrink by at least cos 22.5 deg of the distance driven. If it
+shrinks by less over `WINDOW_M`, the wheels slip. A pedestrian that walks away looks the same; the
+uncertainty of the pose is then larger than necessary.
+
+The slip may have begun after the last stretch without slip, at most about `MEMORY_M` ago. Until the
+next such stretch the wheels may lose the missing share of their distance. Without an echo ahead the
+slip is unknown.
 """
 
 from math import inf, sqrt
@@ -17,28 +19,28 @@ from robot.core.typing_shim import Final
 
 WINDOW_M: Final = 0.35
 MEMORY_M: Final = 1.0
-LASTS_M: Final = 1.5  # slip that nothing has shown for so long is over
+LASTS_M: Final = 1.5  # slip ends after this distance without evidence
 FAR_M: Final = 2.5
 FOREMOST: Final = 0.99
 CLOSING: Final = 0.96
-UNSURE: Final = 0.04  # cosines up to 22.5 degrees are so near to CLOSING
-SETTLE: Final = 6  # scans that make the first level of a stretch
+UNSURE: Final = 0.04  # maximum difference of cosines up to 22.5 degrees from CLOSING
+SETTLE: Final = 6  # scans in the first level of a stretch
 NEW: Final = 0.25  # weight of a new scan in the level
-LATE: Final = 5.5  # scans between the middles of the first level and of the last
+LATE: Final = 5.5  # scans between the middles of the first and the last level
 LEAST_SCANS: Final = 16
-STRIKES: Final = 3  # scans in a row that do not fit: something else is ahead now
+STRIKES: Final = 3  # scans in a row that do not fit: another obstacle is ahead
 GATE_M: Final = 0.08
 SIGMAS: Final = 2.5  # of a single scan; the difference of the two levels has half of that
 LEAST_SHARE: Final = 0.15
-SPLIT: Final = 0.06  # wheels that slip more unevenly turn away from what is ahead
+SPLIT: Final = 0.06  # a larger difference would turn the robot away
 
 
 class Slip:
-    """`share` is the part of the way that seems lost, 0 when nothing is known to be wrong.
+    """`share` is the share of the distance that seems lost, 0 without known slip.
 
-    `both_*`, `one_*`: how far the pose is off per share lost by both wheels, or by one more than by
-    the other, since the last stretch without slip. `level_m` stays the same while the way shortens
-    the range as it should; `anchor_m` is what it was at first.
+    `both_*`, `one_*`: the error of the pose per share lost by both wheels, or by one more than by
+    the other, since the last stretch without slip. `level_m` is constant while the range shrinks as
+    expected; `anchor_m` is its initial value.
     """
 
     __slots__ = (
@@ -68,7 +70,7 @@ class Slip:
 
 
 def watch(slip: Slip, odometry: Odometry, ring: Ring, params: Params) -> None:
-    """Account the last step of the wheels and the scan after it."""
+    """Process the last step of the wheels and the scan after it."""
     if odometry.moved_m == 0.0:
         return
     carry(slip, odometry, params)
@@ -80,7 +82,7 @@ def watch(slip: Slip, odometry: Odometry, ring: Ring, params: Params) -> None:
 
 
 def carry(slip: Slip, odometry: Odometry, params: Params) -> None:
-    """Carry what each lost share does to the pose along with the step, and widen while it slips."""
+    """Propagate the error per lost share by the last step; extend the covariance while slipping."""
     left_m, right_m, track_m = odometry.left_m, odometry.right_m, params.track_m
     cosine, sine = odometry.cosine, odometry.sine
     step_m = 0.5 * (left_m + right_m)
@@ -114,7 +116,7 @@ def carry(slip: Slip, odometry: Odometry, params: Params) -> None:
 
 
 def widen(slip: Slip, odometry: Odometry, share: float) -> None:
-    """P <- P +- share^2 f f' for both ways to slip; a negative share takes it away again."""
+    """P <- P +- share^2 f f' for both kinds of slip; a negative share subtracts."""
     variance = share * abs(share)
     split = min(abs(share), SPLIT)
     blur(odometry, variance, slip.both_x, slip.both_y, slip.both_h)
@@ -123,7 +125,10 @@ def widen(slip: Slip, odometry: Odometry, share: float) -> None:
 
 
 def foremost_m(ring: Ring, params: Params) -> float:
-    """From the middle of the robot to what is foremost ahead; inf when the sides see it nearer."""
+    """Return the distance from the robot's centre to the foremost echo ahead, or inf.
+
+    It is inf if the cones beside measure nearer echoes.
+    """
     ahead_m = aside_m = inf
     for i in (3, 4):
         here_m = ring.range_m[i]
@@ -142,7 +147,7 @@ def foremost_m(ring: Ring, params: Params) -> float:
 
 
 def follow(slip: Slip, ahead_m: float) -> None:
-    """Take one scan into the level; after a few that do not fit the stretch begins anew."""
+    """Add one scan to the level; restart the stretch after several that do not fit."""
     level_m = ahead_m + CLOSING * slip.way_m
     off_m = level_m - slip.level_m
     if slip.seen == 0:
@@ -168,7 +173,7 @@ def follow(slip: Slip, ahead_m: float) -> None:
 
 
 def judge(slip: Slip, odometry: Odometry) -> None:
-    """At the end of a stretch: slip begins or goes on, or all was as it should be."""
+    """Evaluate a stretch: slip starts or continues, or there is none."""
     lost_m = slip.level_m - slip.anchor_m
     way_m = slip.way_m * (1.0 - LATE / slip.seen)
     chance_m = UNSURE * way_m + SIGMAS * sqrt(slip.scatter_m2)
@@ -183,7 +188,7 @@ def judge(slip: Slip, odometry: Odometry) -> None:
 
 
 def trust(slip: Slip) -> None:
-    """All is well from here on; what was widened stays."""
+    """End the slip; the covariance keeps its extension."""
     slip.share = slip.unseen_m = 0.0
     slip.both_x = slip.both_y = slip.both_h = 0.0
     slip.one_x = slip.one_y = slip.one_h = 0.0

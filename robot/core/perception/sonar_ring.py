@@ -1,4 +1,4 @@
-"""The ring of eight sonars: what each saw last, how old that is, and what is nearest."""
+"""The ring of eight sonars: latest range and age of each, and the nearest echo."""
 
 from math import inf
 
@@ -49,12 +49,12 @@ class Ring:
 
 
 def bearing_rad(ring: Ring) -> float | None:
-    """Bearing of the nearest echo (beta of the paper, positive to the left); None without one."""
+    """Return the bearing of the nearest echo (beta of the paper, positive left), or None."""
     return BEARINGS[ring.nearest] if ring.nearest >= 0 else None
 
 
 def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
-    """Take a scan, drop what is older than a sonar may be, and find the nearest echo."""
+    """Take a scan, drop stale measurements, and find the nearest echo."""
     if scan is not None:
         take(ring, scan, now_ms, params)
     oldest_ms = now_ms - params.sonar_stale_ms
@@ -81,7 +81,7 @@ def update(ring: Ring, scan: Scan | None, now_ms: int, params: Params) -> None:
 
 
 def take(ring: Ring, scan: Scan, now_ms: int, params: Params) -> None:
-    """Store what the sonars that measured saw; a value that cannot be is no measurement."""
+    """Store the measurements of a scan; an impossible value is none."""
     limit_mm = int(params.sonar_max_m * 1000.0 * BEYOND)
     range_mm, age_ms, valid, echo = scan.range_mm, scan.age_ms, scan.valid, scan.echo
     range_m, pinged_ms = ring.range_m, ring.pinged_ms

@@ -1,17 +1,19 @@
-"""A wheel that is told to turn and does not: what it should have turned is not sure, then stuck."""
+"""Detect a wheel that does not turn as commanded: first its motion is uncertain, then stuck."""
 
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry, blur
 from robot.core.typing_shim import Final
 
-TURNS: Final = 0.5  # share of what it was told in a period; below, it may be the encoder that fails
-SLACK_M: Final = 0.05  # as much is late while a motor speeds up or turns round
-COAST_S: Final = 0.15  # of its speed, until it stands
+TURNS: Final = 0.5  # share of the commanded motion; below, the encoder may fail
+SLACK_M: Final = 0.05  # lag of a motor that accelerates or reverses
+COAST_S: Final = 0.15  # at its speed, until the wheel has stopped
 
 
 class Stall:
-    """Per wheel: for how long it has been told to turn one way, how far it should and how far it
-    did; `stuck` is the verdict. The command compared is the one the wheels had in this period."""
+    """State of both wheels; `stuck` is the verdict.
+
+    The commands compared are those in force in the last period.
+    """
 
     __slots__ = ("left", "right", "stuck")
 
@@ -22,8 +24,11 @@ class Stall:
 
 
 class Wheel:
-    """`missing_m` is what it did not turn of what it was told since it last turned well, and
-    `doubted_m` how much of that is in the covariance."""
+    """Duration of a command in one direction, and the commanded and measured distances.
+
+    `missing_m` is the distance that the wheel has not turned as commanded since it last turned
+    well. `doubted_m` is the part of it that the covariance includes.
+    """
 
     __slots__ = ("commanded_m", "commanded_m_s", "doubted_m", "missing_m", "since_ms", "turned_m")
 
@@ -34,7 +39,7 @@ class Wheel:
 
 
 def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None:
-    """Account the last period; a missing encoder sample is accounted with the next one."""
+    """Process the last period; a missing encoder sample is included in the next one."""
     left = is_stuck(stall.left, odometry.left_m, now_ms, params)
     right = is_stuck(stall.right, odometry.right_m, now_ms, params)
     if abs(stall.left.missing_m) > SLACK_M:
@@ -45,7 +50,7 @@ def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None
 
 
 def miss(wheel: Wheel, moved_m: float, commanded_m: float) -> None:
-    """Add up what a wheel does not turn, until it turns well again or is not to turn."""
+    """Add up the missing distance until the wheel turns well, or is not commanded."""
     if moved_m * commanded_m >= TURNS * commanded_m * commanded_m:
         wheel.missing_m = wheel.doubted_m = 0.0
     else:
@@ -53,9 +58,9 @@ def miss(wheel: Wheel, moved_m: float, commanded_m: float) -> None:
 
 
 def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
-    """It may be the encoder that stands: P <- P + f f' with all the way that is missing.
+    """Extend the covariance, because the encoder may fail: P <- P + f f' with all missing motion.
 
-    And half of that to every side, for a robot that turned otherwise than it believes went there.
+    Half of it is added in every direction, for a robot that turned otherwise than estimated.
     """
     missing_m, doubted_m = wheel.missing_m, wheel.doubted_m
     more_m2 = missing_m * missing_m - doubted_m * doubted_m
@@ -66,6 +71,7 @@ def doubt(wheel: Wheel, odometry: Odometry, rad_per_m: float) -> None:
 
 
 def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
+    """Update a wheel; return whether it is stuck."""
     commanded_m = wheel.commanded_m_s * params.period_s
     miss(wheel, moved_m, commanded_m)
     wheel.commanded_m += commanded_m
@@ -81,7 +87,7 @@ def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
 
 
 def command(wheel: Wheel, speed_m_s: float, now_ms: int, params: Params) -> None:
-    """Note the new command; a slow one, a stop or a change of direction starts afresh."""
+    """Note the new command; a slow one, a stop or a reversal restarts the measurement."""
     slow = abs(speed_m_s) <= params.wheel_min_m_s
     if slow or speed_m_s * wheel.commanded_m_s <= 0.0:
         wheel.commanded_m = wheel.turned_m = 0.0

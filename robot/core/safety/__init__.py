@@ -1,1 +1,1 @@
-"""What may only take speed away or stop the robot."""
+"""Functions that only reduce speed or stop the robot: guard, failsafes and fence."""

@@ -1,4 +1,4 @@
-"""The failsafe table: what stops the robot by itself, one row each."""
+"""The failsafe table: one row for each condition that stops the robot."""
 
 from robot.core import machine as machines
 from robot.core import reasons, states
@@ -11,29 +11,33 @@ from robot.core.values import Inputs
 
 
 def ticks_lost(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if wheel data are missing or stale."""
     return inputs.wheels is None
 
 
 def scan_lost(state: State, inputs: Inputs, params: Params) -> bool:
-    """No scan, or for too long only scans in which no sonar measured."""
+    """Trigger without a scan, or if no sonar has measured for too long."""
     scan = inputs.scan
     return scan is None or (scan.valid == 0 and state.ring.fresh == 0)
 
 
 def sonar_impossible(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger on a range that a sonar cannot measure."""
     return state.ring.impossible
 
 
 def sonar_frozen(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if the echoes do not follow the motion."""
     return state.frozen.verdict
 
 
 def encoder_impossible(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if a counter moved farther than a wheel can turn."""
     return state.odometry.jumped
 
 
 def not_finite(state: State, inputs: Inputs, params: Params) -> bool:
-    """Find a NaN or an infinity in pose, covariance or twist: each survives every addition."""
+    """Trigger on NaN or infinity in pose, covariance or twist; a sum keeps either."""
     odometry = state.odometry
     x_m, y_m, heading_rad = odometry.pose
     speed_m_s, yaw_rate_rad_s = state.twist
@@ -44,15 +48,17 @@ def not_finite(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def bumper_hit(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger on a newly pressed bumper sector."""
     return state.bumped
 
 
 def wheel_stuck(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if a commanded wheel does not turn."""
     return state.stall.stuck
 
 
 def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
-    """Nobody is heard although somebody is needed: in MANUAL, or with a living goal in GUIDED."""
+    """Trigger without operator heartbeats in MANUAL, or with an active goal in GUIDED."""
     machine = state.machine
     if machine.operator:
         return False
@@ -62,26 +68,28 @@ def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
 
 
 def fence_breached(state: State, inputs: Inputs, params: Params) -> bool:
-    """Forbids arming for as long as the robot is outside: it gets back only without the fence."""
+    """Trigger outside the fence, which also forbids arming until the fence is removed."""
     fence, pose = state.machine.fence, state.odometry.pose
     return fence is not None and not fences.inside(fence, pose.x_m, pose.y_m)
 
 
 def budget_violated(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if the host reports a violated time budget."""
     return state.reported == reasons.BUDGET
 
 
 def core_failed(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger if the host reports an exception of the core."""
     return state.reported == reasons.CORE_EXCEPTION
 
 
 def name_taken(state: State, inputs: Inputs, params: Params) -> bool:
-    """Two robots of one name answer the same operators and drive the same wheels."""
+    """Trigger if another robot has the same name and would drive the same wheels."""
     return state.reported == reasons.NAME_TAKEN
 
 
 def trip(machine: Machine, reason: int, now_ms: int) -> None:
-    """Stop for this reason until armed again. An emergency stop is stronger and stays."""
+    """Stop for this reason until armed again; an emergency stop has priority and stays."""
     machines.end_goal(machine, states.ABORTED, reason, now_ms)
     if machine.vehicle != states.EMERGENCY_STOP:
         machine.vehicle = states.FAILSAFE
@@ -89,17 +97,23 @@ def trip(machine: Machine, reason: int, now_ms: int) -> None:
 
 
 class Trigger(Protocol):
-    def __call__(self, state: State, inputs: Inputs, params: Params) -> bool: ...
+    """A condition of the failsafe table."""
+
+    def __call__(self, state: State, inputs: Inputs, params: Params) -> bool:
+        """Return whether the condition holds."""
 
 
 class Action(Protocol):
-    def __call__(self, machine: Machine, reason: int, now_ms: int) -> None: ...
+    """An action of the failsafe table."""
+
+    def __call__(self, machine: Machine, reason: int, now_ms: int) -> None:
+        """Stop the robot for a reason."""
 
 
 FailsafeRow = NamedTuple(
     "FailsafeRow", [("reason", int), ("trigger", "Trigger"), ("limit", str), ("action", "Action")]
 )
-"""A reason, what triggers it, the limit (or the parameters that set it), and what is done."""
+"""A reason, its trigger, the limit or the parameters that set it, and the action."""
 
 ROWS: Final = (
     FailsafeRow(reasons.CORE_EXCEPTION, core_failed, "reported by the host", trip),
@@ -129,7 +143,7 @@ TRIGGERS: Final = tuple([(row.trigger, row) for row in ROWS])
 
 
 def check(state: State, inputs: Inputs, params: Params) -> None:
-    """Find the first row that triggers; it is the cause that forbids arming, and stops if armed."""
+    """Find the first row that triggers: it forbids arming, and stops an armed robot."""
     machine = state.machine
     machine.cause = reasons.OK
     for trigger, row in TRIGGERS:

@@ -1,4 +1,4 @@
-"""The fence: a circle or a simple polygon that the robot does not leave by itself."""
+"""The fence: a circle or a simple polygon that the robot must not leave."""
 
 from robot.core import reasons
 from robot.core.typing_shim import Final, NamedTuple
@@ -11,13 +11,13 @@ MAX_COORDINATE_M: Final = 100_000.0
 Fence = NamedTuple(
     "Fence", [("xs_m", "tuple[float, ...]"), ("ys_m", "tuple[float, ...]"), ("radius_m", float)]
 )
-"""The corners of a polygon in order, or with a radius above 0 the one middle of a circle."""
+"""The corners of a polygon in order, or the centre of a circle with a radius above 0."""
 
 
 def inside(fence: Fence, x_m: float, y_m: float) -> bool:
-    """Within it or right on it; what is not a number is nowhere.
+    """Return whether a point is inside or on the border; NaN and infinity are outside.
 
-    A ray to the right of the place crosses the sides of a polygon an odd number of times.
+    A ray from the point to the right crosses the sides of a polygon an odd number of times.
     """
     if x_m - x_m != 0.0 or y_m - y_m != 0.0:
         return False
@@ -39,7 +39,7 @@ def inside(fence: Fence, x_m: float, y_m: float) -> bool:
             if below != was_below:
                 within = not within
             continue
-        # above 0: the place is left of this side
+        # above 0: the point is left of this side
         left = (from_x_m - x_m) * (to_y_m - y_m) - (to_x_m - x_m) * (from_y_m - y_m)
         if left == 0.0 and between(from_x_m, x_m, to_x_m) and between(from_y_m, y_m, to_y_m):
             return True
@@ -49,7 +49,7 @@ def inside(fence: Fence, x_m: float, y_m: float) -> bool:
 
 
 def refusal_of(fence: Fence) -> int:
-    """Why this is no fence, or 0. Written so that NaN fails every comparison."""
+    """Return why this is no valid fence, or 0; NaN fails every comparison."""
     corners = len(fence.xs_m)
     for k in range(corners):
         x_m, y_m = fence.xs_m[k], fence.ys_m[k]
@@ -73,7 +73,7 @@ def refusal_of(fence: Fence) -> int:
 
 
 def folds(fence: Fence, i: int) -> bool:
-    """Does the side from corner i go back over the one before it, or has either no length?"""
+    """Return whether the side from corner i reverses the one before, or either has no length."""
     xs_m, ys_m = fence.xs_m, fence.ys_m
     after = (i + 1) % len(xs_m)
     in_x_m, in_y_m = xs_m[i] - xs_m[i - 1], ys_m[i] - ys_m[i - 1]
@@ -83,7 +83,7 @@ def folds(fence: Fence, i: int) -> bool:
 
 
 def touch(fence: Fence, i: int, j: int) -> bool:
-    """Do the sides from the corners i and j cross or touch? They must have no corner in common."""
+    """Return whether the sides from corners i and j, with no common corner, cross or touch."""
     after_i, after_j = (i + 1) % len(fence.xs_m), (j + 1) % len(fence.xs_m)
     starts, ends = side(fence, j, after_j, i), side(fence, j, after_j, after_i)
     meets, parts = side(fence, i, after_i, j), side(fence, i, after_i, after_j)
@@ -98,16 +98,17 @@ def touch(fence: Fence, i: int, j: int) -> bool:
 
 
 def side(fence: Fence, a: int, b: int, c: int) -> float:
-    """Above 0: corner c is left of the way from a to b; 0: on its line."""
+    """Return a value above 0 if corner c is left of the line from a to b, and 0 on it."""
     xs_m, ys_m = fence.xs_m, fence.ys_m
     return (xs_m[b] - xs_m[a]) * (ys_m[c] - ys_m[a]) - (xs_m[c] - xs_m[a]) * (ys_m[b] - ys_m[a])
 
 
 def spans(fence: Fence, a: int, b: int, c: int) -> bool:
-    """Is corner c, on the line through a and b, between them?"""
+    """Return whether corner c, on the line through a and b, lies between them."""
     xs_m, ys_m = fence.xs_m, fence.ys_m
     return between(xs_m[a], xs_m[c], xs_m[b]) and between(ys_m[a], ys_m[c], ys_m[b])
 
 
 def between(one: float, value: float, other: float) -> bool:
+    """Return whether a value lies between two others."""
     return one <= value <= other or other <= value <= one

@@ -1,4 +1,4 @@
-"""The last word before the wheels. It may only take speed away, never add or steer."""
+"""The guard: the last stage before the wheels, which may only reduce speed."""
 
 from robot.core import reasons, states
 from robot.core.geometry import COSINES
@@ -7,7 +7,7 @@ from robot.core.perception.sonar_ring import AHEAD, FRONT, Ring
 from robot.core.typing_shim import Final
 from robot.core.values import Wheels
 
-ROUNDING: Final = 1.0 + 1e-9  # a command right at the limit is not over it
+ROUNDING: Final = 1.0 + 1e-9  # tolerates rounding of a command at the limit
 FRONT_BUMPER: Final = states.BUMPER_LEFT | states.BUMPER_RIGHT
 REAR_BUMPER: Final = states.BUMPER_REAR
 
@@ -19,7 +19,7 @@ def limit(
     wheels: Wheels | None,
     params: Params,
 ) -> tuple[float, int]:
-    """The factor 0..1 for both wheels, which keeps the curvature, and the reason for it."""
+    """Return the factor 0..1 for both wheels, which keeps the curvature, and its reason."""
     fastest_m_s = abs(speed_m_s) + 0.5 * params.track_m * abs(yaw_rate_rad_s)
     if fastest_m_s == 0.0:
         return 1.0, reasons.OK
@@ -42,9 +42,11 @@ def limit(
 
 
 def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
-    """How much of the forward speed the echoes leave: none ahead may be closed in on, by its own
-    motion and the robot's, faster than would take `guard_time_s` to reach `guard_stop_m`.
-    Blind ahead leaves none."""
+    """Return the share of the forward speed that the echoes ahead permit.
+
+    An echo may approach, by its own motion and the robot's, only so fast that it takes at least
+    `guard_time_s` to reach `guard_stop_m`. Without any measurement ahead the share is 0.
+    """
     if all_missing(ring):
         return 0.0
     stop_m, time_s = params.guard_stop_m, params.guard_time_s
@@ -62,4 +64,5 @@ def forward_factor(speed_m_s: float, ring: Ring, params: Params) -> float:
 
 
 def all_missing(ring: Ring) -> bool:
+    """Return whether both sonars ahead have no measurement."""
     return ring.range_m[AHEAD[0]] is None and ring.range_m[AHEAD[1]] is None

@@ -13,7 +13,7 @@ from runtime.clock import Tick
 from tests.support.boxes import Wireless
 
 PERIOD_NS = 50_000_000
-LOST = "senses began anew: the place is not known any more"
+LOST = "position lost: sensor stream restarted"
 
 
 def read(stamps: list[int], *, lockstep: bool) -> Vehicle:

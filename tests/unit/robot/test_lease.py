@@ -89,7 +89,7 @@ def test_it_lapses_when_its_holder_has_not_been_heard_for_three_seconds() -> Non
     lease.due(1 * S)
     assert lease.due(1 * S + LAPSE_NS) == []
     assert not lease.allows(BOB)
-    words = "lease of Ada lapsed: not heard for 3 s"
+    words = "lease of Ada lapsed: no heartbeat for 3 s"
     assert lease.due(1 * S + LAPSE_NS + 1) == [(Severity.WARNING, words)]
     assert lease.allows(BOB)
 
@@ -127,7 +127,7 @@ def test_giving_it_back_is_told_to_all() -> None:
     lease = taken()
     lease.due(0)
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
-    assert lease.due(0) == [(Severity.INFO, "Ada has given back the lease")]
+    assert lease.due(0) == [(Severity.INFO, "Ada has released the lease")]
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
     assert lease.due(0) == []
 
@@ -303,5 +303,5 @@ def test_a_lease_that_lapses_is_told() -> None:
         desk.step()
         desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
     told = "".join(text.text for text in desk.vehicle.texts())
-    assert "lease of Ada lapsed: not heard for 3 s" in told
+    assert "lease of Ada lapsed: no heartbeat for 3 s" in told
     assert desk.vehicle.lease.allows(BOB)

@@ -341,4 +341,4 @@ def test_wheels_that_seem_to_slip_are_told_once() -> None:
     desk.step()
     desk.step()
     told = [text.text for text in desk.vehicle.texts()]
-    assert told == ["wheels seem to slip: place less sure"]
+    assert told == ["wheel slip suspected: position less certain"]

@@ -1,1 +1,1 @@
-"""What navigators remember between ticks."""
+"""The navigators' state between ticks."""

@@ -1,6 +1,6 @@
-"""Whether the robot has been all the way round: at the same place, going the same way.
+"""Detect a full lap: the same place in the same direction.
 
-The place alone proves nothing: a corridor is passed in both directions.
+The place alone proves nothing: the robot passes a corridor in both directions.
 """
 
 from math import pi, sqrt
@@ -9,17 +9,17 @@ from robot.core.geometry import wrap
 from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
-MARK_AFTER_M: Final = 0.35  # at the hit itself the robot still turns
+MARK_AFTER_M: Final = 0.35  # at the hit itself the robot is still turning
 CLOSE_M: Final = 0.25
 SAME_WAY_RAD: Final = pi / 3.0
 ROUND_RAD: Final = 300.0 * pi / 180.0
 SHORTEST_M: Final = 0.5
-WOUND_RAD: Final = 4.0 * pi  # so much without coming by the mark: it lies on another boundary
-SPUN_RAD: Final = 6.0 * pi  # boxed in, there is no way to go
+WOUND_RAD: Final = 4.0 * pi  # without passing the mark: it is on another boundary
+SPUN_RAD: Final = 6.0 * pi  # boxed in
 
 
 class Lap:
-    """The mark, and what was driven and turned since. `at_m` is the way along the boundary."""
+    """The mark, and distance and turn since then; `at_m` is the distance along the boundary."""
 
     __slots__ = ("at_m", "last", "mark", "mark_at_m", "marked", "turned_rad")
 
@@ -37,13 +37,13 @@ def begin(lap: Lap, pose: Pose) -> None:
 
 
 def resume(lap: Lap, pose: Pose) -> None:
-    """Go on after the robot was away from the boundary; the way between does not count."""
+    """Continue after leaving the boundary; the distance in between does not count."""
     lap.turned_rad += wrap(pose.heading_rad - lap.last.heading_rad)
     lap.last = pose
 
 
 def closed(lap: Lap, pose: Pose) -> bool:
-    """Account one tick along the boundary; True once each time that the mark is come by again."""
+    """Add one tick along the boundary; return True each time the mark is passed again."""
     lap.at_m += apart_m(lap.last, pose)
     lap.turned_rad += wrap(pose.heading_rad - lap.last.heading_rad)
     lap.last = pose
@@ -67,7 +67,7 @@ def closed(lap: Lap, pose: Pose) -> bool:
 
 
 def mark(lap: Lap, pose: Pose) -> None:
-    """Whoever comes by here again, going the same way, has been all the way round."""
+    """Set the mark: passing it again in the same direction completes a lap."""
     lap.mark = pose
     lap.mark_at_m = lap.at_m
     lap.marked = True
@@ -75,5 +75,6 @@ def mark(lap: Lap, pose: Pose) -> None:
 
 
 def apart_m(one: Pose, other: Pose) -> float:
+    """Return the distance between two poses."""
     dx_m, dy_m = one.x_m - other.x_m, one.y_m - other.y_m
     return sqrt(dx_m * dx_m + dy_m * dy_m)

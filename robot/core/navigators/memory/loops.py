@@ -1,7 +1,7 @@
-"""Notices that the robot has been here before: hits remembered by place, the way by its crumbs.
+"""Detect loops: hits are stored by place, the way by points along it.
 
-A loop is the same places in the same order in the same direction; the place alone would take the
-two sides of a corridor for one. Integers: centimetres, and brads (4096 to the circle).
+A loop is the same places in the same order and direction; the place alone would confuse the two
+sides of a corridor. Integers: centimetres, and brads (4096 to the circle).
 """
 
 from robot.core.perception.echoes import CIRCLE
@@ -12,16 +12,19 @@ HIT_CM: Final = 35
 CRUMBS: Final = 96
 SPACING_CM: Final = 25
 LEAST_AWAY: Final = 5
-"""Crumbs that must lie between a place and its second visit."""
+"""Minimum number of points between a place and its second visit."""
 IN_A_ROW: Final = 3
 STEPS: Final = 16
-"""The headings of crumbs are kept in so many brads, 256 to the circle: a byte each."""
-SAME: Final = 35  # of those, 50 degrees
+"""Headings of points are stored as bytes, 256 to the circle: this many brads each."""
+SAME: Final = 35  # of 256: 50 degrees
 
 
 class Loops:
-    """A ring of hits (place and side) and the crumbs of the way since the last of them (place and
-    heading), thinned by half when there is no room. `first` is where the loop that closed began."""
+    """A ring buffer of hits, and the points of the way since the last hit.
+
+    A hit has a place and a side, a point a place and a heading. Every second point is removed when
+    the memory is full. `first` is the start of the loop that closed.
+    """
 
     __slots__ = (
         "count",
@@ -56,12 +59,12 @@ def restart(loops: Loops) -> None:
 
 
 def walked_cm(loops: Loops) -> int:
-    """How long the way is since it was forgotten, about."""
+    """Return the approximate length of the way since `restart`."""
     return loops.count * loops.spacing_cm
 
 
 def side_at(loops: Loops, x_cm: int, y_cm: int, side: int) -> int:
-    """The side to pass on: the wanted one, unless the last hit here was passed on that side."""
+    """Return `side`, or the other one if the last hit at this place was passed there."""
     for k in range(loops.hits - 1, max(loops.hits - HITS, 0) - 1, -1):
         i = k % HITS
         if is_near(loops.hit_x_cm[i] - x_cm, loops.hit_y_cm[i] - y_cm, HIT_CM):
@@ -70,7 +73,7 @@ def side_at(loops: Loops, x_cm: int, y_cm: int, side: int) -> int:
 
 
 def remember(loops: Loops, x_cm: int, y_cm: int, side: int) -> None:
-    """A hit, passed on this side; the way begins anew."""
+    """Store a hit passed on this side, and restart the way."""
     i = loops.hits % HITS
     loops.hit_x_cm[i], loops.hit_y_cm[i], loops.hit_side[i] = x_cm, y_cm, side
     loops.hits += 1
@@ -78,11 +81,12 @@ def remember(loops: Loops, x_cm: int, y_cm: int, side: int) -> None:
 
 
 def is_near(dx_cm: int, dy_cm: int, least_cm: int) -> bool:
+    """Return whether an offset is shorter than a distance."""
     return dx_cm * dx_cm + dy_cm * dy_cm < least_cm * least_cm
 
 
 def drop(loops: Loops, x_cm: int, y_cm: int, heading: int) -> bool:
-    """Drop a crumb every so often; whether the way has closed upon itself."""
+    """Store a point at each spacing; return whether the way has closed upon itself."""
     n = loops.count
     if n and is_near(loops.x_cm[n - 1] - x_cm, loops.y_cm[n - 1] - y_cm, loops.spacing_cm):
         return False
@@ -100,7 +104,7 @@ def drop(loops: Loops, x_cm: int, y_cm: int, heading: int) -> bool:
 
 
 def visited(loops: Loops, x_cm: int, y_cm: int, heading: int) -> int:
-    """The oldest crumb of the same place and direction, but for the newest few; -1 without one."""
+    """Return the oldest point at this place and heading, without the newest few; -1 if none."""
     same_cm = loops.spacing_cm if loops.spacing_cm == SPACING_CM else loops.spacing_cm * 6 // 10 + 5
     xs, ys = loops.x_cm, loops.y_cm
     for k in range(loops.count - LEAST_AWAY):
@@ -112,7 +116,7 @@ def visited(loops: Loops, x_cm: int, y_cm: int, heading: int) -> int:
 
 
 def thin(loops: Loops) -> None:
-    """Keep every second crumb, and drop them twice as far apart from now on."""
+    """Keep every second point, and double the spacing."""
     loops.count = CRUMBS // 2
     for k in range(loops.count):
         loops.x_cm[k] = loops.x_cm[2 * k]
@@ -124,7 +128,7 @@ def thin(loops: Loops) -> None:
 
 
 def turns_left(loops: Loops) -> bool:
-    """Whether the loop that closed goes round counter-clockwise, by the sign of its area."""
+    """Return whether the closed loop runs counter-clockwise, by the sign of its area."""
     xs, ys, n = loops.x_cm, loops.y_cm, loops.count
     x_cm, y_cm = xs[loops.first], ys[loops.first]
     twice = 0
@@ -135,8 +139,10 @@ def turns_left(loops: Loops) -> bool:
 
 
 def encloses(loops: Loops, x_cm: int, y_cm: int) -> bool:
-    """Whether a place lies within the loop that closed (a ray to +x meets it an odd number of
-    times)."""
+    """Return whether a place lies within the closed loop.
+
+    A ray in the direction of +x crosses such a loop an odd number of times.
+    """
     xs, ys, n = loops.x_cm, loops.y_cm, loops.count
     inside = False
     for k in range(loops.first, n):

@@ -1,12 +1,15 @@
-"""What the navigators of the paper remember between ticks: bug a little, vgm nothing."""
+"""The memory of the paper's navigators; vgm uses only the side."""
 
 from robot.core import states
 
 
 class Memory:
-    """`side` is where obstacles are passed, `following` whether one is being followed, `beside`
-    whether it has come to be beside the robot, `lost_rad` how far the robot has turned since it
-    lost it, `heading_rad` the robot's last heading."""
+    """State of bug between two ticks.
+
+    `side` is where obstacles are passed. `following` is set while one is followed, and `beside`
+    once it is beside the robot. `lost_rad` is the turn since the wall was lost, `heading_rad` the
+    last heading.
+    """
 
     __slots__ = ("beside", "following", "heading_rad", "lost_rad", "side")
 

@@ -58,8 +58,8 @@ def test_a_robot_that_restarts_keeps_its_fence_and_says_so(
 ) -> None:
     kept(tmp_path / "state", fence)
     desk = restarted(tmp_path / "state")
-    assert (Severity.INFO, "fence of before is up") in told(desk)
-    assert desk.vehicle.restored == ("fence of before is up",)
+    assert (Severity.INFO, "fence restored") in told(desk)
+    assert desk.vehicle.restored == ("fence restored",)
     desk.arm()
     assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
     assert desk.goto(1.5, 0.0) == Reason.NONE
@@ -69,7 +69,7 @@ def test_a_mission_is_offered_again_and_starts_only_when_it_is_told_to(tmp_path:
     kept(tmp_path, line(3))
     desk = restarted(tmp_path)
     assert state(desk) == (MissionState.READY, 0)
-    assert (Severity.INFO, "mission of before is there, 3 items, not started") in told(desk)
+    assert (Severity.INFO, "mission restored, 3 items, not started") in told(desk)
     desk.arm()
     for _ in range(40):
         assert (desk.step().left_mrad_s, desk.step().right_mrad_s) == (0, 0)
@@ -142,7 +142,7 @@ def test_unreadable_fence_forbids_arming_and_is_told(tmp_path: Path, text: str) 
     assert (tmp_path / "fence.json").read_text() == text, "somebody may want to look at it"
 
 
-LOST = "fence of before is LOST: arming is refused until `fence off` or a new fence: "
+LOST = "saved fence LOST: arming is refused until `fence off` or a new fence: "
 
 
 def shown(desk: Desk) -> tuple[int, int]:
@@ -188,7 +188,7 @@ def test_unreadable_fence_outlasts_stops_and_disarming(tmp_path: Path, command: 
 def test_unreadable_mission_does_not_forbid_arming(tmp_path: Path) -> None:
     (tmp_path / "mission.json").write_text("{")
     desk = restarted(tmp_path)
-    assert desk.vehicle.restored[0].startswith("started WITHOUT the mission of before: ")
+    assert desk.vehicle.restored[0].startswith("saved mission NOT restored: ")
     assert desk.arm() == Reason.NONE
 
 
@@ -221,7 +221,7 @@ def test_a_mission_that_lies_outside_of_the_fence_is_left_out_with_its_reason(
     narrow.arm()
     assert upload(narrow, NEAR).reason == Reason.NONE
     desk = restarted(tmp_path)
-    assert "started WITHOUT the mission of before: item 7: goal is outside of the fence" in (
+    assert "saved mission NOT restored: item 7: goal is outside of the fence" in (
         desk.vehicle.restored
     )
     assert state(desk) == (MissionState.NONE, 0)
@@ -232,7 +232,7 @@ def test_a_robot_that_starts_outside_of_its_fence_keeps_it_and_cannot_be_armed(
 ) -> None:
     kept(tmp_path, NEAR)
     desk = restarted(tmp_path, at=Pose(5.0, 0.0, 0.0))
-    assert desk.vehicle.restored == ("fence of before is up, robot OUTSIDE of it: lift it to arm",)
+    assert desk.vehicle.restored == ("fence restored, robot OUTSIDE of it: lift it to arm",)
     assert desk.arm() == Reason.FENCE_BREACHED
     assert clear(desk, MissionType.FENCE) == Reason.NONE
     assert desk.arm() == Reason.NONE

@@ -198,7 +198,7 @@ def test_arming_lists_what_is_not_as_configured() -> None:
     put(desk, "d_obs_m", 0.4)
     assert notices(desk) == []
     desk.arm()
-    words = "armed, other than configured: guard_stop_m 0.05 (0.04), op_lost_ms 1000 (1500)"
+    words = "armed with changed safety parameters: guard_stop_m 0.05 (0.04), op_lost_ms 1000 (1500)"
     assert notices(desk) == [words]
     desk.arm()
     assert notices(desk) == [], "it was armed before"

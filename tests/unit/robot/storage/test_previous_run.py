@@ -39,7 +39,7 @@ def test_one_that_was_told_to_stop_is_no_news(tmp_path: Path) -> None:
 
 def test_one_that_was_killed_leaves_no_word(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
-    assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT == "ended without a word"
+    assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT == "ended without a report"
 
 
 def test_what_the_supervisor_saw_is_better_than_no_word(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFix
     vehicle = Vehicle(DEFAULTS, Store(None))
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
-    words = f"started again: the one before {KILLED}"
+    words = f"restarted: the previous run {KILLED}"
     told = "".join(text.text for text in texts)
     assert words in told
     assert PLACE_UNKNOWN in told

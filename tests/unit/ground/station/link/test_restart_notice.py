@@ -10,7 +10,7 @@ from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory
 from tests.support.ground.station.play import Play, S
 
-CAUSE = "the one before was killed (signal SIGKILL)"
+CAUSE = "the previous run was killed (signal SIGKILL)"
 
 
 class Talker:
