@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test mutation bench generate docs generate-docs clean afresh
+.PHONY: help setup up test mutation bench generate docs pictures generate-docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -21,6 +21,7 @@ help:
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    the documentation as a web site, in build/site"
 	echo "make generate-docs  the committed pages that are made from the code"
+	echo "make pictures  the drawings in docs/pictures"
 	echo "make clean   remove .venv and what the tools have cached"
 
 setup: $(READY)
@@ -92,6 +93,9 @@ generate: setup
 
 docs: setup
 	@exec "$(BIN)/python" -m verification.site
+
+pictures: setup
+	@exec "$(BIN)/python" -m verification.site.pictures
 
 generate-docs: setup
 	@"$(BIN)/python" -m protocol.docs >docs/reference/protocol.md.new

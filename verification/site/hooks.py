@@ -1,1 +1,31 @@
-"""Hooks of MkDocs, named in mkdocs.yml."""
+"""Hooks of MkDocs, named in mkdocs.yml: generated tables, and pictures of the app's screens."""
+
+import re
+from pathlib import Path
+from typing import Final
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+from verification.site.reference import GENERATORS
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+SCREENS: Final = ROOT / "tests" / "tui" / "snapshots"
+GENERATED: Final = re.compile(r"^<!-- generated: (?P<name>[a-z-]+) -->$", re.MULTILINE)
+FONT: Final = re.compile(r"@font-face \{.*?\}\s*", re.DOTALL)
+"""The pictures ask for a font from another host; the site uses fonts of the system."""
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pictures of the screens, which the tests of the app keep up to date."""
+    for path in sorted(SCREENS.glob("*.svg")):
+        picture = FONT.sub("", path.read_text(encoding="utf-8"))
+        name = f"pictures/screens/{path.name}"
+        files.append(File.generated(config, name, content=picture))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Replace the comments that ask for a generated table."""
+    return GENERATED.sub(lambda found: GENERATORS[found["name"]](), markdown)

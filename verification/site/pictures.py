@@ -1,0 +1,99 @@
+"""Draws the pictures of the documentation: `make pictures`.
+
+For some worlds the ways of all navigators beside each other, in light and in dark; and one drive
+that moves. Trials are deterministic, so equal code gives equal pictures.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from plant.model.types import World
+from plant.world.file import load
+from study.report.charts.drives import Drive, all_driven
+from study.report.charts.style import DARK, DRAWING_RULES, LIGHT
+from study.report.charts.world_map import Map, thinned
+from study.trial.trial import Trial
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+FOLDER: Final = ROOT / "docs" / "pictures"
+WORLDS: Final = {"u_trap": "u_trap", "spiral": "plant/corpus/fixed/spiral_1_000.toml"}
+NAVIGATORS: Final = ("bug", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
+PANEL_PX: Final = 300.0
+HEAD_PX: Final = 34.0
+COLUMNS: Final = 3
+THEMES: Final = {"light": LIGHT, "dark": DARK}
+SECONDS: Final = 12
+"""Of the moving drive, once round."""
+
+
+def panels(world: World, drives: Sequence[Drive], theme: str) -> str:
+    """Return one picture with a map for each drive, in the colours of a theme."""
+    maps = [drawn(world, drive) for drive in drives]
+    width, height = maps[0].drawing.width, maps[0].drawing.height + HEAD_PX
+    rows = -(-len(maps) // COLUMNS)
+    box = f"0 0 {COLUMNS * width:.0f} {rows * height:.0f}"
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" viewBox="{box}">',
+        f"<title>The ways of the navigators in the world {world.name}</title>",
+        f"<style>:root{{{THEMES[theme]}}}{DRAWING_RULES}</style>",
+        '<rect class="ground" width="100%" height="100%"/>',
+    ]
+    for number, (drive, one) in enumerate(zip(drives, maps, strict=True)):
+        x, y = number % COLUMNS * width, number // COLUMNS * height
+        parts.append(
+            f'<text class="head" x="{x + 8:.0f}" y="{y + 16:.0f}">{drive.trial.navigator}</text>'
+            f'<text class="label" x="{x + 8:.0f}" y="{y + 30:.0f}">{caption(drive)}</text>'
+        )
+        place = f'x="{x:.1f}" y="{y + HEAD_PX:.1f}" height="{one.drawing.height:.1f}"'
+        parts.append(one.drawing.inline().replace("<svg", f"<svg {place}", 1))
+    return "\n".join([*parts, "</svg>\n"])
+
+
+def drawn(world: World, drive: Drive) -> Map:
+    """Return the map of a world with one drive."""
+    found = Map(world, PANEL_PX, f"{drive.trial.navigator}: {caption(drive)}")
+    found.add(drive)
+    found.ends()
+    return found
+
+
+def caption(drive: Drive) -> str:
+    """Return how a drive ended, in a few words."""
+    outcome = drive.outcome
+    return f"{outcome.outcome} after {outcome.time_s:.0f} s, {outcome.path_m:.1f} m"
+
+
+def moving(world: World, drive: Drive) -> str:
+    """Return a picture in which a disc moves along the way of a drive."""
+    found = Map(world, 2 * PANEL_PX, f"A drive in the world {world.name}")
+    found.add(drive)
+    found.ends()
+    way = "L".join("{:.1f} {:.1f}".format(*found.at(point)) for point in thinned(drive.true))
+    robot = (
+        '<circle class="f-vgm_memory mark" r="9"><animateMotion '
+        f'dur="{SECONDS}s" repeatCount="indefinite" path="M{way}"/></circle>'
+    )
+    return found.drawing.alone().replace("</svg>", f"{robot}\n</svg>")
+
+
+def main() -> int:
+    """Write all pictures into docs/pictures."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    for name, file in WORLDS.items():
+        world = load(str(ROOT / file) if "/" in file else file)
+        trials = [Trial(world=world, navigator=one, noise="none") for one in NAVIGATORS]
+        drives = all_driven(trials, jobs=1)
+        for theme in THEMES:
+            path = FOLDER / f"navigators-{name}-{theme}.svg"
+            path.write_text(panels(world, drives, theme), encoding="utf-8")
+    world = load("u_trap")
+    (drive,) = all_driven([Trial(world=world, navigator="vgm_memory", noise="none")], jobs=1)
+    (FOLDER / "drive.svg").write_text(moving(world, drive), encoding="utf-8")
+    print(f"{FOLDER}: {2 * len(WORLDS) + 1} pictures")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
