@@ -11,9 +11,9 @@ from typing import Final
 
 from plant.model.types import World
 from plant.world.file import load
-from study.report.charts.drives import Drive, all_driven
+from study.report.charts.drives import DrivenTrial, drive_all
 from study.report.charts.style import DARK, DRAWING_RULES, LIGHT
-from study.report.charts.world_map import Map, thinned
+from study.report.charts.world_map import WorldMap, simplified
 from study.trial.trial import Trial
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -28,7 +28,7 @@ SECONDS: Final = 12
 """Of the moving drive, once round."""
 
 
-def panels(world: World, drives: Sequence[Drive], theme: str) -> str:
+def panels(world: World, drives: Sequence[DrivenTrial], theme: str) -> str:
     """Return one picture with a map for each drive, in the colours of a theme."""
     maps = [drawn(world, drive) for drive in drives]
     width, height = maps[0].drawing.width, maps[0].drawing.height + HEAD_PX
@@ -51,26 +51,26 @@ def panels(world: World, drives: Sequence[Drive], theme: str) -> str:
     return "\n".join([*parts, "</svg>\n"])
 
 
-def drawn(world: World, drive: Drive) -> Map:
+def drawn(world: World, drive: DrivenTrial) -> WorldMap:
     """Return the map of a world with one drive."""
-    found = Map(world, PANEL_PX, f"{drive.trial.navigator}: {caption(drive)}")
+    found = WorldMap(world, PANEL_PX, f"{drive.trial.navigator}: {caption(drive)}")
     found.add(drive)
     found.ends()
     return found
 
 
-def caption(drive: Drive) -> str:
+def caption(drive: DrivenTrial) -> str:
     """Return how a drive ended, in a few words."""
     outcome = drive.outcome
     return f"{outcome.outcome} after {outcome.time_s:.0f} s, {outcome.path_m:.1f} m"
 
 
-def moving(world: World, drive: Drive) -> str:
+def moving(world: World, drive: DrivenTrial) -> str:
     """Return a picture in which a disc moves along the way of a drive."""
-    found = Map(world, 2 * PANEL_PX, f"A drive in the world {world.name}")
+    found = WorldMap(world, 2 * PANEL_PX, f"A drive in the world {world.name}")
     found.add(drive)
     found.ends()
-    way = "L".join("{:.1f} {:.1f}".format(*found.at(point)) for point in thinned(drive.true))
+    way = "L".join("{:.1f} {:.1f}".format(*found.at(point)) for point in simplified(drive.true))
     robot = (
         '<circle class="f-vgm_memory mark" r="9"><animateMotion '
         f'dur="{SECONDS}s" repeatCount="indefinite" path="M{way}"/></circle>'
@@ -84,12 +84,12 @@ def main() -> int:
     for name, file in WORLDS.items():
         world = load(str(ROOT / file) if "/" in file else file)
         trials = [Trial(world=world, navigator=one, noise="none") for one in NAVIGATORS]
-        drives = all_driven(trials, jobs=1)
+        drives = drive_all(trials, jobs=1)
         for theme in THEMES:
             path = FOLDER / f"navigators-{name}-{theme}.svg"
             path.write_text(panels(world, drives, theme), encoding="utf-8")
     world = load("u_trap")
-    (drive,) = all_driven([Trial(world=world, navigator="vgm_memory", noise="none")], jobs=1)
+    (drive,) = drive_all([Trial(world=world, navigator="vgm_memory", noise="none")], jobs=1)
     (FOLDER / "drive.svg").write_text(moving(world, drive), encoding="utf-8")
     print(f"{FOLDER}: {2 * len(WORLDS) + 1} pictures")
     return 0

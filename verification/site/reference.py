@@ -16,7 +16,7 @@ from unittest.mock import patch
 from ground.app.input.key_table import KEYS, Layer
 from ground.cli import main as operator
 from ground.client.results import answer_row
-from ground.missions.mission import Circle, Home, Polygon, Waypoint
+from ground.missions.mission import Circle, Home, Waypoint
 from plant.corpus.generate import FAMILIES, GRID_FAMILIES
 from plant.model.body import Body
 from plant.model.faults import Fault
@@ -251,7 +251,6 @@ GENERATORS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
         "noise-levels": noise_levels,
         "outcome-keys": outcome_keys,
         "parameters": parameters,
-        "polygon": lambda: settings(Polygon),
         "reasons": reasons,
         "robot-body": lambda: settings(Body),
         "study-rows": study_rows,

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from plant.world.file import load
-from study.report.charts.drives import driven
+from study.report.charts.drives import drive_trial
 from study.trial.trial import Trial
 from verification.site.pictures import FOLDER, NAVIGATORS, THEMES, WORLDS, moving, panels
 
@@ -30,7 +30,7 @@ def test_picture_is_whole_and_small(path: Path) -> None:
 
 def test_a_drive_is_drawn_in_a_panel_and_moving() -> None:
     world = load("open")
-    drive = driven(Trial(world=world, navigator=NAVIGATORS[0], noise="none"))
+    drive = drive_trial(Trial(world=world, navigator=NAVIGATORS[0], noise="none"))
     whole = ElementTree.fromstring(panels(world, [drive], "dark"))
     words = [element.text for element in whole.findall(f"{SVG}text")]
     assert words[0] == NAVIGATORS[0]
