@@ -2,7 +2,7 @@
 
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
-from ground.client.link import Unanswered, open_link
+from ground.client.link import UnansweredError, open_link
 from ground.client.operations import Session
 from ground.client.results import Outcome
 from ground.grammar.looking import WatchWords
@@ -25,7 +25,7 @@ def run(words: Words, says: Output) -> int:
     try:
         with open_link(common) as link:
             return tell(says, words, link.robot, operation.perform(Session(link, says)))
-    except Unanswered as error:
+    except UnansweredError as error:
         if not isinstance(operation, Diagnose):
             raise
         return tell(says, words, common.robot, operation.undialled(error, common.endpoint))

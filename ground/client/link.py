@@ -41,7 +41,7 @@ ALIVE: Final = Heartbeat(
 )
 
 
-class Unanswered(RemoteError):
+class UnansweredError(RemoteError):
     """A robot did not answer; the message names the process that is missing or hangs."""
 
     exit_code = 1
@@ -90,7 +90,7 @@ class Link:
         patience_ns: int = PATIENCE_NS,
         service: Service = COMMAND,
     ) -> Answer:
-        """Send a request until it is answered; Unanswered names the process that is missing."""
+        """Send a request until it is answered; UnansweredError names the process that is missing."""
         asking = CommandExchange(
             request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
         )
@@ -103,12 +103,12 @@ class Link:
         """Send the requests of an exchange to a service until it is over."""
         run_exchange(self.bus, self.clock, self.robot, exchange, service)
 
-    def unanswered(self, outcome: GaveUp | None) -> Unanswered:
+    def unanswered(self, outcome: GaveUp | None) -> UnansweredError:
         """Return the error for an exchange without an outcome."""
         if why_not := barred(self.bus.holder, self.robot, COMMAND):
-            return Unanswered(f"{why_not}: use --config DIR/ground.toml")
+            return UnansweredError(f"{why_not}: use --config DIR/ground.toml")
         why = "no answer" if outcome is None else outcome.why
-        return Unanswered(f"{self.diagnosis()} ({why})")
+        return UnansweredError(f"{self.diagnosis()} ({why})")
 
     def beat(self) -> None:
         """Publish the operator's heartbeat once."""
@@ -159,12 +159,12 @@ class Link:
 
 @contextmanager
 def open_link(common: Common) -> Iterator[Link]:
-    """Connect to the robot; Unanswered if no process listens at the endpoint."""
+    """Connect to the robot; UnansweredError if no process listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)
     except (PeerHangs, NotLetIn) as error:
-        raise Unanswered(str(error)) from error
+        raise UnansweredError(str(error)) from error
     except NoPeer as error:
-        raise Unanswered(f"no robot and no router: {error}") from error
+        raise UnansweredError(f"no robot and no router: {error}") from error
     with bus:
         yield Link(bus, common, WallClock())

@@ -180,10 +180,6 @@ class GoalEnd:
     reason: str
     abort: bool = False
 
-    @property
-    def reached(self) -> bool:
-        return self.outcome == "reached"
-
 
 ENDS: Final = {
     GoalState.REACHED: "reached",

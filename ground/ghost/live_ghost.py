@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from ground.client.goal import Destination
-from ground.client.link import LISTEN_NS, Link, Unanswered
+from ground.client.link import LISTEN_NS, Link, UnansweredError
 from ground.client.operations.parameters import fetch
 from ground.ghost.branch_point import BranchPoint, Facts, driving
 from ground.ghost.predicted_path import PredictedPath
@@ -21,14 +21,14 @@ class LiveState:
     """Heard once, then asked for what a ghost needs."""
 
     def __init__(self, link: Link) -> None:
-        """Raises Unanswered, who is missing, when the robot is not heard."""
+        """Raises UnansweredError, who is missing, when the robot is not heard."""
         self._link = link
         with link.subscribed(STATUS, TRUTH) as heard:
             link.wait(lambda: all(heard.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
             now_ns = link.clock.now_ns()
             status, self._truth = heard.live(STATUS, now_ns), heard.live(TRUTH, now_ns)
         if status is None:
-            raise Unanswered(link.diagnosis())
+            raise UnansweredError(link.diagnosis())
         self.status: NavigatorStatus = status
 
     def instant(self, world: str | None, goal: Destination | None) -> BranchPoint:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from ground.client.goal import goal_request
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.requests import GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, short_line
@@ -96,7 +96,7 @@ class GoalRun:
             self._check()
             try:
                 answer = self.link.ask(self.link.command(command, param1, param2))
-            except Unanswered:
+            except UnansweredError:
                 if clock.now_ns() > deadline_ns:
                     raise
             else:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final
 
 from ground.client.diagnosis import Finding, Observed, Stream, examine, installation, lines
 from ground.client.diagnosis import Report as Findings
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.operations import Session
 from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
@@ -39,7 +39,7 @@ class Diagnose:
         seen = observe(session.link, round(self.listen_s * NS_PER_S))
         return told_of(seen, examine(seen))
 
-    def undialled(self, error: Unanswered, endpoint: str) -> Report:
+    def undialled(self, error: UnansweredError, endpoint: str) -> Report:
         """The report when nothing could be dialled."""
         what, do = told(error, endpoint)
         findings = [Finding(what, do), *installation(conflicts())]
@@ -47,7 +47,7 @@ class Diagnose:
         return Report(False, lines(findings), row)
 
 
-def told(error: Unanswered, endpoint: str) -> tuple[str, str]:
+def told(error: UnansweredError, endpoint: str) -> tuple[str, str]:
     """What keeps us out, and what to do about it."""
     cause = error.__cause__
     if isinstance(cause, NotLetIn):

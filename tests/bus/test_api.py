@@ -308,5 +308,5 @@ def test_endpoint_without_a_robot_is_unanswered() -> None:
         async with sidestep.connect("tcp/127.0.0.1:9"):
             raise AssertionError("nothing listens there")
 
-    with pytest.raises(sidestep.Unanswered, match="no robot and no router"):
+    with pytest.raises(sidestep.UnansweredError, match="no robot and no router"):
         asyncio.run(program())

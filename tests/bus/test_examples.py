@@ -125,5 +125,5 @@ def test_custom_navigator_is_tried_and_taken_out_again(capsys: pytest.CaptureFix
 
 
 def test_examples_say_when_there_is_no_robot() -> None:
-    with pytest.raises(sidestep.Unanswered):
+    with pytest.raises(sidestep.UnansweredError):
         asyncio.run(sonar_terminal.show("tcp/127.0.0.1:9", 1))

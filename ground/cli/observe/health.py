@@ -10,7 +10,7 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.presence import present_processes
 from ground.grammar.words import add_common
 from ground.text.output import Output
@@ -45,7 +45,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, says: Output) -> int:
-    """Raises Unanswered, which has exit code 1, with the reason."""
+    """Raises UnansweredError, which has exit code 1, with the reason."""
     if options.web is not None:
         ask_page(address_of(options.web))
     from ground.cli.verbs import talking  # which knows this verb
@@ -57,7 +57,7 @@ def act(options: argparse.Namespace, link: Link, says: Output) -> int:
     """The same over a link that is there."""
     hub = link.bus.hub()
     if options.role == ROUTER and hub is not Hub.ROUTER:
-        raise Unanswered(f"at {link.endpoint} is {hub.value}, no router")
+        raise UnansweredError(f"at {link.endpoint} is {hub.value}, no router")
     listen(options.role, link)
     found: dict[str, object] = {"role": options.role, "robot": link.robot, "ok": True}
     says.result(found, f"{options.role}: healthy")
@@ -65,7 +65,7 @@ def act(options: argparse.Namespace, link: Link, says: Output) -> int:
 
 
 def listen(role: str, link: Link) -> None:
-    """Raise Unanswered for the first of its topics that is not heard in time."""
+    """Raise UnansweredError for the first of its topics that is not heard in time."""
     signs = SIGNS[role]
     if not signs:
         return
@@ -75,7 +75,7 @@ def listen(role: str, link: Link) -> None:
         for topic in signs:
             if telemetry.latest(topic) is None:
                 box = telemetry.boxes()[topic.path]
-                raise Unanswered(unheard(role, topic, box.last_rejection, link))
+                raise UnansweredError(unheard(role, topic, box.last_rejection, link))
 
 
 def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
@@ -91,13 +91,13 @@ def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
 
 
 def ask_page(address: Address) -> None:
-    """Raise Unanswered unless somebody serves pages there; without its token we stay outside."""
+    """Raise UnansweredError unless somebody serves pages there; without its token we stay outside."""
     where = f"http://{address.host}:{address.port}/"
     try:
         with closing(HTTPConnection(address.host, address.port, timeout=PAGE_S)) as connection:
             connection.request("GET", "/")
             status = connection.getresponse().status
     except (OSError, HTTPException) as error:
-        raise Unanswered(f"no page at {where}: {error}") from error
+        raise UnansweredError(f"no page at {where}: {error}") from error
     if status >= 500:
-        raise Unanswered(f"the page at {where} is broken: status {status}")
+        raise UnansweredError(f"the page at {where} is broken: status {status}")

@@ -14,7 +14,7 @@ from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.client.connection import Common
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.grammar.words import add_json, positive, seconds
 from ground.launch.child_command import command
@@ -127,7 +127,7 @@ def rehearse(
                 return fleet_run.run(
                     lockstep=scenario.lockstep, launched=partial(look_after, stack, bus)
                 )
-            except (Unanswered, RemoteError):
+            except (UnansweredError, RemoteError):
                 stack.check_for_late_exit()  # a process that has died explains silence best
                 raise
 
@@ -207,7 +207,9 @@ def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
         with suppress(NoPeer):
             return open_bus(common.network, Role.GROUND, common.robot)
         if clock.now_ns() > deadline_ns:
-            raise Unanswered(f"nobody listens at {common.endpoint} after {OPEN_NS // NS_PER_S} s")
+            raise UnansweredError(
+                f"nobody listens at {common.endpoint} after {OPEN_NS // NS_PER_S} s"
+            )
 
 
 def shown(says: Output, clock: Clock) -> Callable[[list[Part]], None]:

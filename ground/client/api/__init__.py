@@ -13,7 +13,7 @@ from ground.client.api.events import (
 )
 from ground.client.api.robot import Robot, connect
 from ground.client.api.streams import Stream
-from ground.client.link import Unanswered
+from ground.client.link import UnansweredError
 from ground.client.operations import (
     DriveEnded,
     GoalEnded,
@@ -68,7 +68,7 @@ __all__ = [
     "Stream",
     "TextReceived",
     "TransferOutcome",
-    "Unanswered",
+    "UnansweredError",
     "UserError",
     "Vehicle",
     "VehicleChanged",

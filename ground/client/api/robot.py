@@ -4,7 +4,7 @@
         outcome = await robot.goto(5.4, 2.0)
 
 Values are checked before anything is sent: UserError names what is out of range. A refusal is a
-value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it. Unanswered, a
+value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it. UnansweredError, a
 RemoteError, says which process is missing.
 
 The event loop sends the operator's heartbeat. A program that blocks its loop is no operator: after
@@ -82,7 +82,7 @@ async def connect(
     `endpoint` is where it or its router listens (tcp/127.0.0.1:7447), `robot` its name (r1),
     `config` a file as for `--config`, `name` what other operators are shown (the user's name).
 
-    Raises UserError for values that cannot be used, Unanswered when nothing listens there.
+    Raises UserError for values that cannot be used, UnansweredError when nothing listens there.
     """
     where, called = common(endpoint, robot, config), operator_name(name)
     async with AsyncExitStack() as stack:

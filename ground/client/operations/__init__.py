@@ -65,7 +65,7 @@ class Operation(Protocol[O_co]):
     @property
     def moves(self) -> bool: ...
     def perform(self, session: Session) -> O_co:
-        """Do it; UserError, RemoteError or Unanswered when there is no outcome."""
+        """Do it; UserError, RemoteError or UnansweredError when there is no outcome."""
 
 
 __all__ = [

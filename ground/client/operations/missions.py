@@ -29,7 +29,7 @@ NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
 
 
 def send(link: Link, transfer: Transfer) -> Verdict:
-    """Return the verdict on an upload or a deletion; Unanswered when there is none."""
+    """Return the verdict on an upload or a deletion; UnansweredError when there is none."""
     outcome = carried(link, transfer)
     if not isinstance(outcome, Verdict):
         raise RemoteError("the robot has sent a mission instead of judging one")
@@ -47,7 +47,7 @@ def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
 
 
 def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
-    """Put the questions until it is over; Unanswered when the robot is gone."""
+    """Put the questions until it is over; UnansweredError when the robot is gone."""
     link.exchange(transfer, MISSION_SERVICE)
     outcome = transfer.outcome
     if outcome is None or isinstance(outcome, GaveUp):

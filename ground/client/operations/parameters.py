@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from ground.client import parameter_file
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
@@ -65,13 +65,13 @@ class ParameterExchange(Exchange[Message | bytes]):
 
 
 def ask(link: Link, request: ParamSet | None) -> Message | bytes:
-    """Return the robot's answer; Unanswered says what is missing when there is none."""
+    """Return the robot's answer; UnansweredError says what is missing when there is none."""
     exchange = ParameterExchange(request, link.clock.now_ns())
     link.exchange(exchange, PARAMETERS if request is None else PARAMETER)
     outcome = exchange.outcome
     if outcome is None or isinstance(outcome, GaveUp):
         why = "no answer" if outcome is None else outcome.why
-        raise Unanswered(f"{link.diagnosis()} ({why})")
+        raise UnansweredError(f"{link.diagnosis()} ({why})")
     return outcome
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ground.client.connection import Common
 from ground.client.goal import destination
-from ground.client.link import Link, Unanswered
+from ground.client.link import Link, UnansweredError
 from ground.client.requests import ATTEMPTS
 from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
 from ground.launch.scenario import Scenario, ScenarioRobot
@@ -104,7 +104,7 @@ def test_prepare_retries_until_the_robot_answers() -> None:
 
 def test_prepare_gives_up_on_a_silent_robot() -> None:
     stage = Stage()
-    with pytest.raises(Unanswered, match=SILENT):
+    with pytest.raises(UnansweredError, match=SILENT):
         stage.goal_run.prepare()
     assert READY_NS < stage.clock.now_ns() - SECOND < 2 * READY_NS
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.client.link import Unanswered
+from ground.client.link import UnansweredError
 from ground.client.operations import (
     COMMANDS,
     Arm,
@@ -77,7 +77,7 @@ def test_request_that_the_robot_did_not_look_at_is_repeated(reason: Reason) -> N
 def test_silence_is_given_up_after_the_time_allowed() -> None:
     stage = Stage(*[None] * 10)
     began_ns = stage.clock.now_ns()
-    with pytest.raises(Unanswered, match="no answer within the time"):
+    with pytest.raises(UnansweredError, match="no answer within the time"):
         Hold(timeout_s=0.6).perform(stage.session)
     assert len(stage.bus.requests) == ATTEMPTS
     assert stage.clock.now_ns() - began_ns >= 600_000_000

@@ -5,7 +5,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from ground.client.link import Unanswered
+from ground.client.link import UnansweredError
 from ground.client.operations import (
     ClearFence,
     ClearMission,
@@ -98,7 +98,7 @@ def test_mission_that_is_in_force_but_not_saved_is_no_success() -> None:
 def test_lost_frames_of_a_transfer_are_repeated() -> None:
     stage = Stage(None, *wants(0), None, *wants(1), verdict())
     assert UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session).ok
-    with pytest.raises(Unanswered):
+    with pytest.raises(UnansweredError):
         ClearMission().perform(Stage(*[None] * 10).session)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.client.link import Unanswered
+from ground.client.link import UnansweredError
 from ground.client.operations import (
     LoadParameters,
     ParameterChanged,
@@ -115,13 +115,13 @@ def test_robot_that_is_saving_is_asked_until_it_has_saved() -> None:
 
 def test_robot_that_never_saves_is_given_up() -> None:
     stage = Stage(*[IN_PROGRESS] * (SAVING_NS // ANSWER_NS + 10))
-    with pytest.raises(Unanswered, match="still being saved"):
+    with pytest.raises(UnansweredError, match="still being saved"):
         SetParameter(name="d_obs_m", value=0.5).perform(stage.session)
 
 
 def test_lost_answers_are_asked_for_three_times() -> None:
     stage = Stage(None, None, None)
-    with pytest.raises(Unanswered, match="no answer within the time"):
+    with pytest.raises(UnansweredError, match="no answer within the time"):
         ShowParameters().perform(stage.session)
     assert len(stage.bus.asked) == 3
 
