@@ -90,7 +90,10 @@ class Link:
         patience_ns: int = PATIENCE_NS,
         service: Service = COMMAND,
     ) -> Answer:
-        """Send a request until it is answered; UnansweredError names the process that is missing."""
+        """Send a request until it is answered; return the answer.
+
+        Raises UnansweredError, which names the process that is missing or hangs.
+        """
         asking = CommandExchange(
             request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
         )

@@ -30,16 +30,22 @@ class RefusedError(RemoteError):
     exit_code = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Accepted:
-    """The robot accepted, `took_ns` after the first request."""
+class Success:
+    """An outcome without a failure, such as values that were read."""
 
-    took_ns: int
+    __slots__ = ()
 
     @property
     def ok(self) -> bool:
         """True."""
         return True
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted(Success):
+    """The robot accepted, `took_ns` after the first request."""
+
+    took_ns: int
 
     @property
     def text(self) -> str:

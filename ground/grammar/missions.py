@@ -23,7 +23,7 @@ from ground.client.operations import (
     UploadMission,
 )
 from ground.client.operations.session import Session
-from ground.client.results import Outcome
+from ground.client.results import Outcome, Success
 from ground.grammar.words import Words, add_common, add_json
 from ground.missions import files
 from ground.missions.items import home_at
@@ -73,16 +73,12 @@ class UploadMissionFile:
 
 
 @dataclass(frozen=True, slots=True)
-class MissionChecked:
+class MissionChecked(Success):
     """A mission file that can be used; written as `out`, without what that has no room for."""
 
     found: Foreign
     out: Path | None = None
     lost: tuple[str, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        return True
 
     @property
     def text(self) -> str:

@@ -141,11 +141,11 @@ def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str
     ("typed", "code", "said"),
     [
         ("goal 9e9 0", 2, "x 9e+09 m is out of range"),
-        ("goal 1 2 --timeout 3", 2, "--timeout is for whoever waits"),
+        ("goal 1 2 --timeout 3", 2, "--timeout cannot be used here"),
         ("get zzz", 2, "no parameter matches 'zzz'"),
         ("mission upload nowhere.toml", 2, "nowhere.toml: no such file"),
         ("wp upload", 2, "the draft is empty"),
-        ("teleop 0.1 0", 2, "say for how long"),
+        ("teleop 0.1 0", 2, "--for S is missing"),
     ],
 )
 def test_what_goes_wrong_is_said_and_never_raised(

@@ -118,7 +118,7 @@ def test_a_robot_that_does_not_say_where_it_is_cannot_be_sent_from_there(
 ) -> None:
     code, _, err = say("goto", "1", "0", "--frame", "body", "--no-wait")
     assert code == 1
-    assert "does not say where it is" in err
+    assert "publishes no pose" in err
     assert robot.asked == []
 
 

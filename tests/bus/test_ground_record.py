@@ -107,7 +107,7 @@ def test_a_remark_reaches_whoever_records(
 
     words = "a cart stands in the way, and it was not there before lunch"
     assert main(["mark", words, "--connect", stage[1]]) == 1
-    assert "nobody records" in capsys.readouterr().out
+    assert "no recorder is running" in capsys.readouterr().out
     stage[0].bus.stream(MARK, take)
     assert main(["mark", *words.split(), "--connect", stage[1]]) == 0
     until(lambda: len(heard) == 2)

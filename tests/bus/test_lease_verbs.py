@@ -15,7 +15,7 @@ pytestmark = pytest.mark.stack
 
 
 def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) -> None:
-    assert say("lease", "show")[1] == "nobody holds the lease\n"
+    assert say("lease", "show")[1] == "no operator holds the lease\n"
     code, _, err = say("lease", "take", "--name", "anna", "--for", "0.3")
     assert code == 0
     assert "anna commands r1" in err
@@ -26,7 +26,10 @@ def test_the_lease_is_taken_kept_and_given_back(robot: PlayedRobot, say: Say) ->
 
 def test_a_lease_that_another_holds_can_be_seen_and_seized(robot: PlayedRobot, say: Say) -> None:
     robot.desk.held = ("beef", "anna")
-    assert say("lease", "show")[1] == "anna commands r1, for 2.5 s more unless heard\n"
+    assert (
+        say("lease", "show")[1]
+        == "anna commands r1; without a heartbeat the lease expires in 2.5 s\n"
+    )
     assert "anna" in say("lease", "take")[1]
     assert say("lease", "release")[0] == 1
     assert say("lease", "seize", "--for", "0.1")[0] == 0

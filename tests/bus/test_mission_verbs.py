@@ -187,7 +187,7 @@ def test_how_far_the_mission_is_can_be_asked(robot: PlayedRobot, say: Say, missi
     assert say("mission", "status")[1] == "running, item 1 of 2\n"
     assert json.loads(say("mission", "status", "--json")[1])["state"] == "running"
     assert say("mission", "list")[1] == "1  (1.2345, -2) at 90 deg, hold 1.5 s\n2  (3, 0)\n"
-    assert say("mission", "clear")[:2] == (0, "ok, the robot has none\n")
+    assert say("mission", "clear")[:2] == (0, "ok, the robot has no mission\n")
     assert say("mission", "list")[1].startswith("refused: there is no mission")
     assert say("mission", "download", "x.toml")[1].startswith("refused: there is no mission")
 

@@ -21,8 +21,8 @@ def test_parameters_are_listed_found_and_set(say: Say) -> None:
     ("saves", "words"),
     [
         (True, "d_obs_m = 0.5, saved on the robot"),
-        (False, "until the robot restarts: it runs without --state"),
-        (None, "the robot does not say"),
+        (False, "until the robot restarts: without --state"),
+        (None, "the robot does not report"),
     ],
 )
 def test_whether_a_value_survives_a_restart_is_what_the_robot_says(
@@ -51,7 +51,7 @@ def test_a_parameter_nobody_knows_is_refused_with_a_reason(say: Say) -> None:
 def test_parameters_go_to_a_file_and_back(robot: PlayedRobot, say: Say, tmp_path: Path) -> None:
     path = tmp_path / "p.toml"
     assert say("param", "save", str(path))[1] == f"{path}: d_obs_m\n"
-    assert say("param", "load", str(path))[1] == "nothing was other than the file says\n"
+    assert say("param", "load", str(path))[1] == "no change: the robot has all values of the file\n"
     path.write_text("[parameters]\nd_obs_m = 0.6\nside = -1\n")
     code, out, _ = say("param", "load", str(path))
     assert code == 1

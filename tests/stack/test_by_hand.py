@@ -92,7 +92,7 @@ def test_while_somebody_drives_others_are_told_who_and_may_stop_the_robot() -> N
         done(crew, "estop")
         until(witness.standing)
         assert goto.ends() == 1
-        assert done(crew, "lease", "show") == "nobody holds the lease\n"
+        assert done(crew, "lease", "show") == "no operator holds the lease\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

@@ -97,7 +97,7 @@ def test_an_endpoint_that_is_none_is_named_with_how_to_write_it(endpoint: str) -
         (("goto", "1e9", "1"), 2, "out of range"),
         (("goto", "20000", "1"), 1, "farther than the robot accepts"),
         (("param", "set", "d_obs_m", "nan"), 2, "finite"),
-        (("param", "set", "d_obs_m", "-1"), 1, "out of its range; it takes 0.05 to 3 m"),
+        (("param", "set", "d_obs_m", "-1"), 1, "out of its range; allowed: 0.05 to 3 m"),
         (("param", "set", "d_obs", "0.3"), 1, "no such parameter; did you mean d_obs_m?"),
         (("param", "set", "d_obs_m", "1e30"), 1, "out of its range"),
     ],

@@ -91,7 +91,7 @@ def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
 
 
 def ask_page(address: Address) -> None:
-    """Raise UnansweredError unless somebody serves pages there; without its token we stay outside."""
+    """Raise UnansweredError unless a web server answers there; the token is not needed."""
     where = f"http://{address.host}:{address.port}/"
     try:
         with closing(HTTPConnection(address.host, address.port, timeout=PAGE_S)) as connection:

@@ -1,4 +1,4 @@
-"""The names of `import sidestep`: the asyncio client, its values, outcomes, events and errors."""
+"""The public names of `import sidestep`: the asyncio client, its values, events and errors."""
 
 from ground.client import operations
 from ground.client.api.events import (

@@ -1,4 +1,4 @@
-"""What changes on a robot, as typed events made of its telemetry."""
+"""Changes of a robot's state, as typed events derived from its telemetry."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ EVENT_TOPICS: Final[tuple[Topic[Any], ...]] = (STATUS, LEASE, MISSION, TEXT)
 
 @dataclass(frozen=True, slots=True)
 class VehicleChanged:
-    """The vehicle is in another state; `reason` says why, empty when there is no reason."""
+    """The vehicle state has changed; `reason` explains it, empty if there is no reason."""
 
     vehicle: Vehicle | int
     reason: str
@@ -44,14 +44,17 @@ class VehicleChanged:
 
 @dataclass(frozen=True, slots=True)
 class ModeChanged:
-    """The robot is in another mode."""
+    """The mode has changed."""
 
     mode: Mode | int
 
 
 @dataclass(frozen=True, slots=True)
 class GoalChanged:
-    """A goal began, is in another state or ended; `distance_m` is what is left to it."""
+    """A goal began, changed its state or ended.
+
+    `distance_m` is the remaining distance to the goal.
+    """
 
     goal_id: int
     state: GoalState | int
@@ -61,7 +64,7 @@ class GoalChanged:
 
 @dataclass(frozen=True, slots=True)
 class LeaseChanged:
-    """Another operator holds the lease, or none (`holder` empty); `ours`: this connection does."""
+    """The lease has a new holder, or none (`holder` empty); `ours`: this connection holds it."""
 
     holder: str
     name: str
@@ -70,7 +73,7 @@ class LeaseChanged:
 
 @dataclass(frozen=True, slots=True)
 class MissionChanged:
-    """The mission is in another state or at another `item` (from 1; None: there is no mission)."""
+    """The mission changed its state or its `item` (from 1; None without a mission)."""
 
     state: MissionState | int
     item: int | None
@@ -79,7 +82,7 @@ class MissionChanged:
 
 @dataclass(frozen=True, slots=True)
 class TextReceived:
-    """The robot reported something in words."""
+    """The robot sent a text message."""
 
     severity: Severity | int
     text: str
@@ -91,7 +94,7 @@ Event: TypeAlias = (
 
 
 class EventDetector:
-    """Compares each message with the one before; the first of a kind is a change, too."""
+    """Compares each message with the one before; the first of a kind counts as a change."""
 
     def __init__(self, operator: str) -> None:
         self._operator = operator
@@ -100,7 +103,7 @@ class EventDetector:
         self._stamps = SequenceTracker(MAX_LATE_NS)
 
     def receive(self, message: Message) -> list[Event]:
-        """Return what this message changes, in order; a reordered status changes nothing."""
+        """Return the events of a message in order; a reordered status has none."""
         if isinstance(message, NavigatorStatus):
             return self._changes(self._of_status(message))
         if isinstance(message, LeaseStatus):
@@ -139,76 +142,77 @@ class EventDetector:
 class EventStream:
     """An asynchronous iterator over the events of one robot.
 
-    At most `size` messages wait to be compared; when more come, the oldest give way and `dropped`
-    counts them.
+    At most `size` messages wait to be compared. When more arrive, the oldest are dropped and
+    counted in `dropped`.
     """
 
-    def __init__(self, hub: TopicStreams, operator: str, size: int) -> None:
-        self._hub = hub
+    def __init__(self, streams: TopicStreams, operator: str, size: int) -> None:
+        self._streams = streams
         self._detector = EventDetector(operator)
-        self._found: deque[Event] = deque()
+        self._events: deque[Event] = deque()
         self._messages: Stream[Message] = Stream(size, self._unsubscribe)
         for topic in EVENT_TOPICS:
-            hub.add(topic, self._messages)
+            streams.add(topic, self._messages)
 
     @property
     def dropped(self) -> int:
+        """The number of messages dropped from the full queue."""
         return self._messages.dropped
 
     def __aiter__(self) -> Self:
         return self
 
     async def __anext__(self) -> Event:
-        while not self._found:
-            self._found.extend(self._detector.receive(await anext(self._messages)))
-        return self._found.popleft()
+        while not self._events:
+            self._events.extend(self._detector.receive(await anext(self._messages)))
+        return self._events.popleft()
 
     async def aclose(self) -> None:
-        """End the stream; what waits may still be read."""
+        """End the stream; messages that wait can still be read."""
         self._messages.close()
 
     def _unsubscribe(self) -> None:
         for topic in EVENT_TOPICS:
-            self._hub.remove(topic, self._messages)
+            self._streams.remove(topic, self._messages)
 
 
 class Telemetry:
-    """The telemetry of one robot; each call is a stream of its own, from now on."""
+    """The telemetry of one robot. Each call returns a separate stream that begins now."""
 
-    def __init__(self, hub: TopicStreams, identity: str) -> None:
-        self.hub = hub
+    def __init__(self, streams: TopicStreams, identity: str) -> None:
+        self.streams = streams
         self._identity = identity
 
     def stream(self, topic: Topic[M], *, size: int = QUEUE) -> Stream[M]:
-        """Every message of a topic; at most `size` wait, then the oldest are dropped."""
-        return self.hub.stream(topic, size)
+        """Return every message of a topic; at most `size` wait, then the oldest are dropped."""
+        return self.streams.stream(topic, size)
 
     def status(self, *, size: int = QUEUE) -> Stream[NavigatorStatus]:
-        """Vehicle, mode and goal, 20 times a second."""
+        """Return vehicle state, mode and goal, 20 times a second."""
         return self.stream(STATUS, size=size)
 
     def odometry(self, *, size: int = QUEUE) -> Stream[PlanarOdometry]:
-        """The estimated pose (m, rad), speed (m/s, rad/s) and covariance, 20 times a second."""
+        """Return the estimated pose (m, rad), speed (m/s, rad/s) and covariance at 20 Hz."""
         return self.stream(ODOMETRY, size=size)
 
     def sonar(self, *, size: int = QUEUE) -> Stream[SonarScan]:
-        """The ranges (mm) of the eight sonars, from right to left, 20 times a second."""
+        """Return the ranges (mm) of the eight sonars, from right to left, 20 times a second."""
         return self.stream(SONAR, size=size)
 
     def decisions(self, *, size: int = QUEUE) -> Stream[AvoidanceDecision]:
-        """What the navigator saw and chose, 20 times a second."""
+        """Return the navigator's inputs and its decision, 20 times a second."""
         return self.stream(DECISION, size=size)
 
     def events(self, *, size: int = QUEUE) -> EventStream:
-        """Changes of vehicle, mode, goal, lease and mission, and the robot's texts.
+        """Return changes of vehicle, mode, goal, lease and mission, and the robot's texts.
 
         The present state comes first, as changes.
         """
-        return EventStream(self.hub, self._identity, size)
+        return EventStream(self.streams, self._identity, size)
 
 
 def is_same(event: Event, before: Event | None) -> bool:
-    """Whether nothing but the distance to the goal has changed."""
+    """Return whether nothing but the distance to the goal has changed."""
     if isinstance(event, GoalChanged) and isinstance(before, GoalChanged):
         now, then = event, before
         return (now.goal_id, now.state, now.reason) == (then.goal_id, then.state, then.reason)
@@ -216,5 +220,5 @@ def is_same(event: Event, before: Event | None) -> bool:
 
 
 def known(kind: type[E], number: int) -> E | int:
-    """Return the member of an enumeration; a number that this version does not know stays one."""
+    """Return the member of an enumeration; an unknown number stays a number."""
     return kind(number) if number in kind.__members__.values() else number

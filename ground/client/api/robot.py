@@ -3,12 +3,12 @@
     async with sidestep.connect() as robot:
         outcome = await robot.goto(5.4, 2.0)
 
-Values are checked before anything is sent: UserError names what is out of range. A refusal is a
-value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it. UnansweredError, a
-RemoteError, says which process is missing.
+All values are checked before a request is sent: UserError names one that is out of range. A refusal
+is a value (`Refused`), not an exception; `sidestep.agreed(outcome)` raises it as RefusedError.
+UnansweredError, a RemoteError, names the process that is missing.
 
-The event loop sends the operator's heartbeat. A program that blocks its loop is no operator: after
-1.5 s the robot stops by itself.
+The event loop sends the operator's heartbeat. A program that blocks its event loop sends none, so
+the robot stops by itself after 1.5 s.
 """
 
 import asyncio
@@ -50,7 +50,7 @@ from ground.client.operations import (
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.goals import abort, send_goal
 from ground.client.operations.leases import ask_lease, give_back, operator_name
-from ground.client.operations.teleop import TeleopSender, hold, take_manual, taken_away
+from ground.client.operations.teleop import TeleopSender, hold, lost_control, take_manual
 from ground.client.requests import GoalEnd, GoalWatch, HeartbeatTimer
 from ground.client.results import Answer, Outcome, Refused
 from protocol.bus.publisher import Publisher
@@ -63,10 +63,10 @@ T = TypeVar("T")
 Out = TypeVar("Out", bound=Outcome)
 TICK_S: Final = 0.05
 CROSSING_NS: Final = 300_000_000
-"""A lease status sent just before a change of the lease may arrive after it."""
+"""Time during which a lease status sent before a change of the lease may still arrive."""
 READY_S: Final = 0.5
 REQUESTS: Final = 4
-"""Requests at once; further ones wait. Emergency stops have threads of their own."""
+"""Number of concurrent requests; further ones wait. Emergency stops have their own threads."""
 
 
 @asynccontextmanager
@@ -77,31 +77,31 @@ async def connect(
     config: str | Path | None = None,
     name: str | None = None,
 ) -> AsyncIterator["Robot"]:
-    """Connect to a robot, and give its lease back at the end.
+    """Connect to a robot; give its lease back when the context ends.
 
-    `endpoint` is where it or its router listens (tcp/127.0.0.1:7447), `robot` its name (r1),
-    `config` a file as for `--config`, `name` what other operators are shown (the user's name).
+    `endpoint` is where the robot or its router listens (tcp/127.0.0.1:7447), `robot` its name (r1),
+    `config` a file as for `--config`, `name` the name shown to other operators (the user's name).
 
-    Raises UserError for values that cannot be used, UnansweredError when nothing listens there.
+    Raises UserError for an invalid value, UnansweredError if no process listens at the endpoint.
     """
-    where, called = common(endpoint, robot, config), operator_name(name)
+    where, operator = common(endpoint, robot, config), operator_name(name)
     async with AsyncExitStack() as stack:
         link_opened = open_link(where)
         link = await asyncio.to_thread(link_opened.__enter__)
         stack.push_async_callback(asyncio.to_thread, link_opened.__exit__, None, None, None)
-        found = Robot(link, where, called)
+        client = Robot(link, where, operator)
         try:
-            await found.open()
-            yield found
+            await client.open()
+            yield client
         finally:
-            await threads.finish(found.close())
+            await threads.finish(client.close())
 
 
 class Robot(Telemetry):
-    """One robot, and this program as its operator; made by `connect`.
+    """One robot, with this program as its operator; created by `connect`.
 
     Operations that can move the robot take its lease first, which is kept until the context ends.
-    When another operator holds it they return `Refused` with that operator's name.
+    If another operator holds it they return `Refused` with that operator's name.
     """
 
     def __init__(self, link: Link, common: Common, operator: str) -> None:
@@ -116,29 +116,29 @@ class Robot(Telemetry):
         self._common = common
         self._operator = operator
         self._pool = ThreadPoolExecutor(REQUESTS, thread_name_prefix="sidestep")
-        self._heart = link.bus.publisher(OPERATOR, link.robot)
+        self._heartbeat = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
         self._stopping: set[asyncio.Future[Any]] = set()
-        self._taking = asyncio.Lock()
+        self._lease_lock = asyncio.Lock()
         self._holds_lease = False
         self._taken_ns = 0
-        self._pace = HeartbeatTimer()
-        self._beating: asyncio.Task[None] | None = None
+        self._heartbeat_timer = HeartbeatTimer()
+        self._heartbeat_task: asyncio.Task[None] | None = None
 
     async def open(self) -> None:
-        """Begin to listen and to beat; `connect` does it."""
-        self.hub.keep(STATUS, LEASE, MISSION)
+        """Start the subscriptions and the heartbeat; operator by `connect`."""
+        self.streams.keep(STATUS, LEASE, MISSION)
         bus = self._link.bus
         bus.announce(self.name)
-        publishers: list[Publisher[Any]] = [self._heart, self._stops]
+        publishers: list[Publisher[Any]] = [self._heartbeat, self._stops]
         await self.run(lambda: bus.await_matched(publishers, timeout_s=READY_S))
-        self._beating = asyncio.create_task(self._beat())
+        self._heartbeat_task = asyncio.create_task(self._beat())
 
     async def close(self) -> None:
-        """Give the lease back and end all streams; `connect` does it."""
-        if self._beating is not None:
-            self._beating.cancel()
-        self.hub.close()
+        """Give the lease back and end all streams; operator by `connect`."""
+        if self._heartbeat_task is not None:
+            self._heartbeat_task.cancel()
+        self.streams.close()
         for stop in tuple(self._stopping):
             await threads.settled(stop)
         if self._holds_lease:
@@ -149,19 +149,19 @@ class Robot(Telemetry):
     # Requests.
 
     def session(self) -> Session:
-        """A session over a link of its own, so that no two requests share a wait."""
+        """Return a session over a link of its own, so that no two requests share a wait."""
         return Session(Link(self._link.bus, self._common, self.clock), attended=True)
 
     def run(self, job: Callable[[], T]) -> "asyncio.Future[T]":
-        """Do blocking work in one of the threads for requests."""
+        """Run blocking work in one of the threads for requests."""
         return asyncio.get_running_loop().run_in_executor(self._pool, job)
 
     async def perform(self, operation: Operation[Out]) -> Out | Refused:
-        """Do any operation of `sidestep.operations`; one that moves takes the lease first.
+        """Carry out any operation of `sidestep.operations`; take the lease first if it moves.
 
-        Cancelling it does not take back a request that was sent.
+        Cancelling this does not withdraw a request that was sent.
         """
-        if operation.moves and (refused := await self.lead()) is not None:
+        if operation.moves and (refused := await self.ensure_lease()) is not None:
             return refused
         return await self.run(lambda: operation.perform(self.session()))
 
@@ -169,12 +169,12 @@ class Robot(Telemetry):
 
     @property
     def holds_lease(self) -> bool:
-        """Whether this program is the robot's operator."""
+        """True if this program is the robot's operator."""
         return self._holds_lease
 
-    async def lead(self) -> Refused | None:
-        """Take the lease unless it is held already; the refusal when another operator has it."""
-        async with self._taking:
+    async def ensure_lease(self) -> Refused | None:
+        """Take the lease unless it is held already; return the refusal, if any."""
+        async with self._lease_lock:
             if self._holds_lease:
                 return None
             answer = await self.change_lease(LeaseAction.TAKE)
@@ -188,28 +188,28 @@ class Robot(Telemetry):
         answer = await self.run(lambda: session.with_holder(ask_lease(session.link, action, name)))
         if answer.ok and action is not LeaseAction.RELEASE:
             self._taken_ns, self._holds_lease = self.clock.now_ns(), True
-            self._heart.put(ALIVE)
+            self._heartbeat.put(ALIVE)
         return answer
 
     async def _beat(self) -> None:
-        """In the event loop and nowhere else: a loop that is blocked sends no heartbeat."""
+        """Send the heartbeat from the event loop only, so that a blocked loop sends none."""
         while True:
-            self._judge_lease()
-            status = self.hub.latest(STATUS)
+            self._check_lease()
+            status = self.streams.latest(STATUS)
             stamp_ns = 0 if status is None else status[0].time_ns
-            if self._holds_lease and self._pace.due(self.clock.now_ns(), stamp_ns):
-                self._heart.put(ALIVE)
+            if self._holds_lease and self._heartbeat_timer.due(self.clock.now_ns(), stamp_ns):
+                self._heartbeat.put(ALIVE)
             await asyncio.sleep(TICK_S)
 
-    def _judge_lease(self) -> None:
-        """Stop being the operator once the robot names another one, or none."""
-        newest = self.hub.latest(LEASE)
+    def _check_lease(self) -> None:
+        """Stop the heartbeat once the robot reports another operator, or none."""
+        newest = self.streams.latest(LEASE)
         if newest is None or newest[1] < self._taken_ns + CROSSING_NS:
             return
         if not newest[0].held or newest[0].holder != self._link.bus.operator:
             self._holds_lease = False
 
-    # What the robot does.
+    # Commands to the robot.
 
     async def goto(
         self,
@@ -223,16 +223,16 @@ class Robot(Telemetry):
     ) -> GoalEnded | Refused:
         """Drive to a place (metres, in the robot's own frame) and wait for the end.
 
-        Without `heading_deg` (counter-clockwise from x) any heading will do. Arms a robot that
-        stands by. Returns the end, which is `ok` when the goal is reached, or the refusal.
-        Cancelling it, by a time limit for instance, aborts the goal: the robot stops.
+        Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
+        standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
+        this, for example by a time limit, aborts the goal: the robot stops.
         """
         numbers = [x_m, y_m] if heading_deg is None else [x_m, y_m, heading_deg]
         goal = destination(
             numbers, position_tolerance_m=tolerance_m, heading_tolerance_deg=heading_tolerance_deg
         )
         timeout_ns = None if timeout_s is None else round(timeout_s * NS_PER_S)
-        if (refused := await self.lead()) is not None:
+        if (refused := await self.ensure_lease()) is not None:
             return refused
         session, started_ns = self.session(), self.clock.now_ns()
         sending = self.run(lambda: send_goal(session, goal, Mode.GUIDED))
@@ -246,14 +246,14 @@ class Robot(Telemetry):
             raise
         if end.abort:
             await threads.finish(self._abort(sending))
-        newest = self.hub.latest(STATUS)
+        newest = self.streams.latest(STATUS)
         distance_m = None if newest is None else newest[0].goal_distance_m
         wall_s = (self.clock.now_ns() - started_ns) / NS_PER_S
         return GoalEnded(end.outcome, end.reason, distance_m, wall_s)
 
     async def _follow(self, watch: GoalWatch) -> GoalEnd:
         while True:
-            newest = self.hub.latest(STATUS)
+            newest = self.streams.latest(STATUS)
             if newest is not None:
                 watch.receive(*newest)
             watch.due(self.clock.now_ns())
@@ -262,7 +262,7 @@ class Robot(Telemetry):
             await asyncio.sleep(TICK_S)
 
     async def _abort(self, sending: "asyncio.Future[Any]") -> None:
-        """Abort after the goal has been sent: the other way round it would drive."""
+        """Abort after the goal was sent; the other order would let the robot drive."""
         await threads.settled(sending)
         link = self.session().link
         await self.run(lambda: abort(link))
@@ -272,11 +272,11 @@ class Robot(Telemetry):
     ) -> DriveEnded | Refused:
         """Drive by hand in MANUAL at a speed (negative: backwards) and a turn (positive: left).
 
-        Until `for_s` has passed or it is cancelled; then the robot stands and holds. Each speed is
-        good for 250 ms, so a program that hangs or dies stops the robot, too.
+        Ends after `for_s` or when cancelled; then the robot stops and holds. Each speed expires
+        after 250 ms, so the robot also stops if the program hangs or exits.
         """
         asked = DriveByHand(speed_m_s=speed_m_s, turn_deg_s=turn_deg_s, for_s=for_s)
-        if (refused := await self.lead()) is not None:
+        if (refused := await self.ensure_lease()) is not None:
             return refused
         session = self.session()
         stick = TeleopSender(session.link)
@@ -288,39 +288,40 @@ class Robot(Telemetry):
             await asyncio.shield(self.run(stick.stop))
             why = await self._steer(asked, stick)
         except BaseException:
-            await threads.finish(self._stand(taking, stick))
+            await threads.finish(self._stop_and_hold(taking, stick))
             raise
-        await threads.finish(self._stand(taking, stick))
+        await threads.finish(self._stop_and_hold(taking, stick))
         return DriveEnded(why)
 
     async def _steer(self, asked: DriveByHand, stick: TeleopSender) -> str:
-        """Return why it ended early; empty when the time was up."""
+        """Return why it ended early; empty if the time was up."""
         began_ns, turn_rad_s = self.clock.now_ns(), radians(asked.turn_deg_s)
         while True:
             driven_ns = self.clock.now_ns() - began_ns
             if asked.for_s is not None and driven_ns >= asked.for_s * NS_PER_S:
                 return ""
-            newest = self.hub.latest(STATUS)
-            if newest is not None and (why := taken_away(newest[0], driven_ns)):
+            newest = self.streams.latest(STATUS)
+            if newest is not None and (why := lost_control(newest[0], driven_ns)):
                 return why
             stick.drive(asked.speed_m_s, turn_rad_s)
             await asyncio.sleep(TICK_S)
 
-    async def _stand(self, taking: "asyncio.Future[Any]", stick: TeleopSender) -> None:
-        """After MANUAL was asked for: the other way round the robot would stay in it."""
+    async def _stop_and_hold(self, taking: "asyncio.Future[Any]", stick: TeleopSender) -> None:
+        """Stop after MANUAL was requested; the other order would leave the robot in MANUAL."""
         await threads.settled(taking)
         await self.run(stick.stop)
         link = self.session().link
         await self.run(lambda: hold(link))
 
     async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
-        """Stop the robot at once: repeated every 50 ms until its status shows it.
+        """Stop the robot at once: repeat every 50 ms until its status shows the stop.
 
-        Sent before this awaits anything, and repeated in a thread of its own, cancelled or not. It
-        needs no lease. `ok` only when the robot shows the stop within `timeout_s`.
+        The first stop is sent before this awaits anything. The repetition runs in a thread of its
+        own, which a cancellation does not end. Needs no lease. `ok` only if the robot shows the
+        stop within `timeout_s`.
         """
         stop = EmergencyStop(
-            self._link.bus, self._stops, self.name, self.clock, lambda: self.hub.latest(STATUS)
+            self._link.bus, self._stops, self.name, self.clock, lambda: self.streams.latest(STATUS)
         )
         stop.press()
         give_up_ns = round(timeout_s * NS_PER_S)
@@ -334,27 +335,27 @@ class Robot(Telemetry):
         return await self.perform(ClearEmergencyStop())
 
     async def arm(self) -> Answer:
-        """Let the wheels turn."""
+        """Allow the wheels to turn."""
         return await self.perform(Arm())
 
     async def disarm(self) -> Answer:
-        """Do not let the wheels turn; needs no lease."""
+        """Block the wheels; needs no lease."""
         return await self.perform(Disarm())
 
     async def hold(self) -> Answer:
-        """Stand still and keep the goal; needs no lease."""
+        """Stop and keep the goal; needs no lease."""
         return await self.perform(Hold())
 
     async def resume(self) -> Answer:
-        """Go on to the goal."""
+        """Continue to the goal."""
         return await self.perform(Resume())
 
     async def abort(self) -> Answer:
-        """Drop the goal and stand still; needs no lease."""
+        """Cancel the goal and stop; needs no lease."""
         return await self.perform(Abort())
 
     async def return_home(self) -> Answer:
-        """Drive back along the robot's own trail; returns when the robot has agreed."""
+        """Drive back along the robot's own trail; return once the robot has accepted."""
         return await self.perform(ReturnHome())
 
     async def set_mode(self, mode: Mode) -> Answer:
@@ -362,9 +363,9 @@ class Robot(Telemetry):
         return await self.perform(SetMode(mode=mode))
 
     async def set_navigator(self, navigator: Navigator, side: int = 0) -> Answer:
-        """Choose the navigator; obstacles are passed on the left (1), right (-1) or as before."""
+        """Choose the navigator; it passes obstacles left (1), right (-1) or as before (0)."""
         return await self.perform(SetNavigator(navigator=navigator, side=side))
 
     async def mark(self, remark: str) -> Marked | Refused:
-        """Leave a remark in what is being recorded; `ok` when something records."""
+        """Add a remark to what is being recorded; `ok` if a recorder received it."""
         return await self.perform(Mark(remark=remark))

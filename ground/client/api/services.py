@@ -50,19 +50,26 @@ from runtime.units import NS_PER_S
 Out = TypeVar("Out", bound=Outcome)
 TICK_S: Final = 0.05
 BEGUN_NS: Final = 1_000_000_000
-"""A mission that is not under way so long after its start has ended already."""
+"""Time after which a mission that is still not running counts as ended."""
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 
 
 class OperationRunner(Protocol):
-    """The client of a robot, as its parts need it."""
+    """The client of a robot, as its parts use it."""
 
     @property
-    def hub(self) -> TopicStreams: ...
+    def streams(self) -> TopicStreams:
+        """The telemetry streams of the robot."""
+
     @property
-    def clock(self) -> Clock: ...
-    async def perform(self, operation: Operation[Out]) -> Out | Refused: ...
-    async def change_lease(self, action: LeaseAction) -> Answer: ...
+    def clock(self) -> Clock:
+        """The clock of this process."""
+
+    async def perform(self, operation: Operation[Out]) -> Out | Refused:
+        """Carry out an operation; take the lease first if it moves."""
+
+    async def change_lease(self, action: LeaseAction) -> Answer:
+        """Take, seize or release the lease."""
 
 
 class Parameters:
@@ -72,32 +79,32 @@ class Parameters:
         self._robot = robot
 
     async def list(self, pattern: str = "*") -> tuple[Parameter, ...]:
-        """All whose names match, as in `sonar_*`; UserError when none does."""
+        """Return the parameters whose names match, as in `sonar_*`; UserError if none does."""
         return accepted(await self._robot.perform(ShowParameters(pattern=pattern))).parameters
 
     async def get(self, name: str) -> Parameter:
-        """One by its name; UserError when the robot has no such parameter."""
+        """Return one parameter; UserError if the robot has no such parameter."""
         (found,) = await self.list(name)
         return found
 
     async def changed(self) -> tuple[Parameter, ...]:
-        """Those that differ from their defaults."""
+        """Return the parameters that differ from their defaults."""
         return accepted(await self._robot.perform(ShowParameters(only_changed=True))).parameters
 
     async def set(self, name: str, value: float) -> ParameterChanged | Refused:
-        """Give one a value; `ok` when it is in force, `saved` when it survives a restart."""
+        """Set one parameter; `ok` if the value is in force, `saved` if it survives a restart."""
         return await self._robot.perform(SetParameter(name=name, value=value))
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
-        """Give one its default value."""
+        """Set one parameter to its default value."""
         return await self._robot.perform(ResetParameter(name=name))
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
-        """Set all that a TOML file says; nothing is set unless all of it can be (ConfigError)."""
+        """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
         return await self._robot.perform(LoadParameters(file=Path(file)))
 
     async def save(self, file: str | Path) -> ParametersSaved | Refused:
-        """Write those that differ from their defaults to a TOML file."""
+        """Write the parameters that differ from their defaults to a TOML file."""
         return await self._robot.perform(SaveParameters(file=Path(file)))
 
 
@@ -108,16 +115,19 @@ class Missions:
         self._robot = robot
 
     async def upload(self, mission: Mission | str | Path) -> TransferOutcome | Refused:
-        """Give the robot a mission or that of a file, whole or not at all, with its fence if any.
+        """Upload a mission or a mission file, whole or not at all, with its fence if it has one.
 
-        MissionError names all that is wrong with a file.
+        MissionError names all faults of a file.
         """
         if not isinstance(mission, Mission):
             mission = files.read(Path(mission)).mission
         return await self._robot.perform(UploadMission(mission=mission))
 
     async def fetch(self) -> Mission | None:
-        """The mission that the robot has; None when it has none. RemoteError: it does not tell."""
+        """Return the robot's mission; None if it has none.
+
+        Raises RemoteError if the robot does not send it.
+        """
         found = await self._robot.perform(FetchMission())
         if isinstance(found, MissionFetched):
             return found.mission
@@ -126,13 +136,13 @@ class Missions:
         raise RemoteError(found.text)
 
     async def start(self, item: int | None = None) -> Answer:
-        """Drive it from an item (from 1) on, in AUTO; arms a robot that stands by."""
+        """Drive the mission from an item (from 1) on, in AUTO; arm a robot in standby."""
         return await self._robot.perform(StartMission(item=item))
 
     async def run(self, item: int | None = None) -> MissionEnded | Refused:
-        """Start it and wait for the end, which is `ok` when all items were reached.
+        """Start the mission and wait for its end, which is `ok` if all items were reached.
 
-        Cancelling it pauses the mission: the robot stands.
+        Cancelling this pauses the mission: the robot stops.
         """
         starting = asyncio.ensure_future(self.start(item))
         began_ns = self._robot.clock.now_ns()
@@ -146,35 +156,35 @@ class Missions:
             raise
 
     async def pause(self) -> Answer:
-        """Stand still; `resume` goes on."""
+        """Stop; `resume` continues."""
         return await self._robot.perform(Hold())
 
     async def resume(self) -> Answer:
-        """Go on after a pause."""
+        """Continue after a pause."""
         return await self._robot.perform(Resume())
 
     async def jump(self, item: int) -> Answer:
-        """Go on with another item, from 1."""
+        """Continue with another item, from 1."""
         return await self._robot.perform(JumpTo(item=item))
 
     async def clear(self) -> TransferOutcome | Refused:
-        """Delete it from the robot."""
+        """Delete the mission from the robot."""
         return await self._robot.perform(ClearMission())
 
     async def status(self) -> MissionProgress:
-        """How far it is; RemoteError when the robot does not say."""
+        """Return the progress; RemoteError if the robot publishes no mission status."""
         return accepted(await self._robot.perform(ShowMissionStatus()))
 
     async def _ended(self, began_ns: int) -> MissionStatus:
-        """Wait until a mission that was under way is not any more."""
+        """Wait until a mission that was running has ended."""
         seen = False
         while True:
-            newest, now_ns = self._robot.hub.latest(MISSION), self._robot.clock.now_ns()
+            newest, now_ns = self._robot.streams.latest(MISSION), self._robot.clock.now_ns()
             late = now_ns - began_ns > BEGUN_NS
             silent_ns = now_ns - max(began_ns, 0 if newest is None else newest[1])
             if silent_ns >= SILENCE_NS:
                 raise RemoteError(
-                    f"nothing is heard of the mission for {silent_ns / NS_PER_S:.1f} s"
+                    f"no mission status from the robot for {silent_ns / NS_PER_S:.1f} s"
                 )
             if newest is not None and newest[1] > began_ns:
                 if newest[0].state in UNDER_WAY:
@@ -189,21 +199,21 @@ class Missions:
 
 
 class Fences:
-    """The circle or polygon that the robot must not leave."""
+    """The circle or polygon that the robot does not leave."""
 
     def __init__(self, robot: OperationRunner) -> None:
         self._robot = robot
 
     async def set(self, fence: Fence) -> TransferOutcome | Refused:
-        """Keep the robot inside of a `Circle` or `Polygon` (metres, in its own frame)."""
+        """Keep the robot inside a `Circle` or `Polygon` (metres, in its own frame)."""
         return await self._robot.perform(SetFence(fence=fence))
 
     async def clear(self) -> TransferOutcome | Refused:
-        """Take the fence away."""
+        """Remove the fence."""
         return await self._robot.perform(ClearFence())
 
     async def get(self) -> Fence | None:
-        """The robot's fence, None when it has none; RemoteError when it does not tell."""
+        """Return the robot's fence, None if it has none; RemoteError if it is not sent."""
         found = await self._robot.perform(ShowFence())
         if isinstance(found, FenceShown):
             return found.fence
@@ -217,19 +227,19 @@ class Leases:
         self._robot = robot
 
     async def take(self) -> Answer:
-        """Become the robot's operator; refused while another one is."""
+        """Become the robot's operator; refused while another operator holds the lease."""
         return await self._robot.change_lease(LeaseAction.TAKE)
 
     async def seize(self) -> Answer:
-        """Become the robot's operator in the place of another one."""
+        """Become the robot's operator in place of another one."""
         return await self._robot.change_lease(LeaseAction.SEIZE)
 
     async def give_back(self) -> Answer:
-        """Be the robot's operator no longer; one in GUIDED then stops by itself."""
+        """Release the lease; a robot in GUIDED then stops by itself."""
         return await self._robot.change_lease(LeaseAction.RELEASE)
 
     async def show(self) -> LeaseShown:
-        """Which operator the robot follows; RemoteError when it does not say."""
+        """Return the lease; RemoteError if the robot publishes no lease status."""
         return accepted(await self._robot.perform(ShowLease()))
 
 

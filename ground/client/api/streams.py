@@ -13,14 +13,14 @@ from protocol.wire.message import Message
 T = TypeVar("T")
 M = TypeVar("M", bound=Message)
 QUEUE: Final = 256
-"""Items that wait by default: 12 s of a stream at 20 Hz."""
+"""Default length of a queue: 12 s of a stream at 20 Hz."""
 
 
 class Stream(Generic[T]):
-    """An asynchronous iterator over what is offered to it, oldest first.
+    """An asynchronous iterator over the items offered to it, oldest first.
 
-    At most `size` items wait; when more come, the oldest give way and `dropped` counts them. End it
-    with `aclose`, or by leaving the context of the robot.
+    At most `size` items wait. When more arrive, the oldest are dropped and counted in `dropped`.
+    End the stream with `aclose`, or by leaving the context of the robot.
     """
 
     def __init__(self, size: int = QUEUE, on_close: Callable[[], None] = lambda: None) -> None:
@@ -33,7 +33,7 @@ class Stream(Generic[T]):
         self._on_close = on_close
 
     def offer(self, item: T) -> None:
-        """Add an item; may be called from any thread, and returns at once."""
+        """Add an item, from any thread, without blocking."""
         if len(self._waiting) == self._waiting.maxlen:
             self.dropped += 1
         self._waiting.append(item)
@@ -57,10 +57,11 @@ class Stream(Generic[T]):
                 await self._arrived.wait()
 
     async def aclose(self) -> None:
-        """End the stream; what waits may still be read."""
+        """End the stream; items that wait can still be read."""
         self.close()
 
     def close(self) -> None:
+        """End the stream, without awaiting."""
         if not self._closed:
             self._closed = True
             self._arrived.set()
@@ -68,19 +69,22 @@ class Stream(Generic[T]):
 
 
 class TopicSource(Protocol):
-    """The part of a bus that topics are heard by."""
+    """The part of a bus that subscribes to topics."""
 
     def mailbox(
         self,
         topic: Topic[M],
         robot: str | None = None,
         notify: Callable[[int], None] | None = None,
-    ) -> Mailbox[M]: ...
-    def forget(self, mailbox: Mailbox[Any]) -> None: ...
+    ) -> Mailbox[M]:
+        """Subscribe to a topic; call `notify` at each arrival."""
+
+    def forget(self, mailbox: Mailbox[Any]) -> None:
+        """Unsubscribe a mailbox."""
 
 
 class TopicStreams:
-    """The topics of one robot, each subscribed once, for as many streams as there are."""
+    """The topics of one robot, each subscribed once, for any number of streams."""
 
     def __init__(self, bus: TopicSource, robot: str) -> None:
         self._bus = bus
@@ -90,22 +94,22 @@ class TopicStreams:
         self._kept: set[str] = set()
 
     def keep(self, *topics: Topic[Any]) -> None:
-        """Hear these until the end, whether there are streams of them or not."""
+        """Subscribe to topics until `close`, even without streams."""
         for topic in topics:
             self._kept.add(topic.path)
             self._subscribe(topic)
 
     def latest(self, topic: Topic[M]) -> tuple[M, int] | None:
-        """The newest message of a topic that is heard, and when it arrived (ns)."""
+        """Return the newest message of a subscribed topic and its arrival time (ns)."""
         box = self._boxes.get(topic.path)
         return None if box is None else box.latest()
 
     def stream(self, topic: Topic[M], size: int = QUEUE) -> Stream[M]:
-        """All messages of a topic from now on."""
-        found: Stream[M] = Stream(size)
-        self.add(topic, found)
-        found._on_close = lambda: self.remove(topic, found)
-        return found
+        """Return a stream of all messages of a topic from now on."""
+        stream: Stream[M] = Stream(size)
+        self.add(topic, stream)
+        stream._on_close = lambda: self.remove(topic, stream)
+        return stream
 
     def add(self, topic: Topic[M], stream: Stream[M]) -> None:
         """Offer every message of a topic to a stream."""
@@ -119,21 +123,22 @@ class TopicStreams:
             self._boxes[path] = self._bus.mailbox(topic, self._robot, lambda _at: self._pass(path))
 
     def remove(self, topic: Topic[Any], stream: Stream[Any]) -> None:
-        """End that; a topic without streams is unsubscribed."""
+        """Stop offering messages to a stream; unsubscribe a topic without streams."""
         path = topic.path
-        left = self._streams[path] = self._streams.get(path, frozenset()) - {stream}
-        if left or path in self._kept:
+        remaining = self._streams[path] = self._streams.get(path, frozenset()) - {stream}
+        if remaining or path in self._kept:
             return
         if (box := self._boxes.pop(path, None)) is not None:
             self._bus.forget(box)
 
     def close(self) -> None:
+        """End all streams."""
         for streams in list(self._streams.values()):
             for stream in streams:
                 stream.close()
 
     def _pass(self, path: str) -> None:
-        """In the bus's thread: hand the newest message on."""
+        """Hand on the newest message, in the bus's thread."""
         box = self._boxes.get(path)
         newest = None if box is None else box.latest()
         if newest is not None:

@@ -1,4 +1,4 @@
-"""Blocking work of an asyncio program, in threads, and ends that no cancellation cuts short."""
+"""Threads for the blocking work of an asyncio program, and waits that no cancellation ends."""
 
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine
@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
-    """Do it in a thread of its own, which waits for no other work and outlives a cancellation."""
+    """Run a job in a thread of its own, which outlives a cancellation."""
     future: Future[T] = Future()
 
     def work() -> None:
@@ -26,7 +26,7 @@ def in_own_thread(job: Callable[[], T], name: str) -> "asyncio.Future[T]":
 
 
 async def finish(work: Coroutine[Any, Any, T]) -> T:
-    """Await to the end, however often the caller is cancelled meanwhile."""
+    """Await the work to its end, even if the caller is cancelled meanwhile."""
     task = asyncio.ensure_future(work)
     while not task.done():
         try:
@@ -37,5 +37,5 @@ async def finish(work: Coroutine[Any, Any, T]) -> T:
 
 
 async def settled(work: Awaitable[Any]) -> None:
-    """Wait until it has ended in any way."""
+    """Wait until the work has ended, by a result, an error or a cancellation."""
     await asyncio.gather(work, return_exceptions=True)

@@ -1,7 +1,7 @@
-"""One frozen value per thing that an operator can do; `perform(session)` does it.
+"""Frozen values, one for each operation of an operator; `perform(session)` carries it out.
 
-Values are checked when they are made: UserError names what is out of range. `moves` says whether an
-operation can move the robot, or change how it moves.
+The constructor checks the values: UserError names one that is out of range. `moves` is True if an
+operation can move the robot or change how it moves.
 """
 
 from typing import Protocol, TypeVar
@@ -58,14 +58,21 @@ O_co = TypeVar("O_co", bound=Outcome, covariant=True)
 
 
 class Operation(Protocol[O_co]):
-    """A thing that an operator can do; `verb` names it as the command line does."""
+    """Something that an operator can do with a robot."""
 
     @property
-    def verb(self) -> str: ...
+    def verb(self) -> str:
+        """The name of the operation on the command line."""
+
     @property
-    def moves(self) -> bool: ...
+    def moves(self) -> bool:
+        """True if it can move the robot or change how it moves."""
+
     def perform(self, session: Session) -> O_co:
-        """Do it; UserError, RemoteError or UnansweredError when there is no outcome."""
+        """Carry it out and return the outcome.
+
+        Raises UserError, RemoteError or UnansweredError if there is no outcome.
+        """
 
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Operations that are one command to the robot, the emergency stop, and a mark in the log."""
+"""Operations that are one command to the robot, the emergency stop, and remarks in recordings."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
@@ -14,12 +14,12 @@ from protocol.wire.statustext import pieces_of
 from runtime.units import NS_PER_S
 
 STOP_S: Final = 5.0
-"""How long an emergency stop that is not acknowledged is repeated."""
+"""Duration for which an emergency stop without acknowledgement is repeated."""
 MARK_PATIENCE_S: Final = 0.5
 
 
 class Parts(NamedTuple):
-    """A command of MAVLink with the two parameters that the robot reads."""
+    """A MAVLink command with the two parameters that the robot reads."""
 
     command: Command
     param1: float = 0.0
@@ -28,7 +28,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainCommand:
-    """One command; gives up after `timeout_s` in three attempts (1.5 s)."""
+    """One command; gives up after `timeout_s`, in three attempts (1.5 s)."""
 
     verb: ClassVar[str]
     moves: ClassVar[bool] = True
@@ -36,17 +36,19 @@ class PlainCommand:
     timeout_s: float | None = None
 
     def perform(self, session: Session) -> Answer:
+        """Send the command and return the robot's answer."""
         link = session.link
         patience = patience_ns(self.timeout_s)
         return session.with_holder(link.ask(link.command(*self.wire()), patience_ns=patience))
 
     def wire(self) -> Parts:
+        """Return the command and its parameters."""
         return self.parts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hold(PlainCommand):
-    """Stand still and keep the goal."""
+    """Stop and keep the goal."""
 
     verb = "hold"
     moves = False
@@ -55,7 +57,7 @@ class Hold(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resume(PlainCommand):
-    """Go on to the goal."""
+    """Continue to the goal."""
 
     verb = "resume"
     parts = Parts(Command.DO_PAUSE_CONTINUE, 1.0)
@@ -63,7 +65,7 @@ class Resume(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abort(PlainCommand):
-    """Drop the goal and stand still."""
+    """Cancel the goal and stop."""
 
     verb = "abort"
     moves = False
@@ -80,7 +82,7 @@ class ReturnHome(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm(PlainCommand):
-    """Let the wheels turn."""
+    """Allow the wheels to turn."""
 
     verb = "arm"
     parts = Parts(Command.COMPONENT_ARM_DISARM, 1.0)
@@ -88,7 +90,7 @@ class Arm(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disarm(PlainCommand):
-    """Do not let the wheels turn."""
+    """Block the wheels."""
 
     verb = "disarm"
     moves = False
@@ -111,18 +113,23 @@ class SetMode(PlainCommand):
     mode: Mode
 
     def wire(self) -> Parts:
+        """Return the command with the mode as its second parameter."""
         return Parts(Command.DO_SET_MODE, 1.0, float(self.mode))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetNavigator(PlainCommand):
-    """Choose the navigator, and how obstacles are passed: `side` 1 left, -1 right, 0 as before."""
+    """Choose the navigator, and the side on which it passes obstacles.
+
+    `side` is 1 for left, -1 for right, 0 to leave it unchanged.
+    """
 
     verb = "navigator"
     navigator: Navigator
     side: int = 0
 
     def wire(self) -> Parts:
+        """Return the command with navigator and side as its parameters."""
         return Parts(Command.SIDESTEP_SET_NAVIGATOR, float(self.navigator), float(self.side))
 
 
@@ -135,25 +142,28 @@ COMMANDS: Final[tuple[type[PlainCommand], ...]] = (
     Disarm,
     ClearEmergencyStop,
 )
-"""Those without an argument of their own."""
+"""Commands without arguments of their own."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The end of an emergency stop; `ok` only when the robot's status shows it."""
+    """The end of an emergency stop; `ok` only if the robot's status shows it."""
 
     stop: StopOutcome
     robot: str
 
     @property
     def ok(self) -> bool:
+        """True if the robot's status shows the stop."""
         return self.stop.acknowledged
 
     @property
     def text(self) -> str:
+        """The duration and the number of tries, and the error if there is one."""
         return outcome_words(self.stop, self.robot)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row; without acknowledgement `reason_code` is None."""
         row = answer_row(verb, robot, Reason.NONE, self.stop.took_ns)
         if self.ok:
             return row
@@ -162,9 +172,9 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopNow:
-    """Stop the robot: repeated every 50 ms until its status shows the stop, for `timeout_s`.
+    """Stop the robot: repeat every 50 ms until its status shows the stop, for `timeout_s`.
 
-    Needs no lease, waits for no other request and is refused by nothing.
+    Needs no lease, waits for no other request, and the robot never refuses it.
     """
 
     verb: ClassVar[str] = "estop"
@@ -172,6 +182,7 @@ class StopNow:
     timeout_s: float = STOP_S
 
     def perform(self, session: Session) -> Stopped:
+        """Repeat the stop; UnansweredError if no status arrives from the robot."""
         link = session.link
         with link.subscribed(STATUS) as telemetry:
             publisher = link.bus.publisher(STOP, link.robot)
@@ -179,28 +190,31 @@ class StopNow:
                 link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
             )
             outcome = stop.run(give_up_ns=round(self.timeout_s * NS_PER_S))
-            silent = telemetry.latest(STATUS) is None
-        if silent:
+            is_silent = telemetry.latest(STATUS) is None
+        if is_silent:
             raise link.unanswered(GaveUp(outcome.why))
         return Stopped(outcome, link.robot)
 
 
 @dataclass(frozen=True, slots=True)
 class Marked:
-    """A remark; `ok` when a recorder received it."""
+    """The end of a remark; `ok` if a recorder received it."""
 
     remark: str
     ok: bool
 
     @property
     def reason(self) -> str:
-        return "" if self.ok else "nobody records: sidestep record DIR"
+        """The error, empty if a recorder received the remark."""
+        return "" if self.ok else "no recorder is running: start one with sidestep record DIR"
 
     @property
     def text(self) -> str:
+        """The remark, or the error."""
         return self.reason or f"marked: {self.remark}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return remark and error as a row."""
         return {"ok": self.ok, "mark": self.remark, "reason": self.reason}
 
 
@@ -213,10 +227,11 @@ class Mark:
     remark: str
 
     def perform(self, session: Session) -> Marked:
+        """Publish the remark if a recorder is subscribed to it."""
         link = session.link
         publisher = link.bus.publisher(MARK, link.robot)
-        heard = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
-        if heard:
+        has_recorder = not link.bus.await_matched([publisher], timeout_s=MARK_PATIENCE_S)
+        if has_recorder:
             for piece in pieces_of(self.remark, link.ids.next() & 0xFFFF or 1, Severity.NOTICE):
                 publisher.put(piece)
-        return Marked(self.remark, heard)
+        return Marked(self.remark, has_recorder)

@@ -1,4 +1,4 @@
-"""Drive to a goal: arm if need be, send it, attend the robot, and abort when it must end."""
+"""Driving to a goal: arm the robot if needed, send the goal, follow it, abort it at a failure."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Final
@@ -27,8 +27,8 @@ POSE_NS: Final = 1_000_000_000
 class GoalEnded:
     """The end of a goal: `outcome` is reached, stuck, aborted or timeout.
 
-    `distance_m` is what was left to the goal, None when the robot was not heard. `wall_s` is the
-    time since the operation began, by this machine's clock.
+    `distance_m` is the remaining distance to the goal, None without a status from the robot.
+    `wall_s` is the time since the operation began, by this machine's clock.
     """
 
     outcome: str
@@ -38,14 +38,17 @@ class GoalEnded:
 
     @property
     def ok(self) -> bool:
+        """True if the robot reached the goal."""
         return self.outcome == "reached"
 
     @property
     def text(self) -> str:
+        """Outcome, reason and duration."""
         detail = "" if self.reason == self.outcome else f": {self.reason}"
         return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
         return {
             "verb": verb,
             "robot": robot,
@@ -61,8 +64,8 @@ class GoalEnded:
 class Goto:
     """Drive to a goal. Without `wait` the mode is AUTO, which needs no operator.
 
-    `seen_by_robot`: the goal is ahead and left of the robot, not in the world. `timeout_s`: abort
-    after this long; UserError where the operation does not wait for the end.
+    `seen_by_robot`: the goal is given relative to the robot (ahead, left), not in the world frame.
+    `timeout_s`: abort after this time; UserError if the operation does not wait for the end.
     """
 
     verb: ClassVar[str] = "goto"
@@ -73,8 +76,11 @@ class Goto:
     timeout_s: float | None = None
 
     def perform(self, session: Session) -> Accepted | Refused | GoalEnded:
-        if self.timeout_s is not None and (not self.wait or session.attended):
-            raise UserError("--timeout is for whoever waits for the end; nobody does")
+        """Send the goal; with `wait`, follow it to its end."""
+        if self.timeout_s is not None and session.attended:
+            raise UserError("--timeout cannot be used here: this command does not wait for the end")
+        if self.timeout_s is not None and not self.wait:
+            raise UserError("--timeout cannot be combined with --no-wait")
         with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
             drive = _Drive(session, telemetry)
             goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
@@ -96,18 +102,18 @@ class _Drive:
         self._telemetry = telemetry
 
     def placed(self, seen: Destination) -> Destination:
-        """Return the place of the world that the robot sees there; RemoteError without a pose."""
+        """Convert a goal relative to the robot to the world frame; RemoteError without a pose."""
         clock, telemetry = self._link.clock, self._telemetry
         self._link.wait(lambda: telemetry.fresh(ODOMETRY, clock.now_ns()) is not None, POSE_NS)
         pose = telemetry.fresh(ODOMETRY, clock.now_ns())
         if pose is None:
-            raise RemoteError(f"the robot does not say where it is: {self._link.diagnosis()}")
+            raise RemoteError(f"the robot publishes no pose: {self._link.diagnosis()}")
         return from_robot(seen, pose.x_m, pose.y_m, pose.heading_rad)
 
     def to_the_end(
         self, goal: Destination, timeout_ns: int | None
     ) -> Accepted | Refused | GoalEnded:
-        """Send the goal and follow it; an exception on the way aborts it."""
+        """Send the goal and follow it; abort it if an exception is raised."""
         self._link.beat()
         started_ns = self._link.clock.now_ns()
         try:
@@ -118,13 +124,14 @@ class _Drive:
             watch = GoalWatch(request.request_id, started_ns, timeout_ns)
             end = self._follow(watch, request.request_id)
         except BaseException:
-            self._abort("given up")
+            self._abort("interrupted")
             raise
         if end.abort:
             self._abort(end.reason)
         return self._ended(end, started_ns)
 
     def send(self, goal: Destination, mode: Mode) -> tuple[Accepted | Refused, GoalRequest]:
+        """Send the goal until the robot accepts it."""
         return send_goal(self._session, goal, mode)
 
     def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
@@ -137,8 +144,8 @@ class _Drive:
             now_ns = clock.now_ns()
             if watch.due(now_ns):
                 self._link.beat()
-            over = watch.end is not None
-            if now_ns - last_shown_ns >= every_ns or (over and self._progress.live):
+            has_ended = watch.end is not None
+            if now_ns - last_shown_ns >= every_ns or (has_ended and self._progress.live):
                 last_shown_ns = now_ns
                 self._progress.line(
                     goal_line(self._telemetry, now_ns, watch.silent_ns(now_ns), goal_id)
@@ -160,7 +167,7 @@ class _Drive:
 def send_goal(
     session: Session, goal: Destination, mode: Mode
 ) -> tuple[Accepted | Refused, GoalRequest]:
-    """Give a goal to the robot; arms one that stands by."""
+    """Send a goal until the robot accepts it; arm a robot in standby."""
 
     def request() -> GoalRequest:
         return goal_request(goal.on_the_wire(), session.link.ids.next(), mode)
@@ -169,7 +176,10 @@ def send_goal(
 
 
 def abort(link: Link) -> str:
-    """Abort once and briefly, and say what came of it; a robot that is gone stops by itself."""
+    """Send one abort with a short time limit and describe the result.
+
+    Without an answer the robot stops by itself, because the heartbeat ends.
+    """
     request, now_ns = link.command(Command.SIDESTEP_ABORT_GOAL), link.clock.now_ns()
     asking = CommandExchange(request, now_ns, attempts=1, patience_ns=ABORT_NS)
     link.exchange(asking, COMMAND)

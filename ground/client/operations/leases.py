@@ -1,6 +1,6 @@
-"""The lease: one operator commands the robot, and the robot says which; any operator may stop it.
+"""The lease: one operator at a time commands the robot; any operator may stop it.
 
-A lease belongs to a connection and lapses without its heartbeat.
+A lease belongs to a connection and expires without that operator's heartbeat.
 """
 
 import os
@@ -14,7 +14,7 @@ from ground.client.lease_holder import holder_name, lease_status
 from ground.client.link import Link
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
-from ground.client.results import Answer, RefusedError
+from ground.client.results import Answer, RefusedError, Success
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import LeaseAction
 from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
@@ -26,9 +26,9 @@ RELEASE_NS: Final = 200_000_000
 
 
 def operator_name(name: str | None) -> str:
-    """Return the name that other operators are shown, by default the user's.
+    """Return the name shown to other operators, by default the user's login name.
 
-    Raises UserError when it does not fit.
+    Raises UserError for a name that is empty, too long or not printable.
     """
     if name is None:
         try:
@@ -38,13 +38,14 @@ def operator_name(name: str | None) -> str:
         return name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
     if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
         raise UserError(
-            f"{name!r} is no name for an operator: 1 to {MAX_OPERATOR_NAME_BYTES} letters"
+            f"{name!r} is not a valid operator name: use 1 to {MAX_OPERATOR_NAME_BYTES} bytes"
+            " of printable text"
         )
     return name
 
 
 def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
-    """Ask the robot for the lease, or give it back, under an operator's name."""
+    """Request the lease, or give it back, under an operator's name."""
     request = LeaseRequest(request_id=link.ids.next(), action=action, name=name)
     return link.ask(request, service=LEASE_SERVICE)
 
@@ -53,8 +54,8 @@ def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:
 class ChangeLease:
     """Take the lease, seize it from another operator, or release it.
 
-    A session that is not attended keeps what it took, with its heartbeat, for `for_s` or until it
-    is interrupted, and gives it back.
+    A session that is not attended keeps the lease with its heartbeat, for `for_s` or until it is
+    interrupted, and then gives it back.
     """
 
     moves: ClassVar[bool] = True
@@ -64,9 +65,11 @@ class ChangeLease:
 
     @property
     def verb(self) -> str:
+        """The verb, with the action."""
         return f"lease {self.action.name.lower()}"
 
     def perform(self, session: Session) -> Answer:
+        """Change the lease; keep it while the session is not attended."""
         link, name = session.link, operator_name(self.name)
         answer = session.with_holder(ask_lease(link, self.action, name))
         if not answer.ok or self.action is LeaseAction.RELEASE or session.attended:
@@ -80,26 +83,25 @@ class ChangeLease:
 
 
 @dataclass(frozen=True, slots=True)
-class LeaseShown:
-    """The robot's account of its lease; `ours`: this connection holds it."""
+class LeaseShown(Success):
+    """The robot's lease status; `ours`: this connection holds the lease."""
 
     status: LeaseStatus
     robot: str
     ours: bool
 
     @property
-    def ok(self) -> bool:
-        return True
-
-    @property
     def text(self) -> str:
+        """The holder, and when the lease expires."""
         if not self.status.held:
-            return "nobody holds the lease"
-        who = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
+            return "no operator holds the lease"
+        holder = f"{holder_name(self.status)}{' (this is you)' if self.ours else ''}"
         left_s = self.status.lapses_ms / 1000
-        return f"{who} commands {self.robot}, for {left_s:.1f} s more unless heard"
+        expiry = f"without a heartbeat the lease expires in {left_s:.1f} s"
+        return f"{holder} commands {self.robot}; {expiry}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the lease as a row; times in ms."""
         status = self.status
         return {
             "robot": robot,
@@ -113,22 +115,23 @@ class LeaseShown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShowLease:
-    """Read which operator holds the lease; RemoteError when the robot does not say."""
+    """Read which operator holds the lease."""
 
     verb: ClassVar[str] = "lease show"
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> LeaseShown:
+        """Return the lease; RemoteError if the robot publishes no lease status."""
         link = session.link
         found = lease_status(link)
         if found is None:
-            raise RemoteError(f"nothing is heard of the lease: {link.diagnosis()}")
+            raise RemoteError(f"the robot publishes no lease status: {link.diagnosis()}")
         return LeaseShown(found, link.robot, found.holder == link.bus.operator)
 
 
 @contextmanager
 def leased(session: Session, name: str | None = None) -> Iterator[None]:
-    """Hold the lease meanwhile, and give it back; RefusedError when another operator holds it."""
+    """Hold the lease during the context; RefusedError if another operator holds it."""
     answer = session.with_holder(ask_lease(session.link, LeaseAction.TAKE, operator_name(name)))
     if not answer.ok:
         raise RefusedError(answer.text)
@@ -139,7 +142,7 @@ def leased(session: Session, name: str | None = None) -> Iterator[None]:
 
 
 def keep(link: Link, for_s: float | None) -> None:
-    """Send the operator's heartbeat for so long, or until an exception ends it."""
+    """Send the operator's heartbeat for `for_s`, or until an exception ends it."""
     began_ns = link.clock.now_ns()
     until_ns = None if for_s is None else began_ns + round(for_s * NS_PER_S)
     while until_ns is None or link.clock.now_ns() < until_ns:
@@ -148,7 +151,7 @@ def keep(link: Link, for_s: float | None) -> None:
 
 
 def give_back(link: Link) -> None:
-    """Release once, and ignore a lost answer: without a heartbeat the lease lapses by itself."""
+    """Release the lease once and ignore a lost answer: the lease expires by itself."""
     request = LeaseRequest(request_id=link.ids.next(), action=LeaseAction.RELEASE, name="")
     now_ns = link.clock.now_ns()
     link.exchange(

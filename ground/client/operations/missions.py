@@ -1,4 +1,4 @@
-"""Missions: send one to the robot, fetch, start, stop and delete it, and read how far it is."""
+"""Missions: upload one to the robot, download, start, stop and delete it, and read its progress."""
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -8,7 +8,7 @@ from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
 from ground.client.operations.session import Session
 from ground.client.requests import GaveUp
-from ground.client.results import Answer, refusal_words
+from ground.client.results import Answer, Success, refusal_words
 from ground.missions import files
 from ground.missions.mission import Fence, Home, Mission
 from ground.missions.transfer import Clear, Download, Downloaded, Transfer, Upload, Verdict
@@ -21,33 +21,31 @@ from runtime.errors import RemoteError
 
 STATUS_NS: Final = 1_500_000_000
 CURRENT: Final = -1
-"""Starts a mission at the item where it is."""
+"""Starts a mission at its current item."""
 NO_MISSION: Final = Verdict(Reason.NO_MISSION, None)
 
 
-# Conversations with the robot's mission service.
-
-
 def send(link: Link, transfer: Transfer) -> Verdict:
-    """Return the verdict on an upload or a deletion; UnansweredError when there is none."""
-    outcome = carried(link, transfer)
+    """Return the robot's verdict on an upload or a deletion; UnansweredError without one."""
+    outcome = run_transfer(link, transfer)
     if not isinstance(outcome, Verdict):
-        raise RemoteError("the robot has sent a mission instead of judging one")
+        raise RemoteError("the robot sent a mission instead of a verdict")
     return outcome
 
 
 def send_fence(link: Link, fence: Fence) -> Verdict:
+    """Upload a fence and return the robot's verdict."""
     items = fence_items_of(fence)
     return send(link, Upload(items, MissionType.FENCE, link.clock.now_ns()))
 
 
 def fetch(link: Link, kind: MissionType) -> Downloaded | Verdict:
-    """Return what the robot has, or why it does not tell."""
-    return carried(link, Download(kind, link.clock.now_ns()))
+    """Download items from the robot; a verdict if it does not send them."""
+    return run_transfer(link, Download(kind, link.clock.now_ns()))
 
 
-def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
-    """Put the questions until it is over; UnansweredError when the robot is gone."""
+def run_transfer(link: Link, transfer: Transfer) -> Downloaded | Verdict:
+    """Run a transfer to its end; UnansweredError if the robot does not answer."""
     link.exchange(transfer, MISSION_SERVICE)
     outcome = transfer.outcome
     if outcome is None or isinstance(outcome, GaveUp):
@@ -56,7 +54,7 @@ def carried(link: Link, transfer: Transfer) -> Downloaded | Verdict:
 
 
 def mission_status(link: Link) -> MissionStatus | None:
-    """Return the robot's account of its mission; None when it publishes none."""
+    """Return the robot's mission status; None if it publishes none."""
     return link.newest(MISSION, STATUS_NS)
 
 
@@ -64,7 +62,7 @@ def mission_status(link: Link) -> MissionStatus | None:
 class TransferOutcome:
     """The robot's verdict on a mission or a fence; `done` is the text of a success.
 
-    `item` counts from 1, None: no item in particular. `what` says what the verdict is about.
+    `what` names what the verdict is about.
     """
 
     verdict: Verdict
@@ -74,30 +72,35 @@ class TransferOutcome:
 
     @property
     def ok(self) -> bool:
+        """True if the robot accepted it."""
         return self.verdict.ok
 
     @property
     def reason(self) -> int:
+        """The `Reason` of the verdict."""
         return self.verdict.reason
 
     @property
     def item(self) -> int | None:
+        """The item that is wrong, from 1; None if the verdict is not about one item."""
         return self.verdict.item
 
     @property
     def is_none(self) -> bool:
-        """Whether the robot has no mission that could be judged."""
+        """True if the robot has no mission."""
         return self.reason == Reason.NO_MISSION
 
     @property
     def text(self) -> str:
+        """The text of a success, or the refusal with its remedy."""
         if self.ok:
             return self.done
-        said = f"{self.what}{self.verdict.text}"
+        reason = f"{self.what}{self.verdict.text}"
         no = "not saved" if self.verdict.in_force else "refused"
-        return f"{no}: {refusal_words(said, self.verdict.reason, self.holder)}"
+        return f"{no}: {refusal_words(reason, self.verdict.reason, self.holder)}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the verdict as a row."""
         return {
             "verb": verb,
             "robot": robot,
@@ -108,17 +111,17 @@ class TransferOutcome:
         }
 
 
-def judged(link: Link, verdict: Verdict, done: str, what: str = "") -> TransferOutcome:
-    """The verdict with the lease holder's name when the robot refused for the lease."""
+def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> TransferOutcome:
+    """Return the verdict, with the lease holder's name if the lease is the reason."""
     holder = refusing_holder(link, verdict.reason)
     return TransferOutcome(verdict=verdict, done=done, what=what, holder=holder)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UploadMission:
-    """Give the robot a mission, whole or not at all; `dropped` was left out of its file.
+    """Upload a mission, whole or not at all; `dropped` was left out of its file.
 
-    The fence goes first, so that the mission is checked against it.
+    The fence goes first, so that the robot checks the mission against it.
     """
 
     verb: ClassVar[str] = "mission upload"
@@ -127,86 +130,84 @@ class UploadMission:
     dropped: tuple[str, ...] = ()
 
     def perform(self, session: Session) -> TransferOutcome:
+        """Upload the fence if there is one, then the mission; return the last verdict."""
         link, mission = session.link, self.mission
         for what in self.dropped:
             session.progress.note(f"left out: {what}")
         if mission.fence is not None:
             verdict = send_fence(link, mission.fence)
             if not verdict.in_force:
-                return judged(link, verdict, "", "the fence: ")
+                return with_holder(link, verdict, "", "the fence: ")
             if not verdict.ok:
                 session.progress.note(f"the fence: {verdict.text}")
         items = items_of(mission.waypoints)
         verdict = send(link, Upload(items, MissionType.MISSION, link.clock.now_ns()))
-        return judged(link, verdict, f"ok, the robot has {mission}")
+        return with_holder(link, verdict, f"ok, the robot has {mission}")
 
 
 @dataclass(frozen=True, slots=True)
-class MissionFetched:
+class MissionFetched(Success):
     """The robot's mission, with its fence."""
 
     mission: Mission
 
     @property
-    def ok(self) -> bool:
-        return True
-
-    @property
     def text(self) -> str:
+        """One line per waypoint, then the fence."""
         waypoints = enumerate(self.mission.waypoints, start=1)
         rows = [f"{at}  {waypoint}" for at, waypoint in waypoints]
         rows += [f"fence: {self.mission.fence}"] if self.mission.fence else []
         return "\n".join(rows)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the waypoints as a row."""
         waypoints = [asdict(waypoint) for waypoint in self.mission.waypoints]
         return {"verb": verb, "ok": True, "waypoints": waypoints}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FetchMission:
-    """Read the mission that the robot has, with its fence."""
+    """Download the robot's mission, with its fence."""
 
     verb: ClassVar[str] = "mission list"
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> MissionFetched | TransferOutcome:
+        """Return the mission; a verdict if the robot has none or does not send it."""
         link = session.link
         found = fetch(link, MissionType.MISSION)
         fence = fetch(link, MissionType.FENCE)
         if isinstance(found, Verdict):
-            return judged(link, found, "")
+            return with_holder(link, found, "")
         if not found.items:
-            return judged(link, NO_MISSION, "")
+            return with_holder(link, NO_MISSION, "")
         corners = fence.items if isinstance(fence, Downloaded) else ()
         mission = Mission(waypoints=waypoints_of(found.items), fence=fence_of(corners))
         return MissionFetched(mission)
 
 
 @dataclass(frozen=True, slots=True)
-class MissionWritten:
-    """A mission in a file, and what the file has no room for."""
+class MissionWritten(Success):
+    """A mission in a file; `lost` names what the file format cannot hold."""
 
     file: Path
     mission: Mission
     lost: tuple[str, ...]
 
     @property
-    def ok(self) -> bool:
-        return True
-
-    @property
     def text(self) -> str:
+        """The file, and what it cannot hold."""
         return files.written(self.file, self.mission, self.lost)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return file, number of items and losses as a row."""
         row: dict[str, object] = {"verb": verb, "ok": True, "file": str(self.file)}
         return row | {"items": len(self.mission.waypoints), "lost": list(self.lost)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DownloadMission:
-    """Write the mission that the robot has to a file; `home` is where x and y are 0 on Earth."""
+    """Write the robot's mission to a file; `home` is where x and y are 0 on Earth."""
 
     verb: ClassVar[str] = "mission download"
     moves: ClassVar[bool] = False
@@ -214,7 +215,8 @@ class DownloadMission:
     home: Home | None = None
 
     def perform(self, session: Session) -> MissionWritten | TransferOutcome:
-        files.ending_of(self.file)  # refused before anything is asked
+        """Download the mission and write it; UserError for an unknown file type."""
+        files.ending_of(self.file)  # refuse a wrong file type before sending a request
         found = FetchMission().perform(session)
         if isinstance(found, TransferOutcome):
             return found
@@ -224,9 +226,9 @@ class DownloadMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartMission:
-    """Drive the robot's mission from an item (from 1) on; arms a robot that stands by.
+    """Drive the robot's mission from an item (from 1) on; arm a robot in standby.
 
-    Without an item it goes on where it is, or begins again when it is done.
+    Without an item it continues at the current one, or begins again once the mission is done.
     """
 
     verb: ClassVar[str] = "mission start"
@@ -234,6 +236,7 @@ class StartMission:
     item: int | None = None
 
     def perform(self, session: Session) -> Answer:
+        """Start the mission until the robot accepts it."""
         first = first_of(session.link) if self.item is None else self.item - 1
 
         def request() -> CommandRequest:
@@ -243,7 +246,7 @@ class StartMission:
 
 
 def first_of(link: Link) -> int:
-    """Return the item at which a mission begins by default, as the wire counts."""
+    """Return the item at which a mission begins by default, counted as on the wire."""
     found = mission_status(link)
     over = found is not None and found.state == MissionState.DONE
     return 0 if over else CURRENT
@@ -251,13 +254,14 @@ def first_of(link: Link) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JumpTo:
-    """Go on with another item of the mission, from 1."""
+    """Continue with another item of the mission, from 1."""
 
     verb: ClassVar[str] = "mission jump"
     moves: ClassVar[bool] = True
     item: int
 
     def perform(self, session: Session) -> Answer:
+        """Send the command and return the robot's answer."""
         link = session.link
         request = link.command(Command.DO_SET_MISSION_CURRENT, float(self.item - 1))
         return session.with_holder(link.ask(request))
@@ -271,20 +275,17 @@ class ClearMission:
     moves: ClassVar[bool] = True
 
     def perform(self, session: Session) -> TransferOutcome:
+        """Delete the mission and return the robot's verdict."""
         link = session.link
         verdict = send(link, Clear(MissionType.MISSION, link.clock.now_ns()))
-        return judged(link, verdict, "ok, the robot has none")
+        return with_holder(link, verdict, "ok, the robot has no mission")
 
 
 @dataclass(frozen=True, slots=True)
-class MissionProgress:
-    """The robot's account of its mission."""
+class MissionProgress(Success):
+    """The robot's mission status."""
 
     status: MissionStatus
-
-    @property
-    def ok(self) -> bool:
-        return True
 
     @property
     def text(self) -> str:
@@ -298,6 +299,7 @@ class MissionProgress:
         return f"{state_name(status.state)}, {where}{left}{reason}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the status as a row; items count from 1."""
         status = self.status
         return {
             "robot": robot,
@@ -312,24 +314,26 @@ class MissionProgress:
 
 @dataclass(frozen=True, slots=True)
 class MissionEnded(MissionProgress):
-    """The end of a mission; `ok` when all items were reached."""
+    """The end of a mission; `ok` if all items were reached."""
 
     @property
     def ok(self) -> bool:
+        """True if all items were reached."""
         return self.status.state == MissionState.DONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShowMissionStatus:
-    """Read how far the mission is; RemoteError when the robot does not say."""
+    """Read the progress of the mission."""
 
     verb: ClassVar[str] = "mission status"
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> MissionProgress:
+        """Return the status; RemoteError if the robot publishes none."""
         status = mission_status(session.link)
         if status is None:
-            raise RemoteError(f"nothing is heard of the mission: {session.link.diagnosis()}")
+            raise RemoteError(f"the robot publishes no mission status: {session.link.diagnosis()}")
         return MissionProgress(status)
 
 

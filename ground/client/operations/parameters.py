@@ -1,4 +1,4 @@
-"""The robot's parameters: its whole list, some of them, or a new value for one or several."""
+"""The robot's parameters: read all or some of them, set one or several."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from ground.client.operations.session import Session
 from ground.client.parameter import Parameter, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.requests import Exchange, GaveUp, is_saving
-from ground.client.results import Refused
+from ground.client.results import Refused, Success
 from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
@@ -25,14 +25,14 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import RemoteError, UserError
 
 SAVING_NS: Final = 15_000_000_000
-"""Longer than a robot waits for its disk before it answers NOT_SAVED."""
-NOTHING_OTHER: Final = "nothing was other than the file says"
+"""Time limit, longer than the robot waits for its disk before it answers NOT_SAVED."""
+NO_CHANGE: Final = "no change: the robot has all values of the file"
 
 SAVED: Final[Mapping[bool | None, str]] = MappingProxyType(
     {
         True: "saved on the robot",
-        False: "until the robot restarts: it runs without --state DIR and saves nothing",
-        None: "in force; whether it is saved the robot does not say",
+        False: "in force until the robot restarts: without --state DIR it saves nothing",
+        None: "in force; the robot does not report whether it is saved",
     }
 )
 COLUMNS: Final = ("name", "value", "unit", "minimum", "maximum", "default", "safer", "doc")
@@ -43,10 +43,10 @@ ALLOWED: Final[Mapping[str, str]] = MappingProxyType(
 
 
 class ParameterExchange(Exchange[Message | bytes]):
-    """One question to the robot's parameters, or a new value for one.
+    """A request for the parameter list, or for a new value of one parameter.
 
-    Setting the same value twice does no harm. A robot that is still saving the value is asked
-    again, for as long as a slow disk may take.
+    Setting the same value twice is harmless. While the robot is still saving the value, the request
+    is repeated for as long as a slow disk may take.
     """
 
     def __init__(self, request: ParamSet | None, now_ns: int) -> None:
@@ -58,14 +58,14 @@ class ParameterExchange(Exchange[Message | bytes]):
 
     def _take(self, answer: object, now_ns: int) -> None:
         if is_saving(answer):
-            self.unanswered("it is in force, and still being saved")
+            self.unanswered("in force, still being saved")
             self._ask_next(self._question, now_ns)
         elif isinstance(answer, Message | bytes):
             self.outcome = answer
 
 
 def ask(link: Link, request: ParamSet | None) -> Message | bytes:
-    """Return the robot's answer; UnansweredError says what is missing when there is none."""
+    """Return the robot's reply; UnansweredError names the process that is missing."""
     exchange = ParameterExchange(request, link.clock.now_ns())
     link.exchange(exchange, PARAMETERS if request is None else PARAMETER)
     outcome = exchange.outcome
@@ -76,39 +76,37 @@ def ask(link: Link, request: ParamSet | None) -> Message | bytes:
 
 
 def fetch(link: Link) -> list[Parameter]:
-    """Return the robot's list; RemoteError when it does not come or cannot be read."""
+    """Return the robot's parameters; RemoteError if the list is missing or malformed."""
     answer = ask(link, None)
     if not isinstance(answer, bytes):
-        raise RemoteError("the robot answers, but not with a list of parameters")
+        raise RemoteError("the robot's reply is not a parameter list")
     return parameters_in(answer)
 
 
 @dataclass(frozen=True, slots=True)
-class ParameterTable:
-    """Some parameters of the robot; `wide` shows all about each, else its value."""
+class ParameterTable(Success):
+    """Some parameters of the robot; `wide` shows all facts about each, else its value."""
 
     parameters: tuple[Parameter, ...]
     wide: bool = True
 
     @property
-    def ok(self) -> bool:
-        return True
-
-    @property
     def text(self) -> str:
+        """A table, or one line per parameter."""
         if not self.parameters:
-            return "all are as they are by default"
+            return "all parameters have their default values"
         return table(self.parameters) if self.wide else "\n".join(map(line, self.parameters))
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return all that the robot sent about each parameter."""
         return {"parameters": [one.as_json() for one in self.parameters]}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShowParameters:
-    """Read those whose names match a pattern such as `sonar_*`; UserError when none does.
+    """Read the parameters whose names match a pattern such as `sonar_*`.
 
-    `only_changed`: those that differ from their defaults, perhaps none.
+    `only_changed` selects those that differ from their defaults, perhaps none.
     """
 
     moves: ClassVar[bool] = False
@@ -118,9 +116,11 @@ class ShowParameters:
 
     @property
     def verb(self) -> str:
+        """The verb, by whether the table is wide."""
         return "param list" if self.wide else "param get"
 
     def perform(self, session: Session) -> ParameterTable:
+        """Return the parameters; UserError if no name matches."""
         found = fetch(session.link)
         chosen = tuple(one for one in found if fnmatchcase(one.name, self.pattern))
         if self.only_changed:
@@ -132,9 +132,9 @@ class ShowParameters:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterChanged:
-    """The answer to a new value; `now` is the one in force, None when the robot refused.
+    """The result of setting a parameter; `now` is the value in force, None after a refusal.
 
-    `saved`: it survives a restart; None when the robot does not say.
+    `saved`: it survives a restart; None if the robot does not report that.
     """
 
     name: str
@@ -145,28 +145,34 @@ class ParameterChanged:
 
     @property
     def ok(self) -> bool:
+        """True if the requested value is in force."""
         now = self.now
         return now is not None and isfinite(now) and same(now, self.asked)
 
     @property
     def text(self) -> str:
+        """The value in force, or the refusal."""
         if self.now is None:
             return f"refused: {self.name} = {number(self.asked)}: {self.refusal}"
         if not self.ok:
-            return f"kept at {self.now:g}"
+            return f"not changed: the robot keeps {self.name} = {number(self.now)}"
         return f"{self.name} = {number(self.now)}, {SAVED[self.saved]}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the result as a row."""
         row: dict[str, object] = {"verb": "param set", "robot": robot, "name": self.name}
         row |= {"ok": self.ok, "value": self.now}
         if self.now is None:
             return row | {"reason": self.refusal}
-        return row | {"reason": "ok" if self.ok else "another value is kept", "saved": self.saved}
+        return row | {
+            "reason": "ok" if self.ok else "the robot keeps another value",
+            "saved": self.saved,
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetParameter:
-    """Give one parameter a value, in its own unit; a robot with --state saves it."""
+    """Set one parameter, in its own unit; a robot with --state saves it."""
 
     verb: ClassVar[str] = "param set"
     moves: ClassVar[bool] = True
@@ -175,9 +181,10 @@ class SetParameter:
 
     def __post_init__(self) -> None:
         if not self.name or len(self.name) > MAX_PARAMETER_NAME_BYTES or not self.name.isascii():
-            raise UserError(f"{self.name!r} cannot be a parameter: {NAME_RULE}")
+            raise UserError(f"{self.name!r} is not a valid parameter name: {NAME_RULE}")
 
     def perform(self, session: Session) -> ParameterChanged:
+        """Set the value and read back whether it is saved."""
         link = session.link
         found = set_value(link, self.name, self.value)
         if isinstance(found, Refused):
@@ -189,51 +196,59 @@ class SetParameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResetParameter:
-    """Give one parameter its default value."""
+    """Set one parameter to its default value."""
 
     verb: ClassVar[str] = "param reset"
     moves: ClassVar[bool] = True
     name: str
 
     def perform(self, session: Session) -> ParameterChanged:
+        """Read the default and set it; UserError for an unknown parameter."""
         value = default_of(fetch(session.link), self.name)
         return SetParameter(name=self.name, value=value).perform(session)
 
 
 @dataclass(frozen=True, slots=True)
 class ParametersSaved:
-    """Names of the parameters in a file, or, without one, of those that the robot keeps."""
+    """The parameters written to a file; without a file, those that the robot saves by itself."""
 
     names: tuple[str, ...]
     file: Path | None = None
 
     @property
     def ok(self) -> bool:
+        """True if there is a file, or if the robot saves a parameter."""
         return self.file is not None or bool(self.names)
 
     @property
     def text(self) -> str:
+        """The names, and where they are saved."""
         names = ", ".join(self.names)
         if self.file is not None:
-            return f"{self.file}: {names or 'none is other than by default'}"
+            return f"{self.file}: {names or 'all parameters have their default values'}"
         if names:
             return f"nothing to do: saved on the robot: {names}"
         return "nothing is saved; a robot with --state DIR saves each value when it is set"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return names and file as a row."""
         file = {} if self.file is None else {"file": str(self.file)}
         return {"verb": "param save", "ok": self.ok, **file, "saved": list(self.names)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SaveParameters:
-    """Write what differs from the defaults to a file; without one, say what the robot keeps."""
+    """Write the parameters that differ from their defaults to a file.
+
+    Without a file, list those that the robot saves by itself.
+    """
 
     verb: ClassVar[str] = "param save"
     moves: ClassVar[bool] = False
     file: Path | None = None
 
     def perform(self, session: Session) -> ParametersSaved:
+        """Write the file, or list the names."""
         found = fetch(session.link)
         if self.file is None:
             return ParametersSaved(tuple(one.name for one in found if one.saved))
@@ -242,34 +257,38 @@ class SaveParameters:
 
 @dataclass(frozen=True, slots=True)
 class ParametersLoaded:
-    """Names of the parameters that were set, and the refusal that ended it, if there was one."""
+    """The parameters that were set, and the refusal that ended the loading, if any."""
 
     names: tuple[str, ...]
     refusal: str = ""
 
     @property
     def ok(self) -> bool:
+        """True if no value was refused."""
         return not self.refusal
 
     @property
     def text(self) -> str:
-        done = f"set: {', '.join(self.names)}" if self.names else NOTHING_OTHER
+        """The refusal if any, then the names."""
+        done = f"set: {', '.join(self.names)}" if self.names else NO_CHANGE
         return f"{self.refusal}; {done}" if self.refusal else done
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return names and refusal as a row."""
         names = list(self.names)
         return {"verb": "param load", "ok": self.ok, "set": names, "reason": self.refusal}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadParameters:
-    """Set all that a file says; nothing is set unless all of it can be (ConfigError)."""
+    """Set all values of a file; set none unless all of them are allowed (ConfigError)."""
 
     verb: ClassVar[str] = "param load"
     moves: ClassVar[bool] = True
     file: Path
 
     def perform(self, session: Session) -> ParametersLoaded:
+        """Set the values that differ, until one is refused."""
         found = fetch(session.link)
         wanted = parameter_file.read(self.file, found)
         values = {one.name: one.value for one in found}
@@ -286,7 +305,7 @@ class LoadParameters:
 
 
 def set_value(link: Link, name: str, value: float) -> float | Refused:
-    """Set one; return the value that is in force now, or the refusal."""
+    """Set one parameter; return the value that is in force now, or the refusal."""
     asked_ns = link.clock.now_ns()
     answer = ask(link, ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32))
     if isinstance(answer, ParamValue):
@@ -297,7 +316,7 @@ def set_value(link: Link, name: str, value: float) -> float | Refused:
 
 
 def is_saved(link: Link, name: str) -> bool | None:
-    """Return whether the value in force survives a restart; None when the robot does not say."""
+    """Return whether the value in force survives a restart; None if unknown."""
     try:
         found = fetch(link)
     except RemoteError:
@@ -306,7 +325,7 @@ def is_saved(link: Link, name: str) -> bool | None:
 
 
 def default_of(parameters: Sequence[Parameter], name: str) -> float:
-    """UserError when the robot has no such parameter, or does not tell its default."""
+    """Return a default; UserError if the robot has no such parameter or no default for it."""
     defaults = {one.name: one.default for one in parameters}
     value = defaults.get(name)
     if value is None:
@@ -317,7 +336,7 @@ def default_of(parameters: Sequence[Parameter], name: str) -> float:
 
 
 def hint(link: Link, name: str, reason: int) -> str:
-    """Return what the robot would have taken, by its own list; empty when it does not tell."""
+    """Return the values that the robot allows, by its own list; empty if unknown."""
     try:
         found = {one.name: one for one in fetch(link)}
     except RemoteError:
@@ -334,16 +353,17 @@ def hint(link: Link, name: str, reason: int) -> str:
     if reason != Reason.PARAMETER_OUT_OF_RANGE or one.minimum is None or one.maximum is None:
         return ""
     limits = f"{number(one.minimum)} to {number(one.maximum)} {one.unit}"
-    return f"; it takes {limits.rstrip()}"
+    return f"; allowed: {limits.rstrip()}"
 
 
 def line(parameter: Parameter) -> str:
+    """Format a parameter as NAME = VALUE UNIT."""
     unit = f" {parameter.unit}" if parameter.unit else ""
     return f"{parameter.name} = {number(parameter.value)}{unit}"
 
 
 def table(parameters: Sequence[Parameter]) -> str:
-    """Columns as wide as they must be; a value that is not the default is marked."""
+    """Format columns of minimal width; mark values that differ from the default with `*`."""
     cells = [list(COLUMNS), *map(cells_of, parameters)]
     widths = [max(len(one[at]) for one in cells) for at in range(len(COLUMNS))]
     return "\n".join(
@@ -353,7 +373,7 @@ def table(parameters: Sequence[Parameter]) -> str:
 
 
 def cells_of(one: Parameter) -> list[str]:
-    """In the order of COLUMNS."""
+    """Return the cells of one row, in the order of COLUMNS."""
     mark = "" if one.value == one.default else " *"
     numbers = [
         "" if value is None else number(value) for value in (one.minimum, one.maximum, one.default)
@@ -362,4 +382,5 @@ def cells_of(one: Parameter) -> list[str]:
 
 
 def number(value: float) -> str:
+    """Format a value with seven digits."""
     return f"{value:.7g}"

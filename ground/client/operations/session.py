@@ -1,4 +1,4 @@
-"""What every operation works with: the link, where progress is shown, and who attends the robot."""
+"""The context of an operation: the link, the progress display, and whether another part attends."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,34 +20,37 @@ STATUS_NS: Final = 1_000_000_000
 
 
 class Progress(Protocol):
-    """Where an operation reports what happens before its outcome."""
+    """Displays what happens before the outcome of an operation."""
 
     @property
     def live(self) -> bool:
-        """Whether `line` replaces the line before, so that it may be called often."""
+        """True if `line` replaces the line before, so that it may be called often."""
 
-    def note(self, text: str) -> None: ...
-    def line(self, parts: Sequence[Part]) -> None: ...
+    def note(self, text: str) -> None:
+        """Show a message."""
+
+    def line(self, parts: Sequence[Part]) -> None:
+        """Show the present state."""
 
 
 class NoProgress:
-    """Reports nothing."""
+    """A progress display that shows nothing."""
 
     live = False
 
     def note(self, text: str) -> None:
-        """Drop it."""
+        """Ignore the message."""
 
     def line(self, parts: Sequence[Part]) -> None:
-        """Drop it."""
+        """Ignore the state."""
 
 
 class Session:
-    """One operator's work with one robot.
+    """The work of one operator with one robot.
 
     `attended`: another part of this process holds the lease, sends the operator's heartbeat and
-    watches the goal. An operation then ends with the robot's answer. Otherwise it does all this
-    itself, until its own end.
+    watches the goal. An operation then ends with the robot's answer. Otherwise it does all of this
+    itself, until it ends.
     """
 
     def __init__(
@@ -58,26 +61,26 @@ class Session:
         self.attended = attended
 
     def with_holder(self, answer: Answer) -> Answer:
-        """Return an answer, with the lease holder's name when it is a refusal for the lease."""
+        """Return an answer; a refusal for the lease gets the lease holder's name."""
         if isinstance(answer, Accepted):
             return answer
         return replace(answer, holder=refusing_holder(self.link, answer.reason))
 
     def ask_until_accepted(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
-        """Ask until the robot agrees or nothing more can be done; the answer and its request.
+        """Repeat a request after each remedy; return the last answer and its request.
 
-        Arms a robot that stands by, never one in a failsafe or an emergency stop. With `beats`,
-        sends the operator's heartbeat when the robot misses it.
+        Arms a robot in standby, but never one in a failsafe or an emergency stop. With `beats`,
+        sends the operator's heartbeat if the robot misses it.
         """
         deadline_ns = self.link.clock.now_ns() + RETRY_NS
         while True:
-            asked = request()
-            answer = self.link.ask(asked)
+            sent = request()
+            answer = self.link.ask(sent)
             if isinstance(answer, Accepted):
-                return answer, asked
+                return answer, sent
             is_late = self.link.clock.now_ns() > deadline_ns
             if is_late or not self._remedied(answer.reason, beats=beats):
-                return self.with_holder(answer), asked
+                return self.with_holder(answer), sent
 
     def arm_if_standing_by(self) -> bool:
         """Arm a robot in STANDBY; return whether it was armed now."""
@@ -90,7 +93,7 @@ class Session:
         return answer.ok
 
     def _remedied(self, reason: int, *, beats: bool) -> bool:
-        """Remove the cause of a refusal where that is possible; return whether to ask again."""
+        """Remove the cause of a refusal if possible; return whether to send the request again."""
         if reason == Reason.NOT_ARMED:
             return self.arm_if_standing_by()
         if reason == Reason.NO_OPERATOR and beats:
@@ -101,7 +104,7 @@ class Session:
 
 
 def patience_ns(timeout_s: float | None) -> int:
-    """Return how long each attempt waits, so that all end within `timeout_s` (1.5 s)."""
+    """Return the time limit of each attempt, so that all end within `timeout_s` (1.5 s)."""
     if timeout_s is None:
         return PATIENCE_NS
     return max(1, round(timeout_s * NS_PER_S / ATTEMPTS))

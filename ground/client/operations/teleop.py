@@ -1,4 +1,4 @@
-"""Drive by hand in MANUAL. Each speed is good for a moment only, so silence is a stop."""
+"""Driving by hand in MANUAL. Each speed expires after a moment, so the robot stops on silence."""
 
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ SETTLE_NS: Final = 500_000_000
 
 
 class TeleopSender:
-    """Sends the speeds an operator wants; send them again before they run out."""
+    """Sends an operator's speeds; each must be repeated before it expires."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
@@ -37,7 +37,7 @@ class TeleopSender:
         self._publisher: Publisher[Teleop] | None = None
 
     def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Once; it holds for TTL_MS."""
+        """Send the speeds once; they expire after TTL_MS."""
         if self._publisher is None:
             self._publisher = self._link.bus.publisher(TELEOP, self._link.robot)
             self._link.bus.await_matched([self._publisher], timeout_s=0.5)
@@ -53,32 +53,36 @@ class TeleopSender:
         )
 
     def stop(self) -> None:
+        """Send zero speed once."""
         self.drive(0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class DriveEnded:
-    """The end of a drive by hand; `reason` is empty when its time was up."""
+    """The end of a drive by hand; `reason` is empty if its time was up."""
 
     reason: str
 
     @property
     def ok(self) -> bool:
+        """True if the whole time was driven."""
         return not self.reason
 
     @property
     def text(self) -> str:
+        """The reason, or that the robot holds."""
         return f"stopped: {self.reason}" if self.reason else "done, the robot holds"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the outcome as a row."""
         return {"verb": verb, "robot": robot, "ok": self.ok, "reason": self.reason}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveByHand:
-    """Drive at a speed (m/s, negative: backwards) and a turn (deg/s, positive: left).
+    """Drive at a speed (m/s, negative: backwards) and a turn rate (deg/s, positive: left).
 
-    Ends after `for_s`, or when it is interrupted; then the robot holds.
+    Ends after `for_s` or when it is interrupted; then the robot holds.
     """
 
     verb: ClassVar[str] = "teleop"
@@ -92,12 +96,13 @@ class DriveByHand:
         within(self.turn_deg_s, -FASTEST_DEG_S, FASTEST_DEG_S, "turn", "deg/s")
 
     def perform(self, session: Session) -> Answer | DriveEnded:
+        """Drive; UserError without `for_s` in an attended session."""
         if not session.attended:
             with leased(session):
                 return self._drive(session)
         if self.for_s is None:
             raise UserError(
-                "say for how long: teleop SPEED YAW_DEG_S --for S; or teleop for the keys"
+                "--for S is missing: teleop SPEED YAW_DEG_S --for S; or teleop for the keys"
             )
         return self._drive(session)
 
@@ -115,8 +120,8 @@ class DriveByHand:
             hold(link)
 
     def _keep_driving(self, link: Link, stick: TeleopSender) -> str:
-        """Return why it ended early; empty when its time was up."""
-        pace, began_ns = HeartbeatTimer(), link.clock.now_ns()
+        """Return why it ended early; empty if its time was up."""
+        heartbeat, began_ns = HeartbeatTimer(), link.clock.now_ns()
         until_ns = None if self.for_s is None else began_ns + round(self.for_s * NS_PER_S)
         with link.subscribed(STATUS) as telemetry:
             for _ in ticks(link.clock, RATE_HZ):
@@ -124,16 +129,16 @@ class DriveByHand:
                 if until_ns is not None and now_ns >= until_ns:
                     break
                 newest = telemetry.latest(STATUS)
-                if newest is not None and (why := taken_away(newest[0], now_ns - began_ns)):
+                if newest is not None and (why := lost_control(newest[0], now_ns - began_ns)):
                     return why
-                if pace.due(now_ns, 0 if newest is None else newest[0].time_ns):
+                if heartbeat.due(now_ns, 0 if newest is None else newest[0].time_ns):
                     link.beat()
                 stick.drive(self.speed_m_s, radians(self.turn_deg_s))
         return ""
 
 
 def take_manual(session: Session) -> Answer:
-    """Choose MANUAL, and arm a robot that stands by."""
+    """Choose MANUAL, and arm a robot in standby."""
     link = session.link
     answer, _ = session.ask_until_accepted(lambda: set_mode(link, Mode.MANUAL), beats=True)
     if answer.ok:
@@ -141,20 +146,21 @@ def take_manual(session: Session) -> Answer:
     return answer
 
 
-def taken_away(status: NavigatorStatus, driven_ns: int) -> str:
+def lost_control(status: NavigatorStatus, driven_ns: int) -> str:
     """Return why the robot no longer follows the operator; empty while it does."""
     if status.vehicle != Vehicle.ACTIVE and driven_ns > SETTLE_NS:
         return reason_text(status.vehicle_reason) if status.vehicle_reason else "not armed"
     if status.mode != Mode.MANUAL and driven_ns > SETTLE_NS:
-        return "the robot has left MANUAL"
+        return "the robot has left MANUAL mode"
     return ""
 
 
 def set_mode(link: Link, mode: Mode) -> CommandRequest:
+    """Return the command that chooses a mode."""
     return link.command(Command.DO_SET_MODE, 1.0, float(mode))
 
 
 def hold(link: Link) -> None:
-    """Ask once and briefly: a robot that does not hear it stops by itself."""
+    """Send HOLD once with a short time limit; without it the robot stops by itself."""
     with suppress(RemoteError):
         link.ask(set_mode(link, Mode.HOLD), attempts=1, patience_ns=HOLD_NS)

@@ -140,4 +140,7 @@ def test_mark_reports_that_no_recorder_runs() -> None:
     assert Mark(remark="it turned").perform(stage.session).text == "marked: it turned"
     stage.bus.heard_by = False
     outcome = Mark(remark="it turned").perform(stage.session)
-    assert (outcome.ok, outcome.text) == (False, "nobody records: sidestep record DIR")
+    assert (outcome.ok, outcome.text) == (
+        False,
+        "no recorder is running: start one with sidestep record DIR",
+    )

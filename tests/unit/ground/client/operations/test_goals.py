@@ -148,7 +148,7 @@ def test_timeout_is_refused_without_waiting(wait: bool, attended: bool) -> None:
 
 def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
     stage = Stage()
-    with pytest.raises(RemoteError, match="does not say where it is"):
+    with pytest.raises(RemoteError, match="publishes no pose"):
         Goto(goal=GOAL, seen_by_robot=True, wait=False).perform(stage.session)
     assert stage.bus.asked == []
 

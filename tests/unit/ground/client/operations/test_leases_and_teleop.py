@@ -6,7 +6,7 @@ import pytest
 
 from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
 from ground.client.operations.leases import leased, operator_name
-from ground.client.operations.teleop import SETTLE_NS, taken_away
+from ground.client.operations.teleop import SETTLE_NS, lost_control
 from ground.client.results import Refused, RefusedError
 from protocol.topics import LEASE, OPERATOR, STATUS
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
@@ -59,9 +59,9 @@ def test_lease_status_is_shown() -> None:
     stage = Stage()
     stage.bus.says(LEASE, lease_of("anna"))
     shown = ShowLease().perform(stage.session)
-    assert shown.text == "anna commands r1, for 2.0 s more unless heard"
+    assert shown.text == "anna commands r1; without a heartbeat the lease expires in 2.0 s"
     assert shown.as_json("", "r1")["holder"] == "open/beef"
-    with pytest.raises(RemoteError, match="nothing is heard of the lease"):
+    with pytest.raises(RemoteError, match="publishes no lease status"):
         ShowLease().perform(Stage().session)
 
 
@@ -72,7 +72,7 @@ def test_operator_is_named_after_the_user() -> None:
 
 @pytest.mark.parametrize("name", ["", "a" * 17, "ä" * 9, "a\nb", "\x1b[2J"])
 def test_name_that_does_not_fit_is_refused(name: str) -> None:
-    with pytest.raises(UserError, match="is no name for an operator"):
+    with pytest.raises(UserError, match="is not a valid operator name"):
         operator_name(name)
 
 
@@ -96,7 +96,7 @@ def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
     stage.bus.says(STATUS, status(mode=Mode.AUTO))
     outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
-    assert outcome.text == "stopped: the robot has left MANUAL"
+    assert outcome.text == "stopped: the robot has left MANUAL mode"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
@@ -122,7 +122,7 @@ def test_speed_that_no_robot_has_is_refused(speed_m_s: float, turn_deg_s: float,
 
 def test_attended_drive_needs_an_end() -> None:
     stage = Stage(attended=True)
-    with pytest.raises(UserError, match="say for how long"):
+    with pytest.raises(UserError, match="--for S is missing"):
         DriveByHand(speed_m_s=0.1, turn_deg_s=0.0).perform(stage.session)
     assert stage.bus.asked == []
 
@@ -133,10 +133,10 @@ def test_attended_drive_needs_an_end() -> None:
         (Vehicle.ACTIVE, Mode.MANUAL, LATER_NS, ""),
         (Vehicle.STANDBY, Mode.MANUAL, 0, ""),
         (Vehicle.STANDBY, Mode.MANUAL, LATER_NS, "not armed"),
-        (Vehicle.ACTIVE, Mode.HOLD, LATER_NS, "the robot has left MANUAL"),
+        (Vehicle.ACTIVE, Mode.HOLD, LATER_NS, "the robot has left MANUAL mode"),
     ],
 )
 def test_robot_that_no_longer_follows_ends_the_drive(
     vehicle: Vehicle, mode: Mode, driven_ns: int, why: str
 ) -> None:
-    assert taken_away(status(vehicle, mode=mode), driven_ns) == why
+    assert lost_control(status(vehicle, mode=mode), driven_ns) == why

@@ -169,7 +169,7 @@ def test_progress_of_the_mission_is_one_line() -> None:
     outcome = ShowMissionStatus().perform(stage.session)
     assert outcome.text == "holding, item 3 of 5, 3.2 s left"
     assert outcome.as_json("", "r1")["current"] == 3
-    with pytest.raises(RemoteError, match="nothing is heard of the mission"):
+    with pytest.raises(RemoteError, match="publishes no mission status"):
         ShowMissionStatus().perform(Stage().session)
 
 

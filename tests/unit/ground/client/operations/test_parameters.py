@@ -58,7 +58,7 @@ def test_pattern_chooses_and_must_match_something() -> None:
 def test_only_changed_ones_may_be_none() -> None:
     rows = json.dumps([ROWS[1]]).encode()
     outcome = ShowParameters(only_changed=True).perform(Stage(rows).session)
-    assert (outcome.ok, outcome.text) == (True, "all are as they are by default")
+    assert (outcome.ok, outcome.text) == (True, "all parameters have their default values")
 
 
 def test_new_value_is_in_force_and_saved() -> None:
@@ -73,15 +73,18 @@ def test_new_value_is_in_force_and_saved() -> None:
 @pytest.mark.parametrize("now", [0.4, float("nan")])
 def test_another_value_in_force_is_no_success(now: float) -> None:
     outcome = SetParameter(name="d_obs_m", value=0.5).perform(Stage(value(now), LIST).session)
-    assert (outcome.ok, outcome.text) == (False, f"kept at {now:g}")
-    assert outcome.as_json("", "r1")["reason"] == "another value is kept"
+    assert (outcome.ok, outcome.text) == (
+        False,
+        f"not changed: the robot keeps d_obs_m = {now:.7g}",
+    )
+    assert outcome.as_json("", "r1")["reason"] == "the robot keeps another value"
 
 
 def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
     stage = Stage(value(0.5), None, None, None)
     outcome = SetParameter(name="d_obs_m", value=0.5).perform(stage.session)
     assert outcome.saved is None
-    assert "the robot does not say" in outcome.text
+    assert "the robot does not report" in outcome.text
 
 
 @pytest.mark.parametrize(
@@ -89,7 +92,7 @@ def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
     [
         ("d_obs", Reason.UNKNOWN_PARAMETER, "; did you mean d_obs_m?"),
         ("zzz", Reason.UNKNOWN_PARAMETER, "; see sidestep param list"),
-        ("d_obs_m", Reason.PARAMETER_OUT_OF_RANGE, "; it takes 0.05 to 3 m"),
+        ("d_obs_m", Reason.PARAMETER_OUT_OF_RANGE, "; allowed: 0.05 to 3 m"),
         ("side", Reason.PARAMETER_OUT_OF_RANGE, "range"),
     ],
 )
@@ -104,7 +107,7 @@ def test_refusal_shows_the_allowed_values(name: str, reason: Reason, words: str)
 
 def test_invalid_parameter_name_is_refused_before_sending() -> None:
     for name in ("", "a" * 17, "ü"):
-        with pytest.raises(UserError, match="cannot be a parameter"):
+        with pytest.raises(UserError, match="is not a valid parameter name"):
             SetParameter(name=name, value=1.0)
 
 
@@ -127,7 +130,7 @@ def test_lost_answers_are_asked_for_three_times() -> None:
 
 
 def test_answer_that_is_no_list_is_refused() -> None:
-    with pytest.raises(RemoteError, match="not with a list"):
+    with pytest.raises(RemoteError, match="not a parameter list"):
         ShowParameters().perform(Stage(value(1.0)).session)
 
 
