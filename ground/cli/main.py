@@ -1,4 +1,4 @@
-"""The operator's command line: one verb, its exit code, and every error in one line."""
+"""The operator's command line: run one verb, print each error in one line, return the exit code."""
 
 import argparse
 import signal
@@ -13,13 +13,13 @@ from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.errors import ConfigError, RemoteError, UserError
 
-EXIT_NOT: Final = 1
+EXIT_FAILURE: Final = 1
 EXIT_USAGE: Final = 2
 EXIT_SIGNAL: Final = 128
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal asks the process to end; everything in the way of `finally` is still done."""
+    """A signal asks the process to end; raised as an exception, so that `finally` blocks run."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -27,41 +27,41 @@ class Interrupted(KeyboardInterrupt):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one verb; 0 reached or done, 1 not, 2 usage or configuration, 128 + n signal n."""
+    """Run one verb; return 0 for success, 1 for failure, 2 for usage, 128 + n for signal n."""
     try:
         options = parse(argv)
     except SystemExit as done:
         return 0 if done.code in (0, None) else EXIT_USAGE
-    says = Output(as_json=options.json)
+    output = Output(as_json=options.json)
     try:
         with signals():
-            return VERBS[options.verb].run(options, says)
+            return VERBS[options.verb].run(options, output)
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Interrupted) else signal.SIGINT
-        return failed(says, options.verb, "interrupted", EXIT_SIGNAL + number)
+        return failed(output, options.verb, "interrupted", EXIT_SIGNAL + number)
     except (UserError, ConfigError) as error:
-        return failed(says, options.verb, str(error), EXIT_USAGE)
+        return failed(output, options.verb, str(error), EXIT_USAGE)
     except RemoteError as error:
-        code = getattr(error, "exit_code", EXIT_NOT)
-        return failed(says, options.verb, str(error), code)
+        code = getattr(error, "exit_code", EXIT_FAILURE)
+        return failed(output, options.verb, str(error), code)
 
 
 def parse(argv: Sequence[str]) -> Any:
-    """Raises SystemExit, after saying why, as argparse does."""
+    """Parse the arguments of a verb; SystemExit after an error message, as argparse does."""
     word = argv[0] if argv else ""
     if word not in VERBS:
-        print(f"sidestep: no such verb: {word!r}; known: {', '.join(VERBS)}", file=sys.stderr)
+        print(f"sidestep: unknown verb {word!r}; known: {', '.join(VERBS)}", file=sys.stderr)
         raise SystemExit(EXIT_USAGE)
     verb = VERBS[word]
     found = argparse.Namespace(verb=word) if verb.words is None else verb.words(word)
     return parser_of(verb, word).parse_args(numbers_kept(argv[1:]), found)
 
 
-def failed(says: Output, verb: str, why: str, code: int) -> int:
-    """The error in a line, and with --json also as the one object that was promised."""
-    says.note(f"sidestep {verb}: {why}")
-    if says.as_json and not says.told:
-        says.result({"verb": verb, "ok": False, "reason": why, "exit_code": code}, "")
+def failed(output: Output, verb: str, why: str, code: int) -> int:
+    """Print the error in one line, with --json also as a JSON object; return the exit code."""
+    output.note(f"sidestep {verb}: {why}")
+    if output.as_json and not output.has_result:
+        output.result({"verb": verb, "ok": False, "reason": why, "exit_code": code}, "")
     return code
 
 

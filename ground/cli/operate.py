@@ -1,4 +1,4 @@
-"""Do what the words of a verb mean, and print what came of it."""
+"""Carries out the operation of a parsed verb and prints its outcome."""
 
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
@@ -12,29 +12,36 @@ from ground.reports.export import Exported
 from ground.text.output import Output
 
 
-def run(words: Words, says: Output) -> int:
-    """Return 0 when it succeeded, 1 when not. Values are refused before a robot is dialled."""
+def run(words: Words, output: Output) -> int:
+    """Carry out a verb; return 0 for success, 1 for failure.
+
+    Values are checked before the program connects to a robot.
+    """
     if isinstance(words, WatchWords) and not (words.once or words.json):
         return follow(common_of(words))
     operation = words.operation()
     if isinstance(operation, Offline):
-        return tell(says, words, "", operation.run(says))
+        return print_outcome(output, words, "", operation.run(output))
     if isinstance(operation, FromFile):
         operation = operation.read()
     common = common_of(words)
     try:
         with open_link(common) as link:
-            return tell(says, words, link.robot, operation.perform(Session(link, says)))
+            return print_outcome(
+                output, words, link.robot, operation.perform(Session(link, output))
+            )
     except UnansweredError as error:
         if not isinstance(operation, Diagnose):
             raise
-        return tell(says, words, common.robot, operation.undialled(error, common.endpoint))
+        return print_outcome(
+            output, words, common.robot, operation.undialled(error, common.endpoint)
+        )
 
 
-def tell(says: Output, words: Words, robot: str, outcome: Outcome) -> int:
-    """Print the outcome; a table on standard output is the result already."""
+def print_outcome(output: Output, words: Words, robot: str, outcome: Outcome) -> int:
+    """Print the outcome; a table that went to standard output is the result already."""
     if isinstance(outcome, Exported) and outcome.out is None:
-        says.note(outcome.text)
+        output.note(outcome.text)
     else:
-        says.result(outcome.as_json(words.title, robot), outcome.text)
+        output.result(outcome.as_json(words.title, robot), outcome.text)
     return 0 if outcome.ok else 1

@@ -1,4 +1,4 @@
-"""Where to dial or listen, from what was read of a command line."""
+"""Network and robot, from the parsed arguments of a verb."""
 
 import argparse
 from dataclasses import replace
@@ -12,12 +12,12 @@ from runtime.config import load_shared
 
 
 def common_of(options: argparse.Namespace | Words) -> Common:
-    """Defaults, then the file, then the command line; UserError names what is wrong."""
+    """Merge defaults, the file and the command line; UserError or ConfigError for a bad value."""
     return common(options.connect, options.id, options.config)
 
 
 def listening_of(options: argparse.Namespace) -> Network:
-    """The network of a process that routes for others."""
+    """Return the network of a process that routes for others."""
     config = Config() if options.config is None else load_shared(Path(options.config), Config)
     network = config.network or Network()
     listen = network.listen or (usual_endpoint(network),)

@@ -1,7 +1,7 @@
-"""The operator's verbs, loaded: how their arguments are read, and how they are done.
+"""The operator's verbs, loaded on demand: how to parse their arguments and how to run them.
 
-A verb's module is imported when the verb is looked up, not before: the ground station waits for
-none of the others.
+The module of a verb is imported when the verb is looked up, so that a process loads only the
+modules it needs.
 """
 
 import argparse
@@ -19,14 +19,14 @@ from runtime.cli.verb_table import Verb
 
 Arguments: TypeAlias = Callable[[argparse.ArgumentParser], None]
 Run: TypeAlias = Callable[[Any, Output], int]
-"""Does a verb with the arguments that were read: its `Words`, or argparse's own object."""
+"""Runs a verb with its parsed arguments: its `Words`, or argparse's own object."""
 Act: TypeAlias = Callable[[argparse.Namespace, Link, Output], int]
 
 
 class LoadedVerb(NamedTuple):
-    """How to read its arguments and how to do it; `run` returns the exit code.
+    """The functions of a verb: declare its arguments, run it; `run` returns the exit code.
 
-    `words` makes the typed object that its arguments fill; argparse's own without it.
+    `words` creates the typed object for the parsed arguments; without it they stay argparse's own.
     """
 
     arguments: Arguments
@@ -36,27 +36,27 @@ class LoadedVerb(NamedTuple):
 
 
 def loaded(verb: Verb) -> LoadedVerb:
-    """Import the module of a verb; without `run` it opens a link and acts."""
+    """Import the module of a verb; one without `run` gets a link and acts on it."""
     if verb.words:
         words = words_of(verb)
         return LoadedVerb(words.declare, operate.run, verb.summary, words)
     module = import_module(verb.module)
-    run: Run = getattr(module, verb.run) if verb.run else talking(getattr(module, verb.act))
+    run: Run = getattr(module, verb.run) if verb.run else with_link(getattr(module, verb.act))
     return LoadedVerb(getattr(module, verb.arguments), run, verb.summary)
 
 
-def talking(act: Act) -> Run:
-    """What opens the link and acts, and no more."""
+def with_link(act: Act) -> Run:
+    """Return a function that opens a link and calls `act` with it."""
 
-    def run(options: argparse.Namespace, says: Output) -> int:
+    def run(options: argparse.Namespace, output: Output) -> int:
         with open_link(common_of(options)) as link:
-            return act(options, link, says)
+            return act(options, link, output)
 
     return run
 
 
 class Verbs(Mapping[str, LoadedVerb]):
-    """The verbs of the table that are the operator's, each loaded when it is looked up."""
+    """The operator's verbs of the table, each loaded when it is looked up."""
 
     def __init__(self, table: Mapping[str, Verb]) -> None:
         self._rows = {word: verb for word, verb in table.items() if not verb.is_program}
@@ -78,7 +78,7 @@ VERBS: Final = Verbs(verb_table.VERBS)
 
 
 def parser_of(verb: LoadedVerb, word: str) -> argparse.ArgumentParser:
-    """What reads the arguments of a verb that goes by this word, on a command line."""
+    """Return the parser of a verb's arguments."""
     parser = argparse.ArgumentParser(
         prog=f"sidestep {word}", description=verb.summary, allow_abbrev=False
     )

@@ -23,7 +23,7 @@ class Output:
         self.live = self._err.isatty()
         self._dims = self.live and not os.environ.get("NO_COLOR")  # no-color.org
         self._open = 0
-        self.told = False
+        self.has_result = False
 
     def note(self, text: str) -> None:
         """Something on the way, not the result."""
@@ -69,7 +69,7 @@ class Output:
     def result(self, found: dict[str, object], text: str) -> None:
         """The one result, as JSON or in words."""
         self.end_line()
-        self.told = True
+        self.has_result = True
         print(dumps(found) if self.as_json else text, file=self._out, flush=True)
 
 

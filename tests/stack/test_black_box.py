@@ -86,7 +86,7 @@ def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) 
         room = (LITTLE_ROOM_BYTES, LITTLE_ROOM_BYTES)
         resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, room)
         goto = departs(crew, witness, "goto", "5.4", "2")
-        recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        recorder.says("RECORDING FAILS: File too large; the robot drives on")
         goto.send(signal.SIGINT)
         goto.ends()
         goto = arrives(crew, witness, "goto", "1.6", "2")
@@ -106,7 +106,7 @@ def test_when_there_is_room_again_it_goes_on_and_nothing_is_lost(tmp_path: Path)
     with recorded(tmp_path) as (_, witness, recorder):
         pid, unlimited = recorder.process.pid, resource.RLIM_INFINITY
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (LITTLE_ROOM_BYTES, unlimited))
-        recorder.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        recorder.says("RECORDING FAILS: File too large; the robot drives on")
         resource.prlimit(pid, resource.RLIMIT_FSIZE, (unlimited, unlimited))
         recorder.says("RECORDING resumed: the log can be written again")
         after_ns = witness.status.time_ns

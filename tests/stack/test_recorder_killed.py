@@ -123,7 +123,7 @@ def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
         full = max(path.stat().st_size for path in logs_in(tmp_path)) + 2000
         limits = (full, resource.RLIM_INFINITY)
         resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, limits)
-        running.says("RECORDING IN TROUBLE: File too large; the robot drives on")
+        running.says("RECORDING FAILS: File too large; the robot drives on")
         anywhere = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
         resource.prlimit(running.process.pid, resource.RLIMIT_FSIZE, anywhere)
         running.says("RECORDING resumed")

@@ -1,1 +1,1 @@
-"""Verbs that observe, record and explain."""
+"""Verbs that observe a robot, record it, or look at a recording."""

@@ -1,4 +1,4 @@
-"""`bridge`: what a recording would hold, live, for Foxglove or Lichtblick to connect to."""
+"""`bridge`: a live Foxglove server with the channels that a recording would hold."""
 
 import argparse
 from collections import deque
@@ -17,50 +17,56 @@ from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError
 
-USUAL_PLACE: Final = "127.0.0.1:8765"
+DEFAULT_PLACE: Final = "127.0.0.1:8765"
 ROUND_NS: Final = 50_000_000
-AGAIN_NS: Final = 2_000_000_000
+REPEAT_NS: Final = 2_000_000_000
 HEAD_START_NS: Final = 1_000_000_000
-"""A viewer that waits to connect again is to find the channels there: the SDK (0.30.3) can lose
-what a viewer asks for in the moment in which its channel is made."""
-MOST_WAITING: Final = 4096
-ONCE: Final = ("/world", "/robot/body", "/goal")
-"""Told seldom, and so again and again: whoever connects later is to see it, too."""
+"""Time to create channels before the server starts.
+
+The SDK (0.30.3) can lose a viewer's subscription to a channel that is created at the same moment.
+"""
+MAX_WAITING: Final = 4096
+RARE_CHANNELS: Final = ("/world", "/robot/body", "/goal")
+"""Rare channels, repeated for viewers that connect later."""
 
 
 class Place(NamedTuple):
+    """The address that a server listens on."""
+
     host: str
     port: int
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    says = f"where viewers connect; port 0: any that is free ({USUAL_PLACE})"
-    parser.add_argument("--at", type=place, default=place(USUAL_PLACE), metavar="H:P", help=says)
+    """Declare the arguments of `bridge`."""
+    text = f"address for viewers; port 0 selects a free port ({DEFAULT_PLACE})"
+    parser.add_argument("--at", type=place, default=place(DEFAULT_PLACE), metavar="H:P", help=text)
     add_common(parser)
 
 
 def place(text: str) -> Place:
+    """Parse HOST:PORT; ArgumentTypeError for anything else."""
     host, colon, port = text.strip().rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) < 65_536):
-        raise argparse.ArgumentTypeError(f"{text!r} is no HOST:PORT, as in {USUAL_PLACE}")
+        raise argparse.ArgumentTypeError(f"{text!r} is not HOST:PORT, as in {DEFAULT_PLACE}")
     return Place(host, int(port))
 
 
-def act(options: argparse.Namespace, link: Link, says: Output) -> int:
-    """Until a signal ends it. It only looks: nothing that a viewer does reaches the robot."""
+def act(options: argparse.Namespace, link: Link, output: Output) -> int:
+    """Serve until a signal ends the process. No viewer can send anything to the robot."""
     bridge = Bridge(link, common_of(options).network.prefix)
-    go_round(bridge, link.clock, HEAD_START_NS)
+    run_for(bridge, link.clock, HEAD_START_NS)
     server = served(options.at, link.robot)
     try:
-        says.note(f"{link.robot} at ws://{options.at.host}:{server.port}; no password guards it")
+        output.note(f"{link.robot} at ws://{options.at.host}:{server.port}, without a password")
         while True:
-            go_round(bridge, link.clock, ROUND_NS)
+            run_for(bridge, link.clock, ROUND_NS)
     finally:
         server.stop()
 
 
-def go_round(bridge: "Bridge", clock: Clock, for_ns: int) -> None:
-    """For at least this time, at the bridge's pace."""
+def run_for(bridge: "Bridge", clock: Clock, for_ns: int) -> None:
+    """Run the bridge at its own rate for at least this time."""
     over_ns = clock.now_ns() + for_ns
     while clock.now_ns() < over_ns:
         due_ns = clock.now_ns() + ROUND_NS
@@ -69,7 +75,7 @@ def go_round(bridge: "Bridge", clock: Clock, for_ns: int) -> None:
 
 
 def served(at: Place, robot: str) -> Any:
-    """The SDK's own server; UserError when it is not installed or cannot listen there."""
+    """Start the SDK's server; UserError if it is not installed or cannot listen there."""
     foxglove = sdk()
     try:
         return foxglove.start_server(
@@ -80,26 +86,27 @@ def served(at: Place, robot: str) -> Any:
 
 
 def sdk() -> Any:
+    """Import the Foxglove SDK; UserError if it is not installed."""
     try:
-        import foxglove  # an extra of its own: nothing else needs it
+        import foxglove  # an optional dependency
     except ImportError:
-        fix = "pip install 'sidestep[foxglove]'; an .mcap needs nothing to be opened"
+        fix = "pip install 'sidestep[foxglove]'"
         raise UserError(f"the bridge needs foxglove-sdk, which is not installed: {fix}") from None
     return foxglove
 
 
 class Bridge:
-    """Takes frames from the bus's threads and tells them to whoever is connected, from one."""
+    """Collects frames from the bus's threads and logs them to the server from one thread."""
 
     def __init__(self, link: Link, prefix: str) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
         self._splitter = ChannelSplitter(link.robot)
-        self._facts = MetadataReader(link.bus, link.robot)
-        self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MOST_WAITING)
+        self._metadata = MetadataReader(link.bus, link.robot)
+        self._arrived: deque[tuple[str, bytes, int]] = deque(maxlen=MAX_WAITING)
         self._channels: dict[str, Any] = {}
-        self._once: dict[str, ChannelMessage] = {}
-        self._again_ns = 0
+        self._rare: dict[str, ChannelMessage] = {}
+        self._repeat_ns = 0
         link.bus.stream(f"{prefix}/{link.robot}/**", self._take)
 
     def _take(self, key: str, frame: bytes, arrived_ns: int) -> None:
@@ -107,39 +114,40 @@ class Bridge:
             self._arrived.append((key, frame, arrived_ns))
 
     def round(self, now_ns: int) -> None:
-        """Everything that has come; and what is told seldom, when it is time to."""
-        for name, text in self._facts.poll(now_ns).items():
-            self._tell(self._splitter.draw_fact(name, text, now_ns + self._offset_ns), now_ns)
+        """Log all frames that have arrived; repeat rare channels when they are due."""
+        for name, text in self._metadata.poll(now_ns).items():
+            self._log(self._splitter.draw_fact(name, text, now_ns + self._offset_ns), now_ns)
         for _ in range(len(self._arrived)):
             key, frame, arrived_ns = self._arrived.popleft()
             if is_whole_frame(frame):
                 time_ns = arrived_ns + self._offset_ns
-                self._tell(self._splitter.add(key, frame, time_ns), arrived_ns)
-        if now_ns >= self._again_ns:
-            self._again_ns = now_ns + AGAIN_NS
-            self._tell(list(self._once.values()), now_ns)
+                self._log(self._splitter.add(key, frame, time_ns), arrived_ns)
+        if now_ns >= self._repeat_ns:
+            self._repeat_ns = now_ns + REPEAT_NS
+            self._log(list(self._rare.values()), now_ns)
 
     @property
     def topics(self) -> frozenset[str]:
-        """What a viewer that connects now can choose from."""
+        """The channels that a viewer can choose from."""
         return frozenset(self._channels)
 
-    def _tell(self, pieces: Iterable[ChannelMessage], at_ns: int) -> None:
-        for piece in pieces:
-            if piece.topic in ONCE:
-                self._once[piece.topic] = piece
-            channel = self._channels.get(piece.topic)
+    def _log(self, messages: Iterable[ChannelMessage], at_ns: int) -> None:
+        for message in messages:
+            if message.topic in RARE_CHANNELS:
+                self._rare[message.topic] = message
+            channel = self._channels.get(message.topic)
             if channel is None:
-                channel = self._channels[piece.topic] = channel_of(piece)
-            channel.log(piece.data, log_time=at_ns + self._offset_ns)
+                channel = self._channels[message.topic] = channel_of(message)
+            channel.log(message.data, log_time=at_ns + self._offset_ns)
 
 
-def channel_of(piece: ChannelMessage) -> Any:
+def channel_of(message: ChannelMessage) -> Any:
+    """Create the Foxglove channel for a message."""
     foxglove = sdk()
-    if piece.schema is None:
+    if message.schema is None:
         schema = foxglove.Schema(name="", encoding="", data=b"")
     else:
         schema = foxglove.Schema(
-            name=piece.schema.name, encoding="jsonschema", data=piece.schema.text
+            name=message.schema.name, encoding="jsonschema", data=message.schema.text
         )
-    return foxglove.Channel(piece.topic, schema=schema, message_encoding=piece.encoding)
+    return foxglove.Channel(message.topic, schema=schema, message_encoding=message.encoding)

@@ -1,4 +1,4 @@
-"""`ghost`: what would another navigator do from here? From a recording, or from now on."""
+"""`ghost`: simulate what another navigator would do from here on, live or from a recording."""
 
 import argparse
 from pathlib import Path
@@ -28,94 +28,104 @@ from runtime.errors import UserError
 
 ALL: Final = "all"
 NOISES: Final = ("none", "default", "lossy", "harsh")
-LOOK_NS: Final = 20_000_000
+POLL_NS: Final = 20_000_000
 REAL: Final = "(real)"
 UNKNOWN: Final = "--"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `ghost`."""
     parser.add_argument(
         "--navigator",
         nargs="+",
         required=True,
         type=str.lower,
         choices=[*NAVIGATORS, ALL],
-        help="one or several, or all of them",
+        help="one or several, or all",
     )
     parser.add_argument(
-        "--from", dest="file", metavar="LOG", help="a recording; else a simulation that runs now"
+        "--from", dest="file", metavar="LOG", help="a recording; without it a running simulation"
     )
     parser.add_argument(
-        "--at", type=moment, metavar="S", help="seconds of the recording (where its goal came)"
+        "--at", type=moment, metavar="S", help="second of the recording (when its goal was set)"
     )
     parser.add_argument("--world", metavar="FILE", help="instead of the recorded one")
     parser.add_argument("--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead")
     parser.add_argument(
-        "--side", choices=list(SIDES), help="on which obstacles are passed (the robot's)"
+        "--side", choices=list(SIDES), help="side on which obstacles are passed (the robot's)"
     )
-    parser.add_argument("--noise", choices=NOISES, default="none", help="of the ghosts (none)")
-    parser.add_argument("--seed", type=whole(0), default=0, help="of everything random (0)")
-    parser.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help="(300)")
+    parser.add_argument(
+        "--noise", choices=NOISES, default="none", help="noise of the ghosts (none)"
+    )
+    parser.add_argument("--seed", type=whole(0), default=0, help="seed of all random numbers (0)")
+    parser.add_argument(
+        "--timeout", type=seconds, default=300.0, metavar="S", help="limit of simulated time (300)"
+    )
     add_common(parser)
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Run the ghosts from a recording, or from the present state of a robot."""
     if options.file is not None:
-        return of_a_recording(options, says)
-    refuse_without_a_recording(options)
+        return run_from_recording(options, output)
+    check_options(options)
     with open_link(common_of(options)) as link:
-        return act(options, link, says)
+        return act(options, link, output)
 
 
-def act(options: argparse.Namespace, link: Link, says: Output) -> int:
-    """0 when every ghost could be run to an end of its own, 1 when one could not."""
+def act(options: argparse.Namespace, link: Link, output: Output) -> int:
+    """Run the ghosts from the robot's present state; return 1 if one of them failed."""
     if options.file is not None:
-        return of_a_recording(options, says)
-    refuse_without_a_recording(options)
+        return run_from_recording(options, output)
+    check_options(options)
     present = LiveState(link)
     status = present.status
     instant = present.instant(options.world, goal_in(options))
-    courses = haunted(options, instant, status, present.parameters(), says, link.clock)
-    return tell(says, instant, name_of(status.navigator), present.rest(), courses)
+    paths = run_ghosts(options, instant, status, present.parameters(), output, link.clock)
+    return print_paths(output, instant, name_of(status.navigator), present.rest(), paths)
 
 
-def refuse_without_a_recording(options: argparse.Namespace) -> None:
+def check_options(options: argparse.Namespace) -> None:
+    """Refuse --at without --from."""
     if options.at is not None:
-        raise UserError("--at looks into a recording: name it with --from")
+        raise UserError("--at needs a recording: name it with --from")
 
 
-def of_a_recording(options: argparse.Namespace, says: Output) -> int:
-    log_index = LogIndex(open_log(Path(options.file), options.id))
-    if log_index.damage:
-        says.note(f"{options.file}: DAMAGED: {log_index.damage}")
-    footage = GhostRecording(log_index)
+def run_from_recording(options: argparse.Namespace, output: Output) -> int:
+    """Run the ghosts from an instant of a recording; return 1 if one of them failed."""
+    log = LogIndex(open_log(Path(options.file), options.id))
+    if log.damage:
+        output.note(f"{options.file}: DAMAGED: {log.damage}")
+    recording = GhostRecording(log)
     at_s: float | None = options.at
-    at_ns = footage.beginning_ns() if at_s is None else instant_ns(options.file, log_index, at_s)
-    instant = footage.instant(at_ns, options.world, goal_in(options))
-    parameters = driving(changed_in(footage.facts.get("parameters", "")))
-    status = footage.status_at(at_ns)
-    courses = haunted(options, instant, status, parameters, says, WallClock())
-    return tell(says, instant, name_of(status.navigator), footage.rest(at_ns), courses)
+    at_ns = recording.beginning_ns() if at_s is None else instant_ns(options.file, log, at_s)
+    instant = recording.instant(at_ns, options.world, goal_in(options))
+    parameters = driving(changed_in(recording.facts.get("parameters", "")))
+    status = recording.status_at(at_ns)
+    paths = run_ghosts(options, instant, status, parameters, output, WallClock())
+    return print_paths(output, instant, name_of(status.navigator), recording.rest(at_ns), paths)
 
 
 def goal_in(options: argparse.Namespace) -> Destination | None:
+    """Return the goal of the command line, if there is one."""
     return None if options.goal is None else destination(options.goal)
 
 
 def name_of(number: int) -> str:
+    """Return the name of a navigator, or its number if unknown."""
     names = {int(navigator): name for name, navigator in NAVIGATORS.items()}
     return names.get(number, f"navigator {number}")
 
 
-def haunted(
+def run_ghosts(
     options: argparse.Namespace,
     instant: BranchPoint,
     status: NavigatorStatus,
     parameters: dict[str, float],
-    says: Output,
+    output: Output,
     clock: Clock,
 ) -> dict[str, PredictedPath]:
-    """Run them all, as many at once as there are cores; none is left when this is left."""
+    """Run all ghosts, as many at once as there are cores; return their paths by name."""
     names = list(NAVIGATORS) if ALL in options.navigator else options.navigator
     with Ghosts() as ghosts:
         for name in dict.fromkeys(names):
@@ -132,30 +142,31 @@ def haunted(
             ghosts.add(name, ghost)
         while ghosts.busy:
             ghosts.poll()
-            show(says, ghosts)
-            clock.sleep_until(clock.now_ns() + LOOK_NS)
-        says.end_line()
-        return {name: course for name, course in ghosts.courses.items() if course is not None}
+            show(output, ghosts)
+            clock.sleep_until(clock.now_ns() + POLL_NS)
+        output.end_line()
+        return {name: path for name, path in ghosts.courses.items() if path is not None}
 
 
-def show(says: Output, ghosts: Ghosts) -> None:
-    """A line that rewrites itself, where there is a terminal."""
-    if says.live:
-        words = (course.outcome if course else "drives" for course in ghosts.courses.values())
-        says.line(
+def show(output: Output, ghosts: Ghosts) -> None:
+    """Show the progress in a line that rewrites itself, in a terminal only."""
+    if output.live:
+        words = (path.outcome if path else "drives" for path in ghosts.courses.values())
+        output.line(
             [Part(f"{name} {word}") for name, word in zip(ghosts.courses, words, strict=True)]
         )
 
 
-def tell(
-    says: Output,
+def print_paths(
+    output: Output,
     instant: BranchPoint,
     navigator: str,
     real: PredictedPath,
-    courses: dict[str, PredictedPath],
+    paths: dict[str, PredictedPath],
 ) -> int:
-    rows = {f"{REAL} {navigator}": real, **courses}
-    ok = all(course.outcome != FAILED for course in courses.values())
+    """Print all paths; return 0 unless a ghost failed."""
+    rows = {f"{REAL} {navigator}": real, **paths}
+    ok = all(path.outcome != FAILED for path in paths.values())
     x_m, y_m, heading_rad = instant.start
     found: dict[str, object] = {
         "verb": "ghost",
@@ -164,21 +175,22 @@ def tell(
         "at_s": instant.at_s,
         "goal": {"x_m": instant.goal.x_m, "y_m": instant.goal.y_m},
         "real": {"navigator": navigator, **real._asdict()},
-        "ghosts": {name: course._asdict() for name, course in courses.items()},
+        "ghosts": {name: path._asdict() for name, path in paths.items()},
     }
     head = f"from ({x_m:.2f}, {y_m:.2f}) at {instant.at_s:g} s to {instant.goal}"
-    says.result(found, "\n".join([head, *table(rows)]))
+    output.result(found, "\n".join([head, *table(rows)]))
     return 0 if ok else 1
 
 
 def table(rows: dict[str, PredictedPath]) -> list[str]:
-    """A line per drive, in columns."""
+    """Return one line per path, in columns."""
     width = max(map(len, rows))
-    return [f"  {name:<{width}}  {row(course)}".rstrip() for name, course in rows.items()]
+    return [f"  {name:<{width}}  {row(path)}".rstrip() for name, path in rows.items()]
 
 
-def row(course: PredictedPath) -> str:
-    time_s = UNKNOWN if course.time_s is None else f"{course.time_s:.1f} s"
-    length_m = UNKNOWN if course.length_m is None else f"{course.length_m:.2f} m"
-    why = "" if course.reason == "ok" else course.reason
-    return f"{course.outcome:<9} {time_s:>8} {length_m:>9}  {why}"
+def row(path: PredictedPath) -> str:
+    """Format outcome, time, length and reason of a path."""
+    time_s = UNKNOWN if path.time_s is None else f"{path.time_s:.1f} s"
+    length_m = UNKNOWN if path.length_m is None else f"{path.length_m:.2f} m"
+    why = "" if path.reason == "ok" else path.reason
+    return f"{path.outcome:<9} {time_s:>8} {length_m:>9}  {why}"

@@ -1,6 +1,6 @@
-"""`health ROLE`: 0 when what that role says is heard within its stale-after, else 1 and why.
+"""`health ROLE`: exit code 0 if the role publishes its data in time, else 1 with the reason.
 
-For health checks of containers: a process whose loop hangs is there, and is not healthy.
+For the health checks of containers: a process whose loop hangs is present, but not healthy.
 """
 
 import argparse
@@ -10,7 +10,8 @@ from http.client import HTTPConnection, HTTPException
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.client.link import Link, UnansweredError
+from ground.cli.options import common_of
+from ground.client.link import Link, UnansweredError, open_link
 from ground.client.presence import present_processes
 from ground.grammar.words import add_common
 from ground.text.output import Output
@@ -20,7 +21,7 @@ from protocol.topics import HEARTBEAT, SONAR, STATUS, WHEELS, Role, Topic
 from runtime.units import NS_PER_MS
 
 ROUTER: Final = "router"
-SIGNS: Final[Mapping[str, tuple[Topic[Any], ...]]] = MappingProxyType(
+TOPICS_OF_ROLE: Final[Mapping[str, tuple[Topic[Any], ...]]] = MappingProxyType(
     {
         Role.ROBOT.value: (HEARTBEAT, STATUS),
         Role.PLANT.value: (WHEELS, SONAR),
@@ -28,66 +29,69 @@ SIGNS: Final[Mapping[str, tuple[Topic[Any], ...]]] = MappingProxyType(
         Role.GROUND.value: (HEARTBEAT,),
     }
 )
-"""What is heard when a role is well: of the ground station, that the robot's heart reaches it."""
+"""The topics that a healthy role publishes; for ground, that the robot's heartbeat arrives."""
 
 GRACE_NS: Final = 300_000_000
-"""For the others to learn that somebody listens."""
+"""Time for publishers to discover the new subscriber."""
 
 PAGE_S: Final = 2.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("role", choices=list(SIGNS), metavar="ROLE", help=", ".join(SIGNS))
-    add_common(parser)
+    """Declare the arguments of `health`."""
     parser.add_argument(
-        "--web", metavar="HOST:PORT", help="of ground: does the page for browsers answer, too?"
+        "role", choices=list(TOPICS_OF_ROLE), metavar="ROLE", help=", ".join(TOPICS_OF_ROLE)
     )
+    add_common(parser)
+    parser.add_argument("--web", metavar="HOST:PORT", help="for ground: check the web page too")
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
-    """Raises UnansweredError, which has exit code 1, with the reason."""
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Check the web page if requested, then the topics of the role.
+
+    Raises UnansweredError, whose exit code is 1, with the reason.
+    """
     if options.web is not None:
         ask_page(address_of(options.web))
-    from ground.cli.verbs import talking  # which knows this verb
+    with open_link(common_of(options)) as link:
+        return act(options, link, output)
 
-    return talking(act)(options, says)
 
-
-def act(options: argparse.Namespace, link: Link, says: Output) -> int:
-    """The same over a link that is there."""
+def act(options: argparse.Namespace, link: Link, output: Output) -> int:
+    """Check the topics of the role over a link."""
     hub = link.bus.hub()
     if options.role == ROUTER and hub is not Hub.ROUTER:
-        raise UnansweredError(f"at {link.endpoint} is {hub.value}, no router")
+        raise UnansweredError(f"the process at {link.endpoint} is {hub.value}, not a router")
     listen(options.role, link)
     found: dict[str, object] = {"role": options.role, "robot": link.robot, "ok": True}
-    says.result(found, f"{options.role}: healthy")
+    output.result(found, f"{options.role}: healthy")
     return 0
 
 
 def listen(role: str, link: Link) -> None:
-    """Raise UnansweredError for the first of its topics that is not heard in time."""
-    signs = SIGNS[role]
-    if not signs:
+    """Raise UnansweredError for the first topic of the role that does not arrive in time."""
+    topics = TOPICS_OF_ROLE[role]
+    if not topics:
         return
-    limit_ns = max(topic.stale_after_ns for topic in signs)
-    with link.subscribed(*signs) as telemetry:
-        link.wait(lambda: all(map(telemetry.latest, signs)), limit_ns + GRACE_NS)
-        for topic in signs:
+    limit_ns = max(topic.stale_after_ns for topic in topics)
+    with link.subscribed(*topics) as telemetry:
+        link.wait(lambda: all(map(telemetry.latest, topics)), limit_ns + GRACE_NS)
+        for topic in topics:
             if telemetry.latest(topic) is None:
                 box = telemetry.boxes()[topic.path]
-                raise UnansweredError(unheard(role, topic, box.last_rejection, link))
+                raise UnansweredError(missing_topic(role, topic, box.last_rejection, link))
 
 
-def unheard(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
-    """What is missing, and what is known about why."""
+def missing_topic(role: str, topic: Topic[Any], rejection: str, link: Link) -> str:
+    """Return the topic that is missing, and the reason if it is known."""
     if rejection:
         return f"{topic.path} of {link.robot} {rejection}"
     within_ms = (topic.stale_after_ns + GRACE_NS) // NS_PER_MS
-    what = f"nothing on {topic.path} of {link.robot} within {within_ms} ms"
+    what = f"no message on {topic.path} of {link.robot} within {within_ms} ms"
     if role != Role.PLANT.value:
         return f"{what}: {link.diagnosis()}"
-    carried = present_processes(link.bus.present()).has(link.robot, Role.PLANT)
-    return f"{what}: {'the plant hangs or is paused' if carried else 'no plant carries it'}"
+    has_plant = present_processes(link.bus.present()).has(link.robot, Role.PLANT)
+    return f"{what}: {'the plant hangs or is paused' if has_plant else 'no plant is running'}"
 
 
 def ask_page(address: Address) -> None:
@@ -100,4 +104,4 @@ def ask_page(address: Address) -> None:
     except (OSError, HTTPException) as error:
         raise UnansweredError(f"no page at {where}: {error}") from error
     if status >= 500:
-        raise UnansweredError(f"the page at {where} is broken: status {status}")
+        raise UnansweredError(f"the page at {where} fails with status {status}")

@@ -1,4 +1,4 @@
-"""`record`: the black box while it is written."""
+"""`record`: write every frame of a robot to a .tlog and an .mcap file."""
 
 import argparse
 from datetime import UTC, datetime
@@ -21,35 +21,37 @@ from runtime.errors import UserError
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4
 TIDY_EVERY: Final = 240
-COMPLAIN_NS: Final = 5_000_000_000
+REPEAT_NS: Final = 5_000_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    says = "where DIR/<time>-<robot>.tlog and .mcap are made"
-    parser.add_argument("folder", metavar="DIR", help=says)
+    """Declare the arguments of `record`."""
+    text = "folder for the new files <time>-<robot>.tlog and .mcap"
+    parser.add_argument("folder", metavar="DIR", help=text)
     add_keep(parser)
     add_common(parser)
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
-    """Until a signal ends it; 1 when something could not be written."""
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Record until a signal ends the process; return 1 if something could not be written."""
     common = common_of(options)
     with open_link(common) as link:
         folder = Path(options.folder)
-        dual_log = dual_log_in(folder, link)
-        link.bus.everything(dual_log.take)
-        says.note(f"recording {link.robot} to {dual_log.path} and .mcap")
-        shelf = Retention(folder, byte_limit(folder, options.keep))
-        note(says, shelf.warning())
+        log = new_log(folder, link)
+        link.bus.everything(log.take)
+        output.note(f"recording {link.robot} to {log.path} and .mcap")
+        retention = Retention(folder, byte_limit(folder, options.keep))
+        note(output, retention.warning())
         try:
-            keep_writing(link, dual_log, MetadataReader(link.bus, link.robot), shelf, says)
+            keep_writing(link, log, MetadataReader(link.bus, link.robot), retention, output)
         except KeyboardInterrupt:
             with defer_signals():
-                complete = dual_log.close()
-        return tell(says, dual_log, complete=complete)
+                complete = log.close()
+        return print_result(output, log, complete=complete)
 
 
-def dual_log_in(folder: Path, link: Link) -> DualLog:
+def new_log(folder: Path, link: Link) -> DualLog:
+    """Create the two files in a folder; UserError if that fails."""
     offset_ns = time_ns() - link.clock.now_ns()
     try:
         return DualLog.new(folder, link.robot, datetime.now(UTC), offset_ns)
@@ -58,64 +60,68 @@ def dual_log_in(folder: Path, link: Link) -> DualLog:
 
 
 def keep_writing(
-    link: Link, dual_log: DualLog, facts: MetadataReader, shelf: Retention, says: Output
+    link: Link, log: DualLog, facts: MetadataReader, retention: Retention, output: Output
 ) -> None:
-    """Four rounds a second, one of them down to the disk; trouble is told at once and again."""
-    alarms = Alarms(says)
+    """Flush four times a second, and sync to disk once a second; report problems."""
+    alarms = Alarms(output)
     round_number = 0
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
         if round_number % TIDY_EVERY == 0:
-            note(says, shelf.delete_oldest())
+            note(output, retention.delete_oldest())
         round_number += 1
-        with defer_signals():  # what a signal cut short would be half a chunk
+        with defer_signals():  # a signal must not leave half a chunk
             for name, text in facts.poll(link.clock.now_ns()).items():
-                dual_log.add_fact(name, text)
-            dual_log.flush(round_number, SYNC_EVERY)
-        alarms.look(dual_log, due_ns)
+                log.add_fact(name, text)
+            log.flush(round_number, SYNC_EVERY)
+        alarms.look(log, due_ns)
         link.clock.sleep_until(due_ns)
 
 
 class Alarms:
-    """Report problems of a recording at once, and every few seconds while they last."""
+    """Reports problems of a recording at once, and every few seconds while they last."""
 
-    def __init__(self, says: Output) -> None:
-        self._says = says
-        self._trouble_ns: int | None = None
+    def __init__(self, output: Output) -> None:
+        self._output = output
+        self._failed_ns: int | None = None
         self._dropped_ns: int | None = None
         self._dropped = 0
 
-    def look(self, dual_log: DualLog, now_ns: int) -> None:
-        if not dual_log.error and self._trouble_ns is not None:
-            self._says.note("RECORDING resumed: the log can be written again")
-            self._trouble_ns = None
-        elif dual_log.error and is_due(self._trouble_ns, now_ns):
-            self._says.note(f"RECORDING IN TROUBLE: {dual_log.error}; the robot drives on")
-            self._trouble_ns = now_ns
-        if dual_log.dropped > self._dropped and is_due(self._dropped_ns, now_ns):
-            self._dropped, self._dropped_ns = dual_log.dropped, now_ns
-            self._says.note(f"RECORDING HAS LOST {dual_log.dropped} frames: {dual_log.drop_reason}")
+    def look(self, log: DualLog, now_ns: int) -> None:
+        """Report new and lasting problems, and their end."""
+        if not log.error and self._failed_ns is not None:
+            self._output.note("RECORDING resumed: the log can be written again")
+            self._failed_ns = None
+        elif log.error and is_due(self._failed_ns, now_ns):
+            self._output.note(f"RECORDING FAILS: {log.error}; the robot drives on")
+            self._failed_ns = now_ns
+        if log.dropped > self._dropped and is_due(self._dropped_ns, now_ns):
+            self._dropped, self._dropped_ns = log.dropped, now_ns
+            self._output.note(f"RECORDING HAS LOST {log.dropped} frames: {log.drop_reason}")
 
 
-def is_due(told_ns: int | None, now_ns: int) -> bool:
+def is_due(reported_ns: int | None, now_ns: int) -> bool:
     """Return whether the problem was never reported, or some seconds ago."""
-    return told_ns is None or now_ns - told_ns >= COMPLAIN_NS
+    return reported_ns is None or now_ns - reported_ns >= REPEAT_NS
 
 
-def note(says: Output, words: str) -> None:
+def note(output: Output, words: str) -> None:
+    """Print a note unless it is empty."""
     if words:
-        says.note(words)
+        output.note(words)
 
 
-def tell(says: Output, dual_log: DualLog, *, complete: bool) -> int:
-    tlog, mcap = dual_log.tracks
+def print_result(output: Output, log: DualLog, *, complete: bool) -> int:
+    """Print the result; return 0 if the recording is complete."""
+    tlog, mcap = log.tracks
     found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
     found |= account(tlog.writer) | {"mcap_dropped": mcap.writer.dropped}
-    says.result(found, "\n".join(in_words(track) for track in dual_log.tracks))
+    output.result(found, "\n".join(in_words(track) for track in log.tracks))
     return 0 if complete else 1
 
 
 def account(writer: LogWriter) -> dict[str, object]:
+    """Return the counts of a log writer as a row."""
     return {
         "frames": writer.written,
         "dropped": writer.dropped,
@@ -125,7 +131,8 @@ def account(writer: LogWriter) -> dict[str, object]:
 
 
 def in_words(track: Track) -> str:
+    """Describe one file of the recording."""
     writer = track.writer
     lost = f", {writer.dropped} LOST ({writer.drop_reason})" if writer.dropped else ""
-    odd = f", {writer.rejected} no frames and left out" if writer.rejected else ""
+    odd = f", {writer.rejected} invalid frames left out" if writer.rejected else ""
     return f"{track.path}: {writer.written} frames{odd}{lost}"

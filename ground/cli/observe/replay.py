@@ -1,4 +1,4 @@
-"""`replay`: a recorded run once more, in the app, as lines, or executed again by this build."""
+"""`replay`: show a recorded run in the app or as lines, or execute it again with this build."""
 
 import argparse
 import os
@@ -29,48 +29,53 @@ from runtime.units import NS_PER_S
 
 EVERY_S: Final = 1.0
 LARGE_BYTES: Final = 20_000_000
-"""So much takes a second or two to read."""
+"""Size of a file that takes a second or two to read."""
 REEXECUTE: Final = "reexecute"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `replay`."""
     parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
-    says = "the robot, where the name of the file does not tell"
-    parser.add_argument("--id", metavar="NAME", help=says)
-    parser.add_argument("--plain", action="store_true", help="as lines, one a second of the run")
-    parser.add_argument("--at", type=finite, default=0.0, metavar="S", help="begin there (0)")
-    says = "lines as fast as this many times the run; all at once without it"
-    parser.add_argument("--speed", type=positive, metavar="K", help=says)
-    says = "feed what was sensed to the core of this build, and say what differs first"
-    parser.add_argument("--re-execute", action="store_true", dest="again", help=says)
-    says = "with --re-execute: from where on this one would have decided otherwise"
-    parser.add_argument("--navigator", choices=NAVIGATORS, help=says)
+    text = "the robot, if the name of the file does not contain it"
+    parser.add_argument("--id", metavar="NAME", help=text)
+    parser.add_argument("--plain", action="store_true", help="one line per second of the run")
+    parser.add_argument(
+        "--at", type=finite, default=0.0, metavar="S", help="begin at this second (0)"
+    )
+    text = "print the lines at this multiple of real time; without it, all at once"
+    parser.add_argument("--speed", type=positive, metavar="K", help=text)
+    text = "run the core of this build on the recorded inputs; report the first difference"
+    parser.add_argument("--re-execute", action="store_true", dest="again", help=text)
+    text = "with --re-execute: find the first decision that this navigator makes otherwise"
+    parser.add_argument("--navigator", choices=NAVIGATORS, help=text)
     add_appearance_options(parser)
     add_json(parser)
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
-    """0; 1 when something differs, or when part of the file is damaged."""
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Replay; return 0, or 1 if results differ or part of the file is damaged."""
     if options.again:
         return reexecute(options)
     if options.navigator is not None:
-        raise UserError("--navigator needs --re-execute; another one's way is `sidestep ghost`")
-    announce(Path(options.file), says)
+        raise UserError(
+            "--navigator needs --re-execute; `sidestep ghost` simulates another navigator"
+        )
+    announce(Path(options.file), output)
     if has_screen() and not (options.plain or options.json):
         return run_replay(options, Path(options.file), options.id, options.at)
-    return show_lines(options, says, WallClock())
+    return show_lines(options, output, WallClock())
 
 
-def announce(file: Path, says: Output) -> None:
-    """What takes seconds to read is named first."""
+def announce(file: Path, output: Output) -> None:
+    """Print a note if the file is large, because reading it takes seconds."""
     with suppress(OSError):
         size = file.stat().st_size
         if size > LARGE_BYTES:
-            says.note(f"reading {file}, {size / 1e6:.0f} MB")
+            output.note(f"reading {file}, {size / 1e6:.0f} MB")
 
 
 def reexecute(options: argparse.Namespace) -> int:
-    """In a process of its own: the core is none of the ground's business."""
+    """Run the re-execution in a process of its own, because the ground does not import the core."""
     words = [REEXECUTE, options.file]
     for name in ("id", "navigator"):
         value = getattr(options, name)
@@ -80,8 +85,8 @@ def reexecute(options: argparse.Namespace) -> int:
     return subprocess.run(command(words, os.getpid()), check=False).returncode
 
 
-def show_lines(options: argparse.Namespace, says: Output, clock: Clock) -> int:
-    """State, texts and marks in the order of time; with --json what there is in it, and no more."""
+def show_lines(options: argparse.Namespace, output: Output, clock: Clock) -> int:
+    """Print states, texts and marks in the order of time; with --json only a summary."""
     bus = ReplayBus(Path(options.file), clock, options.id)
     if not options.json:
         began_ns = clock.now_ns()
@@ -90,14 +95,14 @@ def show_lines(options: argparse.Namespace, says: Output, clock: Clock) -> int:
                 due_s = (time_s - options.at) / options.speed
                 clock.sleep_until(began_ns + round(due_s * NS_PER_S))
             print(f"{time_s:8.2f}  {line}", flush=True)
-    says.result(summary(bus, options.file), in_few_words(bus))
+    output.result(summary(bus, options.file), in_words_of(bus))
     return 1 if bus.damage else 0
 
 
 def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[float, str]]:
-    """Time and words: what the robot said and how it stood, once in so many seconds."""
+    """Yield time (s) and text: the robot's texts and marks, and its state once per interval."""
     telemetry, texts = Telemetry(bus, bus.robot), StatustextAssembler()
-    said: list[tuple[float, str]] = []
+    texts_found: list[tuple[float, str]] = []
 
     def take(_key: str, frame: bytes, arrived_ns: int) -> None:
         try:
@@ -105,25 +110,26 @@ def lines(bus: ReplayBus, begin_s: float, every_s: float) -> Iterator[tuple[floa
         except RemoteError:
             return
         if text:
-            said.append(((arrived_ns - bus.log_index.start_ns) / NS_PER_S, f"robot: {text}"))
+            texts_found.append(((arrived_ns - bus.log_index.start_ns) / NS_PER_S, f"robot: {text}"))
 
     bus.stream(TEXT, take)
     end_s = bus.timeline.duration_ns / NS_PER_S
     marks = [(mark.time_s, f"{mark.kind}: {mark.text}") for mark in bus.marks]
     time_s = begin_s
     bus.seek(begin_s)
-    said.clear()
+    texts_found.clear()
     while True:
         yield time_s, in_words(watch_line(telemetry, bus.timeline.now_ns()))
         if time_s >= end_s:
             return
         before_s, time_s = time_s, min(time_s + every_s, end_s)
         bus.seek(time_s)
-        yield from sorted([*said, *(m for m in marks if before_s < m[0] <= time_s)])
-        said.clear()
+        yield from sorted([*texts_found, *(m for m in marks if before_s < m[0] <= time_s)])
+        texts_found.clear()
 
 
 def summary(bus: ReplayBus, file: str) -> dict[str, object]:
+    """Return the contents of the recording as a row."""
     return {
         "file": file,
         "robot": bus.robot,
@@ -135,7 +141,8 @@ def summary(bus: ReplayBus, file: str) -> dict[str, object]:
     }
 
 
-def in_few_words(bus: ReplayBus) -> str:
+def in_words_of(bus: ReplayBus) -> str:
+    """Describe the recording in one line."""
     seconds = bus.timeline.duration_ns / NS_PER_S
     damage = f"; DAMAGED: {bus.damage}" if bus.damage else ""
     return f"{len(bus.log_index)} frames of {bus.robot} in {seconds:.1f} s{damage}"

@@ -92,11 +92,11 @@ def host(text: str) -> str:
     raise argparse.ArgumentTypeError(f"{text!r} is neither a host name nor an address")
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     """0 when made or good, 1 when something is wrong with a certificate."""
     require_library()
     runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
-    return runs[options.action](options, says)
+    return runs[options.action](options, output)
 
 
 def require_library() -> None:
@@ -107,7 +107,7 @@ def require_library() -> None:
         raise UserError(LACKING) from error
 
 
-def run_new(options: argparse.Namespace, says: Output) -> int:
+def run_new(options: argparse.Namespace, output: Output) -> int:
     from ground.certificates.folder import make
 
     robots = [robot_name(name) for name in options.robots]
@@ -129,11 +129,11 @@ def run_new(options: argparse.Namespace, says: Output) -> int:
     }
     use = f"use them with --config, as in: sidestep ground --config {options.folder}/ground.toml"
     made = f"{options.folder}: {', '.join(roles)}, until {until:%Y-%m-%d}"
-    says.result(found, f"{made}\n  {use}")
+    output.result(found, f"{made}\n  {use}")
     return 0
 
 
-def run_renew(options: argparse.Namespace, says: Output) -> int:
+def run_renew(options: argparse.Namespace, output: Output) -> int:
     from ground.certificates.folder import renew
 
     now = datetime.now(UTC)
@@ -145,17 +145,17 @@ def run_renew(options: argparse.Namespace, says: Output) -> int:
         "roles": options.names,
         "until": until.isoformat(timespec="seconds"),
     }
-    says.result(row, f"{options.folder}: {', '.join(options.names)} anew, until {until:%Y-%m-%d}")
+    output.result(row, f"{options.folder}: {', '.join(options.names)} anew, until {until:%Y-%m-%d}")
     return 0
 
 
-def run_revoke(options: argparse.Namespace, says: Output) -> int:
+def run_revoke(options: argparse.Namespace, output: Output) -> int:
     from ground.certificates.folder import revoke
 
     found = revoke(options.folder, options.names)
     use = "give its .toml to each process that listens or dials, and start these again"
     row: dict[str, object] = {"ok": True, "folder": str(options.folder), "revoked": found}
-    says.result(row, f"{options.folder}: revoked are {', '.join(found)}\n  {use}")
+    output.result(row, f"{options.folder}: revoked are {', '.join(found)}\n  {use}")
     return 0
 
 
@@ -171,7 +171,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
     return found
 
 
-def run_check(options: argparse.Namespace, says: Output) -> int:
+def run_check(options: argparse.Namespace, output: Output) -> int:
     from ground.certificates.check import SOON, check
 
     all_checked = check(options.folder, datetime.now(UTC))
@@ -190,5 +190,5 @@ def run_check(options: argparse.Namespace, says: Output) -> int:
         ],
     }
     soon = [f"W {one.file} expires within {SOON.days} days" for one in all_checked if one.soon]
-    says.result(found, "\n".join([*(one.line() for one in all_checked), *soon]))
+    output.result(found, "\n".join([*(one.line() for one in all_checked), *soon]))
     return 0 if good else 1

@@ -78,7 +78,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     """Becomes the verb. Raises UserError when its place cannot be found out."""
     place = place_of(options, addresses)
     if options.users is not None:

@@ -31,26 +31,26 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
     web.arguments(parser)
 
 
-def run_ground(options: argparse.Namespace, says: Output) -> int:
+def run_ground(options: argparse.Namespace, output: Output) -> int:
     """In a browser, in this terminal, or as lines."""
     if options.print_keys:
         keymap = keymap_of(options)
         found: dict[str, object] = {key.id: list(key.keys) for key in keymap.keys}
-        says.result(found, as_toml(keymap))
+        output.result(found, as_toml(keymap))
         return 0
     if options.web is not None:
-        return web.serve(options, says)
+        return web.serve(options, output)
     with open_link(common_of(options)) as link:
-        return act_ground(options, link, says)
+        return act_ground(options, link, output)
 
 
-def act_ground(options: argparse.Namespace, link: Link, says: Output) -> int:
+def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Until the operator leaves: the robot hears its operator, the operator sees the robot."""
     if has_screen() and not (options.plain or options.json):
         return run_recorded(options, link)
     link.bus.announce()
-    says.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
-    LiveStatus(link, says, beats=True).run()
+    output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
+    LiveStatus(link, output, beats=True).run()
     return 0
 
 

@@ -18,14 +18,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_common(parser, listens=True)
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     network, clock = listening_of(options), WallClock()
     with open_bus(network, None, NOBODY) as bus:
-        says.note(f"router at {bus.locator()}")
+        output.note(f"router at {bus.locator()}")
         try:
-            with watched_doors(bus, says.note):
+            with watched_doors(bus, output.note):
                 while True:
                     clock.sleep_until(clock.now_ns() + PAUSE_NS)
         except KeyboardInterrupt:
-            says.note("router ends")
+            output.note("router ends")
     return 0

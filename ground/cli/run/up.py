@@ -94,7 +94,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser)
 
 
-def run(options: argparse.Namespace, says: Output) -> int:
+def run(options: argparse.Namespace, output: Output) -> int:
     """0 when every robot reached its goal without touching anything, 1 when one has not."""
     on_screen = has_screen() and not (options.headless or options.json)
     if on_screen and not options.no_record:
@@ -103,26 +103,28 @@ def run(options: argparse.Namespace, says: Output) -> int:
     scenario = scenario_of(options, facts)
     for scenario_robot in scenario.scenario_robots:
         if not scenario_robot.shifted:
-            says.note(
+            output.note(
                 f"{scenario_robot.robot}: beside the goal is no room as beside the start;"
                 f" it goes to {scenario_robot.goal}"
             )
     if on_screen:
-        return show(options, scenario, says, WallClock())
-    outcomes = rehearse(options, scenario, says, WallClock())
-    says.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
+        return show(options, scenario, output, WallClock())
+    outcomes = rehearse(options, scenario, output, WallClock())
+    output.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
     return 0 if all(outcome.reached for outcome in outcomes) else 1
 
 
 def rehearse(
-    options: argparse.Namespace, scenario: Scenario, says: Output, clock: Clock
+    options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock
 ) -> list[Outcome]:
     """One run with processes of its own, none of which survives it; an outcome per robot."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
-        stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, says))
+        stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with dialled(stack.common, clock, stack.check) as bus:
-            goal_runs = goal_runs_of(stack, bus, says, clock)
-            fleet_run = FleetRun(goal_runs, clock, partial(look, stack, says), shown(says, clock))
+            goal_runs = goal_runs_of(stack, bus, output, clock)
+            fleet_run = FleetRun(
+                goal_runs, clock, partial(look, stack, output), shown(output, clock)
+            )
             try:
                 return fleet_run.run(
                     lockstep=scenario.lockstep, launched=partial(look_after, stack, bus)
@@ -132,13 +134,13 @@ def rehearse(
                 raise
 
 
-def show(options: argparse.Namespace, scenario: Scenario, says: Output, clock: Clock) -> int:
+def show(options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock) -> int:
     """The same with the app open on it; the operator may give other goals, or another world."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
-        stack.start(ready=partial(recorders_ready, stack, clock, says))
+        stack.start(ready=partial(recorders_ready, stack, clock, output))
         with dialled(stack.common, clock, stack.check) as bus:
-            goal_runs = goal_runs_of(stack, bus, says, clock)
-            FleetRun(goal_runs, clock, stack.check, shown(says, clock)).launch(lockstep=False)
+            goal_runs = goal_runs_of(stack, bus, output, clock)
+            FleetRun(goal_runs, clock, stack.check, shown(output, clock)).launch(lockstep=False)
             stack.supervise(bus)
             folder = Path(scenario.record or default_folder())
             config = ground_file(scenario.locks)
@@ -155,18 +157,18 @@ def look_after(stack: Stack, bus: Bus) -> None:
         stack.supervise(bus)
 
 
-def look(stack: Stack, says: Output) -> None:
+def look(stack: Stack, output: Output) -> None:
     """Tell what has happened to the processes; ChildExitError when one will not come back."""
     stack.check()
     while news := stack.next_event():
-        says.note(news)
+        output.note(news)
 
 
-def goal_runs_of(stack: Stack, bus: Bus, says: Output, clock: Clock) -> list[GoalRun]:
+def goal_runs_of(stack: Stack, bus: Bus, output: Output, clock: Clock) -> list[GoalRun]:
     """One for each robot."""
     scenario = stack.scenario
     goals = ", ".join(str(scenario_robot.goal) for scenario_robot in scenario.scenario_robots)
-    says.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+    output.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
     return [
         GoalRun(
             Link(bus, replace(stack.common, robot=scenario_robot.robot), clock),
@@ -179,14 +181,14 @@ def goal_runs_of(stack: Stack, bus: Bus, says: Output, clock: Clock) -> list[Goa
     ]
 
 
-def recorders_ready(stack: Stack, clock: Clock, says: Output) -> None:
+def recorders_ready(stack: Stack, clock: Clock, output: Output) -> None:
     """The first tick is to be in the log as well."""
     if stack.scenario.record is not None:
-        await_records(stack.scenario, stack.logs_before, clock, stack.check, says)
+        await_records(stack.scenario, stack.logs_before, clock, stack.check, output)
 
 
 def await_records(
-    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], says: Output
+    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], output: Output
 ) -> None:
     """Until every recorder has written a frame. A disk that takes nothing holds up nobody."""
     deadline_ns = clock.now_ns() + RECORDS_NS
@@ -196,7 +198,7 @@ def await_records(
         if sum(log.stat().st_size > 0 for log in new) >= len(scenario.robots):
             return
         clock.sleep_until(clock.now_ns() + LOOK_NS)
-    says.note(f"nothing is recorded in {scenario.record} yet; the drive begins all the same")
+    output.note(f"nothing is recorded in {scenario.record} yet; the drive begins all the same")
 
 
 def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
@@ -212,15 +214,15 @@ def dialled(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
             )
 
 
-def shown(says: Output, clock: Clock) -> Callable[[list[Part]], None]:
+def shown(output: Output, clock: Clock) -> Callable[[list[Part]], None]:
     """A live line in a terminal, elsewhere a note at once and then every few seconds."""
     told_ns = clock.now_ns() - PLAIN_NS
 
     def show(parts: list[Part]) -> None:
         nonlocal told_ns
-        if says.live or clock.now_ns() - told_ns >= PLAIN_NS:
+        if output.live or clock.now_ns() - told_ns >= PLAIN_NS:
             told_ns = clock.now_ns()
-            says.line(parts)
+            output.line(parts)
 
     return show
 

@@ -23,7 +23,7 @@ def test_a_place_is_a_host_and_a_port() -> None:
 
 @pytest.mark.parametrize("text", ["", "8765", ":8765", "host:", "host:-1", "host:65536", "host:x"])
 def test_what_is_no_place_is_refused(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError, match="is no HOST:PORT"):
+    with pytest.raises(argparse.ArgumentTypeError, match="is not HOST:PORT"):
         place(text)
 
 

@@ -3,21 +3,21 @@
 from types import SimpleNamespace
 from typing import Any
 
-from ground.cli.observe.record import COMPLAIN_NS, Alarms
+from ground.cli.observe.record import REPEAT_NS, Alarms
 from tests.support.ground.answering import speaking
 
 
-def dual_log(trouble: str = "", dropped: int = 0) -> Any:
+def log(trouble: str = "", dropped: int = 0) -> Any:
     return SimpleNamespace(error=trouble, dropped=dropped, drop_reason="the disk took too long")
 
 
 def test_trouble_is_told_at_once_again_after_a_while_and_when_it_is_over() -> None:
     says, said = speaking()
     alarms = Alarms(says)
-    for at_ns in (0, 1, COMPLAIN_NS - 1, COMPLAIN_NS, COMPLAIN_NS + 1):
-        alarms.look(dual_log("No space left on device"), at_ns)
-    alarms.look(dual_log(), COMPLAIN_NS + 2)
-    trouble = "RECORDING IN TROUBLE: No space left on device; the robot drives on"
+    for at_ns in (0, 1, REPEAT_NS - 1, REPEAT_NS, REPEAT_NS + 1):
+        alarms.look(log("No space left on device"), at_ns)
+    alarms.look(log(), REPEAT_NS + 2)
+    trouble = "RECORDING FAILS: No space left on device; the robot drives on"
     goes_on = "RECORDING resumed: the log can be written again"
     assert said()[1].splitlines() == [trouble, trouble, goes_on]
 
@@ -25,8 +25,8 @@ def test_trouble_is_told_at_once_again_after_a_while_and_when_it_is_over() -> No
 def test_frames_that_were_let_go_are_told_with_their_number() -> None:
     says, said = speaking()
     alarms = Alarms(says)
-    for at_ns, dropped in ((0, 0), (1, 7), (2, 9), (COMPLAIN_NS + 1, 9), (3 * COMPLAIN_NS, 9)):
-        alarms.look(dual_log(dropped=dropped), at_ns)
+    for at_ns, dropped in ((0, 0), (1, 7), (2, 9), (REPEAT_NS + 1, 9), (3 * REPEAT_NS, 9)):
+        alarms.look(log(dropped=dropped), at_ns)
     assert said()[1].splitlines() == [
         "RECORDING HAS LOST 7 frames: the disk took too long",
         "RECORDING HAS LOST 9 frames: the disk took too long",
