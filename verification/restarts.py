@@ -12,7 +12,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from ground.cli.main import parse
-from ground.cli.run.up import dialled, free_endpoint
+from ground.cli.run.up import connect, free_endpoint
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
@@ -97,7 +97,7 @@ def running(
     scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()
-        with dialled(stack.common, clock, stack.check) as bus:
+        with connect(stack.common, clock, stack.check) as bus:
             ears = Ears(bus)
             await_both(stack, ears, clock, clock.now_ns())
             stack.supervise(bus)

@@ -42,7 +42,7 @@ def test_goto_does_not_show_the_end_of_the_goal_before(
     def line(*arguments: Any) -> list[Part]:
         parts = goal_line(*arguments)
         shown.append(in_words(parts))
-        if "set off" in shown[-1]:
+        if "waiting for the robot to start" in shown[-1]:
             robot.stale = None
         if "driving" in shown[-1]:
             robot.goal = GoalState.REACHED

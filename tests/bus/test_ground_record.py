@@ -73,7 +73,7 @@ def test_a_full_disk_is_shouted_and_ends_with_1(
     assert main(["record", str(tmp_path), "--connect", stage[1]]) == 1
     said = capsys.readouterr()
     assert "RECORDING FAILS: No space left on device; the robot drives on" in said.err
-    assert said.err.count("TROUBLE") == 1, "told once, not four times a second"
+    assert said.err.count("RECORDING FAILS") == 1, "reported once, not four times a second"
     assert "LOST" in said.out
 
 

@@ -113,7 +113,7 @@ def test_what_nobody_can_read_is_no_sign_of_health(ask: Ask) -> None:
         code, why = ask("robot", "--connect", bus.locator())
         over.set()
         noisy.join()
-    assert (code, "tlm/heartbeat of r1" in why, "nothing on" in why) == (1, True, False), why
+    assert (code, "tlm/heartbeat of r1" in why, "no message on" in why) == (1, True, False), why
 
 
 def test_a_robot_that_listens_is_no_router(ask: Ask) -> None:

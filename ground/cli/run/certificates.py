@@ -1,4 +1,4 @@
-"""`keys`: makes the certificates of a locked bus, and says what they are good for."""
+"""`keys`: create, renew, revoke and check the certificates of a bus with TLS."""
 
 import argparse
 import re
@@ -16,73 +16,66 @@ from protocol.options import whole
 from protocol.topics import robot_name
 from runtime.errors import UserError
 
-LACKING: Final = "keys needs the library cryptography: pip install 'sidestep[keys]'"
-USUAL_DAYS: Final = 365
+MISSING_LIBRARY: Final = "keys needs the package cryptography: pip install 'sidestep[keys]'"
+DEFAULT_DAYS: Final = 365
 MOST_DAYS: Final = 3650
-EARLY: Final = timedelta(minutes=5)
-"""Valid since then: clocks differ."""
+CLOCK_TOLERANCE: Final = timedelta(minutes=5)
+"""Certificates are valid from this long ago, because clocks differ."""
+FOLDER_HELP: Final = "folder created by `keys new`"
+NAME_HELP: Final = "name of a certificate, as in ground-ada or robot-r2"
 
 HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9-]{1,63}(?<!-))*\Z")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the actions of `keys`, with their arguments."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    days = whole(1, MOST_DAYS)
     new = actions.add_parser("new", help="an authority, and certificate, key and config per role")
-    new.add_argument("folder", type=Path, metavar="DIR", help="to be made; nothing is overwritten")
-    new.add_argument(
-        "--robots", nargs="+", default=["r1"], metavar="NAME", help="that there will be (r1)"
-    )
-    new.add_argument(
-        "--operators",
-        nargs="+",
-        default=[],
-        metavar="NAME",
-        help="with a certificate of their own, ground-NAME: nobody else commands under these names",
-    )
-    new.add_argument(
-        "--host",
-        nargs="+",
-        type=place,
-        default=[],
-        metavar="HOST",
-        help="more names and addresses of the router (and of the robot, if there is one only); "
-        "ROBOT=HOST for a robot that is dialled",
-    )
-    new.add_argument(
-        "--days",
-        type=whole(1, MOST_DAYS),
-        default=USUAL_DAYS,
-        metavar="N",
-        help=f"for which they are valid ({USUAL_DAYS})",
-    )
-    new.add_argument(
-        "--keep-authority",
-        type=whole(1, MOST_DAYS),
-        metavar="N",
-        help="valid for N days, with its key in authority.key, for `keys renew`: move that to a "
-        "safe place",
-    )
+    add_new(new)
     renew = actions.add_parser("renew", help="new certificates and keys from a kept authority")
-    renew.add_argument("folder", type=Path, metavar="DIR", help="with its authority.key")
-    renew.add_argument("names", nargs="+", metavar="NAME", help="as in ground-ada or robot-r2")
-    renew.add_argument("--days", type=whole(1, MOST_DAYS), default=USUAL_DAYS, metavar="N")
-    revoke = actions.add_parser("revoke", help="have a certificate refused, though it is valid")
-    revoke.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
-    revoke.add_argument("names", nargs="+", metavar="NAME", help="as in ground-ada or robot-r2")
-    check = actions.add_parser("check", help="until when each is valid, and what is wrong")
-    check.add_argument("folder", type=Path, metavar="DIR", help="as `keys new` made it")
+    renew.add_argument("folder", type=Path, metavar="DIR", help="folder with an authority.key")
+    renew.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
+    revoke = actions.add_parser("revoke", help="reject a certificate although it is valid")
+    revoke.add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
+    revoke.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
+    check = actions.add_parser("check", help="expiry and faults of each certificate")
+    check.add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
+    for action in (new, renew):
+        text = f"days of validity ({DEFAULT_DAYS})"
+        action.add_argument("--days", type=days, default=DEFAULT_DAYS, metavar="N", help=text)
     for action in (new, renew, revoke, check):
         add_json(action)
 
 
+def add_new(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `keys new`, except the validity."""
+    text = "folder to create; no file is overwritten"
+    parser.add_argument("folder", type=Path, metavar="DIR", help=text)
+    text = "names of the robots (r1)"
+    parser.add_argument("--robots", nargs="+", default=["r1"], metavar="NAME", help=text)
+    text = "operators with a certificate of their own, ground-NAME, which reserves the name"
+    parser.add_argument("--operators", nargs="+", default=[], metavar="NAME", help=text)
+    text = (
+        "more names and addresses of the router (and of the robot, if there is only one);"
+        " ROBOT=HOST for a robot that others connect to"
+    )
+    parser.add_argument("--host", nargs="+", type=place, default=[], metavar="HOST", help=text)
+    text = (
+        "make the authority valid for N days and keep its key in authority.key, for `keys renew`;"
+        " move that file to a safe place"
+    )
+    parser.add_argument("--keep-authority", type=whole(1, MOST_DAYS), metavar="N", help=text)
+
+
 def place(text: str) -> tuple[str, str]:
-    """A robot's name, empty for the router, and a host."""
+    """Parse ROBOT=HOST or HOST; the robot's name is empty for the router."""
     robot, _, name = text.rpartition("=")
     return robot, host(name)
 
 
 def host(text: str) -> str:
-    """A host name or an address, as a certificate has it."""
+    """Parse a host name or an address, as a certificate holds it."""
     text = text.strip()
     try:
         return str(ip_address(text))
@@ -93,21 +86,22 @@ def host(text: str) -> str:
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
-    """0 when made or good, 1 when something is wrong with a certificate."""
+    """Run the action; return 0 for success, 1 if a certificate is not valid."""
     require_library()
     runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
     return runs[options.action](options, output)
 
 
 def require_library() -> None:
-    """UserError says what to install where it is missing."""
+    """Raise UserError with the package to install if `cryptography` is missing."""
     try:
         import cryptography  # noqa: F401
     except ModuleNotFoundError as error:
-        raise UserError(LACKING) from error
+        raise UserError(MISSING_LIBRARY) from error
 
 
 def run_new(options: argparse.Namespace, output: Output) -> int:
+    """Create a folder of certificates; UserError for duplicate robots or an unknown host."""
     from ground.certificates.folder import make
 
     robots = [robot_name(name) for name in options.robots]
@@ -120,7 +114,7 @@ def run_new(options: argparse.Namespace, output: Output) -> int:
     hosts, authority = hosts_of(options.host, robots), None
     if options.keep_authority:
         authority = max(until, now + timedelta(days=options.keep_authority))
-    roles = make(options.folder, robots, hosts, now - EARLY, until, operators, authority)
+    roles = make(options.folder, robots, hosts, now - CLOCK_TOLERANCE, until, operators, authority)
     found: dict[str, object] = {
         "ok": True,
         "folder": str(options.folder),
@@ -134,33 +128,37 @@ def run_new(options: argparse.Namespace, output: Output) -> int:
 
 
 def run_renew(options: argparse.Namespace, output: Output) -> int:
+    """Create new certificates and keys with a kept authority."""
     from ground.certificates.folder import renew
 
     now = datetime.now(UTC)
     wanted = now + timedelta(days=options.days)
-    until = renew(options.folder, options.names, now - EARLY, wanted)
+    until = renew(options.folder, options.names, now - CLOCK_TOLERANCE, wanted)
     row: dict[str, object] = {
         "ok": True,
         "folder": str(options.folder),
         "roles": options.names,
         "until": until.isoformat(timespec="seconds"),
     }
-    output.result(row, f"{options.folder}: {', '.join(options.names)} anew, until {until:%Y-%m-%d}")
+    output.result(
+        row, f"{options.folder}: renewed {', '.join(options.names)}, until {until:%Y-%m-%d}"
+    )
     return 0
 
 
 def run_revoke(options: argparse.Namespace, output: Output) -> int:
+    """Add certificates to the revoked ones in all configurations of a folder."""
     from ground.certificates.folder import revoke
 
     found = revoke(options.folder, options.names)
-    use = "give its .toml to each process that listens or dials, and start these again"
+    use = "copy the .toml files to the processes that use them, and restart these processes"
     row: dict[str, object] = {"ok": True, "folder": str(options.folder), "revoked": found}
-    output.result(row, f"{options.folder}: revoked are {', '.join(found)}\n  {use}")
+    output.result(row, f"{options.folder}: revoked: {', '.join(found)}\n  {use}")
     return 0
 
 
 def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[str, list[str]]:
-    """The hosts of each role. UserError names a robot that there is not."""
+    """Return the hosts of each role; UserError names a robot that is not in --robots."""
     found: dict[str, list[str]] = {}
     for robot, name in places:
         if robot and robot not in robots:
@@ -172,6 +170,7 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 
 def run_check(options: argparse.Namespace, output: Output) -> int:
+    """Check all certificates of a folder; return 1 if one is not valid."""
     from ground.certificates.check import SOON, check
 
     all_checked = check(options.folder, datetime.now(UTC))

@@ -21,18 +21,19 @@ from ground.text.output import Output
 
 
 def ground_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `ground`."""
     add_common(parser)
     parser.add_argument(
-        "--plain", action="store_true", help="one line a second, as without a terminal"
+        "--plain", action="store_true", help="print one line per second, as without a terminal"
     )
     add_recording(parser)
     add_appearance_options(parser)
-    parser.add_argument("--print-keys", action="store_true", help="print the keys as such a file")
+    parser.add_argument("--print-keys", action="store_true", help="print the keys as a key file")
     web.arguments(parser)
 
 
 def run_ground(options: argparse.Namespace, output: Output) -> int:
-    """In a browser, in this terminal, or as lines."""
+    """Run the station in a browser, in this terminal, or as lines."""
     if options.print_keys:
         keymap = keymap_of(options)
         found: dict[str, object] = {key.id: list(key.keys) for key in keymap.keys}
@@ -45,17 +46,17 @@ def run_ground(options: argparse.Namespace, output: Output) -> int:
 
 
 def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
-    """Until the operator leaves: the robot hears its operator, the operator sees the robot."""
+    """Run the station over a link until the operator leaves, with the operator's heartbeat."""
     if has_screen() and not (options.plain or options.json):
         return run_recorded(options, link)
     link.bus.announce()
-    output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and GUIDED with it")
+    output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
     LiveStatus(link, output, beats=True).run()
     return 0
 
 
 def run_recorded(options: argparse.Namespace, link: Link) -> int:
-    """The app, and beside it a recorder unless that is refused."""
+    """Run the app, with a recorder beside it unless --no-record is given."""
     common, folder = common_of(options), folder_of(options)
     where = folder or default_folder()
     with RecordingSession(where, common, link.clock, options.config, options.keep) as recording:

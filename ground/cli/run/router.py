@@ -1,4 +1,4 @@
-"""`router`: a Zenoh router for more than one robot or machine, until told to stop."""
+"""`router`: a Zenoh router for several robots or machines, until a signal ends it."""
 
 import argparse
 from typing import Final
@@ -10,22 +10,24 @@ from protocol.bus.audit import watched_doors
 from protocol.bus.bus import open_bus
 from runtime.clock import WallClock
 
-NOBODY: Final = "router"
-PAUSE_NS: Final = 200_000_000
+BUS_NAME: Final = "router"
+POLL_NS: Final = 200_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `router`."""
     add_common(parser, listens=True)
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
+    """Route until Ctrl-C."""
     network, clock = listening_of(options), WallClock()
-    with open_bus(network, None, NOBODY) as bus:
+    with open_bus(network, None, BUS_NAME) as bus:
         output.note(f"router at {bus.locator()}")
         try:
             with watched_doors(bus, output.note):
                 while True:
-                    clock.sleep_until(clock.now_ns() + PAUSE_NS)
+                    clock.sleep_until(clock.now_ns() + POLL_NS)
         except KeyboardInterrupt:
             output.note("router ends")
     return 0

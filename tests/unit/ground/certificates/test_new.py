@@ -65,7 +65,7 @@ def test_each_operator_gets_a_certificate_of_its_own(tmp_path: Path) -> None:
     ("names", "why"),
     [("open", "every operator of an open bus"), ("ada,ada", "a name of its own"), ("A", "use 1")],
 )
-def test_operators_that_cannot_be_are_refused_before_anything_is_made(
+def test_invalid_operators_are_refused_before_writing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str, why: str
 ) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), "--operators", names]) == 2
@@ -73,7 +73,7 @@ def test_operators_that_cannot_be_are_refused_before_anything_is_made(
     assert not (tmp_path / "keys").exists()
 
 
-def test_a_certificate_that_is_revoked_is_so_in_every_configuration(keys: Path) -> None:
+def test_certificate_is_revoked_in_every_configuration(keys: Path) -> None:
     assert main(["keys", "revoke", str(keys), "robot-r2"]) == 0
     assert main(["keys", "revoke", str(keys), "viewer", "robot-r2"]) == 0
     for name in NAMES:

@@ -52,7 +52,7 @@ def test_an_empty_line_offers_all_there_is() -> None:
     assert {"goal", "estop", "quit", "help", "wp"} <= set(complete(""))
 
 
-def test_files_are_found_folders_end_in_a_slash_and_blanks_are_quoted(tmp_path: Path) -> None:
+def test_files_are_completed_folders_end_in_a_slash(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "a run.tlog").touch()
     (tmp_path / ".hidden").touch()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from ground.console import History
 
 
-def test_lines_are_walked_back_and_forth_and_what_was_begun_comes_back() -> None:
+def test_history_moves_both_ways_and_restores_the_draft() -> None:
     history = History()
     for line in ("arm", "goal 1 2", "hold", "goal 3 4"):
         history.add(line)
@@ -20,7 +20,7 @@ def test_lines_are_walked_back_and_forth_and_what_was_begun_comes_back() -> None
     assert history.next("go") == "go"
 
 
-def test_a_line_twice_in_a_row_is_kept_once_and_an_empty_one_never() -> None:
+def test_repeated_and_empty_lines_are_not_kept() -> None:
     history = History()
     for line in ("hold", "hold ", "", "arm", "hold", "a\x1bb"):
         history.add(line)

@@ -78,7 +78,7 @@ def test_the_table_of_commands_leaves_none_out() -> None:
     assert set(COMMANDS) - spoken == {"export", "plot"}
 
 
-def test_every_word_that_can_begin_a_command_is_read_or_asks_for_more() -> None:
+def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
     for word in verbs():
         said = outcome(word)
         assert said is None or "it takes: " in said or "--out" in said
@@ -109,7 +109,7 @@ def test_every_word_that_can_begin_a_command_is_read_or_asks_for_more() -> None:
         ("x" * 900, "no such command: 'xxxxxxxxxxxxxxxxxxxxxxxx...'"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_the_reason_and_the_fix(typed: str, why: str) -> None:
+def test_invalid_command_is_refused_with_reason_and_fix(typed: str, why: str) -> None:
     with pytest.raises(UserError) as caught:
         read(typed)
     assert why in str(caught.value)
@@ -147,7 +147,7 @@ anything = st.text() | st.lists(pieces, max_size=6).map(" ".join) | st.binary().
 @example("\ud800")
 @example("help %s %(prog)s")
 @settings(deadline=None)
-def test_any_text_is_an_operation_or_a_reason_and_never_any_output(text: str) -> None:
+def test_any_text_gives_an_operation_or_an_error(text: str) -> None:
     began_s = time.thread_time()
     said = outcome(text)
     assert time.thread_time() - began_s < GRACE_S

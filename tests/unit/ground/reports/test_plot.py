@@ -75,7 +75,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
     assert 60 < drawn[0] - drawn[1] < 120, "two echoes a tick, or hardly any"
 
 
-def test_a_tlog_is_drawn_without_its_world_or_with_one_that_is_named(
+def test_tlog_is_drawn_without_a_world_or_with_a_named_one(
     tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = str(tlog(tmp_path / "a.tlog", said))

@@ -31,7 +31,7 @@ def test_pieces_are_put_together() -> None:
     assert texts.receive(piece("end", 7, 2)) == "a" * 50 + "b" * 50 + "end"
 
 
-def test_a_text_whose_beginning_was_missed_is_shown_as_far_as_it_came() -> None:
+def test_text_without_its_first_piece_is_shown() -> None:
     texts = StatustextAssembler()
     assert texts.receive(piece("end", 7, 2)) == "end"
     texts.receive(piece("a" * 50, 8, 0))

@@ -11,7 +11,7 @@ def log(trouble: str = "", dropped: int = 0) -> Any:
     return SimpleNamespace(error=trouble, dropped=dropped, drop_reason="the disk took too long")
 
 
-def test_trouble_is_told_at_once_again_after_a_while_and_when_it_is_over() -> None:
+def test_write_error_is_reported_at_once_repeated_and_ended() -> None:
     says, said = speaking()
     alarms = Alarms(says)
     for at_ns in (0, 1, REPEAT_NS - 1, REPEAT_NS, REPEAT_NS + 1):

@@ -73,7 +73,7 @@ def test_the_plant_carries_as_many_as_there_are() -> None:
 
 
 def test_a_robot_more_than_there_are_is_refused() -> None:
-    with pytest.raises(UserError, match="container 2 of --robots 1: set ROBOTS"):
+    with pytest.raises(UserError, match="this is container 2, but --robots is 1: increase ROBOTS"):
         became("--replica", "sidestep-robot-", "robot")
 
 
@@ -84,7 +84,7 @@ def test_the_plant_is_told_world_noise_and_seed() -> None:
     assert "--noise" not in became("plant")
 
 
-def test_a_drive_without_a_destination_goes_where_up_would_send_that_robot() -> None:
+def test_goto_without_a_goal_uses_the_goal_of_up() -> None:
     assert became("goto") == ["goto", "5.4", "2.0", "0.0"]
     second = became(*SECOND, "goto")
     assert second[:3] != ["goto", "5.4", "2.0"]
@@ -111,7 +111,7 @@ def forbidding(monkeypatch: pytest.MonkeyPatch, call: str) -> None:
 
 
 @pytest.mark.parametrize("call", ["stat", "iterdir"])
-def test_a_folder_of_keys_that_cannot_be_read_is_no_reason_to_go_without(
+def test_unreadable_key_folder_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
 ) -> None:
     keys, bus = tmp_path / "keys" / "bus.toml", tmp_path / "bus.toml"
@@ -121,24 +121,24 @@ def test_a_folder_of_keys_that_cannot_be_read_is_no_reason_to_go_without(
         became("--config", str(keys), "--config", str(bus), "hold")
 
 
-def test_a_robot_without_its_own_keys_among_those_of_others_does_not_start(tmp_path: Path) -> None:
+def test_robot_with_only_keys_of_others_does_not_start(tmp_path: Path) -> None:
     bus = tmp_path / "bus.toml"
     bus.write_text("")
     (tmp_path / "keys").mkdir()
     both = ("--config", str(tmp_path / "keys" / "bus-{id}.toml"), "--config", str(bus))
     assert after(became(*both, *SECOND, "hold"), "--config") == [str(bus)]
     (tmp_path / "keys" / "robot-r1.key").write_text("")
-    with pytest.raises(UserError, match=r"holds robot-r1\.key and no bus-r2\.toml"):
+    with pytest.raises(UserError, match=r"holds robot-r1\.key but not bus-r2\.toml"):
         became(*both, *SECOND, "hold")
 
 
-def test_a_robot_without_a_folder_beside_those_of_others_does_not_start(tmp_path: Path) -> None:
+def test_robot_with_only_folders_of_others_does_not_start(tmp_path: Path) -> None:
     bus = tmp_path / "bus.toml"
     bus.write_text("")
     both = ("--config", str(tmp_path / "keys" / "{id}" / "bus.toml"), "--config", str(bus))
     assert after(became(*both, *SECOND, "hold"), "--config") == [str(bus)]
     (tmp_path / "keys" / "r1").mkdir(parents=True)
-    with pytest.raises(UserError, match=r"keys holds r1 and no r2/bus\.toml"):
+    with pytest.raises(UserError, match=r"keys holds r1 but not r2/bus\.toml"):
         became(*both, *SECOND, "hold")
     (tmp_path / "keys" / "r2").mkdir()
     (tmp_path / "keys" / "r2" / "bus.toml").write_text("")
@@ -146,7 +146,7 @@ def test_a_robot_without_a_folder_beside_those_of_others_does_not_start(tmp_path
     assert found == [str(tmp_path / "keys" / "r2" / "bus.toml")]
 
 
-def test_each_robot_goes_on_as_a_user_of_its_own_with_a_folder_of_its_own(
+def test_each_robot_gets_its_own_user_and_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[tuple[str, object]] = []
@@ -160,7 +160,7 @@ def test_each_robot_goes_on_as_a_user_of_its_own_with_a_folder_of_its_own(
     assert stat.S_IMODE((tmp_path / "state-r1").stat().st_mode) == 0o700
 
 
-def test_who_cannot_become_that_user_or_finds_its_folder_taken_does_not_start(
+def test_failed_user_switch_or_foreign_folder_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def forbidden(_: object) -> None:
@@ -168,7 +168,7 @@ def test_who_cannot_become_that_user_or_finds_its_folder_taken_does_not_start(
 
     monkeypatch.setattr(os, "setgroups", forbidden)
     assert main(["berth", "--users", "20000", "plant"]) == 2
-    assert "it cannot go on as user 20001: start it as root" in capsys.readouterr().err
+    assert "cannot switch to user 20001: start the container as root" in capsys.readouterr().err
     monkeypatch.setattr(os, "geteuid", lambda: 4711)
     assert main(["berth", "--own", str(tmp_path), "plant"]) == 2
     assert "belongs to user" in capsys.readouterr().err
@@ -191,13 +191,13 @@ def test_a_verb_that_talks_to_nobody_is_told_no_network(takes: bool, verb: str) 
 
 
 def test_a_container_that_is_none_of_the_robots_is_refused() -> None:
-    with pytest.raises(UserError, match="none of other-1 to other-20 leads to this container"):
+    with pytest.raises(UserError, match="none of other-1 to other-20 resolves to this container"):
         became("--replica", "other-", "robot")
 
 
 def test_without_a_verb_it_says_how_it_is_used(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["berth"]) == 2
-    assert "which verb?" in capsys.readouterr().err
+    assert "the verb is missing" in capsys.readouterr().err
 
 
 def test_a_world_that_is_not_there_is_refused_in_its_own_words(
@@ -219,7 +219,7 @@ def test_without_the_executable_it_says_so(
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
     assert main(["berth", "plant"]) == 2
-    assert "no `sidestep` on the path" in capsys.readouterr().err
+    assert "`sidestep` is not on the PATH" in capsys.readouterr().err
 
 
 def test_a_name_that_nobody_has_leads_nowhere() -> None:
