@@ -1,8 +1,8 @@
-"""Deterministic simulation of the whole stack: seeds, their speed, and what they violate.
+"""Deterministic simulation of the whole stack: run seeds, and report speed and violations.
 
 Each seed draws operators, faults and attacks over 20 simulated seconds. A seed that violates an
 invariant is shrunk to the fewest events; `--events FILE` writes them, `--replay FILE` runs them.
-`--defects` puts mended defects back and counts the seeds that find each. `--seed S --replay` runs
+`--defects` puts fixed defects back and counts the seeds that find each. `--seed S --replay` runs
 one seed twice and compares the two runs bit by bit.
 """
 
@@ -13,13 +13,18 @@ from typing import Final
 
 from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report
-from verification.simulation.campaign import MOST_HUNTED, Ran, hunted, in_processes
+from verification.simulation.campaign import (
+    MOST_HUNTED,
+    BatchResult,
+    run_in_processes,
+    search_defect,
+)
 from verification.simulation.coverage import Coverage
 from verification.simulation.defects import DEFECTS
-from verification.simulation.draw import drawn
+from verification.simulation.draw import draw_scenario
 from verification.simulation.events import from_json, to_json
-from verification.simulation.shrink import shrunk
-from verification.simulation.simulation import Result, run
+from verification.simulation.shrink import shrink
+from verification.simulation.simulation import RunResult, run
 
 MAX_SHOWN: Final = 5
 AGAIN: Final = ""
@@ -27,52 +32,53 @@ AGAIN: Final = ""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seeds", type=int, default=500, metavar="N", help="how many (500)")
+    """Add the options of `bench simulate`."""
+    parser.add_argument("--seeds", type=int, default=500, metavar="N", help="number of seeds (500)")
     parser.add_argument(
-        "--from", dest="first", type=int, default=0, metavar="S", help="the first one (0)"
+        "--from", dest="first", type=int, default=0, metavar="S", help="first seed (0)"
     )
     parser.add_argument("--jobs", type=int, default=1, metavar="K", help="processes (1)")
-    parser.add_argument("--seed", type=int, metavar="S", help="run this one seed only")
+    parser.add_argument("--seed", type=int, metavar="S", help="run only this seed")
     parser.add_argument(
         "--replay",
         nargs="?",
         const=AGAIN,
         metavar="FILE",
-        help="run the seed twice and compare; with FILE run these events only",
+        help="run the seed twice and compare; with FILE run its events",
     )
-    parser.add_argument("--events", type=Path, metavar="FILE", help="write the shrunk events there")
+    parser.add_argument("--events", type=Path, metavar="FILE", help="file for the shrunk events")
     parser.add_argument(
         "--defects",
         nargs="*",
         choices=DEFECTS,
         metavar="NAME",
-        help="put mended defects back, these or all, and count the seeds that find each",
+        help="put fixed defects back, these or all, and count the seeds that find each",
     )
-    parser.add_argument("--no-shrink", action="store_true", help="show the events as drawn")
+    parser.add_argument("--no-shrink", action="store_true", help="keep the events as drawn")
 
 
 def measure(options: argparse.Namespace) -> Report:
-    """Run one scenario or many seeds."""
+    """Run one scenario, many seeds, or the search for defects."""
     if options.defects is not None:
         return _report_of_defects(options)
     if options.replay not in (None, AGAIN):
         return _report_of_one(options, run(from_json(Path(options.replay).read_text("utf-8"))))
     if options.seed is not None:
-        return _report_of_one(options, run(drawn(options.seed)))
-    done: list[Ran] = []
-    for part in in_processes(options.first, options.seeds, options.jobs):
+        return _report_of_one(options, run(draw_scenario(options.seed)))
+    done: list[BatchResult] = []
+    for part in run_in_processes(options.first, options.seeds, options.jobs):
         done.append(part)
         _show_progress(done, options.seeds)
     return _report_of_many(options, done)
 
 
-def _show_progress(done: list[Ran], wanted: int) -> None:
+def _show_progress(done: list[BatchResult], wanted: int) -> None:
     seeds = sum(part.seeds for part in done)
     failed = sum(len(part.failed) for part in done)
     print(f"{seeds} of {wanted} seeds, {failed} violate", file=sys.stderr, flush=True)
 
 
-def _report_of_many(options: argparse.Namespace, done: list[Ran]) -> Report:
+def _report_of_many(options: argparse.Namespace, done: list[BatchResult]) -> Report:
     failed = [result for part in done for result in part.failed]
     cpu_s, simulated_ns = sum(p.cpu_s for p in done), sum(p.simulated_ns for p in done)
     coverage = Coverage()
@@ -80,7 +86,7 @@ def _report_of_many(options: argparse.Namespace, done: list[Ran]) -> Report:
         coverage.add(part.coverage)
     notes = coverage.lines()
     for result in failed[:MAX_SHOWN]:
-        notes += explained(result, options)
+        notes += explain(result, options)
     if len(failed) > MAX_SHOWN:
         others = ", ".join(str(result.scenario.seed) for result in failed[MAX_SHOWN:][:50])
         notes.append(f"other seeds that violate: {others}")
@@ -102,7 +108,7 @@ def _report_of_many(options: argparse.Namespace, done: list[Ran]) -> Report:
     )
 
 
-def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
+def _report_of_one(options: argparse.Namespace, result: RunResult) -> Report:
     failed = result.violation is not None
     figures = [Figure(name="violations", unit="", values=(int(failed),), at_most=0)]
     if options.replay == AGAIN:
@@ -113,21 +119,21 @@ def _report_of_one(options: argparse.Namespace, result: Result) -> Report:
         figures=tuple(figures),
         notes=(
             f"digest {result.digest} after {result.simulated_ns / NS_PER_S:.2f} s",
-            *(explained(result, options) if failed else ()),
+            *(explain(result, options) if failed else ()),
         ),
     )
 
 
 def _report_of_defects(options: argparse.Namespace) -> Report:
-    """Seeds until each defect is found, and by which invariant."""
+    """Report how many seeds find each defect, and by which invariant."""
     names = options.defects or tuple(DEFECTS)
     figures, notes = [], []
     for name in names:
-        hunt = hunted(name, options.first)
+        hunt = search_defect(name, options.first)
         words = "not found"
         if hunt.found is not None and hunt.found.violation is not None:
             words = f"seed {hunt.found.scenario.seed}: «{hunt.found.violation.invariant}»"
-        notes.append(f"{name}, {DEFECTS[name].says}: {words}")
+        notes.append(f"{name}, {DEFECTS[name].description}: {words}")
         print(f"{hunt.seeds:5} seeds  {notes[-1]}", file=sys.stderr, flush=True)
         seeds = hunt.seeds if hunt.found is not None else MOST_HUNTED + 1
         figures.append(
@@ -138,9 +144,9 @@ def _report_of_defects(options: argparse.Namespace) -> Report:
     return Report(benchmark="simulate", figures=tuple(figures), notes=tuple(notes))
 
 
-def explained(result: Result, options: argparse.Namespace) -> list[str]:
-    """Seed, invariant, time, the fewest events, and the command that shows it again."""
-    small = result if options.no_shrink else shrunk(result)
+def explain(result: RunResult, options: argparse.Namespace) -> list[str]:
+    """Return seed, invariant, time, the fewest events, and the command that repeats the run."""
+    small = result if options.no_shrink else shrink(result)
     violation, scenario = small.violation, small.scenario
     assert violation is not None
     if options.events is not None:

@@ -1,27 +1,27 @@
-"""The simulation itself: it repeats to the bit, drives, and finds what is wrong."""
+"""The simulation itself: it is reproducible and drives."""
 
 import subprocess
 import sys
 
 import pytest
 
-from verification.simulation.draw import drawn
-from verification.simulation.events import Event, Scenario, from_json, to_json
+from verification.simulation.draw import draw_scenario
+from verification.simulation.events import Event, EventScenario, from_json, to_json
 from verification.simulation.simulation import run
 
 PRINTS_DIGEST = """
-from verification.simulation.draw import drawn
+from verification.simulation.draw import draw_scenario
 from verification.simulation.simulation import run
-print(*[run(drawn(seed)).digest for seed in (1, 2, 3)])
+print(*[run(draw_scenario(seed)).digest for seed in (1, 2, 3)])
 """
 
 
 def test_same_seed_gives_the_same_bits() -> None:
-    assert run(drawn(5)).digest == run(drawn(5)).digest
+    assert run(draw_scenario(5)).digest == run(draw_scenario(5)).digest
 
 
 def test_other_seed_gives_other_bits() -> None:
-    assert run(drawn(5)).digest != run(drawn(6)).digest
+    assert run(draw_scenario(5)).digest != run(draw_scenario(6)).digest
 
 
 def test_digest_does_not_depend_on_the_process() -> None:
@@ -40,20 +40,20 @@ def test_digest_does_not_depend_on_the_process() -> None:
 
 
 def test_scenario_survives_json() -> None:
-    scenario = drawn(7)
+    scenario = draw_scenario(7)
     assert from_json(to_json(scenario)) == scenario
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_events_are_in_order_of_time(seed: int) -> None:
-    times_ns = [event.time_ns for event in drawn(seed).events]
+    times_ns = [event.time_ns for event in draw_scenario(seed).events]
     assert times_ns == sorted(times_ns)
 
 
 def test_runs_drive_and_reach_all_modes() -> None:
-    from verification.simulation.campaign import ran
+    from verification.simulation.campaign import run_seeds
 
-    coverage = ran(range(20)).coverage
+    coverage = run_seeds(range(20)).coverage
     assert coverage.moving_percent > 10.0
     assert coverage.accepted > 100
     for name in ("MANUAL", "AUTO", "GUIDED", "HOLD"):
@@ -62,8 +62,8 @@ def test_runs_drive_and_reach_all_modes() -> None:
 
 
 def test_operator_at_the_station_drives_and_stops() -> None:
-    """The station's model takes the lease, beats, asks and presses the stop, as in the app."""
-    scenario = Scenario(
+    """Lease, heartbeat, request and stop come from the station's model, as in the app."""
+    scenario = EventScenario(
         1,
         8_000_000_000,
         (

@@ -1,9 +1,9 @@
-"""A disk that takes its time holds up acknowledgements, and nothing else."""
+"""A slow disk delays acknowledgements only."""
 
 import pytest
 
-from verification.simulation.events import Argument, Event, Scenario
-from verification.simulation.hosts.operators import Asked, History
+from verification.simulation.events import Argument, Event, EventScenario
+from verification.simulation.hosts.operators import OperatorRequest, RequestHistory
 from verification.simulation.simulation import run
 
 S = 1_000_000_000
@@ -17,8 +17,8 @@ def event(at_s: float, kind: str, *arguments: Argument) -> Event:
 def test_slow_disk_delays_no_tick_of_a_driving_robot(
     fsync_ms: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Parameter, fence and mission are saved under way; invariants watch over every tick."""
-    scenario = Scenario(
+    """Parameter, fence and mission are saved under way; invariants are checked at every tick."""
+    scenario = EventScenario(
         1,
         24 * S,
         (
@@ -30,17 +30,17 @@ def test_slow_disk_delays_no_tick_of_a_driving_robot(
             event(14.0, "operate", "operator-a", "mission", 0.0, 30.5, 30.5),
         ),
     )
-    told: list[Asked] = []
-    begin = History.begin
+    requests: list[OperatorRequest] = []
+    begin = RequestHistory.begin
 
-    def begun(history: History, asked: Asked) -> None:
-        told.append(asked)
+    def begun(history: RequestHistory, asked: OperatorRequest) -> None:
+        requests.append(asked)
         begin(history, asked)
 
-    monkeypatch.setattr(History, "begin", begun)
+    monkeypatch.setattr(RequestHistory, "begin", begun)
     result = run(scenario)
     assert result.violation is None
     assert result.coverage.moving_ticks > 50
-    saved = [one for one in told if one.action in ("param", "fence", "mission")]
+    saved = [one for one in requests if one.action in ("param", "fence", "mission")]
     assert [one.answered for one in saved] == [True] * 3, "operators are told that it is saved"
     assert not [state for state in result.coverage.reached if state.startswith("FAILSAFE")]

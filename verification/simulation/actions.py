@@ -1,4 +1,4 @@
-"""What operators do, and how it is drawn."""
+"""The actions of operators, and how they are drawn."""
 
 from collections.abc import Callable
 from random import Random
@@ -8,19 +8,19 @@ from verification.simulation.events import Argument
 
 Arguments = tuple[Argument, ...]
 STATION: Final = "station"
-"""The operator who uses the ground station instead of the command line."""
+"""The operator that uses the ground station instead of the command line."""
 
 OPERATORS: Final = ("operator-a", "operator-b", "operator-c", STATION)
 
 
 def draw_operate(random: Random, first: str = OPERATORS[0]) -> Arguments:
-    """An operator does something, mostly the first one; most of it leads to driving."""
-    who = random.choice((first, first, first, first, *OPERATORS[1:3]))
-    return (who, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
+    """Draw an operator, mostly the first, and an action, mostly one that leads to driving."""
+    name = random.choice((first, first, first, first, *OPERATORS[1:3]))
+    return (name, *ACTIONS[random.choices(range(len(ACTIONS)), WEIGHTS)[0]][1](random))
 
 
 def place(random: Random) -> tuple[float, float]:
-    """Somewhere near the start, mostly ahead."""
+    """Draw a position near the start, mostly ahead."""
     return (
         round(30.0 + random.uniform(-1.0, 3.0), 2),
         round(30.0 + random.uniform(-1.0, 1.0), 2),
@@ -28,7 +28,7 @@ def place(random: Random) -> tuple[float, float]:
 
 
 def mission(random: Random) -> Arguments:
-    """Stops close to each other, so that many of them are reached."""
+    """Draw stops close to each other, so that many of them are reached."""
     near = [(random.uniform(-0.2, 1.2), random.uniform(-0.7, 0.7)) for _ in range(4)]
     stops = [round(30.0 + off_m, 2) for stop in near[random.randrange(3) :] for off_m in stop]
     return ("mission", random.choice((0.0, 0.5, 2.0)), *stops)
@@ -42,7 +42,7 @@ SAFETY: Final = (
     ("wheel_max_m_s", 0.2),
     ("freeze_m", 5.0),
 )
-"""Parameters of the safety group, with values that are safer than the configured one, and not."""
+"""Safety parameters with values that are safer and less safe than the configured ones."""
 
 ACTIONS: Final[tuple[tuple[int, Callable[[Random], Arguments]], ...]] = (
     (8, lambda random: ("drive", *place(random), "GUIDED")),
@@ -75,5 +75,5 @@ WEIGHTS: Final = [weight for weight, _ in ACTIONS]
 
 
 def draw_driving(random: Random) -> Arguments:
-    """One of the actions that drive."""
+    """Draw an action that drives."""
     return random.choice(ACTIONS[:4])[1](random)

@@ -1,4 +1,4 @@
-"""Many seeds: how many were run, what they cost, which of them violate an invariant."""
+"""Runs of many seeds: their number, their cost, and the seeds that violate an invariant."""
 
 from collections.abc import Iterable, Iterator
 from multiprocessing import get_context
@@ -6,62 +6,62 @@ from time import process_time
 from typing import Final, NamedTuple
 
 from verification.simulation.coverage import Coverage
-from verification.simulation.draw import DURATION_NS, drawn
-from verification.simulation.simulation import Result, run
+from verification.simulation.draw import DURATION_NS, draw_scenario
+from verification.simulation.simulation import RunResult, run
 
 CHUNK: Final = 20
 CHUNKS_EACH: Final = 10
-"""After so many a process is replaced: what a run leaves behind in memory adds up."""
+"""A process is replaced after this many chunks, because each run leaves some memory behind."""
 
 MOST_HUNTED: Final = 2000
-"""Seeds within which a defect that was put back is to be found."""
+"""A defect that was put back must be found within this many seeds."""
 
 
-class Ran(NamedTuple):
-    """Some seeds: CPU time of the process that ran them, and the results that violate."""
+class BatchResult(NamedTuple):
+    """The results of some seeds: CPU time, failed runs and coverage."""
 
     seeds: int
     simulated_ns: int
     cpu_s: float
-    failed: tuple[Result, ...]
+    failed: tuple[RunResult, ...]
     coverage: Coverage
 
 
-def ran(seeds: Iterable[int], duration_ns: int = DURATION_NS) -> Ran:
+def run_seeds(seeds: Iterable[int], duration_ns: int = DURATION_NS) -> BatchResult:
     """Run seeds in this process, one after the other."""
     began_s, count, simulated_ns = process_time(), 0, 0
-    failed: list[Result] = []
+    failed: list[RunResult] = []
     coverage = Coverage()
     for seed in seeds:
-        result = run(drawn(seed, duration_ns))
+        result = run(draw_scenario(seed, duration_ns))
         count += 1
         simulated_ns += result.simulated_ns
         coverage.add(result.coverage)
         if result.violation is not None:
             failed.append(result)
-    return Ran(count, simulated_ns, process_time() - began_s, tuple(failed), coverage)
+    return BatchResult(count, simulated_ns, process_time() - began_s, tuple(failed), coverage)
 
 
-def in_processes(first: int, count: int, jobs: int) -> Iterator[Ran]:
-    """Run seeds in so many processes; what is done comes in the order of the seeds."""
+def run_in_processes(first: int, count: int, jobs: int) -> Iterator[BatchResult]:
+    """Run seeds in `jobs` processes and yield the batches in the order of the seeds."""
     starts = range(first, first + count, CHUNK)
     chunks = [range(start, min(start + CHUNK, first + count)) for start in starts]
     with get_context("spawn").Pool(jobs, maxtasksperchild=CHUNKS_EACH) as pool:
-        yield from pool.imap(ran, chunks)
+        yield from pool.imap(run_seeds, chunks)
 
 
-class Hunted(NamedTuple):
-    """How a defect was found: after how many seeds, by which of them, and which invariant."""
+class DefectSearch(NamedTuple):
+    """The search for a defect: the number of seeds, and the failed run if one was found."""
 
     defect: str
     seeds: int
-    found: Result | None
+    found: RunResult | None
 
 
-def hunted(defect: str, first: int = 0, most: int = MOST_HUNTED) -> Hunted:
-    """Put a mended defect back and run seeds until one violates an invariant."""
+def search_defect(defect: str, first: int = 0, most: int = MOST_HUNTED) -> DefectSearch:
+    """Put a fixed defect back and run seeds until one violates an invariant."""
     for number, seed in enumerate(range(first, first + most), 1):
-        result = run(drawn(seed), defect)
+        result = run(draw_scenario(seed), defect)
         if result.violation is not None:
-            return Hunted(defect, number, result)
-    return Hunted(defect, most, None)
+            return DefectSearch(defect, number, result)
+    return DefectSearch(defect, most, None)

@@ -1,4 +1,4 @@
-"""What the runs have exercised: without it, no violation would prove nothing."""
+"""Coverage of the runs, which shows that the absence of violations means something."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Coverage:
-    """Counts over runs; `reached` are the names of situations that occurred, once per run."""
+    """Counts over runs; `reached` counts situations, each once per run."""
 
     plant_ticks: int = 0
     moving_ticks: int = 0
@@ -14,14 +14,16 @@ class Coverage:
     requests: int = 0
     accepted: int = 0
     stops: int = 0
-    """Emergency stops of which an operator was told that the robot has stopped."""
+    """Emergency stops that were acknowledged to an operator."""
     reached: Counter[str] = field(default_factory=Counter)
     worst_ms: dict[str, int] = field(default_factory=dict)
 
     def longest(self, what: str, took_ms: int) -> None:
+        """Keep the longest duration of a reaction."""
         self.worst_ms[what] = max(self.worst_ms.get(what, 0), took_ms)
 
     def add(self, other: "Coverage") -> None:
+        """Add the counts of other runs."""
         self.plant_ticks += other.plant_ticks
         self.moving_ticks += other.moving_ticks
         self.robot_ticks += other.robot_ticks
@@ -38,7 +40,7 @@ class Coverage:
         return 100.0 * self.moving_ticks / self.plant_ticks if self.plant_ticks else 0.0
 
     def lines(self) -> list[str]:
-        """In words: how much was driven, and how many runs reached each situation."""
+        """Return the counts in words."""
         head = (
             f"wheels turned in {self.moving_percent:.0f} % of {self.plant_ticks} ticks; "
             f"{self.accepted} of {self.requests} requests accepted; "

@@ -1,6 +1,6 @@
-"""Defects that were mended, to be put back: does the simulation find each of them?
+"""Fixed defects that can be put back, to check that the simulation finds them.
 
-Each is a patch of the product's code in this process, with the name that the review gave it.
+Each defect is a patch of product code in this process, with the name of the review's finding.
 """
 
 from collections import deque
@@ -19,14 +19,14 @@ Patches = dict[str, object]
 
 
 class Defect(NamedTuple):
-    """`patches` returns what takes the place of what, afresh for each run."""
+    """A defect; `patches` returns new replacements by their import paths for each run."""
 
-    says: str
+    description: str
     patches: Callable[[], Patches]
 
 
 def _swallowed_stop() -> Patches:
-    """Ids count up, and an answer is found by its id alone, for stops too."""
+    """Count ids up, and find an answer by its id alone, for stops too."""
     from robot.commands import acknowledge, is_stop
 
     counted = [0]
@@ -56,7 +56,7 @@ def _swallowed_stop() -> Patches:
 
 
 def _queue_of_stops() -> Patches:
-    """Stops wait in a line of 64, six are looked at in a tick, and a known id does nothing."""
+    """Queue 64 stops, take six per tick, and ignore known ids."""
     from robot.commands import Commands
     from robot.stop_latch import stop_in
 
@@ -86,7 +86,7 @@ def _queue_of_stops() -> Patches:
 
 
 def _trusting_driver() -> Patches:
-    """A command from the future has no age, and its time to live is taken as it comes."""
+    """Take a command from the future as new, and accept any time to live."""
 
     class Gate:
         def __init__(self) -> None:
@@ -120,7 +120,7 @@ def _unbounded_stamp() -> Patches:
 
 
 def _age_by_arrival() -> Patches:
-    """Heartbeat and teleop count from their arrival, however late they are."""
+    """Measure the age of heartbeat and teleop from their arrival, however late they are."""
 
     def counts(self: Any, origin: Any, vehicle: Any) -> bool:
         return bool(origin.sender and vehicle.lease.allows(origin.sender))
@@ -136,7 +136,7 @@ def _late_requests() -> Patches:
 
 
 def _mission_to_auto() -> Patches:
-    """The next item of a mission starts in AUTO, whatever mode was chosen."""
+    """Start the next item of a mission in AUTO in every mode."""
 
     def end(self: Any) -> int:
         machine = self._machine
@@ -152,7 +152,7 @@ def _mission_to_auto() -> Patches:
 
 
 def _steered_after_seizure() -> Patches:
-    """Who sent a frame is asked when it arrives, not when it is read."""
+    """Check the sender of a frame when the frame arrives, not when it is read."""
 
     def counts(self: Any, origin: Any, vehicle: Any) -> bool:
         late = self._delays.is_late(origin.sender, origin.sent_ns or 0, origin.arrived_ns)
@@ -170,7 +170,7 @@ def _directory_not_synced() -> Patches:
 
 
 def _content_not_synced() -> Patches:
-    """The file is renamed before its content is on the disk; the directory is synchronised."""
+    """Rename a file before its content is on the disk; the directory is synchronised."""
 
     def write(path: Any, data: bytes) -> None:
         number = SimulatedOs.open(path, SimulatedOs.O_TRUNC)
@@ -219,26 +219,26 @@ def _acknowledged_before_saved() -> Patches:
 
 DEFECTS: Final[dict[str, Defect]] = {
     "A1": Defect("an answer is found by its id alone, for stops too", _swallowed_stop),
-    "A2": Defect("emergency stops wait in a line", _queue_of_stops),
-    "A3": Defect("the motor driver believes the frame", _trusting_driver),
+    "A2": Defect("emergency stops wait in a queue", _queue_of_stops),
+    "A3": Defect("the motor driver trusts the frame", _trusting_driver),
     "A4": Defect("stamps are not bounded", _unbounded_stamp),
-    "A7a": Defect("heartbeat and teleop are as old as their arrival", _age_by_arrival),
+    "A7a": Defect("heartbeat and teleop are aged from their arrival", _age_by_arrival),
     "A7b": Defect("requests have no deadline", _late_requests),
-    "A8": Defect("a mission goes on in AUTO", _mission_to_auto),
-    "A9": Defect("the disk is in the control loop", _disk_in_the_loop),
-    "A12": Defect("teleop goes on after a seizure", _steered_after_seizure),
+    "A8": Defect("a mission continues in AUTO", _mission_to_auto),
+    "A9": Defect("the control loop writes to the disk", _disk_in_the_loop),
+    "A12": Defect("teleop continues after the lease is seized", _steered_after_seizure),
     "A13a": Defect("a directory is not synchronised", _directory_not_synced),
-    "A13b": Defect("a content is renamed before it is synchronised", _content_not_synced),
+    "A13b": Defect("a file is renamed before it is synchronised", _content_not_synced),
     "A13c": Defect("a robot with an unreadable fence is armed", _fence_forgotten),
     "A14": Defect("failsafes can be weakened from the ground", _weakened),
-    "D-fence": Defect("the fence's failsafe is inside out", _fence_inside_out),
+    "D-fence": Defect("the fence's failsafe is inverted", _fence_inside_out),
     "early": Defect("a change is acknowledged before it is saved", _acknowledged_before_saved),
 }
 
 
 @contextmanager
-def defective(name: str) -> Iterator[None]:
-    """Put a defect back; enter it within the substitutes of the simulation."""
+def with_defect(name: str) -> Iterator[None]:
+    """Put a defect back, within the substitutes of the simulation."""
     with ExitStack() as stack:
         for place, stand_in in DEFECTS[name].patches().items():
             stack.enter_context(patch(place, stand_in))

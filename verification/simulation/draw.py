@@ -1,30 +1,30 @@
-"""From a seed to a scenario."""
+"""Draw a scenario from a seed."""
 
 from random import Random
 from typing import Final
 
 from runtime.units import NS_PER_MS, NS_PER_S
 from verification.simulation.actions import OPERATORS, STATION, draw_driving, draw_operate
-from verification.simulation.events import Event, Scenario
+from verification.simulation.events import Event, EventScenario
 from verification.simulation.faults import FAULTS
 
 DURATION_NS: Final = 20 * NS_PER_S
 BOOT_NS: Final = 300 * NS_PER_MS
 BY_STATION: Final = 0.12
-"""In this share of all seeds the first operator uses the ground station."""
+"""Share of seeds whose first operator uses the ground station."""
 
 PRESSED: Final = {"come": 0.0, "operate": 0.0, "attack": 0.5}
-"""In this share of all events of a kind the stop is pressed soon after it, else in a tenth."""
+"""Share of events of a kind that are followed by an emergency stop; of other kinds, a tenth."""
 
 SETS_OFF: Final = 0.7
-"""In this share of all seeds an operator begins by driving."""
+"""Share of seeds in which an operator begins by driving."""
 
 QUIET: Final = 0.1
-"""This share of all seeds has no fault at all."""
+"""Share of seeds without any fault."""
 
 
-def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
-    """The scenario of a seed: operators who come and act, and what goes wrong meanwhile."""
+def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
+    """Return the scenario of a seed: operators that start and act, and faults meanwhile."""
     random = Random(f"scenario {seed}")
     first = STATION if random.random() < BY_STATION else OPERATORS[0]
     events = [Event(BOOT_NS, "come", (first, random.randrange(2)), random.getrandbits(32))]
@@ -43,11 +43,11 @@ def drawn(seed: int, duration_ns: int = DURATION_NS) -> Scenario:
         action = draw_operate(random, first) if kind == "operate" else None
         events.append(_event(random, kind, action, duration_ns))
     events += [stop for event in events for stop in _stop_under(random, event, first)]
-    return Scenario(seed, duration_ns, tuple(sorted(events)))
+    return EventScenario(seed, duration_ns, tuple(sorted(events)))
 
 
 def _stop_under(random: Random, event: Event, first: str) -> list[Event]:
-    """At times somebody presses the stop while something goes wrong."""
+    """Return an emergency stop soon after an event, at times."""
     share = PRESSED.get(event.kind, 0.1)
     if random.random() >= share:
         return []

@@ -1,4 +1,4 @@
-"""A scenario as data: what happens when. The same list of events gives the same run."""
+"""Scenarios as data: the same list of events gives the same run."""
 
 from typing import NamedTuple, TypeAlias
 
@@ -10,7 +10,7 @@ Argument: TypeAlias = int | float | str
 
 
 class Event(NamedTuple):
-    """Something that happens at a time; `salt` is the seed of what it draws in turn."""
+    """An event at a time; `salt` seeds what the event draws itself."""
 
     time_ns: int
     kind: str
@@ -22,18 +22,19 @@ class Event(NamedTuple):
         return f"{self.time_ns / NS_PER_MS:9.1f} ms  {self.kind} {words}".rstrip()
 
 
-class Scenario(NamedTuple):
-    """All that a run depends on: the seed of its setting, how long it lasts, and its events."""
+class EventScenario(NamedTuple):
+    """Everything that a run depends on: the seed of its setting, its duration and its events."""
 
     seed: int
     duration_ns: int
     events: tuple[Event, ...]
 
 
-def to_json(scenario: Scenario) -> str:
+def to_json(scenario: EventScenario) -> str:
+    """Return a scenario as JSON."""
     return msgspec.json.encode(scenario).decode()
 
 
-def from_json(text: str) -> Scenario:
-    """Raises msgspec.ValidationError for text that is no scenario."""
-    return msgspec.json.decode(text, type=Scenario)
+def from_json(text: str) -> EventScenario:
+    """Read a scenario; msgspec.ValidationError if the text is no scenario."""
+    return msgspec.json.decode(text, type=EventScenario)

@@ -1,20 +1,20 @@
-"""Makes a failing scenario small: fewer events, a shorter run, the same invariant violated."""
+"""Shrink a failing scenario: fewer events, a shorter run, the same invariant violated."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from verification.simulation.events import Event, Scenario
-from verification.simulation.simulation import Result, run
+from verification.simulation.events import Event, EventScenario
+from verification.simulation.simulation import RunResult, run
 
 TAIL_NS: Final = 50_000_000
 MAX_RUNS: Final = 400
 
 
-def shrunk(failed: Result, execute: Callable[[Scenario], Result] = run) -> Result:
-    """The smallest scenario found that violates the same invariant, with its result.
+def shrink(failed: RunResult, execute: Callable[[EventScenario], RunResult] = run) -> RunResult:
+    """Return the smallest scenario found that violates the same invariant, with its result.
 
-    Delta debugging over the list of events: halves are left out first, then quarters, down to
-    single events. Raises ValueError for a result without a violation.
+    Delta debugging over the list of events: first halves are left out, then quarters, down to
+    single events. Raise ValueError for a result without a violation.
     """
     if failed.violation is None:
         raise ValueError("there is no violation to shrink")
@@ -23,14 +23,15 @@ def shrunk(failed: Result, execute: Callable[[Scenario], Result] = run) -> Resul
 
 class _Shrinking:
     def __init__(
-        self, failed: Result, invariant: str, execute: Callable[[Scenario], Result]
+        self, failed: RunResult, invariant: str, execute: Callable[[EventScenario], RunResult]
     ) -> None:
         self._best = failed
         self._invariant = invariant
         self._execute = execute
         self._left = MAX_RUNS
 
-    def result(self) -> Result:
+    def result(self) -> RunResult:
+        """Shrink until no single event can be left out."""
         self._try(self._best.scenario.events)
         parts = 2
         while len(events := self._best.scenario.events) > 1 and self._left:
@@ -44,7 +45,7 @@ class _Shrinking:
         return self._best
 
     def _without_a_part(self, events: Sequence[Event], parts: int) -> bool:
-        """Whether one of so many parts could be left out; then it is."""
+        """Leave out one of the parts if possible, and return whether it was."""
         for number in range(parts):
             first, last = len(events) * number // parts, len(events) * (number + 1) // parts
             if self._try((*events[:first], *events[last:])):
@@ -60,7 +61,7 @@ class _Shrinking:
         kept = tuple(event for event in events if event.time_ns <= until_ns)
         period_ns = 50_000_000
         duration_ns = -(-until_ns // period_ns) * period_ns
-        found = self._execute(Scenario(best.scenario.seed, duration_ns, kept))
+        found = self._execute(EventScenario(best.scenario.seed, duration_ns, kept))
         if found.violation is None or found.violation.invariant != self._invariant:
             return False
         self._best = found

@@ -1,4 +1,4 @@
-"""One run: a scenario in, a violation or none out, and a digest that is the same each time."""
+"""Run a scenario, and return a violation or none and a reproducible digest."""
 
 import gc
 from contextlib import nullcontext
@@ -10,32 +10,32 @@ from robot.core.values import Pose
 from runtime.units import NS_PER_MS
 from verification.simulation.actions import OPERATORS, STATION
 from verification.simulation.coverage import Coverage
-from verification.simulation.defects import defective
-from verification.simulation.events import Event, Scenario
+from verification.simulation.defects import with_defect
+from verification.simulation.events import Event, EventScenario
 from verification.simulation.hosts import robot_side
-from verification.simulation.hosts.attacker import MINE, Attacker
-from verification.simulation.hosts.hub import Hub, Sample, path_of
-from verification.simulation.hosts.network import Network
-from verification.simulation.hosts.operators import History, Operator
+from verification.simulation.hosts.attacker import OWN_NAME, SimulatedAttacker
+from verification.simulation.hosts.hub import SimulatedHub, SimulatedSample, path_of
+from verification.simulation.hosts.network import SimulatedNetwork
+from verification.simulation.hosts.operators import RequestHistory, SimulatedOperator
 from verification.simulation.hosts.plant_side import WORLDS, PlantSide
 from verification.simulation.hosts.robot_side import RobotSide
 from verification.simulation.hosts.scheduler import Host, Scheduler
-from verification.simulation.hosts.session import Session
+from verification.simulation.hosts.session import SimulatedSession
 from verification.simulation.hosts.station_side import StationOperator
-from verification.simulation.hosts.substitutes import Drawn, Opened, substituted
+from verification.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
 from verification.simulation.invariants.oracle import Oracle
 from verification.simulation.invariants.shared import Violation
 
-LIES_NS: Final = 15_000 * NS_PER_MS
-"""For so long after a time that is not true the robot may be wrong about its sender."""
+FALSE_STAMPS_NS: Final = 15_000 * NS_PER_MS
+"""After a false time stamp the robot may misjudge its sender for this long."""
 
 NAVIGATORS: Final = (states.BUG, states.VGM, states.BUG2)
 
 
-class Result(NamedTuple):
-    """How a run ended."""
+class RunResult(NamedTuple):
+    """The end of a run."""
 
-    scenario: Scenario
+    scenario: EventScenario
     violation: Violation | None
     digest: str
     simulated_ns: int
@@ -43,15 +43,15 @@ class Result(NamedTuple):
 
 
 class Simulation:
-    """All processes of one run; faults and operators act on it by the events of the scenario."""
+    """All processes of a run, on which the events of the scenario act."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: EventScenario) -> None:
         random = Random(f"setting {scenario.seed}")
         self.scenario = scenario
         self.scheduler = scheduler = Scheduler()
-        self.network = Network(scheduler)
-        self.hub = Hub(self.network)
-        self.history = History()
+        self.network = SimulatedNetwork(scheduler)
+        self.hub = SimulatedHub(self.network)
+        self.history = RequestHistory()
         self.oracle = Oracle(scheduler, self.history)
         self._zids = Random(f"zids {scenario.seed}")
         world = WORLDS[0] if random.random() < 0.8 else WORLDS[1]
@@ -64,26 +64,32 @@ class Simulation:
             scheduler, "plant", world, self.oracle.plant_tick, self.oracle.plant_started
         )
         self.operators = {
-            name: (StationOperator if name == STATION else Operator)(scheduler, name, self.history)
+            name: (StationOperator if name == STATION else SimulatedOperator)(
+                scheduler, name, self.history
+            )
             for name in OPERATORS
         }
         for operator in self.operators.values():
             operator.centre = (start.x_m, start.y_m)
         facts = self.oracle.facts
         facts.robot = self.robot
-        self.attacker = Attacker(
-            scheduler, self.hub, lambda: self.robot.host.now_ns(), lambda: facts.plant_ns, self.lie
+        self.attacker = SimulatedAttacker(
+            scheduler,
+            self.hub,
+            lambda: self.robot.host.now_ns(),
+            lambda: facts.plant_ns,
+            self.false_stamp,
         )
         self.hub.taps.append(self._tap)
         self.hub.arrivals.append(self._arrived)
         self._zid_of: dict[str, str] = {}
 
-    def run(self) -> Result:
+    def run(self) -> RunResult:
         """Run to the end of the scenario or to the first violation."""
         scenario, scheduler = self.scenario, self.scheduler
         draw = Random(f"secrets {scenario.seed}").getrandbits
-        Drawn.draw = lambda bits: draw(bits) or 1
-        Opened.open = self._session
+        SeededSecrets.draw = lambda bits: draw(bits) or 1
+        SessionOpener.open = self._session
         self.start_robot()
         self.plant.start()
         for event in scenario.events:
@@ -97,7 +103,7 @@ class Simulation:
                     break
         finally:
             self._close()
-        return Result(
+        return RunResult(
             scenario,
             self.oracle.facts.violation,
             self.oracle.digest.hexdigest(),
@@ -106,73 +112,72 @@ class Simulation:
         )
 
     def apply(self, event: Event) -> None:
-        """Have something happen."""
+        """Apply an event."""
         from verification.simulation.faults import FAULTS
 
         FAULTS[event.kind].apply(self, event)
 
-    # What events do.
+    # Called by events.
 
     def start_robot(self) -> None:
+        """Start the robot."""
         self.oracle.robot_started()
         self.robot.start()
 
-    def operator(self, name: str) -> Operator:
-        return self.operators[name]
-
     def host(self, name: str) -> Host:
+        """Return the host of a process."""
         if name == "robot":
             return self.robot.host
         if name == "plant":
             return self.plant.host
         return self.operators[name].host if name in self.operators else self.attacker.host
 
-    def lie(self) -> None:
-        """An operator's frames carry times that are not true."""
-        self.oracle.presence.lies_until_ns = self.scheduler.now_ns + LIES_NS
+    def false_stamp(self) -> None:
+        """Note that an operator's frame carries a false time stamp."""
+        self.oracle.presence.false_stamps_until_ns = self.scheduler.now_ns + FALSE_STAMPS_NS
 
-    # What is looked at.
+    # Observation of the bus.
 
-    def _session(self, _network: object) -> Session:
+    def _session(self, _network: object) -> SimulatedSession:
         zid = f"{self._zids.getrandbits(124) + 1:032x}"
-        session = Session(self.hub, zid)
+        session = SimulatedSession(self.hub, zid)
         self._zid_of[session.host.name] = f"open/{zid}"
         return session
 
     def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
         if source is not self.attacker.host:
-            self.attacker.hear(key, frame, note, asked=asked)
+            self.attacker.capture(key, frame, note, asked=asked)
         if not asked:
             self.oracle.put(source, path_of(key), frame)
 
-    def _arrived(self, sample: Sample) -> None:
-        """What an operator has sent under its own name is at the robot."""
+    def _arrived(self, sample: SimulatedSample) -> None:
+        """Pass on a frame that an operator sent under its own name and that reached the robot."""
         source, path = sample.source, path_of(sample.key_expr)
-        mine = MINE if source is self.attacker.host else self._zid_of.get(source.name, "")
+        mine = OWN_NAME if source is self.attacker.host else self._zid_of.get(source.name, "")
         if path.endswith(f"/{mine}"):
             self.oracle.presence.arrived(path, sample.payload, sample.sent_ns)
 
     def _judge(self) -> None:
         hosts = [operator.host for operator in self.operators.values()]
-        self.oracle.look([self.robot.host, self.plant.host, self.attacker.host, *hosts])
+        self.oracle.judge_ended([self.robot.host, self.plant.host, self.attacker.host, *hosts])
 
     def _close(self) -> None:
-        """End all processes without a word."""
+        """End all processes abruptly."""
         for operator in self.operators.values():
             operator.kill()
         self.robot.kill()
         self.plant.kill()
 
 
-def run(scenario: Scenario, defect: str = "") -> Result:
-    """Run a scenario; everything that blocks is simulated meanwhile.
+def run(scenario: EventScenario, defect: str = "") -> RunResult:
+    """Run a scenario with everything simulated that would block.
 
-    With `defect` one that was mended is put back: the name of a row of `defects.DEFECTS`.
+    `defect` names a row of `defects.DEFECTS`: a fixed defect that is put back.
     """
     collects = gc.isenabled()
     gc.disable()
     try:
-        with substituted(), defective(defect) if defect else nullcontext():
+        with substituted(), with_defect(defect) if defect else nullcontext():
             return Simulation(scenario).run()
     finally:
         if collects:

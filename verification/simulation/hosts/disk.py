@@ -1,6 +1,6 @@
-"""A simulated disk: what is written survives a power cut only after fsync of file and directory.
+"""A simulated disk: a write survives a power cut only after fsync of file and directory.
 
-`SimulatedPath` and `SimulatedOs` have what the robot's store uses of pathlib and os.
+`SimulatedPath` and `SimulatedOs` offer what the robot's store uses of pathlib and os.
 """
 
 import os
@@ -14,7 +14,7 @@ IO_ERROR: Final = 5
 
 
 class Inode:
-    """The content of a file: as programs see it, and as it is on the medium."""
+    """The content of a file, as programs see it and as it is on the medium."""
 
     __slots__ = ("live", "synced")
 
@@ -23,8 +23,8 @@ class Inode:
         self.synced = b""
 
 
-class Disk:
-    """One directory. `slow_ns` is how long an fsync takes; `failing` makes writes fail."""
+class SimulatedDisk:
+    """A disk with one directory; fsync takes `slow_ns`, and `failing` makes writes fail."""
 
     def __init__(self) -> None:
         self.slow_ns = 0
@@ -35,19 +35,20 @@ class Disk:
         self._open: dict[int, Inode | None] = {}
 
     def open(self, inode: Inode | None) -> int:
-        """A file descriptor; None stands for the directory."""
+        """Return a file descriptor; `inode` None is the directory."""
         number = 100 + len(self._open)
         self._open[number] = inode
         return number
 
     def create(self, name: str) -> Inode:
-        """A file that is there, and empty."""
+        """Create a file or empty it."""
         self.check_writable()
         inode = self.files.setdefault(name, Inode())
         inode.live = b""
         return inode
 
     def write(self, number: int, data: bytes) -> int:
+        """Append to a file."""
         self.check_writable()
         inode = self._open[number]
         assert inode is not None, "a directory is not written to"
@@ -55,7 +56,7 @@ class Disk:
         return len(data)
 
     def fsync(self, number: int) -> None:
-        """Takes its time; what another thread changes meanwhile is on the medium, too."""
+        """Save a file or the directory; changes made during the wait are saved too."""
         self.syncs += 1
         host = current_host()
         if self.slow_ns:
@@ -69,16 +70,18 @@ class Disk:
             inode.synced = inode.live
 
     def check_writable(self) -> None:
+        """Raise OSError if writes fail."""
         if self.failing:
             raise OSError(NO_SPACE, "No space left on device")
 
     def remove(self, name: str) -> None:
+        """Remove a file."""
         self.check_writable()
         if self.files.pop(name, None) is None:
             raise FileNotFoundError(2, "No such file or directory", name)
 
     def damage(self, name: str) -> bool:
-        """Make the content of a file unreadable; False where there is no such file."""
+        """Truncate a file on the medium; return False if there is no such file."""
         inode = self.files.get(name)
         if inode is None or not inode.live:
             return False
@@ -86,9 +89,9 @@ class Disk:
         return True
 
     def cut_power(self, salt: int) -> None:
-        """Lose what is not on the medium; each change of a name that is not may be, or not.
+        """Lose unsaved changes: each unsaved name is changed or not, at random.
 
-        The same for contents: a file that was not synchronised is as it was, or cut off anywhere.
+        An unsaved file keeps its old content, or is cut off anywhere.
         """
         random = Random(salt)
         for name in sorted({*self.files, *self.on_medium}):
@@ -107,9 +110,9 @@ class Disk:
 
 
 class SimulatedPath:
-    """As pathlib.Path; all files are in one directory."""
+    """Replaces pathlib.Path; all files are in one directory."""
 
-    def __init__(self, disk: Disk, name: str = "") -> None:
+    def __init__(self, disk: SimulatedDisk, name: str = "") -> None:
         self.disk = disk
         self.name = name
 
@@ -124,27 +127,33 @@ class SimulatedPath:
 
     @property
     def parent(self) -> "SimulatedPath":
+        """The directory."""
         return SimulatedPath(self.disk)
 
     def with_name(self, name: str) -> "SimulatedPath":
+        """Return the path of another file."""
         return SimulatedPath(self.disk, name)
 
     def mkdir(self, **_: object) -> None:
-        """The directory is there."""
+        """Do nothing: the directory exists."""
 
     def exists(self) -> bool:
+        """Return whether the file exists."""
         return self.name in self.disk.files
 
     def read_text(self, encoding: str = "utf-8") -> str:
+        """Return the content as text."""
         return self.read_bytes().decode(encoding)
 
     def read_bytes(self) -> bytes:
+        """Return the content."""
         inode = self.disk.files.get(self.name)
         if inode is None:
             raise FileNotFoundError(2, "No such file or directory", str(self))
         return inode.live
 
     def unlink(self, missing_ok: bool = False) -> None:
+        """Remove the file."""
         try:
             self.disk.remove(self.name)
         except FileNotFoundError:
@@ -153,7 +162,7 @@ class SimulatedPath:
 
 
 class SimulatedOs:
-    """As the module `os`, for files of the simulated disk."""
+    """Replaces the module `os` for files of the simulated disk."""
 
     O_RDONLY = os.O_RDONLY
     O_WRONLY = os.O_WRONLY
@@ -162,24 +171,30 @@ class SimulatedOs:
     O_CLOEXEC = os.O_CLOEXEC
     O_DIRECTORY = os.O_DIRECTORY
 
-    class path:
+    class path:  # noqa: N801 - named as in os
+        """Replaces os.path."""
+
         @staticmethod
         def realpath(path: Any) -> Any:
+            """Return the path itself."""
             return path
 
         @staticmethod
         def isdir(path: Any) -> bool:
+            """Return whether a path is the directory."""
             return not path.name
 
     @staticmethod
     def fsync(number: int) -> None:
+        """Save a file or the directory."""
         disk_of(current_host()).fsync(number)
 
     fdatasync = fsync
 
     @staticmethod
     def open(path: Any, flags: int = 0, _mode: int = 0, **_: object) -> int:
-        disk: Disk = path.disk
+        """Open a file or the directory."""
+        disk: SimulatedDisk = path.disk
         if not path.name:
             return disk.open(None)
         if flags & os.O_TRUNC:
@@ -188,31 +203,35 @@ class SimulatedOs:
 
     @staticmethod
     def write(number: int, data: bytes) -> int:
+        """Append to a file."""
         return disk_of(current_host()).write(number, data)
 
     @staticmethod
     def close(_number: int) -> None:
-        """Descriptors of the simulation are not counted."""
+        """Do nothing: descriptors are not counted."""
 
     @staticmethod
     def replace(source: Any, target: Any) -> None:
-        disk: Disk = source.disk
+        """Rename a file."""
+        disk: SimulatedDisk = source.disk
         disk.check_writable()
         disk.files[target.name] = disk.files.pop(source.name)
 
     @staticmethod
     def unlink(path: Any) -> None:
-        disk: Disk = path.disk
+        """Remove a file."""
+        disk: SimulatedDisk = path.disk
         disk.remove(path.name)
 
     @staticmethod
     def mkdir(_path: Any) -> None:
-        """The directory is there."""
+        """Do nothing: the directory exists."""
 
 
-DISKS: Final[dict[str, Disk]] = {}
+DISKS: Final[dict[str, SimulatedDisk]] = {}
 """The disk of each host, by its name."""
 
 
-def disk_of(host: Host) -> Disk:
+def disk_of(host: Host) -> SimulatedDisk:
+    """Return the disk of a host."""
     return DISKS[host.name]

@@ -1,15 +1,15 @@
-"""What the simulated sessions of one run share: declarations, samples and queries on their way."""
+"""The shared state of all simulated sessions: declarations, samples and queries."""
 
 from collections.abc import Callable
 from typing import Any, Final
 
 import zenoh
 
-from verification.simulation.hosts.network import Network
+from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.scheduler import Host, Task
 
 WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
-"""Beginnings of the topics and services that invariants or the attacker look at."""
+"""Prefixes of the topics and services that invariants or the attacker observe."""
 
 MANY: Final = 10_000
 Tap = Callable[[Host, str, bytes, bytes | None, bool], None]
@@ -18,17 +18,18 @@ Put: Final = zenoh.SampleKind.PUT
 Delete: Final = zenoh.SampleKind.DELETE
 
 
-class Payload(bytes):
-    """As zenoh.ZBytes."""
+class SimulatedBytes(bytes):
+    """Replaces zenoh.ZBytes."""
 
     __slots__ = ()
 
     def to_bytes(self) -> bytes:
+        """Return the bytes."""
         return self
 
 
-class Sample:
-    """As zenoh.Sample."""
+class SimulatedSample:
+    """Replaces zenoh.Sample."""
 
     __slots__ = (
         *("attachment", "encoding", "key_expr", "kind", "payload"),
@@ -47,53 +48,55 @@ class Sample:
         kind: object = Put,
     ) -> None:
         self.key_expr = key
-        self.payload = Payload(payload)
+        self.payload = SimulatedBytes(payload)
         self.encoding = encoding
-        self.attachment = None if attachment is None else Payload(attachment)
+        self.attachment = None if attachment is None else SimulatedBytes(attachment)
         self.kind = kind
         self.source = source
         self.sent_ns = source.scheduler.now_ns
         self.timestamp = None
 
 
-class Reply:
-    """As zenoh.Reply: `ok` is None where no answer has come in time."""
+class SimulatedReply:
+    """Replaces zenoh.Reply; `ok` is None if no answer arrived in time."""
 
     __slots__ = ("err", "ok")
 
-    def __init__(self, ok: Sample | None) -> None:
+    def __init__(self, ok: SimulatedSample | None) -> None:
         self.ok = ok
         self.err = None
 
 
-class Waiting:
-    """A query that is not answered yet."""
+class PendingQuery:
+    """A query that waits for its answers."""
 
     __slots__ = ("dropped", "replies", "task")
 
     def __init__(self, task: Task) -> None:
         self.task = task
-        self.replies: list[Reply] = []
+        self.replies: list[SimulatedReply] = []
         self.dropped = False
 
-    def answered(self, sample: Sample) -> None:
-        self.replies.append(Reply(sample))
+    def answered(self, sample: SimulatedSample) -> None:
+        """Add an answer."""
+        self.replies.append(SimulatedReply(sample))
         self.task.wake()
 
     def drop(self) -> None:
+        """End the query without an answer."""
         self.dropped = True
         self.task.wake()
 
 
-class Query:
-    """As zenoh.Query."""
+class SimulatedQuery:
+    """Replaces zenoh.Query."""
 
     def __init__(
         self,
-        hub: "Hub",
+        hub: "SimulatedHub",
         server: Host,
-        waiting: Waiting,
-        asked: Sample,
+        waiting: PendingQuery,
+        asked: SimulatedSample,
         *,
         has_payload: bool,
     ) -> None:
@@ -107,20 +110,23 @@ class Query:
         self.encoding = asked.encoding if has_payload else None
         self.source = asked.source
 
-    def __enter__(self) -> "Query":
+    def __enter__(self) -> "SimulatedQuery":
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Replies of the simulation are final at once."""
+        """Do nothing: replies are final at once."""
 
     def reply(self, key: object, payload: bytes, *, encoding: object = "", **_: object) -> None:
-        sample = Sample(str(key), payload, str(encoding), None, self._server)
+        """Send a reply."""
+        sample = SimulatedSample(str(key), payload, str(encoding), None, self._server)
         self._back(self._waiting.answered, sample)
 
     def reply_err(self, payload: object, **_: object) -> None:
+        """Send an error, which ends the query."""
         self._back(self._waiting.drop)
 
     def drop(self) -> None:
+        """End the query without a reply."""
         self._back(self._waiting.drop)
 
     def _back(self, action: Callable[..., object], *arguments: Any) -> None:
@@ -130,12 +136,12 @@ class Query:
 
 
 class Subscription:
-    """A subscriber, queryable or liveliness token; undeclare it to end it."""
+    """A subscriber, queryable or liveliness token."""
 
     __slots__ = ("callback", "host", "key", "table")
 
     def __init__(
-        self, key: str, host: Host, callback: Callable[[Any], object], table: "Table"
+        self, key: str, host: Host, callback: Callable[[Any], object], table: "Declarations"
     ) -> None:
         self.key = key
         self.host = host
@@ -143,32 +149,35 @@ class Subscription:
         self.table = table
 
     def undeclare(self) -> None:
+        """End the declaration."""
         self.table.remove(self)
 
 
-class Table:
-    """Declarations by key expression, and which of them a key meets."""
+class Declarations:
+    """Declarations by key expression, and the declarations that a key matches."""
 
     def __init__(self) -> None:
         self._all: list[Subscription] = []
         self._routes: dict[str, tuple[Subscription, ...]] = {}
         self.quiet: dict[str, bool] = {}
-        """Keys that nobody looks at, for as long as the declarations are what they are."""
+        """Keys that no declaration matches, valid until a declaration changes."""
 
     def add(self, one: Subscription) -> Subscription:
+        """Add a declaration."""
         self._all.append(one)
         self._routes.clear()
         self.quiet.clear()
         return one
 
     def remove(self, one: Subscription) -> None:
+        """Remove a declaration."""
         if one in self._all:
             self._all.remove(one)
             self._routes.clear()
             self.quiet.clear()
 
     def leave(self, host: Host) -> list[Subscription]:
-        """Remove all of a host that has ended; what they were."""
+        """Remove and return the declarations of a host that has ended."""
         gone = [one for one in self._all if one.host is host]
         self._all = [one for one in self._all if one.host is not host]
         self._routes.clear()
@@ -176,6 +185,7 @@ class Table:
         return gone
 
     def met_by(self, key: str) -> tuple[Subscription, ...]:
+        """Return the declarations that a key matches."""
         found = self._routes.get(key)
         if found is None:
             found = tuple(one for one in self._all if intersects(one.key, key))
@@ -187,7 +197,7 @@ _INTERSECTS: dict[tuple[str, str], bool] = {}
 
 
 def intersects(one: str, other: str) -> bool:
-    """Whether two key expressions meet, as Zenoh decides it."""
+    """Return whether two key expressions intersect, as Zenoh defines it."""
     found = _INTERSECTS.get((one, other))
     if found is None:
         found = _INTERSECTS[one, other] = zenoh.KeyExpr(one).intersects(zenoh.KeyExpr(other))
@@ -198,7 +208,7 @@ _PATHS: dict[str, str] = {}
 
 
 def path_of(key: str) -> str:
-    """What follows prefix and robot in a key."""
+    """Return the part of a key after prefix and robot."""
     path = _PATHS.get(key)
     if path is None:
         path = key.split("/", 2)[2]
@@ -207,24 +217,24 @@ def path_of(key: str) -> str:
     return path
 
 
-class Hub:
-    """What all sessions of one simulation share."""
+class SimulatedHub:
+    """The shared state of all sessions of a simulation."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: SimulatedNetwork) -> None:
         self.network = network
-        self.subscribers = Table()
-        self.queryables = Table()
-        self.tokens = Table()
-        self.watchers = Table()
+        self.subscribers = Declarations()
+        self.queryables = Declarations()
+        self.tokens = Declarations()
+        self.watchers = Declarations()
         self.taps: list[Tap] = []
         """Called with each frame that is put or asked: source, key, payload, attachment, asked."""
-        self.arrivals: list[Callable[[Sample], None]] = []
-        """Called with each sample of an operator that arrives at the robot, before it is heard."""
+        self.arrivals: list[Callable[[SimulatedSample], None]] = []
+        """Called with each operator sample that arrives at the robot, before its subscriber."""
 
-    def heard(self, callback: Callable[[Any], object]) -> Callable[[Any], object]:
-        """A callback that tells of what arrives, and then takes it."""
+    def with_taps(self, callback: Callable[[Any], object]) -> Callable[[Any], object]:
+        """Return a callback that passes a sample to the arrival taps, then to `callback`."""
 
-        def take(sample: Sample) -> None:
+        def take(sample: SimulatedSample) -> None:
             for tap in self.arrivals:
                 tap(sample)
             callback(sample)
@@ -232,17 +242,17 @@ class Hub:
         return take
 
     def leave(self, host: Host) -> None:
-        """A host has ended: its declarations end, and others learn it."""
+        """Remove the declarations of a host that has ended, and announce that."""
         self.subscribers.leave(host)
         self.queryables.leave(host)
         self.watchers.leave(host)
         for token in self.tokens.leave(host):
-            self.tell(token, Delete)
+            self.announce(token, Delete)
 
-    def tell(self, token: Subscription, kind: object) -> None:
-        """Tell those that watch that a token has come or gone."""
+    def announce(self, token: Subscription, kind: object) -> None:
+        """Announce to its watchers that a token was declared or removed."""
         for watcher in self.watchers.met_by(token.key):
-            sample = Sample(token.key, b"", "", None, token.host, kind)
+            sample = SimulatedSample(token.key, b"", "", None, token.host, kind)
             scheduler = self.network.scheduler
             scheduler.at(scheduler.now_ns, watcher.host.call, watcher.callback, sample)
 
@@ -257,25 +267,25 @@ class Hub:
         found = self.subscribers.met_by(key)
         if not found:
             return
-        network, sample = self.network, Sample(key, frame, encoding, note, source)
+        network, sample = self.network, SimulatedSample(key, frame, encoding, note, source)
         for one in found:
             network.send(source, one.host, path, one.callback, sample)
 
     def quiet(self, key: str) -> bool:
-        """Whether nobody looks at what is put on a key."""
+        """Return whether neither a subscriber nor an invariant observes a key."""
         found = self.subscribers.quiet.get(key)
         if found is None:
             listened = self.subscribers.met_by(key) or path_of(key).startswith(WATCHED)
             found = self.subscribers.quiet[key] = not listened
         return found
 
-    def ask(self, asked: Sample, waiting: Waiting, *, has_payload: bool) -> bool:
-        """Send a query to its servers; False when there is none."""
+    def ask(self, asked: SimulatedSample, waiting: PendingQuery, *, has_payload: bool) -> bool:
+        """Send a query to its servers; return False when there is none."""
         for tap in self.taps:
             tap(asked.source, asked.key_expr, asked.payload, asked.attachment, True)
         found = self.queryables.met_by(asked.key_expr)
         for one in found:
-            query = Query(self, one.host, waiting, asked, has_payload=has_payload)
+            query = SimulatedQuery(self, one.host, waiting, asked, has_payload=has_payload)
             path = path_of(asked.key_expr)
             self.network.send(asked.source, one.host, path, one.callback, query)
         return bool(found)

@@ -1,6 +1,6 @@
-"""The simulated network: what happens to each frame between two hosts.
+"""The simulated network: delay, loss and order of frames between two hosts.
 
-Links have a direction. Without an impairment a frame takes a fixed time, so frames stay in order.
+Links have a direction. Without an impairment the delay is constant, so frames stay in order.
 """
 
 from collections.abc import Callable
@@ -17,10 +17,10 @@ GROWN_NS: Final = 4_000 * NS_PER_MS
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Impairment:
-    """What is wrong with a link; shares from 0 to 1. `paths`: beginnings of topics, none: all.
+    """The disturbance of a link; shares are from 0 to 1.
 
-    `growth`: since `since_ns` the delay grows by this share of the time, as behind a queue that
-    fills; up to GROWN_NS.
+    `paths` are the prefixes of the topics it affects; all, if empty. With `growth` the delay has
+    grown by this share of the time since `since_ns`, as behind a filling queue, up to GROWN_NS.
     """
 
     loss: float = 0.0
@@ -33,30 +33,34 @@ class Impairment:
     paths: tuple[str, ...] = ()
 
     def concerns(self, path: str) -> bool:
+        """Return whether a topic is affected."""
         return not self.paths or path.startswith(self.paths)
 
 
-class Link:
-    """The way from one host to another."""
+class SimulatedLink:
+    """The link from one host to another."""
 
     def __init__(self) -> None:
         self.impairments: tuple[tuple[Impairment, Random], ...] = ()
         self.delay_ns = USUAL_DELAY_NS
 
     def add(self, impairment: Impairment, salt: int) -> None:
+        """Add an impairment."""
         self.impairments = (*self.impairments, (impairment, Random(salt)))
 
     def remove(self, impairment: Impairment) -> None:
+        """Remove an impairment."""
         self.impairments = tuple(
             (one, random) for one, random in self.impairments if one is not impairment
         )
 
     @property
     def cut(self) -> bool:
+        """True if no frame passes."""
         return any(one.loss >= 1.0 and not one.paths for one, _ in self.impairments)
 
     def arrivals_ns(self, path: str, now_ns: int) -> list[int]:
-        """After how long each copy of a frame arrives; none: it is lost."""
+        """Return the delay of each copy of a frame; empty if it is lost."""
         delays_ns = [self.delay_ns]
         for impairment, random in self.impairments:
             if not impairment.concerns(path):
@@ -75,29 +79,30 @@ class Link:
         return delays_ns
 
 
-class Network:
-    """All links, and who is connected to whom."""
+class SimulatedNetwork:
+    """All links and their state."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler = scheduler
-        self._links: dict[tuple[str, str], Link] = {}
-        self.born_ns: dict[str, int] = {}
+        self._links: dict[tuple[str, str], SimulatedLink] = {}
+
         self.sent = 0
 
-    def link(self, source: str, target: str) -> Link:
+    def link(self, source: str, target: str) -> SimulatedLink:
+        """Return the link from one host to another."""
         link = self._links.get((source, target))
         if link is None:
-            link = self._links[source, target] = Link()
+            link = self._links[source, target] = SimulatedLink()
         return link
 
     def connected(self, source: Host, target: Host) -> bool:
-        """Whether frames go from one to the other: both are there and have dialled."""
+        """Return whether frames pass from one host to another."""
         return source.alive and target.alive and not self.link(source.name, target.name).cut
 
     def send(
         self, source: Host, target: Host, path: str, action: Callable[..., object], *arguments: Any
     ) -> None:
-        """Have `action` called at the target when the frame arrives there, if it does."""
+        """Call `action` at the target when the frame arrives, unless it is lost."""
         scheduler = self.scheduler
         self.sent += 1
         if source is target:

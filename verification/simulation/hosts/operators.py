@@ -1,7 +1,7 @@
-"""Operators of the simulation: the command line's own link, state machines and verbs.
+"""Operators of the simulation, made of the command line's own client code.
 
-An operator is a process with two threads of work: its actions one after the other, and its
-emergency stops, which wait for nothing. Its heart beats on a thread of its own, as in `lease take`.
+An operator is a process with two threads of work: one runs its actions in turn, the other its
+emergency stops, which do not wait. Its heartbeat has a thread of its own, as in `lease take`.
 """
 
 from collections import deque
@@ -39,8 +39,8 @@ ORDERS: Final = {command.verb: command for command in COMMANDS}
 
 
 @dataclass(slots=True)
-class Asked:
-    """What an operator asked, and what it was told; `answered` None: nothing in time."""
+class OperatorRequest:
+    """A request of an operator and its outcome; `answered` is None without an answer in time."""
 
     operator: str
     action: str
@@ -51,20 +51,21 @@ class Asked:
     answered: bool | None = None
     reason: int = 0
     killed: bool = False
-    """Its operator has ended before it was told anything."""
+    """The operator's process ended before an answer."""
 
 
 @dataclass(slots=True)
-class History:
-    """What operators asked, and what they were told."""
+class RequestHistory:
+    """The requests of all operators."""
 
-    open: list[Asked] = field(default_factory=list)
-    """What has not been judged yet."""
-    pressed: list[Asked] = field(default_factory=list)
-    """Emergency stops; who judges them removes them."""
-    by_id: dict[int, Asked] = field(default_factory=dict)
+    open: list[OperatorRequest] = field(default_factory=list)
+    """Requests that have not been judged."""
+    pressed: list[OperatorRequest] = field(default_factory=list)
+    """Emergency stops that have not been judged."""
+    by_id: dict[int, OperatorRequest] = field(default_factory=dict)
 
-    def begin(self, asked: Asked) -> None:
+    def begin(self, asked: OperatorRequest) -> None:
+        """Add a request."""
         self.open.append(asked)
         if asked.action == "stop":
             self.pressed.append(asked)
@@ -72,17 +73,17 @@ class History:
         if number:
             self.by_id[number] = asked
 
-    def ended(self) -> list[Asked]:
-        """What has ended since the last call, in the order in which it was asked."""
+    def ended(self) -> list[OperatorRequest]:
+        """Return the requests that ended since the last call, in the order of their sending."""
         ended = [asked for asked in self.open if asked.ended_ns is not None]
         self.open = [asked for asked in self.open if asked.ended_ns is None]
         return ended
 
 
-class Operator:
-    """One operator; `start` again after `kill` makes another session of the same person."""
+class SimulatedOperator:
+    """An operator; `start` after `kill` opens another session of the same operator."""
 
-    def __init__(self, scheduler: Scheduler, name: str, history: History) -> None:
+    def __init__(self, scheduler: Scheduler, name: str, history: RequestHistory) -> None:
         self.name = name
         self.host = Host(scheduler, name)
         self.host.alive = False
@@ -96,6 +97,7 @@ class Operator:
         self._early: deque[tuple[str, tuple[Argument, ...]]] = deque()
 
     def start(self) -> None:
+        """Start the process."""
         if self.host.alive:
             return
         self.starts += 1
@@ -106,7 +108,7 @@ class Operator:
         self.host.spawn(self._main)
 
     def kill(self) -> None:
-        """As SIGKILL: the lease is not given back."""
+        """Kill the process; the lease is not released."""
         if self.link is not None and self.host.alive:
             self.host.alive = False
             session: Any = self.link.bus._session
@@ -118,7 +120,7 @@ class Operator:
         self.link = self._actions = None
 
     def do(self, action: str, arguments: tuple[Argument, ...]) -> None:
-        """Have it act: a stop at once, everything else after what it does now."""
+        """Run an action: a stop at once, others after the current one."""
         if not self.host.alive:
             return
         if action == "stop":
@@ -152,14 +154,14 @@ class Operator:
         assert self.link is not None
         return self.link
 
-    # What an operator asks; each is written to the history.
+    # Actions; each request is added to the history.
 
-    def _begin(self, action: str, request: Message | None, *content: Any) -> Asked:
-        asked = Asked(self.name, action, self._scheduler.now_ns, request, content)
+    def _begin(self, action: str, request: Message | None, *content: Any) -> OperatorRequest:
+        asked = OperatorRequest(self.name, action, self._scheduler.now_ns, request, content)
         self._history.begin(asked)
         return asked
 
-    def _end(self, asked: Asked, answered: bool | None, reason: int = 0) -> bool:
+    def _end(self, asked: OperatorRequest, answered: bool | None, reason: int = 0) -> bool:
         asked.ended_ns = self._scheduler.now_ns
         asked.answered, asked.reason = answered, reason
         return bool(answered)
@@ -173,6 +175,7 @@ class Operator:
         return self._end(asked, answer.ok, answer.reason if isinstance(answer, Refused) else 0)
 
     def command(self, link: Link, action: str, request: Any) -> bool:
+        """Send a command."""
         return self._ask(action, request, lambda: link.ask(request))
 
     def _stop(self) -> None:
@@ -188,6 +191,7 @@ class Operator:
         self._end(asked, True if outcome.acknowledged else None)
 
     def take(self, link: Link, how: str) -> bool:
+        """Take, seize or release the lease."""
         action = LeaseAction[how]
 
         def ask() -> Answer:
@@ -199,13 +203,16 @@ class Operator:
         return ok
 
     def order(self, link: Link, verb: str) -> bool:
+        """Send the command of a verb."""
         return self.command(link, verb, link.command(*ORDERS[verb].parts))
 
     def mode(self, link: Link, name: str) -> bool:
+        """Change the mode."""
         mode = float(Mode[name])
         return self.command(link, f"mode {name}", link.command(Command.DO_SET_MODE, 1.0, mode))
 
     def goto(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
+        """Send a goal."""
         where = destination([x_m, y_m]).on_the_wire()
         return self.command(link, "goto", goal_request(where, link.ids.next(), Mode[mode]))
 
@@ -222,11 +229,12 @@ class Operator:
         return True
 
     def drive(self, link: Link, x_m: float, y_m: float, mode: str) -> bool:
-        """Arm and go there."""
+        """Arm and send a goal."""
         self.order(link, "arm")
         return self.goto(link, x_m, y_m, mode)
 
     def param(self, link: Link, name: str, value: float) -> bool:
+        """Set a parameter."""
         request = ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32)
         asked = self._begin("param", request, name, value)
         answer: object = None
@@ -243,7 +251,7 @@ class Operator:
         return self._end(asked, False, getattr(answer, "result_param2", 0))
 
     def fence(self, link: Link, radius_m: float, corners: int = 0) -> bool:
-        """A circle around the world's start, or a square as wide; 0: none."""
+        """Upload a circle around the start, or a square as wide; clear the fence for 0."""
         if not radius_m:
             return self._transfer(link, "fence off", MissionType.FENCE, ())
         x_m, y_m = self.centre
@@ -257,7 +265,7 @@ class Operator:
         return self._transfer(link, "fence", MissionType.FENCE, items)
 
     def mission(self, link: Link, hold_s: float, *places: float) -> bool:
-        """Upload stops and start them."""
+        """Upload stops and start the mission."""
         stops = zip(places[::2], places[1::2], strict=True)
         waypoints = [Waypoint(x_m=x_m, y_m=y_m, hold_s=hold_s) for x_m, y_m in stops]
         items = tuple(items_of(waypoints))
@@ -282,13 +290,13 @@ class Operator:
 
 
 ACTIONS: Final[dict[str, Callable[..., bool]]] = {
-    "lease": Operator.take,
-    "order": Operator.order,
-    "mode": Operator.mode,
-    "goto": Operator.goto,
-    "drive": Operator.drive,
-    "teleop": Operator.teleop,
-    "param": Operator.param,
-    "fence": Operator.fence,
-    "mission": Operator.mission,
+    "lease": SimulatedOperator.take,
+    "order": SimulatedOperator.order,
+    "mode": SimulatedOperator.mode,
+    "goto": SimulatedOperator.goto,
+    "drive": SimulatedOperator.drive,
+    "teleop": SimulatedOperator.teleop,
+    "param": SimulatedOperator.param,
+    "fence": SimulatedOperator.fence,
+    "mission": SimulatedOperator.mission,
 }

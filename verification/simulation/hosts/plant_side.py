@@ -1,4 +1,4 @@
-"""The plant's process in the simulation: real world, wires, desk and loop."""
+"""The plant's process in the simulation: real world, robot link, requests and loop."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -35,7 +35,7 @@ WORLDS: Final = (
 
 
 class PlantSide:
-    """One plant that may end and be started again: then its time and place begin anew."""
+    """A plant that can be killed and restarted, with a new time and place."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class PlantSide:
         self.host.alive = False
         self.plant: Plant | None = None
         self.bus: Bus | None = None
-        self.wires: RobotLink | None = None
+        self.robot_link: RobotLink | None = None
         self.starts = 0
         self._scheduler = scheduler
         self._world = world
@@ -58,6 +58,7 @@ class PlantSide:
         self._started = started
 
     def start(self) -> None:
+        """Start the process."""
         if self.host.alive:
             return
         self.host = Host(self._scheduler, self.name, 5_000_000_000 * (self.starts + 1))
@@ -65,7 +66,7 @@ class PlantSide:
         self.host.spawn(self._main)
 
     def kill(self) -> None:
-        """As SIGKILL."""
+        """Kill the process."""
         if self.bus is not None and self.host.alive:
             self.host.alive = False
             session: Any = self.bus._session
@@ -77,12 +78,12 @@ class PlantSide:
         plant = Plant(self._world, self.starts, Noise())
         bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
         wake = Wake()
-        desk = RequestQueue(running=True, world={}, nudge=wake)
-        wires = self.wires = RobotLink(bus, "r1", 0, wake, lockstep=False)
+        requests = RequestQueue(running=True, world={}, nudge=wake)
+        link = self.robot_link = RobotLink(bus, "r1", 0, wake, lockstep=False)
         for service in (RUN, WORLD):
-            bus.serve(service, lambda asked: desk.ask(0, asked), "r1")
+            bus.serve(service, lambda request: requests.ask(0, request), "r1")
         claim(bus, ["r1"])
         self.plant = plant
         self._started()
-        process = Process(plant, [wires], desk, wake, look=lambda: self._look(plant))
+        process = Process(plant, [link], requests, wake, look=lambda: self._look(plant))
         process.run_wall(SimulatedClock())

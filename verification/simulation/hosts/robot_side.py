@@ -16,45 +16,51 @@ from robot.storage.files import Store
 from robot.storage.writer import WriterThread
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
-from verification.simulation.hosts.disk import DISKS, Disk, SimulatedPath
+from verification.simulation.hosts.disk import DISKS, SimulatedDisk, SimulatedPath
 from verification.simulation.hosts.scheduler import Host, Scheduler, current_task
 from verification.simulation.hosts.threads import SimulatedClock
 
 SETTLES_NS: Final = 300_000_000
-"""After a hang the grid has found its phase within this time."""
+"""After a hang the tick grid has recovered its phase within this time."""
 
 
-class Observer(Protocol):
-    """What is told of the robot."""
+class RobotObserver(Protocol):
+    """Receives the events of the robot process."""
 
-    def received(
-        self, vehicle: Vehicle, request: Message, answer: Answer, operator: str
-    ) -> None: ...
-    def restored(self, vehicle: Vehicle) -> None: ...
-    def cycled(self, side: "RobotSide", tick: Tick) -> None: ...
-    def held_up(self, until_ns: int) -> None: ...
+    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+        """Receive a request and its answer."""
+
+    def restored(self, vehicle: Vehicle) -> None:
+        """Receive the vehicle with its restored files."""
+
+    def cycled(self, side: "RobotSide", tick: Tick) -> None:
+        """Receive the end of a tick."""
+
+    def held_up(self, until_ns: int) -> None:
+        """Receive the time until which the process is delayed."""
 
 
 class ObservedVehicle(Vehicle):
-    """The real vehicle; an observer is told of each request and its answer."""
+    """The real vehicle, whose requests and answers are passed to an observer."""
 
-    observer: Observer
+    observer: RobotObserver
 
     def receive(self, request: Message, now_ns: int, operator: str = "", **more: Any) -> Answer:
+        """Act on a request, and pass it and its answer to the observer."""
         answer = super().receive(request, now_ns, operator, **more)
         self.observer.received(self, request, answer, operator)
         return answer
 
 
 class RobotSide:
-    """One robot that may end and be started again; its disk outlives it."""
+    """A robot that can be killed and restarted; its disk is kept."""
 
     def __init__(
-        self, scheduler: Scheduler, name: str, params: Params, start: Pose, observer: Observer
+        self, scheduler: Scheduler, name: str, params: Params, start: Pose, observer: RobotObserver
     ) -> None:
         self.name = name
         self.robot = "r1"
-        self.disk = DISKS[name] = Disk()
+        self.disk = DISKS[name] = SimulatedDisk()
         self.clock_offset_ns = 0
         self.wall_step_ns = 0
         self.starts = 0
@@ -76,10 +82,11 @@ class RobotSide:
 
     @property
     def runs(self) -> bool:
-        """Whether its loop goes round."""
+        """True if its loop runs."""
         return self.host.alive and self.vehicle is not None
 
     def start(self) -> None:
+        """Start the process."""
         if self.host.alive:
             return
         self.host = Host(self._scheduler, self.name, self.clock_offset_ns)
@@ -88,7 +95,7 @@ class RobotSide:
         self.host.spawn(self._main)
 
     def kill(self) -> None:
-        """As SIGKILL: no last word."""
+        """Kill the process."""
         if self.bus is not None and self.host.alive:
             self.died_ns = self._scheduler.now_ns
             self.host.alive = False
@@ -116,7 +123,7 @@ class RobotSide:
         process.finish()
 
     def _observed(self, grid: Iterable[Tick]) -> Iterator[Tick]:
-        """The same ticks; after each the observer looks, and faults take their time."""
+        """Yield the ticks of the grid, call the observer after each, and delay for faults."""
         task = current_task()
         for tick in grid:
             assert self.clock is not None
@@ -131,4 +138,5 @@ class RobotSide:
 
 
 def robot_params(navigator: int) -> Params:
+    """Return the default parameters with a navigator."""
     return DEFAULTS._replace(navigator=navigator)

@@ -1,8 +1,8 @@
 """Virtual time: an event queue, and tasks that wait in it instead of in the operating system.
 
 A task is a greenlet. Product code that blocks (a sleep, a queue, a query) runs unmodified in one:
-each wait is an event of the queue. Only one task runs at a time, and the order of events depends on
-nothing but their times and the order in which they were made.
+each wait is an event of the queue. Only one task runs at a time. The order of events depends only
+on their times and the order in which they were added.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from runtime.units import NS_PER_S
 
 
 class Scheduler:
-    """Events in order of time; events of one instant in the order in which they were made."""
+    """Events in order of time; events of the same time in the order in which they were added."""
 
     def __init__(self) -> None:
         self.now_ns = 0
@@ -30,12 +30,12 @@ class Scheduler:
         return self._hub
 
     def at(self, when_ns: int, action: Callable[..., object], *arguments: Any) -> None:
-        """Call `action` at that time, or next if the time has passed."""
+        """Call `action` at a time, or next if the time has passed."""
         self._sequence += 1
         heappush(self._heap, (when_ns, self._sequence, action, arguments))
 
     def run(self, until_ns: int) -> None:
-        """Run all events up to this time."""
+        """Run all events up to a time."""
         heap = self._heap
         while heap and heap[0][0] <= until_ns:
             when_ns, _, action, arguments = heappop(heap)
@@ -47,10 +47,10 @@ class Scheduler:
 
 
 class Host:
-    """One simulated process: its tasks, its clock, and whether it runs, is suspended or has ended.
+    """A simulated process: its tasks and its clock; it runs, is suspended or has ended.
 
-    While it is suspended (as by SIGSTOP) nothing of it runs; what arrives within the first second
-    waits, as in the buffers of a connection, and the rest is lost with the connection.
+    A suspended host (as by SIGSTOP) runs nothing. What arrives within the first second waits, as in
+    the buffers of a connection; the rest is lost with the connection.
     """
 
     KEEPS_NS: Final = NS_PER_S
@@ -64,27 +64,28 @@ class Host:
         self.clock_offset_ns = clock_offset_ns
         self.error: BaseException | None = None
         self.wall_offset_ns = 1_795_000_000 * NS_PER_S
-        """How far the wall clock is ahead of simulated time."""
+        """Offset of the wall clock to simulated time."""
         self._suspended_ns: int | None = None
         self._waiting: list[tuple[Callable[..., object], tuple[Any, ...]]] = []
         self._tasks: list[Task] = []
 
     def now_ns(self) -> int:
-        """Time of this host's monotonic clock."""
+        """Return the monotonic time of this host."""
         return self.scheduler.now_ns + self.clock_offset_ns
 
     @property
     def suspended(self) -> bool:
+        """True if the host is suspended."""
         return self._suspended_ns is not None
 
     def deliver(self, action: Callable[..., object], *arguments: Any) -> None:
-        """Run the callback of an arrival; lost where the connection has ended meanwhile."""
+        """Call the callback of an arrival, unless the connection has ended meanwhile."""
         since_ns = self._suspended_ns
         if since_ns is None or self.scheduler.now_ns - since_ns <= self.KEEPS_NS:
             self.call(action, *arguments)
 
     def call(self, action: Callable[..., object], *arguments: Any) -> None:
-        """Run something in this host, now or when it is resumed."""
+        """Call `action` in this host, now or when the host is resumed."""
         if not self.alive:
             return
         if self._suspended_ns is not None:
@@ -107,11 +108,12 @@ class Host:
         return task
 
     def suspend(self) -> None:
+        """Suspend the host."""
         if self._suspended_ns is None:
             self._suspended_ns = self.scheduler.now_ns
 
     def resume(self) -> None:
-        """Go on: first with what has arrived meanwhile."""
+        """Resume the host, first with the arrivals that waited."""
         if self._suspended_ns is None:
             return
         self._suspended_ns = None
@@ -120,7 +122,7 @@ class Host:
             self.call(action, *arguments)
 
     def kill(self) -> None:
-        """End at once: nothing that its code does on the way out has an effect."""
+        """End the host; cleanup code of its tasks has no effect."""
         self.alive = False
         self._waiting = []
         before, Host.running = Host.running, self
@@ -143,6 +145,7 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
         self._token = 0
 
     def start(self) -> None:
+        """Run the task in its host."""
         self.host.call(self.switch)
 
     def _guarded(self) -> None:
@@ -154,7 +157,7 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
             self.host.error = error
 
     def wait_until(self, deadline_ns: int | None) -> None:
-        """Wait for `wake` or until this time of the scheduler; None: for `wake` alone."""
+        """Wait for `wake`, or until a scheduler time if `deadline_ns` is not None."""
         host = self.host
         if not host.alive:
             raise GreenletExit
@@ -167,7 +170,7 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
             raise GreenletExit
 
     def wake(self) -> None:
-        """End the wait of this task at this instant, after what runs now."""
+        """End the wait of this task at this instant, after the current event."""
         scheduler = self.host.scheduler
         scheduler.at(scheduler.now_ns, self._continue, self._token)
 
@@ -176,22 +179,22 @@ class Task(greenlet):  # type: ignore[misc]  # it carries no types
             self.host.call(self._resume, token)
 
     def _resume(self, token: int) -> None:
-        """A wait that has ended while the host was suspended does not end twice."""
+        """Continue once, even if the wait ended while the host was suspended."""
         if token == self._token and not self.dead:
             self._token += 1
             self.switch()
 
 
 def current_task() -> Task:
-    """The task that runs now; RuntimeError in an event that may not wait."""
+    """Return the running task; RuntimeError in an event, which must not wait."""
     task = getcurrent()
     if not isinstance(task, Task):
-        raise RuntimeError("code of the bus's thread has tried to wait")
+        raise RuntimeError("code in the bus's thread must not wait")
     return task
 
 
 def current_host() -> Host:
-    """The host whose code runs now."""
+    """Return the host whose code runs; RuntimeError if there is none."""
     task = getcurrent()
     if isinstance(task, Task):
         return task.host

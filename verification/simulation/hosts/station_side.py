@@ -1,7 +1,7 @@
-"""An operator who uses the ground station: its model without the screen, polled 20 times a second.
+"""An operator at the ground station: its model without the screen, polled 20 times a second.
 
-The lease, the heartbeat, the emergency stop and the requests are the station's own; what a request
-does is what the command line does.
+Lease, heartbeat, emergency stop and requests are the station's own. The requests do what the
+command line does.
 """
 
 from typing import Any, Final
@@ -12,20 +12,25 @@ from ground.station import JobResult, Station
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.events import Argument
-from verification.simulation.hosts.operators import ACTIONS, DIALS, Asked, Operator
+from verification.simulation.hosts.operators import (
+    ACTIONS,
+    DIALS,
+    OperatorRequest,
+    SimulatedOperator,
+)
 from verification.simulation.hosts.threads import SimulatedClock, SimulatedQueue
 
 POLL_NS: Final = 50_000_000
 ACKNOWLEDGED: Final = "E-STOP acknowledged"
 STILL: Final = ("param", "fence")
-"""Actions that move nothing: the station takes no lease for them."""
+"""Actions that do not move the robot, for which the station takes no lease."""
 
 
-class StationOperator(Operator):
-    """As `Operator`; what it is told is in the station's log."""
+class StationOperator(SimulatedOperator):
+    """An operator whose answers appear in the station's log."""
 
     _station: Station | None = None
-    _press: Asked | None = None
+    _press: OperatorRequest | None = None
     _lines_before = 0
 
     def _main(self) -> None:
@@ -62,7 +67,7 @@ class StationOperator(Operator):
         station.submit(action, job, moves=action not in STILL)
 
     def _stop(self) -> None:
-        """Press the station's emergency stop, which goes on until it says how it ended."""
+        """Press the station's emergency stop, which repeats until acknowledged or given up."""
         station = self._station
         if station is None:
             return
@@ -76,5 +81,7 @@ class StationOperator(Operator):
         if press is None or station.stopping:
             return
         self._press = None
-        told = any(ACKNOWLEDGED in line.text for line in station.log.since(self._lines_before))
-        self._end(press, True if told else None)
+        acknowledged = any(
+            ACKNOWLEDGED in line.text for line in station.log.since(self._lines_before)
+        )
+        self._end(press, True if acknowledged else None)

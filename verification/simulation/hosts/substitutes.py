@@ -1,7 +1,7 @@
-"""Puts the simulated session, threads and clocks in the place of the real ones.
+"""Replace session, threads and clocks by simulated ones.
 
-Only modules are touched whose code would otherwise block, start a thread, read a real clock or
-draw a random number. All other product code runs as it is.
+Only modules whose code would block, start a thread, read a real clock or draw a random number are
+changed. All other product code runs unmodified.
 """
 
 from collections.abc import Callable, Iterator
@@ -28,48 +28,55 @@ THREADING: Final = SimulatedThreading()
 TIME: Final = SimulatedTime()
 
 
-class Drawn:
-    """As the module `secrets`: numbers that follow from the seed of the simulation."""
+class SeededSecrets:
+    """Replaces the module `secrets` by numbers that follow from the seed."""
 
     draw: Callable[[int], int] = staticmethod(lambda bits: 0)
 
     @staticmethod
     def randbits(bits: int) -> int:
-        return Drawn.draw(bits)
+        """Draw an integer."""
+        return SeededSecrets.draw(bits)
 
     @staticmethod
     def token_bytes(size: int) -> bytes:
-        return Drawn.draw(8 * size).to_bytes(size, "little")
+        """Draw bytes."""
+        return SeededSecrets.draw(8 * size).to_bytes(size, "little")
 
 
-class Opened:
-    """As protocol.bus.session.open_session; the simulation says what it opens."""
+class SessionOpener:
+    """Replaces protocol.bus.session.open_session; the simulation sets `open`."""
 
     open: Callable[[Any], Any] = staticmethod(lambda network: None)
 
     @staticmethod
     def open_session(network: Any) -> Any:
-        return Opened.open(network)
+        """Open a simulated session."""
+        return SessionOpener.open(network)
 
 
 def simulated_pulse() -> Pulse:
+    """Return a pulse with the clock of the current host."""
     return Pulse(current_host().now_ns)
 
 
 def no_rehearsal(pulse: Any, _rehearsal: Any, _patience_ns: int) -> Any:
-    """A rehearsal acts on a state of its own: it costs time and shows nothing."""
+    """Return the pulse without rehearsals, which only cost time here."""
     return pulse
 
 
 def no_signal(_stop: Callable[[], None]) -> None:
-    """A simulated process is stopped by a call of its `stop`."""
+    """Install no handler: a simulated process is stopped by a call of its `stop`."""
 
 
 def sparing_put(self: Any, message: Message) -> bytes:
-    """Publish; of what nobody looks at every eighth frame only is made, to find what cannot be."""
+    """Publish, but encode only every eighth frame that nothing observes.
+
+    Those frames are encoded to find values that cannot be encoded.
+    """
     if self._matching.quiet:
-        self.unheard = getattr(self, "unheard", 0) + 1
-        if self.unheard % 8:
+        self.unobserved = getattr(self, "unobserved", 0) + 1
+        if self.unobserved % 8:
             return b""
     frame: bytes = self.frame(message)
     self.put_frame(frame)
@@ -77,16 +84,18 @@ def sparing_put(self: Any, message: Message) -> bytes:
 
 
 class PlainPublisher:
-    """As Zenoh's advanced publisher; the simulation keeps no history."""
+    """Replaces Zenoh's advanced publisher; the simulation keeps no history."""
 
     def __init__(self, session: Any, key: str, _newest: int, **service: Any) -> None:
         self._publisher = session.declare_publisher(key, **service)
 
     def put(self, payload: bytes, **options: Any) -> None:
+        """Publish a payload."""
         self._publisher.put(payload, **options)
 
 
 def plain_subscriber(session: Any, key: str, _newest: int, take: Any) -> Any:
+    """Subscribe without history."""
     return session.declare_subscriber(key, take)
 
 
@@ -94,7 +103,7 @@ BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
     ("threading", {"threading": THREADING}),
     ("time", {"time": TIME, "monotonic": TIME.monotonic, "monotonic_ns": TIME.monotonic_ns}),
     ("queue", {"SimpleQueue": SimulatedQueue, "Thread": SimulatedThread}),
-    ("secrets", {"secrets": Drawn}),
+    ("secrets", {"secrets": SeededSecrets}),
     ("protocol.pulse", {"WakeUp": SimulatedWakeUp}),
 )
 BLOCKS: Final = (
@@ -114,10 +123,10 @@ BLOCKS: Final = (
     "plant.process.requests",
     "plant.process.loop",
 )
-"""Modules in which every name that blocks is replaced, where they have it."""
+"""Modules in which each blocking name that they have is replaced."""
 
 SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
-    ("protocol.bus.bus", "open_session", Opened.open_session),
+    ("protocol.bus.bus", "open_session", SessionOpener.open_session),
     ("protocol.bus.bus", "called", lambda _endpoint: Hub.UNREACHABLE),
     ("protocol.bus.bus", "following", plain_subscriber),
     ("protocol.bus.publisher", "keeping", PlainPublisher),
@@ -134,7 +143,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
 
 
 def replacements() -> Iterator[tuple[Any, str, object]]:
-    """Module, name and what takes its place."""
+    """Yield modules, names and their substitutes."""
     for module_name in BLOCKS:
         module = import_module(module_name)
         for _, names in BLOCKING:
@@ -145,13 +154,15 @@ def replacements() -> Iterator[tuple[Any, str, object]]:
     for module_name, name, stand_in in SPECIAL:
         module = import_module(module_name)
         if name not in vars(module):
-            raise LookupError(f"{module_name} has no {name} any more: adapt the simulation")
+            raise LookupError(
+                f"{module_name} has no {name}: adapt the simulation's list of substitutes"
+            )
         yield module, name, stand_in
 
 
 @contextmanager
 def substituted() -> Iterator[None]:
-    """Simulate what is opened within; not to be nested."""
+    """Simulate everything that is opened within; cannot be nested."""
     before: list[tuple[Any, str, object]] = []
     try:
         for module, name, stand_in in replacements():

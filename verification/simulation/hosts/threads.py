@@ -18,13 +18,14 @@ def _deadline_ns(timeout_s: float | None) -> int | None:
 
 
 class SimulatedQueue(Generic[T]):
-    """As queue.SimpleQueue."""
+    """Replaces queue.SimpleQueue."""
 
     def __init__(self) -> None:
         self._items: deque[T] = deque()
         self._reader: Task | None = None
 
     def put(self, item: T, block: bool = True, timeout: float | None = None) -> None:
+        """Add an item."""
         self._items.append(item)
         if self._reader is not None:
             self._reader.wake()
@@ -33,6 +34,7 @@ class SimulatedQueue(Generic[T]):
     put_nowait = put
 
     def get(self, block: bool = True, timeout: float | None = None) -> T:
+        """Remove and return an item; wait for it if `block`."""
         if not self._items and block:
             deadline_ns = _deadline_ns(timeout)
             task = current_task()
@@ -47,28 +49,31 @@ class SimulatedQueue(Generic[T]):
         return self._items.popleft()
 
     def get_nowait(self) -> T:
-        if not self._items:
-            raise Empty
-        return self._items.popleft()
+        """Remove and return an item; raise Empty without one."""
+        return self.get(block=False)
 
     def qsize(self) -> int:
+        """Return the number of items."""
         return len(self._items)
 
     def empty(self) -> bool:
+        """Return whether there is no item."""
         return not self._items
 
 
 class SimulatedWakeUp:
-    """As protocol.pulse.WakeUp."""
+    """Replaces protocol.pulse.WakeUp."""
 
     def __init__(self) -> None:
         self._calls: SimulatedQueue[None] = SimulatedQueue()
 
     def wake(self) -> None:
+        """Wake the waiting task."""
         if self._calls.empty():
             self._calls.put(None)
 
     def wait(self, timeout_s: float | None = None) -> bool:
+        """Wait for `wake`; return False after the timeout."""
         try:
             self._calls.get(timeout=timeout_s)
         except Empty:
@@ -77,25 +82,29 @@ class SimulatedWakeUp:
 
 
 class SimulatedEvent:
-    """As threading.Event."""
+    """Replaces threading.Event."""
 
     def __init__(self) -> None:
         self._set = False
         self._waiting: list[Task] = []
 
     def is_set(self) -> bool:
+        """Return whether the event is set."""
         return self._set
 
     def set(self) -> None:
+        """Set the event and wake all waiting tasks."""
         self._set = True
         waiting, self._waiting = self._waiting, []
         for task in waiting:
             task.wake()
 
     def clear(self) -> None:
+        """Reset the event."""
         self._set = False
 
     def wait(self, timeout: float | None = None) -> bool:
+        """Wait for the event and return whether it is set."""
         deadline_ns = _deadline_ns(timeout)
         task = current_task()
         while not self._set:
@@ -107,7 +116,7 @@ class SimulatedEvent:
 
 
 class SimulatedThread:
-    """As threading.Thread; it belongs to the host that makes it."""
+    """Replaces threading.Thread; it belongs to the host that creates it."""
 
     def __init__(
         self,
@@ -128,10 +137,12 @@ class SimulatedThread:
         self._ended = SimulatedEvent()
 
     def run(self) -> None:
+        """Call the target."""
         if self._target is not None:
             self._target(*self._arguments, **self._named)
 
     def start(self) -> None:
+        """Start the thread as a task."""
         self._task = current_host().spawn(self._work)
 
     def _work(self) -> None:
@@ -141,15 +152,17 @@ class SimulatedThread:
             self._ended.set()
 
     def is_alive(self) -> bool:
+        """Return whether the thread is running."""
         return self._task is not None and not self._ended.is_set()
 
     def join(self, timeout: float | None = None) -> None:
+        """Wait for the end of the thread."""
         if self.is_alive():
             self._ended.wait(timeout)
 
 
 class SimulatedThreading:
-    """As the module `threading`; locks of product code are never held over a wait."""
+    """Replaces the module `threading`; product code never waits with a lock held."""
 
     Thread = SimulatedThread
     Event = SimulatedEvent
@@ -163,32 +176,37 @@ class SimulatedThreading:
 
     @staticmethod
     def current_thread() -> object:
+        """Return the host, as identity of its threads."""
         return current_host()
 
 
 class SimulatedTime:
-    """As the module `time`, by the clock of the host whose code runs."""
+    """Replaces the module `time` by the clock of the current host."""
 
     @staticmethod
     def monotonic_ns() -> int:
+        """Return the monotonic time."""
         return current_host().now_ns()
 
     @staticmethod
     def monotonic() -> float:
+        """Return the monotonic time in seconds."""
         return current_host().now_ns() / NS_PER_S
 
     @staticmethod
     def time_ns() -> int:
+        """Return the wall-clock time."""
         host = current_host()
         return host.scheduler.now_ns + host.wall_offset_ns
 
     @staticmethod
     def time() -> float:
+        """Return the wall-clock time in seconds."""
         return SimulatedTime.time_ns() / NS_PER_S
 
 
 class SimulatedClock:
-    """As runtime.clock.Clock of one host; CPU time is what `spend` has added to it."""
+    """Replaces runtime.clock.Clock of a host."""
 
     def __init__(self) -> None:
         self._host = current_host()
@@ -196,14 +214,16 @@ class SimulatedClock:
         self.stage_cost_ns = 100_000
 
     def now_ns(self) -> int:
+        """Return the monotonic time."""
         return self._host.now_ns()
 
     def cpu_ns(self) -> int:
-        """Each look costs a stage: product code looks once per stage."""
+        """Return the CPU time; each call adds the cost of a stage, as calls are one per stage."""
         self.cpu_spent_ns += self.stage_cost_ns
         return self.cpu_spent_ns
 
     def sleep_until(self, deadline_ns: int) -> None:
+        """Wait until a monotonic time."""
         current_task().wait_until(
             max(deadline_ns - self._host.clock_offset_ns, self._host.scheduler.now_ns)
         )

@@ -1,1 +1,1 @@
-"""What must hold at every tick."""
+"""The invariants, which are checked at every tick."""

@@ -1,7 +1,7 @@
-"""What must hold at every tick, checked against the truth: the oracle of the simulation.
+"""Check the invariants at every tick against the true state.
 
-`Oracle` is told of every tick of plant and robot, of every request that the robot has answered and
-of every frame that is put, and hands it to the invariants. The first violation ends a run.
+`Oracle` receives every tick of plant and robot, every answered request and every published frame,
+and passes them to the invariants. The first violation ends a run.
 """
 
 from hashlib import blake2b
@@ -17,37 +17,37 @@ from robot.core import states
 from robot.core.machine import Machine
 from robot.vehicle import Answer, Vehicle
 from runtime.clock import Tick
-from verification.simulation.hosts.operators import History
+from verification.simulation.hosts.operators import RequestHistory
 from verification.simulation.hosts.robot_side import RobotSide
 from verification.simulation.hosts.scheduler import Host, Scheduler
-from verification.simulation.invariants.commanding import Presence
-from verification.simulation.invariants.persistence import Keeping
-from verification.simulation.invariants.requests import Requests
-from verification.simulation.invariants.robot_loop import Onboard
-from verification.simulation.invariants.shared import Facts
-from verification.simulation.invariants.wheels import Motion
+from verification.simulation.invariants.commanding import CommandingInvariants
+from verification.simulation.invariants.persistence import PersistenceInvariants
+from verification.simulation.invariants.requests import RequestInvariants
+from verification.simulation.invariants.robot_loop import LoopInvariants
+from verification.simulation.invariants.shared import RunState
+from verification.simulation.invariants.wheels import WheelInvariants
 
 FORGED_NS = 1_000_000_000
-"""For so long after forged senses the robot may take its ticks at other times."""
+"""After forged senses the robot may tick at other times for this long."""
 
 
 class Oracle:
-    """Ties the invariants to what is observed; `facts` tells how it went."""
+    """Passes observations to the invariants; `facts` holds violation and coverage."""
 
-    def __init__(self, scheduler: Scheduler, history: History) -> None:
-        self.facts = Facts(scheduler, history)
-        self.presence = Presence(self.facts)
-        self.motion = Motion(self.facts, self.presence)
-        self.requests = Requests(self.facts, self.presence)
-        self.keeping = Keeping(self.facts)
-        self.onboard = Onboard(self.facts, self.requests)
+    def __init__(self, scheduler: Scheduler, history: RequestHistory) -> None:
+        self.facts = RunState(scheduler, history)
+        self.presence = CommandingInvariants(self.facts)
+        self.motion = WheelInvariants(self.facts, self.presence)
+        self.requests = RequestInvariants(self.facts, self.presence)
+        self.keeping = PersistenceInvariants(self.facts)
+        self.onboard = LoopInvariants(self.facts, self.requests)
         self.digest = blake2b(digest_size=16)
         self._reached: set[str] = set()
 
-    # The network.
+    # Events of the network.
 
     def put(self, source: Host, path: str, frame: bytes) -> None:
-        """A frame leaves a host."""
+        """Record a frame that leaves a host."""
         if path == "drive/wheels":
             if source.name == "robot":
                 self.motion.command(frame)
@@ -57,13 +57,14 @@ class Oracle:
             self.motion.place_known = False
             self.facts.held_up(self.facts.now_ns + FORGED_NS)
 
-    # The plant.
+    # Events of the plant.
 
     def plant_started(self) -> None:
+        """Record the start of the plant."""
         self.motion.plant_started()
 
     def plant_tick(self, plant: Plant) -> None:
-        """After each period of the plant."""
+        """Check after each period of the plant."""
         facts, truth = self.facts, plant.truth()
         facts.plant_ns = plant.now_ns
         fastest_m_s = self.motion.ticked(plant)
@@ -75,28 +76,30 @@ class Oracle:
             + pack("<2q", facts.now_ns, facts.events)
         )
 
-    # The robot.
+    # Events of the robot.
 
     def held_up(self, until_ns: int) -> None:
+        """Record that a process is delayed."""
         self.facts.held_up(until_ns)
 
     def robot_started(self) -> None:
-        """A robot process begins: it remembers nothing but what its disk has."""
+        """Record the start of a robot process, whose only memory is its disk."""
         self.facts.armed_ns = self.facts.started_ns = self.facts.now_ns
         self.motion.robot_started()
         self.onboard.robot_started()
         self.presence.robot_started()
 
     def restored(self, vehicle: Vehicle) -> None:
+        """Check the state that a robot has restored."""
         self.keeping.restored(vehicle)
 
     def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
-        """The robot has answered a request."""
+        """Record a request that the robot has answered."""
         self.requests.received(vehicle, request, answer, operator)
         self.keeping.received(vehicle, request)
 
     def cycled(self, side: RobotSide, tick: Tick) -> None:
-        """After each tick of the robot."""
+        """Check after each tick of the robot."""
         vehicle, process = side.vehicle, side.process
         if vehicle is None or process is None:
             return
@@ -117,13 +120,13 @@ class Oracle:
             self._reached.add(state)
             self.facts.coverage.reached[state] += 1
 
-    # Processes and what operators are told.
+    # Ends of processes and requests.
 
-    def look(self, hosts: list[Host]) -> None:
-        """Judge what has ended since the last look."""
+    def judge_ended(self, hosts: list[Host]) -> None:
+        """Check the requests and processes that ended since the last call."""
         for asked in self.facts.history.ended():
-            self.requests.told(asked)
-            self.keeping.told(asked)
+            self.requests.ended(asked)
+            self.keeping.ended(asked)
         for host in hosts:
             if host.error is not None:
                 error: Any = host.error

@@ -1,4 +1,4 @@
-"""Invariants of the robot's loop, its modes, goals and missions, after each of its ticks."""
+"""Invariants of the robot's loop, modes, goals and missions, after each of its ticks."""
 
 from math import hypot
 from typing import Any
@@ -11,11 +11,11 @@ from robot.core.parameters import Params
 from robot.vehicle import Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.invariants import limits
-from verification.simulation.invariants.requests import Requests
-from verification.simulation.invariants.shared import Facts
+from verification.simulation.invariants.requests import RequestInvariants
+from verification.simulation.invariants.shared import RunState
 
 CALM = (Reason.BUDGET, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NAME_TAKEN)
-"""Failsafes that nothing in a calm run can cause."""
+"""Failsafes that cannot occur without a fault."""
 
 SAFER_UP = {
     "guard_stop_m": True,
@@ -25,17 +25,16 @@ SAFER_UP = {
     "freeze_m": False,
     "wheel_min_m_s": False,
 }
-"""Of the parameters that safety rests on those which an operator of the simulation sets, and some
-more: whether more is safer."""
+"""Safety parameters, and whether a greater value is safer."""
 
 AWAY_M = 0.05
 AWAY_RAD = 0.35
 
 
-class Onboard:
-    """Looks at the vehicle; `moved` tells where it truly is."""
+class LoopInvariants:
+    """Checks the vehicle; `moved` records its true pose."""
 
-    def __init__(self, facts: Facts, requests: Requests) -> None:
+    def __init__(self, facts: RunState, requests: RequestInvariants) -> None:
         self._facts = facts
         self._requests = requests
         self._cycled_ns: int | None = None
@@ -49,13 +48,16 @@ class Onboard:
         self._moved_ns = 0
 
     def robot_started(self) -> None:
+        """Reset at the start of a robot process."""
         self._mode = self._cycled_ns = self._armed_with = None
         self._failsafe = False
 
     def moved(self, x_m: float, y_m: float, heading_rad: float) -> None:
+        """Record the true pose."""
         self._place = x_m, y_m, heading_rad
 
     def cycled(self, vehicle: Vehicle, process: Any) -> None:
+        """Check after each tick."""
         machine = vehicle.state.machine
         self._ticks()
         self._goals(vehicle, machine)
@@ -66,28 +68,33 @@ class Onboard:
         for name in ("_requests", "_unprivileged"):
             waiting = getattr(process, name).qsize()
             if waiting > limits.BACKLOG:
-                self._facts.fail("bounded", f"{waiting} requests wait in {name}")
+                self._facts.fail("queues are bounded", f"{waiting} requests wait in {name}")
 
     def _ticks(self) -> None:
         facts, now_ns = self._facts, self._facts.now_ns
         last_ns, self._cycled_ns = self._cycled_ns, now_ns
         gap_ns = 0 if last_ns is None else now_ns - last_ns
         if gap_ns > limits.TICK_GAP_NS and now_ns > facts.sound_since_ns:
-            facts.fail("ticks are kept", f"{gap_ns // NS_PER_MS} ms between two ticks of the robot")
+            facts.fail(
+                "no tick is missed", f"{gap_ns // NS_PER_MS} ms between two ticks of the robot"
+            )
 
     def _goals(self, vehicle: Vehicle, machine: Machine) -> None:
-        """Goals and missions end with what they need; a mission notices at the next tick."""
+        """Check that goals and missions end with arming; a mission notices at the next tick."""
         active = machine.vehicle == states.ACTIVE
         if goal_is_active(machine) and not active:
             self._facts.fail(
-                "a goal ends", f"a goal lives in vehicle state {machine.vehicle}: it has no outcome"
+                "every goal ends",
+                f"a goal is active in vehicle state {machine.vehicle}: it has no outcome",
             )
         self._stray_ticks = self._stray_ticks + 1 if vehicle.mission.active and not active else 0
         if self._stray_ticks > 2:
-            self._facts.fail("a goal ends", f"a mission runs in vehicle state {machine.vehicle}")
+            self._facts.fail(
+                "every goal ends", f"a mission runs in vehicle state {machine.vehicle}"
+            )
 
     def _causes(self, machine: Machine) -> None:
-        """A failsafe has a cause: with all well for a while, and nothing forged, none trips."""
+        """Check that no failsafe trips without a fault or a forged frame for a while."""
         facts, failsafe = self._facts, machine.vehicle == states.FAILSAFE
         tripped, self._failsafe = failsafe and not self._failsafe, failsafe
         if not tripped or facts.now_ns - facts.sound_since_ns < limits.CALM_NS:
@@ -102,10 +109,10 @@ class Onboard:
             else fence.radius_m - hypot(x_m - fence.xs_m[0], y_m - fence.ys_m[0])
         )
         if reason in CALM or (reason == Reason.FENCE_BREACHED and inner_m > limits.FENCE_M):
-            facts.fail("a failsafe has a cause", f"{reason.name} with nothing wrong")
+            facts.fail("every failsafe has a cause", f"{reason.name} without a fault")
 
     def _safety(self, vehicle: Vehicle) -> None:
-        """What guard and failsafes rest on is as safe as configured, and kept while armed."""
+        """Check that safety parameters are as safe as configured, and constant while armed."""
         assert self._facts.robot is not None
         params, configured = vehicle.params, self._facts.robot.params
         active = vehicle.state.machine.vehicle == states.ACTIVE
@@ -122,19 +129,21 @@ class Onboard:
         self._armed_with = values if active else None
 
     def _progress(self, machine: Machine) -> None:
-        """A goal that is driven to ends, or the robot gets somewhere."""
+        """Check that the robot moves while it drives to a goal."""
         (x_m, y_m, heading_rad), anchor, now_ns = self._place, self._anchor, self._facts.now_ns
         away = hypot(x_m - anchor[0], y_m - anchor[1]) > AWAY_M
         if away or abs(wrap(heading_rad - anchor[2])) > AWAY_RAD or not drives(machine):
             self._anchor, self._moved_ns = self._place, now_ns
         elif now_ns - self._moved_ns > limits.STANDSTILL_NS:
-            stands_s = (now_ns - self._moved_ns) // 1_000 // NS_PER_MS
-            self._facts.fail("a goal ends", f"a goal lives on, the robot stands for {stands_s} s")
+            rest_s = (now_ns - self._moved_ns) // 1_000 // NS_PER_MS
+            self._facts.fail(
+                "every goal ends", f"a goal is active, the robot is at rest for {rest_s} s"
+            )
 
     def _modes(self, machine: Machine) -> None:
-        """The mode changes by a command only."""
+        """Check that the mode changes only by a command."""
         before, self._mode = self._mode, machine.mode
         commanded, self._requests.commanded = self._requests.commanded, False
         if before is not None and not commanded and machine.mode != before:
             words = f"mode {before} became {machine.mode} without a command"
-            self._facts.fail("mode by command", words)
+            self._facts.fail("mode changes only by command", words)

@@ -1,10 +1,10 @@
-"""What the invariants share: the time, what disturbs the run, and the first violation."""
+"""The shared state of the invariants: time, disturbances and the first violation."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
 from runtime.units import NS_PER_MS
 from verification.simulation.coverage import Coverage
-from verification.simulation.hosts.operators import History
+from verification.simulation.hosts.operators import RequestHistory
 from verification.simulation.hosts.scheduler import Scheduler
 
 if TYPE_CHECKING:
@@ -14,17 +14,17 @@ NEVER = -(1 << 62)
 
 
 class Violation(NamedTuple):
-    """Which invariant does not hold, when, and what was seen."""
+    """The violated invariant, the time, and the observation."""
 
     invariant: str
     time_ns: int
     words: str
 
 
-class Facts:
-    """`violation` is the first one, None while all is well."""
+class RunState:
+    """The state of a run; `violation` is the first one, or None."""
 
-    def __init__(self, scheduler: Scheduler, history: History) -> None:
+    def __init__(self, scheduler: Scheduler, history: RequestHistory) -> None:
         self.violation: Violation | None = None
         self.coverage = Coverage()
         self.history = history
@@ -33,7 +33,7 @@ class Facts:
         """Time of the plant's newest tick, on its own clock."""
         self.plant_starts = 0
         self.disturbed_until_ns = NEVER
-        """Until then a process is held up or missing: ticks may be missed."""
+        """Until then a process is delayed or missing, so ticks may be missed."""
         self.impaired_until_ns = NEVER
         """Until then frames may be lost or late."""
         self.unsure_until_ns = NEVER
@@ -41,39 +41,45 @@ class Facts:
         self.forged_ns = NEVER
         """Time of the plant's tick that the newest forged wheel command answers."""
         self.armed_ns = NEVER
-        """When the robot was armed last, or started."""
+        """Last time the robot was armed or started."""
         self.awake_ns = NEVER
-        """When the plant was resumed last; the world stands still while it is suspended."""
+        """Last time the plant was resumed; the world does not move while it is suspended."""
         self.started_ns = 0
-        """When the robot or the plant was started last."""
+        """Last start of the robot or the plant."""
         self._scheduler = scheduler
 
     @property
     def now_ns(self) -> int:
+        """The simulated time."""
         return self._scheduler.now_ns
 
     @property
     def events(self) -> int:
+        """The number of events so far."""
         return self._scheduler.events
 
     @property
     def sound_since_ns(self) -> int:
-        """Since when nothing has been in the way of frames and processes; may be to come."""
+        """The time since which frames and processes are undisturbed; may be in the future."""
         return max(self.disturbed_until_ns, self.impaired_until_ns)
 
     def held_up(self, until_ns: int) -> None:
+        """Record that a process is delayed or missing until a time."""
         self.disturbed_until_ns = max(self.disturbed_until_ns, until_ns)
 
     def impaired(self, until_ns: int) -> None:
+        """Record that frames may be lost or late until a time."""
         self.impaired_until_ns = max(self.impaired_until_ns, until_ns)
 
     def unsure(self, until_ns: int) -> None:
+        """Record that an operator does not know the robot's clock until a time."""
         self.unsure_until_ns = max(self.unsure_until_ns, until_ns)
 
     def fail(self, invariant: str, words: str) -> None:
+        """Record a violation, unless there is one already."""
         if self.violation is None:
             self.violation = Violation(invariant, self.now_ns, words)
 
     def worst(self, what: str, took_ns: int) -> None:
-        """Note how long something took, for the report of the worst of all runs."""
+        """Record the duration of a reaction, for the report of the longest ones."""
         self.coverage.longest(what, took_ns // NS_PER_MS)

@@ -1,4 +1,4 @@
-"""Invariants of the wheels: what may turn them, and how soon they stand."""
+"""Invariants of the wheels: what may turn them, and how soon they stop."""
 
 from math import hypot
 from typing import Any
@@ -12,43 +12,43 @@ from robot.core.safety.fence import Fence
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
-from verification.simulation.hosts.operators import Asked
+from verification.simulation.hosts.operators import OperatorRequest
 from verification.simulation.invariants import limits
-from verification.simulation.invariants.commanding import Presence
+from verification.simulation.invariants.commanding import CommandingInvariants
 from verification.simulation.invariants.limits import PERIOD_NS
-from verification.simulation.invariants.shared import NEVER, Facts
+from verification.simulation.invariants.shared import NEVER, RunState
 
 Place = tuple[float, float]
 
 
-class Motion:
-    """Hears each wheel command, and looks at the plant's true state after each period."""
+class WheelInvariants:
+    """Checks each wheel command, and the plant's true state after each period."""
 
-    def __init__(self, facts: Facts, presence: Presence) -> None:
+    def __init__(self, facts: RunState, presence: CommandingInvariants) -> None:
         self._facts = facts
         self._presence = presence
         self._move_ns = self._newest_ns = NEVER
-        """Ticks that the newest command to move, and the newest of all, answer."""
+        """The ticks that the newest command to move and the newest command answer."""
         self._armed_ns = NEVER
         self.place_known = True
-        """Whether the plant, and nobody else, has told the robot how it moved."""
+        """True if the robot's odometry is based on true senses only."""
         self._restarted = False
-        self._told: list[Asked] = []
+        self._acknowledged_stops: list[OperatorRequest] = []
 
-    # Commands.
+    # Wheel commands.
 
     def command(self, frame: bytes) -> None:
-        """Take a wheel command of the robot, as it is put."""
+        """Check a wheel command of the robot when it is published."""
         facts = self._facts
         try:
             command = decode(frame).message
         except RemoteError:
-            facts.fail("frames", "the robot has put a wheel command that cannot be read")
+            facts.fail("frames are readable", "the robot published an unreadable wheel command")
             return
         if not isinstance(command, WheelCommand):
             return
         tick_ns = command.sense_seq * PERIOD_NS
-        if tick_ns > facts.plant_ns:  # it answers a plant that was there before
+        if tick_ns > facts.plant_ns:  # it answers a former plant process
             return
         self._newest_ns = max(self._newest_ns, tick_ns)
         if command.left_mrad_s == 0 and command.right_mrad_s == 0:
@@ -59,22 +59,24 @@ class Motion:
             return
         machine = vehicle.state.machine
         if machine.vehicle != states.ACTIVE:
-            facts.fail("still unless armed", f"command to move in vehicle state {machine.vehicle}")
+            facts.fail(
+                "disarmed robot is at rest", f"command to move in vehicle state {machine.vehicle}"
+            )
         else:
             self._presence.judge(vehicle)
 
     def forged(self, frame: bytes) -> None:
-        """Take a wheel command of somebody else: it counts if it answers a tick there was."""
+        """Record a forged wheel command, if it answers a past tick."""
         facts, command = self._facts, decode(frame).message
         if isinstance(command, WheelCommand):
             tick_ns = command.sense_seq * PERIOD_NS
             if tick_ns <= facts.plant_ns:
                 facts.forged_ns = max(facts.forged_ns, tick_ns)
 
-    # The plant.
+    # Events of the plant.
 
     def plant_started(self) -> None:
-        """Its time begins anew, and the robot does not know where it is."""
+        """Reset: the plant's time restarts, and the robot has lost its position."""
         self._move_ns = self._newest_ns = self._facts.forged_ns = NEVER
         self.place_known = self._facts.plant_starts == 0
         self._facts.plant_starts += 1
@@ -82,13 +84,15 @@ class Motion:
         self._facts.started_ns = self._facts.now_ns
 
     def robot_started(self) -> None:
-        """Note whether it has run before: then it takes the place where it is for its start, and
-        keeps within its fence as far as it can tell."""
+        """Record whether the robot has run before.
+
+        A restarted robot takes its place as its start, and keeps within its fence by that.
+        """
         robot = self._facts.robot
         self._restarted = robot is not None and robot.starts > 0
 
     def ticked(self, plant: Plant) -> float:
-        """Judge after a period; return how fast the faster wheel turns."""
+        """Check after a period; return the speed of the faster wheel."""
         facts, truth = self._facts, plant.truth()
         fastest_m_s = rim_m_s(plant)
         moves = fastest_m_s > limits.STILL_M_S
@@ -109,7 +113,7 @@ class Motion:
         return fastest_m_s
 
     def _measure(self, vehicle: Vehicle | None) -> None:
-        """Note for how long the wheels still turn after what is to stop them."""
+        """Measure how long the wheels turn after an event that must stop them."""
         facts, now_ns = self._facts, self._facts.now_ns
         if self._forged() or facts.awake_ns > now_ns - limits.CALM_NS:
             return
@@ -130,12 +134,11 @@ class Motion:
                 )
 
     def _forged(self) -> bool:
-        """Whether a forged command may turn the wheels."""
+        """Return whether a forged command may turn the wheels."""
         return self._facts.plant_ns - self._facts.forged_ns <= limits.COMMAND_STOP_NS
 
     def _braked(self) -> bool:
-        """Whether the robot has told the wheels to stand for so long that nobody else may turn
-        them."""
+        """Return whether zero commands have lasted so long that forged ones are rejected."""
         facts = self._facts
         if facts.robot is None or not facts.robot.runs:
             return False
@@ -143,7 +146,7 @@ class Motion:
         return facts.plant_ns - self._move_ns > limits.BRAKED_NS < facts.now_ns - since_ns
 
     def _in_time(self, fastest_m_s: float) -> None:
-        """The wheels turn no longer than the last command lets them, and only while armed."""
+        """Check that wheels turn no longer than the last command allows, and only while armed."""
         facts, now_ns = self._facts, self._facts.plant_ns
         age_ns = now_ns - self._move_ns
         silent = self._newest_ns <= self._move_ns
@@ -156,10 +159,13 @@ class Motion:
             )
         if now_ns - self._armed_ns > limits.DISARMED_STOP_NS:
             ago_ms = (now_ns - self._armed_ns) // NS_PER_MS
-            facts.fail("still unless armed", f"wheels turn {ago_ms} ms after it was armed last")
+            facts.fail(
+                "disarmed robot is at rest",
+                f"wheels turn {ago_ms} ms after the robot was last armed",
+            )
 
     def _stops(self) -> None:
-        """Wheels that turn are no stopped ones: how long ago was a stop pressed?"""
+        """Check for turning wheels that no emergency stop is due."""
         facts, now_ns = self._facts, self._facts.now_ns
         if facts.robot is None or not facts.robot.runs:
             return
@@ -168,31 +174,31 @@ class Motion:
             took_ns = now_ns - max(asked.asked_ns, since_ns)
             if asked.ended_ns is None and took_ns > limits.STOP_NS:
                 facts.fail(
-                    "a stop stops",
+                    "stop takes effect in time",
                     f"wheels turn {took_ns // NS_PER_MS} ms after a stop was pressed",
                 )
             elif since_ns < asked.asked_ns:
                 facts.worst("stop pressed, wheels still turn", took_ns)
-        for asked in self._told:
-            told_ns = asked.ended_ns or now_ns
-            since_told_ns = now_ns - max(told_ns, facts.awake_ns)
+        for asked in self._acknowledged_stops:
+            answered_ns = asked.ended_ns or now_ns
+            since_answer_ns = now_ns - max(answered_ns, facts.awake_ns)
             if since_ns < asked.asked_ns:
                 facts.worst("stop pressed, wheels still turn", now_ns - asked.asked_ns)
-            sound = facts.sound_since_ns < told_ns - limits.TICK_NS
+            sound = facts.sound_since_ns < answered_ns - limits.TICK_NS
             limit_ns = limits.ACKNOWLEDGED_STOP_NS if sound else limits.LOST_BRAKE_NS
-            if facts.armed_ns < told_ns and since_told_ns > limit_ns:
-                took_ms = since_told_ns // NS_PER_MS
+            if facts.armed_ns < answered_ns and since_answer_ns > limit_ns:
+                took_ms = since_answer_ns // NS_PER_MS
                 facts.fail(
-                    "an acknowledged stop is a stop",
-                    f"wheels turn {took_ms} ms after {asked.operator} was told that they stand",
+                    "acknowledged stop is effective",
+                    f"wheels turn {took_ms} ms after the stop of {asked.operator} was acknowledged",
                 )
 
     def _acknowledged(self) -> None:
-        """Stops that have ended: those that were acknowledged bind the robot from now on."""
+        """Move the acknowledged stops out of the pending ones."""
         pressed = self._facts.history.pressed
         if any(asked.ended_ns is not None for asked in pressed):
             ended = [asked for asked in pressed if asked.ended_ns is not None]
-            self._told += [asked for asked in ended if asked.answered]
+            self._acknowledged_stops += [asked for asked in ended if asked.answered]
             self._facts.coverage.stops += sum(1 for asked in ended if asked.answered)
             pressed[:] = [asked for asked in pressed if asked.ended_ns is None]
 
@@ -206,20 +212,20 @@ class Motion:
 
 
 def believed(vehicle: Vehicle) -> Place:
-    """Return where the robot takes itself to be."""
+    """Return the estimated position of the robot."""
     pose = vehicle.state.odometry.pose
     return pose.x_m, pose.y_m
 
 
 def rim_m_s(plant: Plant) -> float:
-    """Speed of the faster wheel now; that of the ground truth is the mean of the last period."""
+    """Return the present speed of the faster wheel; the truth has the mean of the last period."""
     drive: Any = plant._vehicles[0].drive
     left, right = drive._motors
     return max(abs(float(left.speed_m_s)), abs(float(right.speed_m_s)))
 
 
 def outside_m(fence: Fence, x_m: float, y_m: float) -> float:
-    """How far a place is outside a fence; 0 within it."""
+    """Return the distance of a place outside a fence; 0 within it."""
     if fences.inside(fence, x_m, y_m):
         return 0.0
     xs_m, ys_m = fence.xs_m, fence.ys_m
@@ -230,7 +236,7 @@ def outside_m(fence: Fence, x_m: float, y_m: float) -> float:
 
 
 def to_side_m(place: Place, start: Place, end: Place) -> float:
-    """Distance of a place from a side of a polygon."""
+    """Return the distance of a place from a side of a polygon."""
     dx_m, dy_m = end[0] - start[0], end[1] - start[1]
     share = ((place[0] - start[0]) * dx_m + (place[1] - start[1]) * dy_m) / (dx_m**2 + dy_m**2)
     share = min(1.0, max(0.0, share))
