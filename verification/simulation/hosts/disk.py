@@ -171,7 +171,7 @@ class SimulatedOs:
     O_CLOEXEC = os.O_CLOEXEC
     O_DIRECTORY = os.O_DIRECTORY
 
-    class path:  # noqa: N801 - named as in os
+    class path:
         """Replaces os.path."""
 
         @staticmethod
