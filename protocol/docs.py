@@ -81,7 +81,7 @@ def page(
 def access_rows() -> Iterator[Sequence[str]]:
     """Yield the grants of each certificate, without the robot name that each key begins with."""
     for name, grant in grants((SAMPLE_ROBOT,), (SAMPLE_OPERATOR,)).items():
-        lists = (grant.puts, grant.hears, grant.fetches, grant.asks, grant.answers)
+        lists = (grant.puts, grant.subscribes, grant.fetches, grant.asks, grant.answers)
         certificate = name.replace(SAMPLE_ROBOT, "NAME").replace(SAMPLE_OPERATOR, "NAME")
         cells = (families(paths).replace(SAMPLE_OPERATOR, "NAME") for paths in lists)
         yield f"`{certificate}`", *cells

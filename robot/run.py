@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from time import time
 from typing import Final
 
-from protocol.bus.audit import watched_doors
+from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
@@ -54,7 +54,7 @@ def epoch() -> int:
 def run(
     vehicle: Vehicle, network: Network, robot: str, options: Options, previous: PreviousRun
 ) -> int:
-    """Run until stopped and return 0; raise NameTaken, or the error that ended the core."""
+    """Run until stopped and return 0; raise NameTakenError, or the error that ended the core."""
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
         report_previous_run(vehicle, robot, previous, options.after)
@@ -67,7 +67,10 @@ def run(
         log_line(f"robot {robot}: ready, disarmed")
         end = STOPPED
         try:
-            with watchdog, watched_doors(bus, lambda line: log_line(f"robot {robot}: {line}")):
+            with (
+                watchdog,
+                audited_connections(bus, lambda line: log_line(f"robot {robot}: {line}")),
+            ):
                 process.run(watchdog.reset_by(grid))
         except Exception as error:
             end = f"ended by a core exception ({summary_of(error)})"

@@ -55,7 +55,7 @@ def check_one(path: Path, authority: x509.Certificate, now: datetime) -> Checked
     except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm):
         wrong.append(f"is not signed by {CA}: nobody here lets it in; make a new set")
     wrong += key_trouble(path.with_suffix(".key"), certificate)
-    return checked(path, certificate, now, grant.says if grant else "", tuple(wrong))
+    return checked(path, certificate, now, grant.description if grant else "", tuple(wrong))
 
 
 def checked(

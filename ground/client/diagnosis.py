@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
-from protocol.bus.tls.access import ALL, barred, grant_of
+from protocol.bus.tls.access import ALL, denial, grant_of
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
@@ -108,9 +108,9 @@ def certificate(seen: Observed) -> Iterator[Finding]:
     if own is None:
         return
     grant = grant_of(own.name)
-    if why := barred(own.name, seen.robot, COMMAND):
-        hears = grant is not None and grant.hears == ALL
-        yield Finding(why, "use --config DIR/ground.toml to command", bad=not hears)
+    if why := denial(own.name, seen.robot, COMMAND):
+        subscribes = grant is not None and grant.subscribes == ALL
+        yield Finding(why, "use --config DIR/ground.toml to command", bad=not subscribes)
     if own.until_s is not None and own.until_s - seen.clock_s < EXPIRY_WARNING_S:
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
@@ -160,7 +160,7 @@ def rejection(stream: Stream) -> Finding:
     """Return the finding about unreadable messages on a topic."""
     path, times = stream.topic.path, stream.rejected
     what = f"{times} unreadable messages on {path}, the last: {stream.last_rejection}"
-    if "speaks" in stream.last_rejection:
+    if "has dialect" in stream.last_rejection:
         return Finding(what, "run the same version of sidestep everywhere")
     return Finding(what, "find the other process that publishes on this key")
 

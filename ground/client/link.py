@@ -20,7 +20,7 @@ from ground.client.results import Answer
 from ground.client.telemetry import Telemetry
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.publisher import Publisher
-from protocol.bus.tls.access import barred
+from protocol.bus.tls.access import denial
 from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.wire.message import Message
@@ -108,7 +108,7 @@ class Link:
 
     def unanswered(self, outcome: GaveUp | None) -> UnansweredError:
         """Return the error for an exchange without an outcome."""
-        if why_not := barred(self.bus.holder, self.robot, COMMAND):
+        if why_not := denial(self.bus.holder, self.robot, COMMAND):
             return UnansweredError(f"{why_not}: use --config DIR/ground.toml")
         why = "no answer" if outcome is None else outcome.why
         return UnansweredError(f"{self.diagnosis()} ({why})")
@@ -141,7 +141,7 @@ class Link:
             yield telemetry
         finally:
             for box in telemetry.boxes().values():
-                self.bus.forget(box)
+                self.bus.unsubscribe(box)
 
     def newest(self, topic: Topic[M], patience_ns: int) -> M | None:
         """Return the next message of a topic; None if none arrives in time."""

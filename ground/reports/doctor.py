@@ -13,8 +13,8 @@ from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
 from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
-from protocol.bus.tls.access import barred
-from protocol.bus.tls.certificate import own
+from protocol.bus.tls.access import denial
+from protocol.bus.tls.certificate import own_certificate
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
@@ -80,10 +80,10 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
             (service.path, why)
             for service, role in QUESTIONS
             if processes.has(link.robot, role)
-            and not barred(link.bus.holder, link.robot, service)
+            and not denial(link.bus.holder, link.robot, service)
             and (why := unanswered(link, service))
         ),
-        certified=own(link.bus.network.tls) if link.bus.network.tls else None,
+        certified=own_certificate(link.bus.network.tls) if link.bus.network.tls else None,
         clock_s=time(),
         conflicts=tuple(conflicts()),
     )

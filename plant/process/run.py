@@ -53,7 +53,7 @@ def assemble(
     paused: bool,
     turn: Callable[[], None] = nothing,
 ) -> Process:
-    """The wires to each robot, the services, and the announcement. Raises NameTaken."""
+    """The wires to each robot, the services, and the announcement. Raises NameTakenError."""
     world = as_json(plant.world, known_length_m(plant.world))
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [

@@ -1,1 +1,1 @@
-"""The bus between processes, and the only import of Zenoh."""
+"""The bus between processes; only this package imports Zenoh."""

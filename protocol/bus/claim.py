@@ -1,7 +1,7 @@
-"""One process per role and robot: a second one of a name does not start, and is noticed later.
+"""One process per role and robot: a duplicate does not start, or is detected later.
 
-`claim` looks once, at the start. Two processes that a broken network kept apart then meet when it
-is whole again: `DuplicateWatch` watches for that.
+`claim` checks once, at the start. A network failure can hide two processes from each other;
+`DuplicateWatch` detects them after the network has recovered.
 """
 
 from protocol.bus.bus import Bus
@@ -9,23 +9,23 @@ from protocol.bus.presence import Presence
 from runtime.errors import UserError
 
 
-class NameTaken(UserError):
-    """Somebody plays this role for this robot already."""
+class NameTakenError(UserError):
+    """Another process has this role for this robot."""
 
 
 def claim(bus: Bus, robots: list[str]) -> None:
-    """Announce this process, unless its place is taken; of two at once, the smaller id stays.
+    """Announce this process, unless another one has its role; of two at once, the smaller id stays.
 
-    Raises NameTaken, which names the robot and the session that is there.
+    Raises NameTakenError, which names the robot and the session of the other process.
     """
-    refuse(bus, twins(bus, robots))
+    raise_if_taken(bus, duplicates(bus, robots))
     for robot in robots:
         bus.announce(robot)
-    refuse(bus, [(robot, zid) for robot, zid in twins(bus, robots) if zid < bus.zid])
+    raise_if_taken(bus, [(robot, zid) for robot, zid in duplicates(bus, robots) if zid < bus.zid])
 
 
 class DuplicateWatch:
-    """Other processes in the role of this one for its robot, for as long as they are there."""
+    """The other processes with this process's role and robot, while they are present."""
 
     def __init__(self, bus: Bus) -> None:
         self._own = bus.robot, None if bus.role is None else bus.role.value
@@ -36,14 +36,15 @@ class DuplicateWatch:
     def __bool__(self) -> bool:
         return bool(self._others)
 
-    def _see(self, who: Presence, came: bool) -> None:
-        """Called in the bus's thread."""
-        if (who.robot, who.role) == self._own and who.zid != self._zid:
-            self._others = self._others | {who.zid} if came else self._others - {who.zid}
+    def _see(self, token: Presence, appeared: bool) -> None:
+        """Update the set of duplicates; called in the bus's thread."""
+        if (token.robot, token.role) == self._own and token.zid != self._zid:
+            other = {token.zid}
+            self._others = self._others | other if appeared else self._others - other
 
 
-def twins(bus: Bus, robots: list[str]) -> list[tuple[str, str]]:
-    """Robot and session of each other process in the role of this one."""
+def duplicates(bus: Bus, robots: list[str]) -> list[tuple[str, str]]:
+    """Return robot and session of each other process with the role of this one."""
     assert bus.role is not None
     return [
         (robot, zid)
@@ -52,10 +53,11 @@ def twins(bus: Bus, robots: list[str]) -> list[tuple[str, str]]:
     ]
 
 
-def refuse(bus: Bus, others: list[tuple[str, str]]) -> None:
+def raise_if_taken(bus: Bus, others: list[tuple[str, str]]) -> None:
+    """Raise NameTakenError if there is another process."""
     if others and bus.role is not None:
         robot, zid = others[0]
-        raise NameTaken(
+        raise NameTakenError(
             f"there is a {bus.role.value} for {robot} already (session {zid}): "
             "stop it, or choose another name or endpoint"
         )

@@ -1,9 +1,9 @@
-"""Drop data that a slow reader does not accept, so that no other reader waits for it.
+"""Drop data that a slow reader does not accept, so that it delays no other reader.
 
-In Zenoh 1.10 a reply has the priority and the congestion control that its query came with: the
-asker would choose that the answering process waits up to 5 s, and with it whatever else it sends to
-that reader at the same priority. Each process therefore sets both on the queries that reach it.
-Replies have priorities that no stream has, so a stream never waits behind one.
+In Zenoh 1.10 a reply has the priority and the congestion control of its query. A client could thus
+make the answering process wait for up to 5 s, with everything else that it sends to that client at
+the same priority. Each process therefore overwrites both on the queries that it receives. Replies
+have priorities that no stream has, so a stream never waits behind a reply.
 """
 
 from typing import Final
@@ -16,14 +16,16 @@ LISTS: Final = "background"
 
 STOPS: Final = "real_time"
 WAIT_BEFORE_CLOSE_US: Final = 20_000
-"""A reader that does not take what must not be dropped (declarations) is cut off after that."""
+"""Time after which a reader that does not accept declarations is disconnected.
+
+Declarations must not be dropped."""
 
 LISTS_BATCHES: Final = 16
-"""Of 48 KiB, in the queue of lists for one reader: a whole history fits."""
+"""Batches of 48 KiB in the queue of long replies for one reader: a whole history fits."""
 
 
 def congestion(prefix: str) -> dict[str, object]:
-    """Settings of a session. Of the rules that fit a query the last one holds."""
+    """Return the congestion settings of a session; the last matching rule applies."""
     lists = [f"{prefix}/*/{service.path}/**" for service in (PARAMETERS, WORLD)]
     return {
         "qos/network": [
@@ -37,7 +39,7 @@ def congestion(prefix: str) -> dict[str, object]:
 
 
 def overwritten(name: str, keys: list[str], priority: str) -> dict[str, object]:
-    """A rule for the queries that arrive on these keys, and so for the replies to them."""
+    """Return a rule for the queries that arrive on these keys, and so for the replies to them."""
     return {
         "id": name,
         "messages": ["query"],

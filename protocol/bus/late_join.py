@@ -1,7 +1,7 @@
-"""Events outlive a cut: who tells them keeps the newest, who listens fetches what it has missed.
+"""Late-join support: publishers cache recent events; subscribers fetch those they missed.
 
-By Zenoh's advanced publishers and subscribers, on the keys `KEY/@adv/...` beside each such key.
-What was fetched is known from what has just been told, and says when it was told.
+Uses Zenoh's advanced publishers and subscribers, with the keys `KEY/@adv/...` beside each key. A
+subscriber can distinguish fetched samples from live ones, and knows when they were published.
 """
 
 import logging
@@ -17,35 +17,36 @@ from zenoh.handlers import Callback
 LOG = logging.getLogger(__name__)
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 Source: TypeAlias = tuple[str, int]
-"""A sender: its session and its number there."""
+"""A sender: its session id, and its number in that session."""
 
 BEAT_S: Final = 0.5
-"""So often its sender tells how many events there were; the last before a silence is missed no
-later than that."""
+"""Period at which a sender publishes its sequence number; the last lost event before a pause is
+detected after at most this time."""
 
-TOLD: Final = zenoh.CongestionControl.DROP
+LIVE: Final = zenoh.CongestionControl.DROP
 FETCHED: Final = zenoh.CongestionControl.BLOCK
-"""What tells the two apart on arrival: an answer looks as the question did, and questions of
-advanced subscribers are asked like that. How it is really sent is up to `congestion`."""
+"""The congestion control of a sample distinguishes live from fetched ones on arrival. A reply has
+that of its query, and advanced subscribers query with BLOCK. `congestion` decides how replies are
+really sent."""
 
 FETCH_S: Final = 2.0
 FETCHES: Final = 16
-"""At a time; whoever makes up more senders than that gets no more threads."""
+"""Fetches at the same time; limits the threads that a forger of senders can cause."""
 MAX_WAITING: Final = 1000
-"""Samples of one sender that wait until its earlier ones are fetched; more are dropped."""
+"""Samples of one sender that wait until its earlier ones are fetched; further ones are dropped."""
 
 SOURCES: Final = 1000
-"""So many senders are remembered; of later ones the beginning is what Zenoh makes of it."""
+"""Senders whose beginning is fetched; for further ones Zenoh alone fetches."""
 
 
-def keeping(
+def caching_publisher(
     session: zenoh.Session, key: str, newest: int, **service: Any
 ) -> "ext.AdvancedPublisher":
-    """A publisher that keeps so many of its newest samples for whoever asks for them."""
+    """Return a publisher that caches its `newest` samples for late joiners."""
     return ext.declare_advanced_publisher(
         session,
         key,
-        congestion_control=TOLD,
+        congestion_control=LIVE,
         cache=ext.CacheConfig(newest),
         sample_miss_detection=ext.MissDetectionConfig(heartbeat=BEAT_S, sporadic_heartbeat=None),
         publisher_detection=True,
@@ -53,24 +54,24 @@ def keeping(
     )
 
 
-def following(session: zenoh.Session, key: str, newest: int, take: Take) -> Any:
-    """A subscriber to what is kept, too, in the order in which each sender told it, once each."""
-    whole = LateJoin(lambda source: fetched(session, key, newest, source), take)
+def fetching_subscriber(session: zenoh.Session, key: str, newest: int, take: Take) -> Any:
+    """Return a subscriber that also fetches cached samples, each once, in the sender's order."""
+    late_join = LateJoin(lambda source: fetched(session, key, newest, source), take)
     return ext.declare_advanced_subscriber(
         session,
         key,
-        Callback(whole.hear, indirect=False),
+        Callback(late_join.receive, indirect=False),
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=newest),
         recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
     )
 
 
 class LateJoin:
-    """Hands on what is heard of each sender, from its beginning.
+    """Deliver the samples of each sender from the first one on.
 
-    Zenoh 1.10 drops what it has fetched of a sender when the first live sample comes after the
-    first answer and before the second one, which it asks for when it detects the sender. A sender
-    of whom a later sample is heard first is waited for until what was before is fetched.
+    Zenoh 1.10 fetches twice from a sender that it detects. If the first live sample arrives between
+    the two answers, Zenoh drops what it has fetched. If the first sample received from a sender is
+    not its first one, delivery therefore waits until the earlier samples are fetched.
     """
 
     def __init__(self, fetch: Callable[[Source], list[zenoh.Sample]], take: Take) -> None:
@@ -79,8 +80,8 @@ class LateJoin:
         self._known: set[Source] = set()
         self._waiting: dict[Source, list[zenoh.Sample]] = {}
 
-    def hear(self, sample: zenoh.Sample) -> None:
-        """Called from the bus, for one sample after the other."""
+    def receive(self, sample: zenoh.Sample) -> None:
+        """Take a sample from the bus; called for one sample after the other."""
         source = source_of(sample)
         with self._lock:
             if source in self._waiting:
@@ -93,7 +94,7 @@ class LateJoin:
                 self._take(sample)
 
     def _lacks(self, source: Source, sample: zenoh.Sample) -> bool:
-        """Is this the first of its sender, told just now, and not the first that was told?"""
+        """Return whether this is the first sample of its sender, is live, and had predecessors."""
         if source in self._known or len(self._known) >= SOURCES:
             return False
         self._known.add(source)
@@ -101,31 +102,31 @@ class LateJoin:
         return live and number_of(sample) > 0 and len(self._waiting) < FETCHES
 
     def _complete(self, source: Source, first: int) -> None:
-        """Whatever comes of asking, those that wait are heard."""
+        """Fetch the earlier samples; deliver the waiting ones in any case."""
         before: list[zenoh.Sample] = []
         try:
             before = [sample for sample in self._fetch(source) if number_of(sample) < first]
         except Exception:
-            LOG.exception("what a sender told before could not be fetched")
+            LOG.exception("the cached samples of a sender could not be fetched")
         with self._lock:
             for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
                 self._take(sample)
 
 
 def source_of(sample: zenoh.Sample) -> Source | None:
-    """None: it was not told by a publisher that keeps its samples."""
+    """Return the sender of a sample; None if its publisher does not cache."""
     info = sample.source_info
     return None if info is None else (str(info.source_id.zid), info.source_id.eid)
 
 
 def number_of(sample: zenoh.Sample) -> int:
-    """Of its sender's samples, from 0."""
+    """Return the sequence number of a sample at its sender, from 0."""
     info = sample.source_info
     return 0 if info is None else info.source_sn
 
 
 def fetched(session: zenoh.Session, key: str, newest: int, source: Source) -> list[zenoh.Sample]:
-    """What a sender has kept; nothing when it does not answer any more."""
+    """Return the samples that a sender has cached; nothing if it no longer answers."""
     zid, number = source
     try:
         replies = session.get(
@@ -140,12 +141,15 @@ def fetched(session: zenoh.Session, key: str, newest: int, source: Source) -> li
 
 
 def was_fetched(sample: zenoh.Sample) -> bool:
-    """Return whether it was told before, and kept for those who come later."""
+    """Return whether a sample comes from the cache of its sender."""
     return bool(sample.congestion_control == FETCHED)
 
 
-def told_ns(sample: zenoh.Sample, now_ns: int) -> int:
-    """When it was told: now, or earlier if it was fetched, as far as the sender's UTC goes."""
+def published_ns(sample: zenoh.Sample, now_ns: int) -> int:
+    """Return when a sample was published: now, or earlier if it was fetched.
+
+    The age of a fetched sample is as accurate as the UTC clocks of both machines.
+    """
     if not was_fetched(sample) or sample.timestamp is None:
         return now_ns
     age_ns = time.time_ns() - sample.timestamp.get_time_as_ntp64().as_nanos()

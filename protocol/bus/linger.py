@@ -1,8 +1,8 @@
 """Close links without lingering.
 
-Zenoh 1.10 sets SO_LINGER to 10 s on each TCP link (eclipse-zenoh/zenoh#2350): where the other end
-does not read, closing it blocks one of the few threads that take in what everybody else sends.
-Zenoh has no setting for it, so it is taken back on each link's socket.
+Zenoh 1.10 sets SO_LINGER to 10 s on each TCP link (eclipse-zenoh/zenoh#2350). If the other end does
+not read, closing the link blocks one of the few receive threads. Zenoh has no setting for it, so
+this module clears the option on each link's socket.
 """
 
 import errno
@@ -19,25 +19,25 @@ OFF: Final = struct.pack("ii", 0, 0)
 STREAMS: Final = (socket.AF_INET, socket.AF_INET6)
 NO_DESCRIPTOR: Final = (errno.EMFILE, errno.ENFILE)
 AGAIN_S: Final = 0.1
-"""Pause before the next attempt when there was no descriptor left for this one."""
+"""Pause before the next attempt if no descriptor was left."""
 
 
 def stop_lingering() -> None:
-    """Have no TCP socket of this process wait when it is closed. Works on Linux.
+    """Clear SO_LINGER on all TCP sockets of this process. Works on Linux.
 
-    Raises OSError when no descriptor is left to do it with.
+    Raises OSError if no file descriptor is left for the operation.
     """
     for descriptor in sockets():
         try:
             stop_lingering_of(descriptor)
-        except OSError as error:  # closed meanwhile
+        except OSError as error:  # another thread has closed the socket
             if error.errno in NO_DESCRIPTOR:
                 raise
 
 
 def stop_lingering_of(descriptor: int) -> None:
-    """Have this socket not wait if it is one of TCP. Raises OSError."""
-    with taken(os.dup(descriptor)) as one:
+    """Clear SO_LINGER on a socket if it is a TCP socket. Raises OSError."""
+    with socket_of(os.dup(descriptor)) as one:
         if one.family in STREAMS and one.type == socket.SOCK_STREAM:
             one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, OFF)
 
@@ -52,8 +52,8 @@ def sockets() -> list[int]:
     return found
 
 
-def taken(descriptor: int) -> socket.socket:
-    """Return the socket of a descriptor; closes what is none. Raises OSError."""
+def socket_of(descriptor: int) -> socket.socket:
+    """Return the socket of a descriptor; close a descriptor that is no socket. Raises OSError."""
     try:
         return socket.socket(fileno=descriptor)
     except OSError:
@@ -62,7 +62,7 @@ def taken(descriptor: int) -> socket.socket:
 
 
 class DelayedClose:
-    """Does that in a thread of its own, as there may be hundreds; `stop` may be called anywhere."""
+    """Clear SO_LINGER in a separate thread: there may be hundreds of sockets."""
 
     def __init__(self) -> None:
         self._wanted = Event()
@@ -70,13 +70,14 @@ class DelayedClose:
         self._thread: Thread | None = None
 
     def stop(self, *_: object) -> None:
-        """Take it back soon on all sockets there are now."""
+        """Request clearing SO_LINGER on all present sockets; may be called from any thread."""
         self._wanted.set()
         if self._thread is None and not self._closed.is_set():
             self._thread = Thread(target=self._run, name="linger", daemon=True)
             self._thread.start()
 
     def close(self) -> None:
+        """End the thread."""
         self._closed.set()
         self._wanted.set()
         if self._thread is not None:

@@ -1,4 +1,4 @@
-"""The newest message of a topic: whole, of its kind, and stored by one reference."""
+"""Mailbox with the newest valid message of a topic, stored by one reference."""
 
 import threading
 from collections.abc import Callable
@@ -12,20 +12,20 @@ from runtime.errors import RemoteError
 
 M = TypeVar("M", bound=Message)
 MAX_STAMP_NS: Final = 1 << 62
-"""A stamp beyond, 146 years, is no time. What is added to one below still fits the wire."""
+"""Limit of valid stamps: 146 years. Sums of a valid stamp and a duration still fit the wire."""
 
 MAX_AHEAD_NS: Final = 10_000_000_000
-"""A stamp so far ahead of one that has just arrived is no time of the same sender."""
+"""Largest plausible step between the stamps of two successive messages of one sender."""
 
 MAX_ENCODING: Final = 60
-"""Characters shown of an encoding that is not ours."""
+"""Characters shown of an unexpected encoding."""
 
 
 class Sample(NamedTuple):
-    """What arrived on a key: its declared encoding, its bytes, and the operator that sent it.
+    """A received sample: declared encoding, bytes and sending operator.
 
-    `sender` is empty when the key names no operator. `sent_ns` is when an operator sent it, on the
-    robot's clock; None when it does not say.
+    `sender` is empty if the key names no operator. `sent_ns` is the sending time of an operator's
+    sample on the robot's clock; None if it has no such time.
     """
 
     encoding: str
@@ -35,7 +35,7 @@ class Sample(NamedTuple):
 
 
 class Origin(NamedTuple):
-    """Which operator a message is from, when it was sent (robot's clock) and when it arrived."""
+    """Sending operator, sending time (robot's clock) and arrival time of a message."""
 
     sender: str
     sent_ns: int | None
@@ -43,7 +43,7 @@ class Origin(NamedTuple):
 
 
 def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
-    """The message in a sample; RemoteError when it is not one of those the key may carry."""
+    """Return the message in a sample; raise RemoteError unless the key may carry it."""
     if sample.encoding != ENCODING:
         raise RemoteError(foreign(sample.encoding))
     message = decode(sample.payload).message
@@ -54,23 +54,24 @@ def opened(sample: Sample, allowed: tuple[type[Message], ...]) -> Message:
 
 
 def foreign(encoding: str) -> str:
-    """Why an encoding is not ours, with both versions named."""
+    """Return why an encoding is not ours; the text names both versions."""
     encoding = printable(encoding[:MAX_ENCODING])
     family, _, dialect = encoding.partition(";")
     if family == ENCODING_FAMILY and dialect:
-        return f"speaks {dialect}, this is {DIALECT}"
+        return f"has dialect {dialect}, not {DIALECT}"
     return f"is encoded as {encoding or 'nothing'}, not as {ENCODING}"
 
 
 class Mailbox(Generic[M]):
-    """One topic of one robot, as its reader sees it. Read it from one thread only.
+    """The newest message of one topic of one robot. Only one thread may read it.
 
-    `store` is the bus's side and may be called from any thread. What cannot be read is counted and
-    named in `last_rejection`; it neither replaces a message nor notifies. With `accept`, messages
-    of senders for which it returns False are ignored, and so are those that their sender sent
-    before its newest one. With `forward`, a message stamped before the newest one, or far ahead of
-    it, is rejected, too, while that one is fresh: the network or an attacker has sent it. With
-    `check`, which says what is wrong with a message, so is one with which something is wrong.
+    `store` is called by the bus, from any thread. A sample that cannot be decoded is counted, and
+    its error kept in `last_rejection`; it neither replaces a message nor notifies.
+
+    `accept`: ignore senders for which it returns False, and samples that their sender sent before
+    its newest one. `forward`: while the newest message is fresh, reject messages stamped before it
+    or far ahead of it, as caused by the network or an attacker. `check`: reject messages for which
+    it returns an error text.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class Mailbox(Generic[M]):
         self._storing = threading.Lock()
 
     def store(self, sample: Sample, arrived_ns: int) -> None:
+        """Store a sample if it is valid; called by the bus."""
         try:
             message = cast(M, opened(sample, self.topic.messages))
         except RemoteError as error:
@@ -115,17 +117,17 @@ class Mailbox(Generic[M]):
             self._notify(arrived_ns)
 
     def latest(self) -> tuple[M, int] | None:
-        """Return the newest message and when it arrived."""
+        """Return the newest message and its arrival time."""
         slot = self._slot
         return None if slot is None else slot[0]
 
     def received(self) -> tuple[M, Origin] | None:
-        """Return the newest message and where it is from."""
+        """Return the newest message and its origin."""
         slot = self._slot
         return None if slot is None else (slot[0][0], slot[1])
 
     def fresh(self, now_ns: int) -> M | None:
-        """The newest message; None when it is older than the topic's stale-after."""
+        """Return the newest message; None if it is older than the topic's stale-after."""
         newest = self.latest()
         if newest is None:
             return None
@@ -133,14 +135,14 @@ class Mailbox(Generic[M]):
         return None if limit_ns and now_ns - newest[1] > limit_ns else newest[0]
 
     def _implausible(self, message: M, arrived_ns: int) -> str:
-        """Return what is wrong with the stamp of a message; empty when nothing is."""
+        """Return what is wrong with the stamp of a message; empty if nothing is."""
         stamp_ns = stamp_of(message)
         if stamp_ns >= MAX_STAMP_NS:
-            return "has a stamp that is no time"
+            return "has an invalid time stamp"
         if not self._forward or self._slot is None:
             return ""
-        newest, heard_ns = self._slot[0]
-        if arrived_ns - heard_ns > self.topic.stale_after_ns:
+        newest, newest_arrived_ns = self._slot[0]
+        if arrived_ns - newest_arrived_ns > self.topic.stale_after_ns:
             return ""
         if stamp_ns < stamp_of(newest):
             return "is older than the one before it"
@@ -148,7 +150,7 @@ class Mailbox(Generic[M]):
         return "is far ahead of the one before it" if ahead else ""
 
     def _overtaken(self, sample: Sample) -> bool:
-        """Return whether its sender has sent the newest message after this one."""
+        """Return whether the newest message was sent after this one by the same sender."""
         if self._slot is None or sample.sent_ns is None:
             return False
         newest = self._slot[1]
@@ -166,6 +168,6 @@ class Mailbox(Generic[M]):
 
 
 def stamp_of(message: Message) -> int:
-    """When it was made, by its maker's clock; 0 for one that does not say."""
+    """Return the time stamp of a message on its sender's clock; 0 if it has none."""
     stamp_ns: int = getattr(message, "time_ns", 0)
     return stamp_ns

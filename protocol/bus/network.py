@@ -1,4 +1,4 @@
-"""Who dials whom, and behind which lock: how a process finds the others, as configuration."""
+"""Network configuration of a process: endpoints to listen on and to dial, and certificates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,25 +18,27 @@ DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, MAX_ROBOTS + 1))
 
 
 class Hub(Enum):
-    """What has become of those a process dialled: who is there, or what comes of calling them."""
+    """State of the link to the processes that a session has dialled."""
 
     ROUTER = "a router"
     PEER = "a peer"
-    HANGS = "takes the call and says nothing"
-    ENDED = "refuses the call"
-    UNREACHABLE = "nothing comes back"
+    HANGS = "accepts the connection and does not answer"
+    ENDED = "refuses the connection"
+    UNREACHABLE = "no reply"
 
     @property
     def linked(self) -> bool:
+        """Return whether there is a link."""
         return self in (Hub.ROUTER, Hub.PEER)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tls:
-    """The `[network.tls]` table: PEM files, in a configuration file relative to where it lies.
+    """The `[network.tls]` table: paths of PEM files, relative to the configuration file.
 
-    `ca` is whom to believe, `certificate` and `key` are who this process is. A robot or router
-    that listens tells in its log whom it keeps out; that costs some 0.1 ms from sense to command.
+    `ca` is the certificate authority, `certificate` and `key` identify this process. A robot or
+    router that listens logs the connections it refuses (`tell_refusals`); this adds about 0.1 ms
+    between sensor data and wheel command.
     """
 
     ca: str
@@ -52,12 +54,12 @@ class Tls:
 
 @dataclass(frozen=True, kw_only=True)
 class Network:
-    """The `[network]` table. On one machine the robot is a listening peer the others dial.
+    """The `[network]` table. On one machine the robot is a listening peer that the others dial.
 
-    With `tls` all links are locked, and whoever listens lets in what each certificate may do;
-    `robots` are then the names of the robots that there may be, and `operators` those of the
-    operators with a certificate of their own, `ground-NAME`. The holder of a certificate that is
-    named in `revoked` may do nothing, however long it is valid.
+    With `tls` all links use mutual TLS, and a listening process permits only what each certificate
+    allows. `robots` are the valid names of robots. `operators` are the names of operators that have
+    a certificate of their own, `ground-NAME`. Certificates named in `revoked` have no permissions,
+    however long they are valid.
     """
 
     mode: Mode = "peer"
@@ -87,17 +89,17 @@ class Network:
 
 
 def check_operators(names: Sequence[str]) -> None:
-    """Raise UserError unless each can be an operator's name, and there are not too many."""
+    """Raise UserError unless the names are valid, distinct and not too many."""
     for name in names:
         operator_called(name)
     if len(set(names)) < len(names):
         raise UserError(f"operators {' '.join(names)}: each operator needs a name of its own")
     if len(names) > MAX_OPERATORS:
-        raise UserError(f"{len(names)} operators: there can be {MAX_OPERATORS}")
+        raise UserError(f"{len(names)} operators: at most {MAX_OPERATORS} are supported")
 
 
 def check_endpoint(endpoint: str) -> None:
-    """Raise BadEndpoint unless it reads like tcp/127.0.0.1:7447 (or a socket path)."""
+    """Raise BadEndpoint unless it has the form tcp/127.0.0.1:7447 (or a socket path)."""
     protocol, slash, address = endpoint.partition("/")
     if protocol not in PROTOCOLS or not slash or not address:
         known = ", ".join(PROTOCOLS)
@@ -110,15 +112,15 @@ def check_endpoint(endpoint: str) -> None:
 
 
 def check_lock(endpoint: str, *, locked: bool) -> None:
-    """Raise BadEndpoint for an open door among locked ones, or a lock without its key."""
+    """Raise BadEndpoint for an endpoint without TLS among others with it, or TLS without a key."""
     if locked and not endpoint.startswith(LOCKED):
         raise BadEndpoint(
-            f"endpoint {endpoint!r} is not locked, though [network.tls] is given: "
-            f"write it as {LOCKED}HOST:PORT, or leave [network.tls] out"
+            f"endpoint {endpoint!r} has no TLS, but there is a [network.tls]: "
+            f"write it as {LOCKED}HOST:PORT, or remove [network.tls]"
         )
     if locked and "#" in endpoint:
         raise BadEndpoint(
-            f"endpoint {endpoint!r}: leave out what follows the '#', [network.tls] says it"
+            f"endpoint {endpoint!r}: remove the part from '#' on, [network.tls] replaces it"
         )
     if not locked and endpoint.startswith(LOCKED):
         raise BadEndpoint(

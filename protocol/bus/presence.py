@@ -1,4 +1,4 @@
-"""Who is there: the liveliness token of a process, as a key of the bus tells it."""
+"""Presence of processes: parsing and tracking of their liveliness tokens."""
 
 import re
 import threading
@@ -10,11 +10,11 @@ from protocol.topic import ROBOT_NAME, Role
 ROLES: Final = frozenset(role.value for role in Role)
 SESSION: Final = re.compile(r"[0-9a-f]{1,32}\Z")
 MAX_TOKENS: Final = 1000
-"""Tokens taken notice of, of all robots together."""
+"""Limit of tracked tokens, of all robots together."""
 
 
 class Presence(NamedTuple):
-    """Somebody's liveliness token: the process and its link are there, its loop may hang."""
+    """A process's liveliness token: process and link are alive, but its loop may hang."""
 
     robot: str
     role: str
@@ -22,10 +22,10 @@ class Presence(NamedTuple):
 
 
 class TokenSet:
-    """The tokens that are there; `handler` gets each that comes (True) or goes (False).
+    """The present tokens; `handler` is called for each that appears (True) or disappears (False).
 
-    Zenoh has a thread for each of several links, so tokens may come in several threads at once.
-    `handler` is called for one after the other.
+    Zenoh has a thread for each of several links, so tokens may arrive in several threads at once.
+    The calls of `handler` never overlap.
     """
 
     def __init__(self, handler: Callable[[Presence, bool], None]) -> None:
@@ -33,17 +33,17 @@ class TokenSet:
         self._handler = handler
         self._taking = threading.Lock()
 
-    def take(self, who: Presence, *, came: bool) -> None:
-        """Take note of a token, unless there are too many; may be called from any thread."""
+    def take(self, token: Presence, *, appeared: bool) -> None:
+        """Add or remove a token, unless there are too many; may be called from any thread."""
         with self._taking:
-            if came and len(self.there) >= MAX_TOKENS:
+            if appeared and len(self.there) >= MAX_TOKENS:
                 return
-            self.there = self.there | {who} if came else self.there - {who}
-            self._handler(who, came)
+            self.there = self.there | {token} if appeared else self.there - {token}
+            self._handler(token, appeared)
 
 
 def presence_in(key: str) -> Presence | None:
-    """The token that a key names; None unless robot, role and session can be some."""
+    """Return the token of a key; None unless robot, role and session are valid."""
     robot, _, role, zid = key.split("/")[-4:]
     known = ROBOT_NAME.match(robot) and role in ROLES and SESSION.match(zid)
     return Presence(robot, role, zid) if known else None

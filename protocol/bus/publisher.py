@@ -1,4 +1,4 @@
-"""One key, one sender, one sequence counter."""
+"""Publisher of one topic: one key, one sender, one sequence counter."""
 
 import threading
 import time
@@ -7,7 +7,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import zenoh
 
-from protocol.bus.late_join import TOLD, keeping
+from protocol.bus.late_join import LIVE, caching_publisher
 from protocol.bus.robot_clock import time_bytes
 from protocol.topics import ENCODING, Priority, Topic
 from protocol.wire.codec import Encoder
@@ -26,10 +26,10 @@ POLL_S: Final = 0.001
 
 
 class Publisher(Generic[M]):
-    """Puts messages of one topic on its key.
+    """Publish messages of one topic on its key.
 
-    `time_ns` returns the robot's time, None while it is unknown: what an operator sends carries
-    when that was. Messages of a topic with a history carry when they were put, too.
+    `time_ns` returns the robot's time, None while it is unknown: samples of an operator carry this
+    sending time. Samples of a topic with a history also carry their UTC time.
     """
 
     def __init__(
@@ -45,33 +45,33 @@ class Publisher(Generic[M]):
         self._encoder = encoder
         self._time_ns = time_ns
         self._session = session
-        # Express loses samples under load, BLOCK can hold a loop for seconds: neither is used.
+        # Express loses samples under load; BLOCK can block a loop for seconds. Neither is used.
         service: dict[str, Any] = {
             "encoding": ENCODING,
             "priority": PRIORITIES[topic.priority],
             "express": False,
             "reliability": zenoh.Reliability.RELIABLE,
         }
-        plain = session.declare_publisher(key, congestion_control=TOLD, **service)
-        self._matching = plain  # an advanced publisher cannot be asked who listens
+        plain = session.declare_publisher(key, congestion_control=LIVE, **service)
+        self._matching = plain  # an advanced publisher has no matching status
         self._publisher: Any = plain
         if topic.history:
-            self._publisher = keeping(session, key, topic.history, **service)
+            self._publisher = caching_publisher(session, key, topic.history, **service)
 
     def put(self, message: M) -> bytes:
-        """Send and return the frame; LocalError when it does not belong here or does not fit."""
+        """Send a message and return its frame; LocalError if it fits neither topic nor wire."""
         frame = self.frame(message)
         self.put_frame(frame)
         return frame
 
     def frame(self, message: M) -> bytes:
-        """The next frame of this key, to be sent by `put_frame`; LocalError as for `put`."""
+        """Return the next frame of this key for `put_frame`; LocalError as for `put`."""
         if type(message) not in self.topic.messages:
             raise LocalError(f"{type(message).__name__} does not belong on {self.key}")
         return self._encoder.encode(message)
 
     def put_frame(self, frame: bytes) -> None:
-        """Send bytes as they are: made before, replayed, or broken on purpose."""
+        """Send a frame unchanged: prepared by `frame`, replayed, or malformed on purpose."""
         stamp = self._session.new_timestamp() if self.topic.history else None
         self._publisher.put(frame, attachment=self._sent(), timestamp=stamp)
 
@@ -81,19 +81,22 @@ class Publisher(Generic[M]):
 
     @property
     def ready(self) -> bool:
-        """Return whether a reader is there and, for an operator, the robot's time is known."""
+        """Return whether there is a subscriber and, for an operator, the robot's time is known."""
         return self.matched and (self._time_ns is None or self._time_ns() is not None)
 
     @property
     def matched(self) -> bool:
-        """Does anybody subscribe? What is put before is lost, unless the topic has a history."""
-        # Zenoh's stub says bool, but it is an object, and one that is always true.
+        """Return whether there is a subscriber.
+
+        Samples put before are lost unless the topic has a history.
+        """
+        # Zenoh's stub declares bool, but the value is an object, which is always true.
         status: Any = self._matching.matching_status
         return bool(status.matching)
 
 
 def await_ready(publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
-    """Wait until each has a subscriber, and an operator's knows its robot's time.
+    """Wait until each publisher has a subscriber and, for an operator, its robot's time.
 
     Return the keys of those that were not ready in time.
     """

@@ -1,4 +1,4 @@
-"""The asking side of a session: a question, its deadline on the robot's clock, and the answer."""
+"""Client side of the services: request, deadline on the robot's clock, and answer."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -24,9 +24,9 @@ SHORTEST_S: Final = 0.01
 
 
 class Requester:
-    """Asks services for one process; `operator` ends the keys of an operator's questions.
+    """Query services for one process; `operator` is the end of the keys of an operator's requests.
 
-    `holder` is the name in this process's certificate, None on an open bus.
+    `holder` is the common name of this process's certificate, None on an open bus.
     """
 
     def __init__(
@@ -47,15 +47,16 @@ class Requester:
         self._now_ns = now_ns
 
     def close(self) -> None:
+        """End the measurement of clocks."""
         self.clocks.close()
 
     def ask(
         self, service: Service, message: Message | None, timeout_s: float, robot: str
     ) -> Message | bytes:
-        """Return the answer, a message or the bytes of a JSON text; NoAnswer says why not.
+        """Return the answer, a message or the bytes of a JSON text; NoAnswer contains the cause.
 
-        An operator's request ceases to count after `timeout_s`, and its robot's clock is asked for
-        first when it is unknown, or when the robot finds the request too late.
+        An operator's request expires after `timeout_s`. The robot's clock is queried first if it is
+        unknown, and again if the robot refuses the request as too late.
         """
         deadline_ns = self._now_ns() + round(timeout_s * NS_PER_S)
         if not (self._operator and service.of_operators and service.requests and service.expires):
@@ -80,9 +81,9 @@ class Requester:
         robot: str,
         patience_s: float | None = None,
     ) -> Message | bytes:
-        """Ask once, with the deadline as far as the robot's clock is known.
+        """Query once, with a deadline if the robot's clock is known.
 
-        `patience_s` is how long the caller waits in all, of which `timeout_s` is left.
+        `patience_s` is the caller's whole timeout, of which `timeout_s` is left.
         """
         key = f"{self._network.prefix}/{robot}/{service.path}"
         frame = None
@@ -109,7 +110,7 @@ class Requester:
         return None if time_ns is None else time_bytes(time_ns + round(timeout_s * NS_PER_S))
 
     def _measure(self, robot: str, timeout_s: float = CLOCK_S) -> bool:
-        """Ask a robot for its time; False when it does not answer."""
+        """Query a robot's time; return False if it does not answer."""
         asked_ns = self._now_ns()
         try:
             answer = self._put(CLOCK_SERVICE, Timesync(tc1=0, ts1=asked_ns), timeout_s, robot)
@@ -122,14 +123,14 @@ class Requester:
 
 
 def refused_as_late(answer: Message | bytes) -> bool:
-    """Return whether a robot has not acted on a request because it came too late."""
+    """Return whether a robot refused a request because it arrived too late."""
     if isinstance(answer, CommandAck):
         return answer.result_param2 == Reason.TOO_LATE
     return isinstance(answer, MissionVerdict) and answer.reason == Reason.TOO_LATE
 
 
 def answer_in(sample: zenoh.Sample) -> Message | bytes:
-    """A message, or the bytes of a JSON text; NoAnswer when it is one of another version."""
+    """Return a message or the bytes of a JSON text; NoAnswer for another version."""
     encoding = str(sample.encoding)
     if not encoding.startswith(ENCODING_FAMILY):
         return sample.payload.to_bytes()

@@ -1,14 +1,14 @@
-"""The clock of a robot as a ground process estimates it: deadlines and ages count in that clock.
+"""Estimate of a robot's clock in a ground process, for deadlines and ages.
 
-An estimate is never later than the robot's own time, so a request never counts for longer than its
-sender wanted, and a frame never looks younger than it is.
+An estimate is never later than the robot's own time. A request therefore never stays valid longer
+than its sender wanted, and a frame never looks newer than it is.
 """
 
 import threading
 from collections import deque
 from collections.abc import Callable
 from struct import Struct
-from struct import error as StructError
+from struct import error as struct_error
 from typing import Final
 
 from protocol.bus.mailbox import MAX_STAMP_NS
@@ -23,39 +23,39 @@ TIME: Final = Struct("<q")
 
 
 def time_bytes(time_ns: int) -> bytes:
-    """Return an attachment that carries a time."""
+    """Return an attachment that contains a time."""
     return TIME.pack(time_ns)
 
 
 def time_in(attachment: bytes) -> int | None:
-    """Return the time in an attachment; None when it carries none."""
+    """Return the time in an attachment; None if it contains none."""
     try:
         return int(TIME.unpack(attachment)[0])
-    except StructError:
+    except struct_error:
         return None
 
 
 class RobotClock:
-    """How far one robot's clock is ahead of ours, at least. May be used from any thread."""
+    """Lower limit of one robot's clock offset to ours. May be used from any thread."""
 
     def __init__(self) -> None:
         self._ahead_ns: deque[int] = deque(maxlen=SAMPLES)
 
     def observe(self, asked_ns: int, robot_ns: int, answered_ns: int) -> None:
-        """Take a measurement: the robot's time `robot_ns` was read between our two times.
+        """Add a measurement: `robot_ns` was read between our times `asked_ns` and `answered_ns`.
 
-        Forget the earlier ones if the robot's clock has gone back since, as after a restart. Ignore
-        an impossible time, which would overflow the integer of the wire when added to.
+        Drop the earlier ones if the robot's clock has gone back since, as after a restart. Ignore
+        an implausible time: sums with it could overflow the integer of the wire.
         """
         if abs(robot_ns) >= MAX_STAMP_NS:
             return
-        ahead_ns = tuple(self._ahead_ns)  # another thread may forget them meanwhile
+        ahead_ns = tuple(self._ahead_ns)  # another thread may clear the measurements meanwhile
         if ahead_ns and max(ahead_ns) > robot_ns - asked_ns:
             self._ahead_ns.clear()
         self._ahead_ns.append(robot_ns - answered_ns)
 
     def forget(self) -> None:
-        """Drop all measurements: the robot has contradicted them."""
+        """Drop all measurements, because the robot has contradicted them."""
         self._ahead_ns.clear()
 
     def time_ns(self, now_ns: int) -> int | None:
@@ -65,10 +65,10 @@ class RobotClock:
 
 
 class RobotClocks:
-    """The clocks of all robots that a process commands, measured again and again in a thread.
+    """Clocks of all robots that a process commands, measured periodically in a thread.
 
-    `measure` asks one robot for its time and calls `observe`; it may wait, and returns whether
-    there was an answer.
+    `measure` queries one robot's time and calls `observe`; it may wait, and returns whether the
+    robot has answered.
     """
 
     def __init__(self, now_ns: Callable[[], int], measure: Callable[[str], bool]) -> None:
@@ -81,14 +81,15 @@ class RobotClocks:
         self._thread: threading.Thread | None = None
 
     def of(self, robot: str) -> RobotClock:
+        """Return the clock of a robot."""
         return self._clocks.setdefault(robot, RobotClock())
 
     def time_ns(self, robot: str) -> int | None:
-        """Return a robot's time now; None while it is unknown."""
+        """Return a robot's present time; None while it is unknown."""
         return self.of(robot).time_ns(self._now_ns())
 
     def follow(self, robot: str) -> None:
-        """Keep this robot's clock measured from now on."""
+        """Measure this robot's clock periodically from now on."""
         self._followed.add(robot)
         if self._thread is None and not self._closed:
             self._thread = threading.Thread(target=self._run, name="robot clocks", daemon=True)
@@ -96,6 +97,7 @@ class RobotClocks:
         self._wake.set()
 
     def close(self) -> None:
+        """End the measurements."""
         self._closed = True
         self._wake.set()
         if self._thread is not None:

@@ -1,7 +1,7 @@
-"""The answering side of a query: one thread decodes requests, another one sends the replies.
+"""Server side of the services: one thread decodes requests, another sends the replies.
 
-Zenoh's receive thread only enqueues, and no caller of `reply` waits for a reader that is slow.
-A request that cannot be read is counted and denied with a reason.
+Zenoh's receive thread only enqueues, and no caller of `reply` waits for a slow client. A malformed
+request is counted and denied with a reason.
 """
 
 import logging
@@ -26,15 +26,15 @@ JSON = "application/json"
 LOG = logging.getLogger(__name__)
 MAX_WAITING: Final = 1000
 MAX_REPLIES: Final = 256
-"""Replies that wait to be sent. Further ones are dropped, as after a lost answer."""
+"""Replies in the queue. Further ones are dropped; the client then times out."""
 
 
 class ServiceRequest:
-    """A request: answer it once, from any thread, now or later; answering never blocks.
+    """A request, to be answered once, from any thread, at any time; answering never blocks.
 
-    `operator` is who asks, taken from the key; empty when the key names no operator.
-    `good_until_ns` is when the request ceases to count, on the clock of this process's bus; None
-    when it does not say. `arrived_ns` is when the request arrived, on the same clock.
+    `operator` is the requesting operator from the key; empty if the key names none. `good_until_ns`
+    is the request's deadline on the clock of this process's bus; None if it has none. `arrived_ns`
+    is its arrival time on the same clock.
     """
 
     def __init__(
@@ -46,11 +46,11 @@ class ServiceRequest:
         send: "Callable[[Reply], None]",
         arrived_ns: int,
     ) -> None:
-        asked = str(query.key_expr)
+        requested_key = str(query.key_expr)
         self.arrived_ns = arrived_ns
         self.service = service
-        self.operator = operator_in(asked.removeprefix(f"{key}/")) if asked != key else ""
-        self.key = asked if self.operator else key
+        self.operator = operator_in(requested_key.removeprefix(f"{key}/"))
+        self.key = requested_key if self.operator else key
         self.message: Message | None = None
         self.good_until_ns: int | None = None
         self._query: zenoh.Query | None = query
@@ -60,12 +60,12 @@ class ServiceRequest:
 
     @property
     def payload(self) -> bytes:
-        """The bytes of the request; none when it carries none, or was answered before."""
+        """The bytes of the request; empty if it has none or is already answered."""
         query = self._query
-        return b"" if query is None or query.payload is None else taken(query.payload)
+        return b"" if query is None or query.payload is None else payload_bytes(query.payload)
 
     def read(self) -> None:
-        """Decode the request; RemoteError when it is not one this service takes."""
+        """Decode the request; raise RemoteError unless the service accepts it."""
         query = self._query
         if query is None:
             return
@@ -75,7 +75,7 @@ class ServiceRequest:
             self.message = opened(Sample(encoding, self.payload), self.service.requests)
 
     def reply(self, answer: Message | bytes) -> bool:
-        """A message, or bytes of JSON; False when it was answered or dropped before."""
+        """Answer with a message or bytes of JSON; return False if already answered or dropped."""
         query = self._taken()
         if query is None:
             return False
@@ -83,13 +83,14 @@ class ServiceRequest:
         return True
 
     def drop(self) -> None:
-        """Leave it unanswered: the asker hears at once that nobody answers."""
+        """Leave the request unanswered: its client gets an empty result at once."""
         query: Any = self._taken()
         if query is not None:
             query.drop()
 
     @property
     def open(self) -> bool:
+        """Return whether the request is still unanswered."""
         return self._query is not None
 
     def _taken(self) -> zenoh.Query | None:
@@ -99,7 +100,7 @@ class ServiceRequest:
 
 
 class Reply(NamedTuple):
-    """An answer on its way out: a message, or the bytes of a JSON text."""
+    """An answer to be sent: a message, or the bytes of a JSON text."""
 
     query: zenoh.Query
     key: str
@@ -110,24 +111,24 @@ class Reply(NamedTuple):
 Handler = Callable[[ServiceRequest], object]
 
 
-def taken(payload: zenoh.ZBytes) -> bytes:
-    """The bytes of a frame. What is longer than any is not copied: zeros stand for it."""
+def payload_bytes(payload: zenoh.ZBytes) -> bytes:
+    """Return the bytes of a frame; a longer payload is not copied but replaced by zeros."""
     return payload.to_bytes() if len(payload) <= LARGEST_FRAME else bytes(LARGEST_FRAME + 1)
 
 
 def attached_time(attachment: zenoh.ZBytes | None) -> int | None:
-    """Return the time that an attachment carries, in ns; None when it carries none."""
-    return None if attachment is None else time_in(taken(attachment))
+    """Return the time in an attachment, in ns; None if it contains none."""
+    return None if attachment is None else time_in(payload_bytes(attachment))
 
 
 class ServiceQueue:
-    """Takes the requests of all services of one bus, in order."""
+    """Queue of the requests of all services of one bus."""
 
     def __init__(self) -> None:
         self.rejected: dict[str, int] = {}
         self.last_rejection = ""
         self.unsent = 0
-        """Replies that their askers did not wait for, or asked for on a key that is not served."""
+        """Replies that could not be sent: the client is gone or used an unserved key."""
 
         self._waiting: SimpleQueue[tuple[ServiceRequest, Handler] | None] = SimpleQueue()
         self._replies: SimpleQueue[Reply | None] = SimpleQueue()
@@ -135,21 +136,21 @@ class ServiceQueue:
         self._threads: dict[str, threading.Thread] = {}
         self._closed = False
 
-    def put(self, asked: ServiceRequest, handler: Handler) -> None:
-        """Enqueue a request; called from the bus. What is too much is dropped unanswered."""
+    def put(self, request: ServiceRequest, handler: Handler) -> None:
+        """Enqueue a request, or drop it if the queue is full; called by the bus."""
         if self._waiting.qsize() < MAX_WAITING:
-            self._waiting.put((asked, handler))
+            self._waiting.put((request, handler))
         else:
-            self._count(asked.service)
-            asked.drop()
+            self._count(request.service)
+            request.drop()
 
     def send(self, reply: Reply) -> None:
-        """Enqueue a reply and return at once; what is too much is dropped."""
+        """Enqueue a reply and return at once; drop it if the queue is full."""
         if self._replies.qsize() < MAX_REPLIES:
             self._replies.put(reply)
 
     def start(self) -> None:
-        """Start the threads, or those again that have ended; may be called at any time."""
+        """Start the threads, and restart those that have ended; may be called at any time."""
         for name, work in (("requests", self._take_requests), ("replies", self._send_replies)):
             thread = self._threads.get(name)
             if not self._closed and (thread is None or not thread.is_alive()):
@@ -158,22 +159,22 @@ class ServiceQueue:
                 thread.start()
 
     def close(self) -> None:
-        """Stop taking requests and drop those still unanswered."""
+        """Stop taking requests and drop the unanswered ones."""
         self._closed = True
         self._waiting.put(None)
         self._replies.put(None)
         for thread in self._threads.values():
             if thread is not threading.current_thread():
                 thread.join(timeout=1.0)
-        for asked in self._open:
-            asked.drop()
+        for request in self._open:
+            request.drop()
 
     def _take_requests(self) -> None:
         while (item := self._waiting.get()) is not None:
-            asked, handler = item
+            request, handler = item
             self._open = [other for other in self._open if other.open]
-            self._open.append(asked)
-            self._hand_on(asked, handler)
+            self._open.append(request)
+            self._handle(request, handler)
 
     def _send_replies(self) -> None:
         while (reply := self._replies.get()) is not None:
@@ -184,26 +185,26 @@ class ServiceQueue:
             except Exception:  # a defect of one service must not end the others
                 LOG.exception("a reply on %s could not be sent", reply.key)
 
-    def _hand_on(self, asked: ServiceRequest, handler: Handler) -> None:
+    def _handle(self, request: ServiceRequest, handler: Handler) -> None:
         try:
-            asked.read()
+            request.read()
         except RemoteError as error:
-            self._count(asked.service)
+            self._count(request.service)
             self.last_rejection = str(error)
-            asked.reply(refusal(Reason.MALFORMED))
+            request.reply(refusal(Reason.MALFORMED))
             return
         try:
-            handler(asked)
+            handler(request)
         except Exception:
-            LOG.exception("the handler of %s failed", asked.key)
-            asked.reply(refusal(Reason.NONE, result=AckResult.FAILED))
+            LOG.exception("the handler of %s failed", request.key)
+            request.reply(refusal(Reason.NONE, result=AckResult.FAILED))
 
     def _count(self, service: Service) -> None:
         self.rejected[service.path] = self.rejected.get(service.path, 0) + 1
 
 
 def send_now(reply: Reply) -> None:
-    """Encode and send a reply. May block while its reader is slow."""
+    """Encode and send a reply. May block while its client is slow."""
     raw = isinstance(reply.answer, bytes)
     payload = (
         reply.answer if isinstance(reply.answer, bytes) else reply.encoder.encode(reply.answer)
@@ -213,5 +214,5 @@ def send_now(reply: Reply) -> None:
 
 
 def refusal(reason: int, command: int = 0, result: AckResult = AckResult.DENIED) -> CommandAck:
-    """COMMAND_ACK that says no, with the reason."""
+    """Return a COMMAND_ACK that denies a request with a reason."""
     return CommandAck(command=command, result=result, result_param2=reason)

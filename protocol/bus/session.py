@@ -1,7 +1,7 @@
-"""Opens a Zenoh session the way this project wants it, and says in words why it could not.
+"""Open a Zenoh session with the settings of this project; explain why it could not be opened.
 
-Zenoh's own log is not initialised here: it can only write to standard output, which belongs to
-`--json` and to the terminal interface.
+Zenoh's own log is not initialised here: it can only write to standard output, which is reserved for
+`--json` and the terminal interface.
 """
 
 import json
@@ -13,14 +13,14 @@ import zenoh
 
 from protocol.bus.congestion import congestion
 from protocol.bus.network import Hub, Network
-from protocol.bus.tls.config import lock, shut
+from protocol.bus.tls.config import peer_refusal, tls_settings
 from runtime.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 LEASE_MS = 1000
-OPEN_MS = 500  # a session that dials again behind our back closes only after that
-LARGEST_BYTES = 1 << 23  # of an answer, such as a world; nobody fills our memory with pieces
-DIAL_S = 1.0  # while Zenoh dials, Python hears no signal
+OPEN_MS = 500  # closing a session waits for a reconnection attempt, at most this long
+LARGEST_BYTES = 1 << 23  # of an answer, such as a world; limits the memory for fragments
+DIAL_S = 1.0  # while Zenoh dials, Python handles no signal
 PROBE_S = 0.3
 SOURCE_PLACES = re.compile(r" at /\S+")
 UNCONNECTED = "Unable to connect"
@@ -28,7 +28,7 @@ BOUND_TO = re.compile(r"bound to (\S+?):? ")
 
 
 def settings(network: Network, dial_s: float) -> dict[str, object]:
-    """Nobody is ever searched for: endpoints are explicit, and nothing waits to find more."""
+    """Return Zenoh's settings. Endpoints are explicit: no discovery, no waiting for peers."""
     return {
         "mode": network.mode,
         "listen/endpoints": list(network.listen),
@@ -43,16 +43,16 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "transport/unicast/open_timeout": OPEN_MS,
         "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/shared_memory/enabled": False,
-        "adminspace/enabled": bool(network.listen),  # the only place that tells a bound port
+        "adminspace/enabled": bool(network.listen),  # the only source of a bound port
         **congestion(network.prefix),
-        **lock(network),
+        **tls_settings(network),
     }
 
 
 def open_session(network: Network) -> zenoh.Session:
-    """Raises EndpointInUse, NoPeer, PeerHangs, NotLetIn, BadEndpoint or BadKeys, with words.
+    """Open a session; raise EndpointInUse, NoPeer, PeerHangs, NotLetIn, BadEndpoint or BadKeys.
 
-    Dials in short turns: a signal that comes meanwhile is heard after at most one of them.
+    Dials in short turns, because Python handles a signal only between them.
     """
     deadline_s = monotonic() + network.connect_timeout_s
     while True:
@@ -66,6 +66,7 @@ def open_session(network: Network) -> zenoh.Session:
 
 
 def configured(network: Network, dial_s: float) -> zenoh.Config:
+    """Return Zenoh's configuration."""
     config = zenoh.Config()
     try:
         for key, value in settings(network, dial_s).items():
@@ -76,7 +77,7 @@ def configured(network: Network, dial_s: float) -> zenoh.Config:
 
 
 def in_words(network: Network, text: str) -> UserError:
-    """The error a person can act on."""
+    """Return an error with its cause and remedy."""
     found = BOUND_TO.search(text)
     here = found[1] if found else ", ".join(network.listen)
     there = ", ".join(network.connect)
@@ -92,28 +93,28 @@ def in_words(network: Network, text: str) -> UserError:
 
 
 def unconnected(there: str, network: Network) -> NoPeer:
-    """Nobody is there, or somebody who lets nobody in, or takes the call and says nothing."""
+    """Return why there is no connection: no process, refused, or no answer."""
     waited = f"(waited {network.connect_timeout_s:g} s)"
-    if not_let_in := shut(network):
-        return not_let_in
+    if refusal := peer_refusal(network):
+        return refusal
     if any(listens(endpoint) for endpoint in network.connect):
         return PeerHangs(
             f"a process listens at {there} but does not answer {waited}: "
-            "it hangs, is stopped or is none of ours: restart it, or correct the endpoint"
+            "it hangs, is suspended or is another program: restart it, or correct the endpoint"
         )
     return NoPeer(
-        f"nobody answers at {there} {waited}: "
+        f"no process answers at {there} {waited}: "
         "start the process that listens there, or correct the endpoint"
     )
 
 
 def listens(endpoint: str) -> bool:
-    """Does the system take a call there? It does so for a process that hangs, too."""
-    return called(endpoint) is Hub.HANGS
+    """Return whether the system accepts a TCP connection there, even for a process that hangs."""
+    return probed(endpoint) is Hub.HANGS
 
 
-def called(endpoint: str) -> Hub:
-    """What comes of a call there; what is not on TCP cannot be called, and counts as ended."""
+def probed(endpoint: str) -> Hub:
+    """Return the result of a TCP connection; endpoints of other protocols count as ended."""
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
     if protocol not in ("tcp", "tls"):
@@ -127,17 +128,20 @@ def called(endpoint: str) -> Hub:
         return Hub.UNREACHABLE
 
 
-def gone(hub: Hub, there: str) -> str:
-    """What has become of those at the endpoints; empty while there is a link."""
+def loss_text(hub: Hub, there: str) -> str:
+    """Return what happened to the processes at the endpoints; empty while there is a link."""
     if hub is Hub.HANGS:
-        return f"the process at {there} does not answer any more, but it is there: it hangs"
+        return f"the process at {there} accepts connections but no longer answers: it hangs"
     if hub is Hub.UNREACHABLE:
-        return f"nothing comes back from {there}: the network in between is cut"
+        return f"no reply from {there}: the network in between is cut"
     return "" if hub.linked else f"the process at {there} has ended"
 
 
 def bound_endpoints(session: zenoh.Session) -> tuple[str, ...]:
-    """Where a session really listens: the port behind a 0 is only known to its admin space."""
+    """Return the endpoints on which a session listens.
+
+    Only its admin space contains the real port behind a 0.
+    """
     for reply in session.get(f"@/{session.zid()}/*", timeout=1.0):
         if reply.ok is not None:
             found = json.loads(reply.ok.payload.to_bytes()).get("locators")

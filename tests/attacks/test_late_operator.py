@@ -19,7 +19,7 @@ STILL_M = 1e-4
 def delay(stack: Stack, seconds: float) -> None:
     """From now on whatever operators say reaches the robot so much later."""
     trouble = LinkFaults(delay_ms=1000.0 * seconds, paths=("op/",))
-    stack.buses["robot"].line.disturb(trouble)
+    stack.buses["robot"].faults.disturb(trouble)
 
 
 def by_hand(stack: Stack, operator: Operator, seconds: float = 1.0) -> None:

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 import pytest
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.claim import DuplicateWatch, NameTaken, claim
+from protocol.bus.claim import DuplicateWatch, NameTakenError, claim
 from protocol.bus.network import Network
 from protocol.topics import Role
 from tests.support.until import until
@@ -28,7 +28,7 @@ def test_a_second_process_of_one_name_is_refused_by_name(role: Role) -> None:
         network = router(scope)
         first, second = (joined(scope, network, role, "r1") for _ in range(2))
         claim(first, ["r1"])
-        with pytest.raises(NameTaken, match=f"a {role.value} for r1 already.*{first.zid}"):
+        with pytest.raises(NameTakenError, match=f"a {role.value} for r1 already.*{first.zid}"):
             claim(second, ["r1"])
 
 
@@ -44,7 +44,7 @@ def test_a_plant_of_several_robots_takes_each_name() -> None:
     with ExitStack() as scope:
         network = router(scope)
         claim(joined(scope, network, Role.PLANT, "r1"), ["r1", "r2"])
-        with pytest.raises(NameTaken, match="r2"):
+        with pytest.raises(NameTakenError, match="r2"):
             claim(joined(scope, network, Role.PLANT, "r2"), ["r2"])
 
 

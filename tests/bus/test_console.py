@@ -181,7 +181,7 @@ def test_a_long_session_does_not_listen_more_with_each_command(
     heard: list[object] = []
     forgotten: list[object] = []
     with open_bus(common.network, Role.GROUND, common.robot) as bus:
-        mailbox, forget = bus.mailbox, bus.forget
+        mailbox, forget = bus.mailbox, bus.unsubscribe
 
         def listen(*how: Any, **named: Any) -> Mailbox[Any]:
             box: Mailbox[Any] = mailbox(*how, **named)
@@ -193,7 +193,7 @@ def test_a_long_session_does_not_listen_more_with_each_command(
             forget(box)
 
         monkeypatch.setattr(bus, "mailbox", listen)
-        monkeypatch.setattr(bus, "forget", leave)
+        monkeypatch.setattr(bus, "unsubscribe", leave)
         for typed, argv in TALKING:
             if argv[0] != "lease":
                 done(typed, Link(bus, common, WallClock()), Draft())

@@ -130,7 +130,7 @@ def test_a_router_is_healthy_before_anybody_speaks(ask: Ask) -> None:
 @pytest.mark.parametrize("role", ["robot", "plant", "ground", "router"])
 def test_where_nobody_listens_nobody_is_healthy(role: str, ask: Ask) -> None:
     code, why = ask(role, "--connect", "tcp/127.0.0.1:1")
-    assert (code, "nobody answers at tcp/127.0.0.1:1" in why) == (1, True), why
+    assert (code, "no process answers at tcp/127.0.0.1:1" in why) == (1, True), why
 
 
 def test_a_ground_station_whose_page_refuses_strangers_is_healthy(ask: Ask) -> None:

@@ -48,7 +48,7 @@ class Heard:
         self.ages_s: list[float] = []
         self.others = 0
         self.counter = Counter(TEXT)
-        bus.everything(self._take)
+        bus.stream_all(self._take)
 
     def _take(self, _key: str, frame: bytes, told_ns: int) -> None:
         message = decode(frame).message
@@ -222,7 +222,7 @@ def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> Non
         until(lambda: wheels.matched)
         wheels.put(TICKS)
         until(early.latest)  # the hub has it, so it is under way to nobody any more
-        bus.robot.forget(early)
+        bus.robot.unsubscribe(early)
         until(lambda: not wheels.matched)
         heard = Heard(bus.ground)
         assert bus.plant.await_matched([wheels], PATIENCE_S) == []

@@ -12,7 +12,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from ground.cli.main import main
-from protocol.bus.audit import watched_doors
+from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Hub, Network
 from protocol.bus.session import configured
@@ -121,7 +121,11 @@ def test_an_impostor_that_is_dialled_again_brings_and_hears_nothing(ring: Keyrin
         robot = Robot(bus)
         until(lambda: arrived(router, robot))
     robot.came.clear()
-    with bus, watched_doors(bus, told.append), listening(ring, "robot-r2", port) as (rogue, _):
+    with (
+        bus,
+        audited_connections(bus, told.append),
+        listening(ring, "robot-r2", port) as (rogue, _),
+    ):
         heard: list[str] = []
         note = noting(heard)
         rogue.declare_subscriber(f"{PREFIX}/**", note, allowed_origin=zenoh.Locality.REMOTE)

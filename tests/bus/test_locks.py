@@ -77,7 +77,7 @@ def test_a_stranger_who_believes_the_robot_is_not_believed(ring: Keyring, tmp_pa
 
 def test_plain_tcp_against_a_lock_is_told_how_to_use_a_key(ring: Keyring) -> None:
     told = refusal(ring, None, "tcp")
-    assert "takes only TLS, and this one dials it in plain TCP" in told.why
+    assert "accepts only TLS, and this one uses plain TCP" in told.why
     assert "--config" in told.do
 
 
@@ -92,10 +92,10 @@ def test_a_lock_against_plain_tcp_is_told(
         raise comes_of_it
 
     if comes_of_it is not None:
-        monkeypatch.setattr(locks, "knock", knock)
+        monkeypatch.setattr(locks, "handshake", knock)
     with open_bus(door(None), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tcp/", "tls/")
-        with pytest.raises(NotLetIn, match="speaks plain TCP, and this one only TLS"):
+        with pytest.raises(NotLetIn, match="uses plain TCP, and this one accepts only TLS"):
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
 
 
@@ -123,7 +123,7 @@ def test_who_hangs_behind_a_lock_is_told_from_who_does_not_let_in(ring: Keyring)
 
 def test_a_listener_whom_nobody_would_believe_does_not_start(ring: Keyring) -> None:
     tls = ring.expired("robot-r1")
-    with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* nobody would believe it"):
+    with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* others would reject it"):
         open_bus(door(tls), Role.ROBOT, "r1")
 
 
@@ -148,7 +148,7 @@ def test_keys_of_different_sets_are_named(ring: Keyring) -> None:
         certificate=ring.tls("ground").certificate,
         key=ring.tls("viewer").key,
     )
-    with pytest.raises(BadKeys, match="of no use together") as caught:
+    with pytest.raises(BadKeys, match="cannot be used together") as caught:
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
     assert "PRIVATE" not in str(caught.value)
 
@@ -164,7 +164,7 @@ def test_a_file_that_is_not_there_is_named_by_its_key(ring: Keyring) -> None:
 def test_a_process_does_not_start_with_a_key_that_others_can_read(ring: Keyring, mode: int) -> None:
     tls = ring.tls("ground")
     Path(tls.key).chmod(mode)
-    with pytest.raises(BadKeys, match=r"ground\.key can be read by others.*chmod 600"):
+    with pytest.raises(BadKeys, match=r"other users can read .*ground\.key.*chmod 600"):
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
 
 
@@ -204,7 +204,7 @@ def test_a_verb_of_a_viewer_says_that_it_may_not_command(
         file = config(tmp_path, ring.tls("viewer"), robot.locator())
         assert main(["estop", "--timeout", "0.3", "--config", file]) == 1
         said = capsys.readouterr().err
-        assert "'viewer', which only listens and may not ask srv/command" in said
+        assert "'viewer', which only observes and may not query srv/command" in said
         assert "--config DIR/ground.toml" in said
         assert acted == []
 
@@ -212,9 +212,9 @@ def test_a_verb_of_a_viewer_says_that_it_may_not_command(
 @pytest.mark.parametrize(
     ("name", "healthy", "says"),
     [
-        ("viewer", True, "'viewer', which only listens and may not ask srv/command"),
-        ("plant", False, "'plant', which senses and drives the robots and may not ask"),
-        ("stranger", False, "'stranger', which is no role: it may do nothing"),
+        ("viewer", True, "'viewer', which only observes and may not query srv/command"),
+        ("plant", False, "'plant', which simulates the robots and may not query"),
+        ("stranger", False, "'stranger', which is no role: it permits nothing"),
     ],
 )
 def test_the_doctor_says_what_a_certificate_may_do(
@@ -240,7 +240,7 @@ def test_the_doctor_says_what_a_certificate_may_do(
         ("expired", "expired at"),
         ("early", "is not valid before"),
         ("foreign", "signed by another authority"),
-        ("plain", "takes only TLS, and this one dials it in plain TCP"),
+        ("plain", "accepts only TLS, and this one uses plain TCP"),
     ],
 )
 def test_the_doctor_says_why_the_door_stays_shut(

@@ -8,7 +8,7 @@ import pytest
 from zenoh import ZBytes
 
 from protocol.bus.bus import Bus
-from protocol.bus.service import MAX_WAITING, ServiceQueue, ServiceRequest, taken
+from protocol.bus.service import MAX_WAITING, ServiceQueue, ServiceRequest, payload_bytes
 from protocol.topics import COMMAND, PARAMETERS, RUN, Role, Service, operator_in
 from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
@@ -127,7 +127,10 @@ def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None
 
 
 def test_when_nobody_serves_the_asker_is_told_at_once_and_who_is_missing() -> None:
-    with net() as bus, pytest.raises(NoAnswer, match=r"sim/run: nobody serves .* plant running"):
+    with (
+        net() as bus,
+        pytest.raises(NoAnswer, match=r"sim/run: no process .* plant running"),
+    ):
         bus.ground.ask(RUN, None, timeout_s=PATIENCE_S)
 
 
@@ -179,7 +182,7 @@ def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
         until(lambda: waiting)
         late.close()
         asking.join(timeout=PATIENCE_S)
-        assert "nobody serves" in reasons[0]
+        assert "no process serves" in reasons[0]
         assert waiting[0].reply(DONE) is False
 
 
@@ -211,5 +214,5 @@ def test_questions_beyond_what_can_wait_are_dropped_and_counted() -> None:
 
 
 def test_a_frame_of_megabytes_is_not_even_copied() -> None:
-    assert taken(ZBytes(b"\xfd" * 2_000_000)) == bytes(LARGEST_FRAME + 1)
-    assert taken(ZBytes(b"\xfd" * LARGEST_FRAME)) == b"\xfd" * LARGEST_FRAME
+    assert payload_bytes(ZBytes(b"\xfd" * 2_000_000)) == bytes(LARGEST_FRAME + 1)
+    assert payload_bytes(ZBytes(b"\xfd" * LARGEST_FRAME)) == b"\xfd" * LARGEST_FRAME

@@ -11,7 +11,7 @@ import os, sys, time
 from pathlib import Path
 import zenoh
 from protocol.bus.bus import open_bus
-from protocol.bus.audit import watched_doors
+from protocol.bus.audit import audited_connections
 from protocol.bus.session import configured
 from protocol.bus.network import Network
 from protocol.topics import Role
@@ -24,7 +24,7 @@ def caught():
 
 ring, told, largest = Keyring(Path(sys.argv[1])), [], 0
 listening = Network(listen=("tls/127.0.0.1:0",), robots=("r1",), tls=ring.tls("robot-r1"))
-with open_bus(listening, Role.ROBOT, "r1") as bus, watched_doors(bus, told.append):
+with open_bus(listening, Role.ROBOT, "r1") as bus, audited_connections(bus, told.append):
     endpoint = bus.locator()
     dialling = Network(
         mode="client", connect=(endpoint,), robots=("r1",), tls=ring.tls("viewer"))

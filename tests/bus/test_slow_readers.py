@@ -14,7 +14,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.bus import Bus, open_bus
-from protocol.bus.linger import sockets, taken
+from protocol.bus.linger import socket_of, sockets
 from protocol.bus.network import Network
 from protocol.bus.service import ServiceRequest
 from protocol.bus.session import configured
@@ -121,7 +121,7 @@ def lingering(port: int) -> int:
     """How many of this process's connections to or from a port wait when they are closed."""
     found = 0
     for descriptor in sockets():
-        with suppress(OSError), taken(os.dup(descriptor)) as one:
+        with suppress(OSError), socket_of(os.dup(descriptor)) as one:
             if one.family == socket.AF_INET and port in (one.getsockname()[1], other_port(one)):
                 found += one.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8)[0]
     return found

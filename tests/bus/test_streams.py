@@ -174,7 +174,7 @@ def test_what_is_forgotten_is_heard_no_more() -> None:
         boxes = [bus.robot.mailbox(WHEELS) for _ in range(20)]
         assert bus.plant.await_matched([wheels], PATIENCE_S) == []
         for box in (*boxes, *boxes):
-            bus.robot.forget(box)
+            bus.robot.unsubscribe(box)
         until(lambda: not wheels.matched)
         wheels.put(TICKS)
         assert boxes[0].latest() is None

@@ -23,7 +23,7 @@ class Heard:
         self.seqs: list[int] = []
         self.at_ns: list[int] = []
         self.dealt_with: list[str] = []
-        bus.line.after = self.dealt_with.append
+        bus.faults.after = self.dealt_with.append
         bus.stream(WHEELS, self._take)
 
     def _take(self, _key: str, frame: bytes, arrived_ns: int) -> None:
@@ -62,7 +62,7 @@ def test_without_trouble_all_is_heard() -> None:
 def test_what_is_lost_is_lost_for_good_and_the_trouble_can_end() -> None:
     with pair(LinkFaults(loss=1.0)) as (robot, heard, wheels):
         send(heard, wheels, 1, 2, 3)
-        robot.line.disturb(None)
+        robot.faults.disturb(None)
         send(heard, wheels, 4)
         assert heard.seqs == [4]
 
@@ -85,7 +85,7 @@ def test_late_samples_are_lost_with_the_bus() -> None:
 def test_copies_and_swaps() -> None:
     with pair(LinkFaults(duplicate=1.0)) as (robot, heard, wheels):
         send(heard, wheels, 1)
-        robot.line.disturb(LinkFaults(reorder=1.0))
+        robot.faults.disturb(LinkFaults(reorder=1.0))
         send(heard, wheels, 2, 3)
         assert heard.seqs == [1, 1, 3, 2]
 
@@ -94,7 +94,7 @@ def test_only_the_named_topics_are_in_trouble_and_the_clock_of_lockstep_never_is
     with pair(LinkFaults(loss=1.0, paths=("sense/sonar",))) as (robot, heard, wheels):
         send(heard, wheels, 1)
         assert heard.seqs == [1]
-        robot.line.disturb(LinkFaults(loss=1.0))
+        robot.faults.disturb(LinkFaults(loss=1.0))
         clock = robot.mailbox(CLOCK)
         robot.publisher(CLOCK).put_frame(b"\xfd")
         until(lambda: f"sidestep/r1/{CLOCK.path}" in heard.dealt_with)
@@ -103,10 +103,10 @@ def test_only_the_named_topics_are_in_trouble_and_the_clock_of_lockstep_never_is
 
 def test_in_simulated_time_nothing_comes_before_it_is_let_go() -> None:
     with pair(LinkFaults(delay_ms=100)) as (robot, heard, wheels):
-        robot.line.by_hand = True
+        robot.faults.by_hand = True
         now_ns = monotonic_ns()
         send(heard, wheels, 1)
-        robot.line.release(now_ns + 99 * MS)
+        robot.faults.release(now_ns + 99 * MS)
         assert heard.seqs == []
-        robot.line.release(now_ns + 5_000 * MS)
+        robot.faults.release(now_ns + 5_000 * MS)
         assert heard.seqs == [1]

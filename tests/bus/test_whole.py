@@ -7,14 +7,14 @@ from typing import cast
 import pytest
 import zenoh
 
-from protocol.bus.late_join import FETCHED, FETCHES, SOURCES, TOLD, LateJoin, Source
+from protocol.bus.late_join import FETCHED, FETCHES, LIVE, SOURCES, LateJoin, Source
 from tests.support.until import PATIENCE_S, until
 
 
 def sample(number: int, sender: str = "a", *, live: bool = True) -> zenoh.Sample:
     """What it is told by, and whether just now."""
     info = SimpleNamespace(source_id=SimpleNamespace(zid=sender, eid=7), source_sn=number)
-    how = TOLD if live else FETCHED
+    how = LIVE if live else FETCHED
     return cast(zenoh.Sample, SimpleNamespace(source_info=info, congestion_control=how))
 
 
@@ -41,12 +41,12 @@ class Following:
 def test_what_came_before_the_first_live_sample_is_fetched_and_told_before_it() -> None:
     following = Following()
     for number in (3, 4, 5):
-        following.whole.hear(sample(number))
-    following.whole.hear(sample(0, "b"))
+        following.whole.receive(sample(number))
+    following.whole.receive(sample(0, "b"))
     assert following.heard == [("b", 0)], "another sender does not wait"
     following.let.set()
     until(lambda: len(following.heard) == 7)
-    following.whole.hear(sample(6))
+    following.whole.receive(sample(6))
     assert following.heard == [("b", 0), *(("a", number) for number in range(7))]
     assert following.asked == [("a", 7)]
 
@@ -54,8 +54,8 @@ def test_what_came_before_the_first_live_sample_is_fetched_and_told_before_it() 
 @pytest.mark.parametrize("first", [sample(0), sample(3, live=False)])
 def test_nothing_is_fetched_where_zenoh_has_told_the_beginning(first: zenoh.Sample) -> None:
     following = Following()
-    following.whole.hear(first)
-    following.whole.hear(sample(4))
+    following.whole.receive(first)
+    following.whole.receive(sample(4))
     assert [number for _, number in following.heard][1:] == [4]
     assert not following.asked
 
@@ -63,7 +63,7 @@ def test_nothing_is_fetched_where_zenoh_has_told_the_beginning(first: zenoh.Samp
 def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
     following = Following()
     for number in range(2 * SOURCES):
-        following.whole.hear(sample(9, str(number)))
+        following.whole.receive(sample(9, str(number)))
     assert len(following.heard) == 2 * SOURCES - FETCHES
     following.let.set()
     until(lambda: len(following.heard) == 2 * SOURCES + 5 * FETCHES)
@@ -78,14 +78,14 @@ def test_what_waits_is_heard_also_when_asking_fails() -> None:
         raise RuntimeError("as the test wants it")
 
     whole = LateJoin(fetch, heard.append)
-    whole.hear(sample(3))
+    whole.receive(sample(3))
     until(lambda: len(heard) == 1)
 
 
 def test_what_no_publisher_of_ours_has_told_is_handed_on_as_it_comes() -> None:
     heard: list[zenoh.Sample] = []
-    foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=TOLD))
+    foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=LIVE))
     whole = LateJoin(lambda _: [], heard.append)
-    whole.hear(foreign)
-    whole.hear(foreign)
+    whole.receive(foreign)
+    whole.receive(foreign)
     assert len(heard) == 2

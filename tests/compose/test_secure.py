@@ -30,7 +30,7 @@ def test_a_script_commands_a_robot_behind_locked_doors(locked: Compose) -> None:
 
 def test_who_comes_without_a_key_gets_nowhere_and_is_told_why(locked: Compose) -> None:
     words = ("run", "--rm", "--network", locked.network(), locked.image, "hold", *OPEN_DOOR)
-    with pytest.raises(AssertionError, match="takes only TLS, and this one dials it in plain TCP"):
+    with pytest.raises(AssertionError, match="accepts only TLS, and this one uses plain TCP"):
         docker(*words)
 
 

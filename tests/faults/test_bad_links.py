@@ -32,7 +32,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults)
     with Stack("box", noise="default") as stack:
         under_way(stack)
         for name in ("robot", "plant"):
-            stack.buses[name].line.disturb(trouble)
+            stack.buses[name].faults.disturb(trouble)
         stack.until(stack.reached)
         stack.assert_near(5.4, 2.0, within_m=0.2)
         assert stack.truth.contact == 0
@@ -42,7 +42,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults)
 def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) -> None:
     with Stack("corridor", noise="default") as stack:
         under_way(stack)
-        stack.buses["robot"].line.disturb(LinkFaults(delay_ms=delay_ms, paths=("sense/",)))
+        stack.buses["robot"].faults.disturb(LinkFaults(delay_ms=delay_ms, paths=("sense/",)))
         noticed_s = stack.until(lambda: stack.state == Vehicle.FAILSAFE, within_s=1.0)
         assert noticed_s <= 0.25 + 1e-9
         assert stack.why == Reason.TICKS_LOST
@@ -53,7 +53,7 @@ def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) ->
 def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() -> None:
     with Stack("open") as stack:
         under_way(stack)
-        stack.buses["robot"].line.disturb(LinkFaults(jitter_ms=140, paths=("sense/",)))
+        stack.buses["robot"].faults.disturb(LinkFaults(jitter_ms=140, paths=("sense/",)))
         stack.forward(0.05)
         heard = []
         for _ in range(60):
@@ -66,7 +66,7 @@ def test_neither_a_late_command_nor_its_copies_keep_the_wheels_of_a_dead_robot_t
     with Stack("open") as stack:
         under_way(stack)
         late = LinkFaults(delay_ms=100, duplicate=1.0, jitter_ms=100)
-        stack.buses["plant"].line.disturb(late)
+        stack.buses["plant"].faults.disturb(late)
         stack.forward(0.5)
         stack.kill("robot")
         assert stack.until(stack.standing, within_s=1.0) <= 0.2 + 1e-9

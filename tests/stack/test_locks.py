@@ -78,8 +78,8 @@ def test_a_stack_behind_locks_drives_and_only_the_ground_station_commands_it(
         crew.plant()
         listener = crew.router if router else robot
         code, said = crew.verb("viewer", "arm")
-        assert (code, "'viewer', which only listens" in said) == (1, True), said
-        listener.says("viewer only listens", PATIENCE_S)
+        assert (code, "'viewer', which only observes" in said) == (1, True), said
+        listener.says("viewer only observes", PATIENCE_S)
         code, said = crew.verb("ground", "goto", "0.9", "2")
         assert code == 0, said
         code, said = crew.verb("viewer", "doctor")
@@ -111,7 +111,7 @@ def test_another_operator_cannot_command_under_the_lease_of_its_holder(keys: Pat
             asked = [type(one).__name__ for one in acted_on]
             assert asked == ["LeaseRequest", "LeaseRequest", "CommandRequest"]
             robot.says("refused: ground-bob at 127.0.0.1", PATIENCE_S)
-            robot.says(f"may not ask sidestep/r1/srv/command/{ada.operator}", PATIENCE_S)
+            robot.says(f"may not query sidestep/r1/srv/command/{ada.operator}", PATIENCE_S)
             robot.says(f"may not put on sidestep/r1/op/teleop/{ada.operator}", PATIENCE_S)
 
 
@@ -138,7 +138,7 @@ def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> N
             ground.ask(COMMAND, asking(OURS), timeout_s=PATIENCE_S)
             until(lambda: acted_on, what="what the robot acted on")
             assert acted_on == [asking(OURS)]
-            robot.says("may not ask sidestep/r1/srv/command", PATIENCE_S)
+            robot.says("may not query sidestep/r1/srv/command", PATIENCE_S)
             robot.says("may not put on sidestep/r1/op/teleop", PATIENCE_S)
             assert acted_on == [asking(OURS)]
 
@@ -190,7 +190,7 @@ def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None
         (ring.early("ground"), "is not valid before", "its certificate is not valid before"),
         (other, "signed by another authority", "it does not believe the certificate"),
         (believing, "is not signed by", "its certificate is signed by another authority"),
-        (None, "takes only TLS", "it speaks plain TCP"),
+        (None, "accepts only TLS", "it uses plain TCP"),
     )
     with listening(tmp_path / "ring") as (crew, router):
         for tls, told_there, told_here in kept_out:
@@ -198,7 +198,7 @@ def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None
                 open_bus(dialling(crew.endpoint, tls), Role.GROUND, "r1")
             router.says(told_here, PATIENCE_S)
         router.says("it shows no certificate", PATIENCE_S)  # the knock of who has none
-        assert "not let in: somebody at 127.0.0.1: " in router.said
+        assert "connection refused: unknown process at 127.0.0.1: " in router.said
 
 
 def test_a_robots_key_where_the_router_is_dialled_gets_no_robot_and_no_health(keys: Path) -> None:
@@ -232,7 +232,7 @@ def test_a_listener_with_an_expired_certificate_says_so_and_ends(tmp_path: Path)
         router = crew.listening("router")
         assert router.ends() == 2
         assert "expired at" in router.said
-        assert "nobody would believe it" in router.said
+        assert "all others would reject it" in router.said
 
 
 LOGGED = """

@@ -22,7 +22,7 @@ from tests.support.until import until
 pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("refusals")]
 
 NEWER = "application/mavlink2;sidestep@9"
-DIFFER = "speaks sidestep@9, this is sidestep@2"
+DIFFER = "has dialect sidestep@9, not sidestep@2"
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(9,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0)
 
 

@@ -123,7 +123,7 @@ class PlayedBus:
         self.asked.append((robot or "r1", service.path, message))
         answer = self.answers.get(service.path)
         if answer is None:
-            raise NoAnswer(f"{service.path}: nobody serves it")
+            raise NoAnswer(f"{service.path}: no process serves it")
         return answer(message)
 
     def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:

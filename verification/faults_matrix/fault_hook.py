@@ -76,7 +76,7 @@ def disturb(options: Mapping[str, Any]) -> Callable[[], object]:
 
     def act() -> None:
         for bus in buses:
-            bus.line.disturb(trouble)
+            bus.faults.disturb(trouble)
 
     return act
 

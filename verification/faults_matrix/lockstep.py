@@ -201,7 +201,7 @@ class LockstepDrill:
         match act:
             case Kill("router") | Hang("router") | Cut() | DropOneWay() | Disturb():
                 for bus in stack.buses.values():
-                    bus.line.disturb(None)
+                    bus.faults.disturb(None)
             case Kill(role):
                 stack.start(role)
                 stack.reconnect()
@@ -219,13 +219,13 @@ class LockstepDrill:
     def _disturb(self, trouble: LinkFaults) -> None:
         seeded = replace(trouble, seed=self._number)
         for role in ("robot", "plant"):
-            self.stack.buses[role].line.disturb(seeded)
+            self.stack.buses[role].faults.disturb(seeded)
 
     def _cut(self, links: tuple[tuple[str, str], ...]) -> None:
         for role, bus in self.stack.buses.items():
             paths = sum((RECEIVES[link] for link in links if link[0] == role), ())
             if paths:
-                bus.line.disturb(LinkFaults(loss=1.0, paths=paths))
+                bus.faults.disturb(LinkFaults(loss=1.0, paths=paths))
 
     def _found(self) -> Repetition:
         stack, seen = self.stack, self._seen

@@ -9,7 +9,7 @@ from typing import Final
 from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own
+from protocol.bus.tls.certificate import own_certificate
 from verification.fuzz.target import Target
 
 SINCE: Final = datetime(2026, 1, 1, tzinfo=UTC)
@@ -36,7 +36,7 @@ def among_good(ending: str, data: bytes, folder: Path) -> None:
     (folder / f"{NAME}.key").chmod(SECRET_MODE)
     check(folder, NOW)
     ca, certificate, key = (folder / one for one in ("ca.pem", f"{NAME}.pem", f"{NAME}.key"))
-    own(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
+    own_certificate(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
 
 
 KEYS: Final = (

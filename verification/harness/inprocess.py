@@ -87,7 +87,7 @@ class InProcess(Peers):
     def _think(self) -> None:
         if self.robot is None or "robot" in self.hanging:
             return
-        self.buses["robot"].line.release(self.clock.now_ns())
+        self.buses["robot"].faults.release(self.clock.now_ns())
         plant, ground = self.key_at_plant, REPORTED
         before = self._arrivals.count(plant), self._arrivals.count(ground)
         self.robot.cycle(Tick(self._ticks, self.clock.now_ns(), 0, 0))
@@ -103,7 +103,7 @@ class InProcess(Peers):
 
     def _act(self) -> None:
         if self.plant is not None and "plant" not in self.hanging:
-            self.buses["plant"].line.release(self.clock.now_ns())
+            self.buses["plant"].faults.release(self.clock.now_ns())
             self.plant.advance()
         self._ticks += 1
         self.clock.advance(PERIOD_NS)

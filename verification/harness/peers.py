@@ -143,14 +143,14 @@ class Peers:
         for topic in TOPICS:
             if topic not in MAILBOXES:
                 bus.stream(topic, ignore)
-        bus.line.after = self._arrivals.record
+        bus.faults.after = self._arrivals.record
 
     def _start_plant(self) -> None:
         bus = self._open("plant", Role.PLANT)
         plant = Plant(self.world, self._seed, self._noise, at_ns=self.clock.now_ns())
         requests = RequestQueue(running=True, world={}, nudge=lambda: None)
         link = RobotLink(bus, "r1", 0, ignore, lockstep=True)
-        bus.line.after = lambda key: self._arrivals.record(f"{key} at the plant")
+        bus.faults.after = lambda key: self._arrivals.record(f"{key} at the plant")
         for service in (RUN, WORLD):
             bus.serve(service, lambda request: requests.ask(0, request))
         bus.announce()
@@ -161,7 +161,7 @@ class Peers:
         self.ground = self._open("ground", Role.GROUND)
         self._status = self.ground.mailbox(STATUS)
         self._report = self.ground.mailbox(CYCLE)
-        self.ground.line.after = self._count_report
+        self.ground.faults.after = self._count_report
         self.ground.stream(TEXT, self._keep_text)
         self._beat = self.ground.publisher(OPERATOR)
         self.operator = self._listening = True
@@ -185,7 +185,7 @@ class Peers:
         else:
             network = self.client_network
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
-        bus.line.by_hand = True
+        bus.faults.by_hand = True
         self.buses[name] = bus
         if name == hub:
             self._hub = bus.locator()

@@ -38,7 +38,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     with open_link(common) as link:
         folder = Path(options.folder)
         log = new_log(folder, link)
-        link.bus.everything(log.take)
+        link.bus.stream_all(log.take)
         output.note(f"recording {link.robot} to {log.path} and .mcap")
         retention = Retention(folder, byte_limit(folder, options.keep))
         note(output, retention.warning())

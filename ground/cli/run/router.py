@@ -6,7 +6,7 @@ from typing import Final
 from ground.cli.options import listening_of
 from ground.grammar.words import add_common
 from ground.text.output import Output
-from protocol.bus.audit import watched_doors
+from protocol.bus.audit import audited_connections
 from protocol.bus.bus import open_bus
 from runtime.clock import WallClock
 
@@ -25,7 +25,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     with open_bus(network, None, BUS_NAME) as bus:
         output.note(f"router at {bus.locator()}")
         try:
-            with watched_doors(bus, output.note):
+            with audited_connections(bus, output.note):
                 while True:
                     clock.sleep_until(clock.now_ns() + POLL_NS)
         except KeyboardInterrupt:

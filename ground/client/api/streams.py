@@ -79,7 +79,7 @@ class TopicSource(Protocol):
     ) -> Mailbox[M]:
         """Subscribe to a topic; call `notify` at each arrival."""
 
-    def forget(self, mailbox: Mailbox[Any]) -> None:
+    def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
         """Unsubscribe a mailbox."""
 
 
@@ -129,7 +129,7 @@ class TopicStreams:
         if remaining or path in self._kept:
             return
         if (box := self._boxes.pop(path, None)) is not None:
-            self._bus.forget(box)
+            self._bus.unsubscribe(box)
 
     def close(self) -> None:
         """End all streams."""

@@ -1,1 +1,1 @@
-"""Faults of the network, injected on purpose."""
+"""Network faults injected for tests."""

@@ -1,1 +1,1 @@
-"""Mutual TLS: certificates, permissions, and the log of refused peers."""
+"""Mutual TLS and access control."""

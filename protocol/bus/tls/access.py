@@ -1,4 +1,4 @@
-"""Derive the rights of each certificate from the tables of topics and services."""
+"""Derive the permissions of each certificate from the tables of topics and services."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,18 +19,19 @@ ALL: Final = ("**",)
 DRIVE: Final = "drive/"
 TRUTH: Final = "truth/"
 FOR_VIEWERS: Final = (TEXT, MARK)
-"""What was asked of a robot, and answered, is long: of these a viewer hears only what is new."""
+"""Topics whose cached samples a viewer may fetch. The histories of requests and answers are long:
+a viewer receives only new ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grant:
-    """What the holder of a certificate may do: key expressions below the prefix."""
+    """Permissions of a certificate: key expressions below the prefix."""
 
-    says: str
+    description: str
     puts: tuple[str, ...] = ()
-    hears: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
     fetches: tuple[str, ...] = ()
-    """Keys whose cached events the holder may fetch."""
+    """Keys whose cached events may be fetched."""
 
     asks: tuple[str, ...] = ()
     answers: tuple[str, ...] = ()
@@ -39,42 +40,47 @@ class Grant:
 
 
 def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Grant]:
-    """By the common name of the certificate, for the robots and operators that there may be."""
+    """Return the permissions by common name, for the given robots and operators."""
     names = tuple(robot_name(robot) for robot in robots)
     found = {
         ROUTER: Grant(
-            says="passes on what it lets through",
+            description="forwards what the rules permit",
             puts=ALL,
-            hears=ALL,
+            subscribes=ALL,
             fetches=ALL,
             asks=ALL,
             answers=ALL,
             shows=ALL,
         ),
-        PLANT: granted("senses and drives the robots", Role.PLANT, names),
+        PLANT: granted("simulates the robots", Role.PLANT, names),
         GROUND: granted("commands the robots", Role.GROUND, names, GROUND),
         VIEWER: Grant(
-            says="only listens",
-            hears=ALL,
+            description="only observes",
+            subscribes=ALL,
             fetches=keys(names, FOR_VIEWERS, "**"),
             asks=keys(names, open_to_all()),
         ),
         RECORDER: Grant(
-            says="listens and records", hears=ALL, fetches=ALL, asks=keys(names, open_to_all())
+            description="observes and records",
+            subscribes=ALL,
+            fetches=ALL,
+            asks=keys(names, open_to_all()),
         ),
     }
     for operator in operators:
-        says = f"commands the robots as {operator}"
-        found[OPERATOR + operator] = granted(says, Role.GROUND, names, operator_called(operator))
+        description = f"commands the robots as {operator}"
+        found[OPERATOR + operator] = granted(
+            description, Role.GROUND, names, operator_called(operator)
+        )
     for name in names:
         found[ROBOT + name] = granted(f"is the robot {name}", Role.ROBOT, (name,))
     return found
 
 
 def grant_of(name: str, robot: str = "") -> Grant | None:
-    """Return the rights of a certificate; None if it has none.
+    """Return the permissions of a certificate; None if its name is not that of a role.
 
-    It is about `robot`; without one about that of the certificate, if it is a robot's.
+    They are about `robot`; by default, for a robot's certificate, about itself.
     """
     robot = robot or name.removeprefix(ROBOT)
     operator = name.removeprefix(OPERATOR)
@@ -84,9 +90,9 @@ def grant_of(name: str, robot: str = "") -> Grant | None:
 
 
 def operator_name(name: str | None) -> str | None:
-    """Return the operator's name in a certificate's common name; None when it names none.
+    """Return the operator's name in a certificate's common name; None if it contains none.
 
-    On an open bus (`name` None) every operator is called OPEN.
+    On an open bus (`name` None) every operator has the name OPEN.
     """
     if name is None or name == ROUTER:
         return OPEN
@@ -95,33 +101,33 @@ def operator_name(name: str | None) -> str | None:
     return name.removeprefix(OPERATOR) if name.startswith(OPERATOR) else None
 
 
-def barred(name: str | None, robot: str, service: Service) -> str:
-    """Why the holder of a certificate may not ask a robot's service; empty when it may.
+def denial(name: str | None, robot: str, service: Service) -> str:
+    """Return why a certificate does not permit a query of a robot's service; empty if it does.
 
-    `name` is the common name; None where no door is locked.
+    `name` is the common name; None without TLS.
     """
     if name is None:
         return ""
     grant = grant_of(name, robot) or grant_of(name)
     if grant is None:
-        return f"the certificate in use is that of {name!r}, which is no role: it may do nothing"
-    asked = f"{robot}/{service.path}"
-    if any(f"{key}/".startswith(f"{asked}/") for key in grant.asks):
+        return f"the certificate in use is that of {name!r}, which is no role: it permits nothing"
+    path = f"{robot}/{service.path}"
+    if any(f"{key}/".startswith(f"{path}/") for key in grant.asks):
         return ""
-    may_not = f"and may not ask {service.path}"
-    return f"the certificate in use is that of {name!r}, which {grant.says} {may_not}"
+    may_not = f"and may not query {service.path}"
+    return f"the certificate in use is that of {name!r}, which {grant.description} {may_not}"
 
 
 def may_fetch(name: str | None, robot: str, topic: Topic[Any]) -> bool:
-    """Return whether the holder of a certificate may ask for what a topic's senders have kept."""
+    """Return whether a certificate permits fetching the cached samples of a topic."""
     grant = None if name is None else grant_of(name, robot)
     if name is None or grant is None or grant.fetches == ALL:
         return True
     return any(f"{key}/".startswith(f"{robot}/{topic.path}/") for key in grant.fetches)
 
 
-def misfit(name: str | None, role: Role | None, robot: str) -> str:
-    """Why a certificate is none for a process of this role; empty when it is one."""
+def role_mismatch(name: str | None, role: Role | None, robot: str) -> str:
+    """Return why a certificate does not fit a process of this role; empty if it does."""
     needed = {Role.PLANT: PLANT, Role.ROBOT: ROBOT + robot}.get(role or Role.GROUND)
     if name is None or needed is None or name in (needed, ROUTER):
         return ""
@@ -134,40 +140,41 @@ def misfit(name: str | None, role: Role | None, robot: str) -> str:
 def impostor(name: str | None, own: str, robot: str) -> str:
     """Return why this process must not dial the holder of a certificate; empty if it may.
 
-    `own` is the common name of the certificate of this process, `robot` the robot it is about.
+    `own` is the common name of this process's certificate, `robot` the robot it works for.
     """
     if name == ROUTER or (name == ROBOT + robot and not own.startswith(ROBOT)):
         return ""
     wanted = "a router" if own.startswith(ROBOT) else f"a router or the robot {robot}"
-    return f"shows the certificate of {name or 'nobody'!r}, and {own} dials only {wanted}"
+    return f"shows the certificate of {name or '(no name)'!r}, and {own} dials only {wanted}"
 
 
 def unanswered(name: str | None, robot: str, service: Service) -> str:
-    """Why a question came back empty at once."""
-    nobody = f"nobody serves it (is the {service.server.value} running?)"
-    return barred(name, robot, service) or nobody
+    """Return why a query came back empty at once."""
+    unserved = f"no process serves it (is the {service.server.value} running?)"
+    return denial(name, robot, service) or unserved
 
 
-def granted(says: str, role: Role, names: tuple[str, ...], operator: str = "") -> Grant:
-    """What the tables give to a role: to an operator only keys that name it, of any session."""
+def granted(description: str, role: Role, names: tuple[str, ...], operator: str = "") -> Grant:
+    """Return the permissions of a role; an operator's apply only to keys that contain its name."""
     ground = role is Role.GROUND
-    speaks = f"{operator}/*" if ground else ""
-    heard = keys(names, [topic for topic in TOPICS if told(topic, role)], "**")
+    identity = f"{operator}/*" if ground else ""
+    received = keys(names, [topic for topic in TOPICS if is_for(topic, role)], "**")
     return Grant(
-        says=says,
-        puts=keys(names, (topic for topic in TOPICS if topic.publisher is role), speaks),
-        hears=ALL if ground else heard,
-        fetches=ALL if ground else heard,
-        asks=keys(names, SERVICES, speaks) if ground else (),
+        description=description,
+        puts=keys(names, (topic for topic in TOPICS if topic.publisher is role), identity),
+        subscribes=ALL if ground else received,
+        fetches=ALL if ground else received,
+        asks=keys(names, SERVICES, identity) if ground else (),
         answers=keys(names, (service for service in SERVICES if service.server is role), "**"),
         shows=tuple(f"{name}/alive/{role.value}/*" for name in names),
     )
 
 
-def told(topic: Topic[Any], role: Role) -> bool:
-    """Is it for this role? Drive commands are for the plant, senses and operators for robots.
+def is_for(topic: Topic[Any], role: Role) -> bool:
+    """Return whether a role subscribes to a topic.
 
-    What a role says itself it may hear, too: that is how it is asked whether it is well.
+    Drive commands are for the plant; sensor data and operators' topics are for robots. A role may
+    also subscribe to its own topics: so its health check can receive them.
     """
     if topic.publisher is role:
         return True
@@ -177,16 +184,16 @@ def told(topic: Topic[Any], role: Role) -> bool:
 
 
 def open_to_all() -> tuple[Service, ...]:
-    """Questions that carry nothing change nothing."""
+    """Return the services without a request payload: they change nothing."""
     return tuple(service for service in SERVICES if not service.requests)
 
 
 def keys(
     names: Iterable[str], table: Iterable[Topic[Any] | Service], operator: str = ""
 ) -> tuple[str, ...]:
-    """Return the keys of these topics and services of these robots.
+    """Return the keys of these topics and services for these robots.
 
-    `operator` is appended to those that end in the identity of an operator.
+    `operator` is appended to keys that end in the identity of an operator.
     """
     paths = [
         f"{entry.path}/{operator}" if operator and entry.of_operators else entry.path

@@ -1,4 +1,4 @@
-"""Our own certificate, as those see it to whom we show it."""
+"""This process's own certificate, as other processes see it."""
 
 import ssl
 from contextlib import suppress
@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from protocol.bus.network import Tls
-from protocol.bus.tls.access import misfit
+from protocol.bus.tls.access import role_mismatch
 from protocol.topics import Role
 from runtime.errors import BadKeys
 
 ROUNDS: Final = 4
-WHENEVER: Final = 0x200000
+NO_TIME_CHECK: Final = 0x200000
 """OpenSSL's X509_V_FLAG_NO_CHECK_TIME, for which Python's `ssl` has no name."""
 
 NOT_YET_VALID: Final = 9
@@ -21,47 +21,50 @@ OPEN_TO_OTHERS: Final = 0o077
 
 CN: Final = "commonName"
 NO_PASSWORD: Final = ""
-"""Said at once where a key has one: OpenSSL would ask at the terminal."""
+"""Passed for keys that need a password: without it OpenSSL would prompt at the terminal."""
 
 
 class CertificateStatus(NamedTuple):
-    """Whose certificate it is, until when, and why others refuse it: empty when they do not."""
+    """Common name, expiry, and why others reject the certificate: empty if they do not."""
 
     name: str
     until_s: float | None = None
-    """Seconds since 1970; None where it cannot be told."""
+    """Expiry in seconds since 1970; None if unknown."""
 
     trouble: str = ""
 
 
-def own(tls: Tls) -> CertificateStatus:
-    """Show our certificate to ourselves. BadKeys names a file that is of no use."""
+def own_certificate(tls: Tls) -> CertificateStatus:
+    """Return the status of our certificate. BadKeys names an unusable file."""
     check_files(tls)
     try:
-        return own_in(shown(tls))
+        return status_of(presented(tls))
     except ssl.SSLCertVerificationError as error:
         code, why = error.verify_code, error.verify_message
     except ssl.SSLError as error:
-        raise of_no_use(tls, error) from error
+        raise unusable(tls, error) from error
     if code not in (NOT_YET_VALID, EXPIRED):
         return CertificateStatus("", trouble=f"{tls.certificate} is not signed by {tls.ca} ({why})")
-    seen = shown(tls, WHENEVER)
+    seen = presented(tls, NO_TIME_CHECK)
     when = f"is not valid before {seen['notBefore']}"
     if code == EXPIRED:
         when = f"expired at {seen['notAfter']}"
-    return own_in(seen)._replace(trouble=f"{tls.certificate} {when}")
+    return status_of(seen)._replace(trouble=f"{tls.certificate} {when}")
 
 
 def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:
-    """The common name of our certificate, None without one; BadKeys when it is not for us."""
-    name = own(tls).name if tls else None
-    if why := misfit(name, role, robot):
+    """Return the common name of our certificate, None without TLS.
+
+    Raises BadKeys for a certificate of another role.
+    """
+    name = own_certificate(tls).name if tls else None
+    if why := role_mismatch(name, role, robot):
         raise BadKeys(why)
     return name
 
 
 def check_files(tls: Tls) -> None:
-    """Raise BadKeys, with file and key of the configuration, unless all three can be used."""
+    """Raise BadKeys, with file and key of the configuration, unless all three files are usable."""
     for name in ("ca", "certificate", "key"):
         path = getattr(tls, name)
         try:
@@ -72,24 +75,25 @@ def check_files(tls: Tls) -> None:
             ) from error
     if Path(tls.key).stat().st_mode & OPEN_TO_OTHERS:
         raise BadKeys(
-            f"network.tls.key: {tls.key} can be read by others, who may be this process with it: "
-            f"chmod 600 {tls.key}, and make a new set if somebody has read it"
+            f"network.tls.key: other users can read {tls.key} and impersonate this process: "
+            f"chmod 600 {tls.key}, and make a new set if another user has read it"
         )
     try:
         context(ssl.PROTOCOL_TLS_CLIENT, tls)
     except ssl.SSLError as error:
-        raise of_no_use(tls, error) from error
+        raise unusable(tls, error) from error
 
 
-def of_no_use(tls: Tls, error: ssl.SSLError) -> BadKeys:
+def unusable(tls: Tls, error: ssl.SSLError) -> BadKeys:
+    """Return the error for three files that do not fit together."""
     return BadKeys(
-        f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} are of no use together "
-        f"({error.reason or error}): are they PEM, and of one set? `sidestep keys check` tells"
+        f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} cannot be used together "
+        f"({error.reason or error}): use PEM files of one set; see `sidestep keys check`"
     )
 
 
 def context(side: int, tls: Tls) -> ssl.SSLContext:
-    """With our certificate, and the authority that we believe."""
+    """Return a TLS context with our certificate and our certificate authority."""
     made = ssl.SSLContext(side)
     made.load_cert_chain(tls.certificate, tls.key, password=NO_PASSWORD)
     made.load_verify_locations(tls.ca)
@@ -97,27 +101,30 @@ def context(side: int, tls: Tls) -> ssl.SSLContext:
     return made
 
 
-def shown(tls: Tls, flags: int = 0) -> dict[str, Any]:
-    """What a listener that believes our authority sees of us; raises SSLCertVerificationError."""
-    listener, caller = (
+def presented(tls: Tls, flags: int = 0) -> dict[str, Any]:
+    """Return our certificate as seen by a listener with the same certificate authority.
+
+    Raises SSLCertVerificationError.
+    """
+    server, client = (
         context(ssl.PROTOCOL_TLS_SERVER, tls),
         context(ssl.PROTOCOL_TLS_CLIENT, tls),
     )
-    listener.verify_mode = ssl.CERT_REQUIRED
-    listener.verify_flags |= ssl.VerifyFlags(flags)
-    caller.check_hostname, caller.verify_mode = False, ssl.CERT_NONE
-    there, back = ssl.MemoryBIO(), ssl.MemoryBIO()
-    door = listener.wrap_bio(there, back, server_side=True)
-    knock = caller.wrap_bio(back, there)
+    server.verify_mode = ssl.CERT_REQUIRED
+    server.verify_flags |= ssl.VerifyFlags(flags)
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
+    server_end = server.wrap_bio(to_server, to_client, server_side=True)
+    client_end = client.wrap_bio(to_client, to_server)
     for _ in range(ROUNDS):
-        for end in (knock, door):
+        for end in (client_end, server_end):
             with suppress(ssl.SSLWantReadError):
                 end.do_handshake()
-    return door.getpeercert() or {}
+    return server_end.getpeercert() or {}
 
 
-def own_in(seen: dict[str, Any]) -> CertificateStatus:
-    """Name and end of a certificate as `ssl` tells it."""
+def status_of(seen: dict[str, Any]) -> CertificateStatus:
+    """Return common name and expiry of a certificate in the form of `ssl`."""
     names = (value for part in seen.get("subject", ()) for key, value in part if key == CN)
     until = seen.get("notAfter")
     return CertificateStatus(

@@ -1,4 +1,4 @@
-"""Mutual TLS and access control as Zenoh takes them, and why a door did not open."""
+"""Zenoh's settings for mutual TLS and access control, and the reason why a connection failed."""
 
 import json
 import socket
@@ -10,25 +10,25 @@ from typing import Final
 import zenoh
 
 from protocol.bus.network import LOCKED, Network, Tls
-from protocol.bus.tls.certificate import CertificateStatus, context, own
+from protocol.bus.tls.certificate import CertificateStatus, context, own_certificate
 from protocol.bus.tls.rules import access_control, dialled_access_control
 from runtime.errors import BadKeys, NotLetIn
 
-KNOCK_S: Final = 1.5
+HANDSHAKE_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
 EXPIRED_THERE: Final = (9, 10)
 WRONG_NAME: Final = (62, 64)
 """OpenSSL's verify codes: times; host name, address."""
 
 NO_TLS: Final = (TimeoutError, ssl.SSLEOFError, ConnectionResetError)
-"""What comes of a greeting where nobody speaks TLS: Zenoh in plain TCP waits for the rest of a
-short one, and hangs up on a long one, as OpenSSL 3.5 sends it."""
+"""Errors of a TLS greeting to a process without TLS. Zenoh in plain TCP waits for the rest of a
+short greeting, and closes the connection on a long one, as OpenSSL 3.5 sends it."""
 
 PLAIN: Final = "tcp/"
-PLAINLY: Final[Mapping[str, object]] = MappingProxyType(
+PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
     {
         "mode": "client",
-        "connect/timeout_ms": round(KNOCK_S * 1000),
+        "connect/timeout_ms": round(HANDSHAKE_S * 1000),
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
@@ -36,17 +36,17 @@ PLAINLY: Final[Mapping[str, object]] = MappingProxyType(
 )
 
 
-def lock(network: Network) -> dict[str, object]:
-    """Return the TLS and access-control settings of a locked session.
+def tls_settings(network: Network) -> dict[str, object]:
+    """Return the TLS and access-control settings of a session; empty without TLS.
 
-    Raises BadKeys for files of no use, and for a listener that nobody would believe.
+    Raises BadKeys for unusable files, and for a listener whose certificate others would reject.
     """
     tls = network.tls
     if tls is None:
         return {}
-    seen = own(tls)
+    seen = own_certificate(tls)
     if network.listen and seen.trouble:
-        raise BadKeys(f"{seen.trouble}, so nobody would believe it: {MAKE_NEW}")
+        raise BadKeys(f"{seen.trouble}, so all others would reject it: {MAKE_NEW}")
     found: dict[str, object] = {
         "transport/link/protocols": ["tls"],
         "transport/link/tls/root_ca_certificate": tls.ca,
@@ -64,82 +64,85 @@ def lock(network: Network) -> dict[str, object]:
     return found
 
 
-def shut(network: Network) -> NotLetIn | None:
-    """Why none of those dialled lets this process in; None when that is not what is wrong."""
-    whys = (why for endpoint in network.connect if (why := why_shut(endpoint, network.tls)))
+def peer_refusal(network: Network) -> NotLetIn | None:
+    """Return why the dialled processes refuse this one; None if they do not."""
+    whys = (why for endpoint in network.connect if (why := refusal_at(endpoint, network.tls)))
     return next(whys, None)
 
 
-def why_shut(endpoint: str, tls: Tls | None) -> NotLetIn | None:
-    """Knock as anybody could who is no part of Zenoh: it tells nothing of a failed handshake."""
+def refusal_at(endpoint: str, tls: Tls | None) -> NotLetIn | None:
+    """Return why a process refuses this one, found by a handshake without Zenoh.
+
+    Zenoh does not report the cause of a failed handshake.
+    """
     protocol, _, address = endpoint.partition("/")
     host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
     place = (host.strip("[]"), int(port) if port.isdecimal() else 0)
     if tls is None:
-        return locked_there(endpoint, place) if f"{protocol}/" == PLAIN else None
+        return peer_wants_tls(endpoint, place) if f"{protocol}/" == PLAIN else None
     try:
-        knock(place, context(ssl.PROTOCOL_TLS_CLIENT, tls))
+        handshake(place, context(ssl.PROTOCOL_TLS_CLIENT, tls))
     except ssl.SSLCertVerificationError as error:
-        return not_believed(endpoint, place[0], tls, error)
+        return untrusted_peer(endpoint, place[0], tls, error)
     except NO_TLS:
-        return open_there(endpoint, f"{PLAIN}{address}")
+        return peer_wants_plain(endpoint, f"{PLAIN}{address}")
     except ssl.SSLError as error:
-        return refused(endpoint, tls, error)
+        return refused_by_peer(endpoint, tls, error)
     except OSError:
         return None
     return None
 
 
-def knock(place: tuple[str, int], shown: ssl.SSLContext) -> None:
-    """A handshake, and a moment for what comes after it: TLS 1.3 refuses a certificate late."""
+def handshake(place: tuple[str, int], client: ssl.SSLContext) -> None:
+    """Do a TLS handshake and wait for a late alert: TLS 1.3 rejects a certificate after it."""
     with (
-        socket.create_connection(place, timeout=KNOCK_S) as call,
-        shown.wrap_socket(call, server_hostname=place[0]) as talk,
+        socket.create_connection(place, timeout=HANDSHAKE_S) as plain,
+        client.wrap_socket(plain, server_hostname=place[0]) as connection,
     ):
         try:
-            talk.recv(1)
+            connection.recv(1)
         except TimeoutError:
             return
 
 
-def locked_there(endpoint: str, place: tuple[str, int]) -> NotLetIn | None:
-    """Plain TCP against TLS: does the other side answer a TLS greeting?"""
+def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> NotLetIn | None:
+    """Return an error if a process that we dial in plain TCP answers a TLS greeting."""
     greeting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     greeting.check_hostname, greeting.verify_mode = False, ssl.CERT_NONE
     try:
-        knock(place, greeting)
+        handshake(place, greeting)
     except ssl.SSLEOFError:
         return None
     except ssl.SSLError:
-        pass  # it has refused in TLS, so it speaks it
+        pass  # the refusal is a TLS alert, so the peer uses TLS
     except OSError:
         return None
     return NotLetIn(
-        f"the process at {endpoint} takes only TLS, and this one dials it in plain TCP",
+        f"the process at {endpoint} accepts only TLS, and this one uses plain TCP",
         f"use --config DIR/ground.toml of `sidestep keys new DIR`, and {LOCKED}HOST:PORT",
     )
 
 
-def open_there(endpoint: str, plain: str) -> NotLetIn | None:
-    """TLS against plain TCP: does the other side talk when it is dialled like that?"""
-    asking = zenoh.Config()
-    for key, value in {**PLAINLY, "connect/endpoints": [plain]}.items():
-        asking.insert_json5(key, json.dumps(value))
+def peer_wants_plain(endpoint: str, plain: str) -> NotLetIn | None:
+    """Return an error if a process that we dial by TLS answers in plain TCP."""
+    config = zenoh.Config()
+    for key, value in {**PLAIN_CONFIG, "connect/endpoints": [plain]}.items():
+        config.insert_json5(key, json.dumps(value))
     try:
-        with zenoh.open(asking):
+        with zenoh.open(config):
             pass
     except zenoh.ZError:
         return None
     return NotLetIn(
-        f"the process at {endpoint} speaks plain TCP, and this one only TLS",
-        f"give that process [network.tls], too, or dial {plain} without",
+        f"the process at {endpoint} uses plain TCP, and this one accepts only TLS",
+        f"give that process [network.tls], too, or dial {plain} without it",
     )
 
 
-def not_believed(
+def untrusted_peer(
     endpoint: str, host: str, tls: Tls, error: ssl.SSLCertVerificationError
 ) -> NotLetIn:
-    """We do not believe the certificate that we are shown."""
+    """Return the error for a peer whose certificate we reject."""
     there = f"the process at {endpoint} shows a certificate that"
     if error.verify_code in EXPIRED_THERE:
         words = "has expired" if error.verify_code == EXPIRED_THERE[1] else "is not valid yet"
@@ -153,22 +156,22 @@ def not_believed(
     return NotLetIn(f"{there} is signed by another authority than {tls.ca}", MAKE_NEW)
 
 
-def refused(endpoint: str, tls: Tls, error: ssl.SSLError) -> NotLetIn | None:
-    """The other side does not believe ours."""
+def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> NotLetIn | None:
+    """Return the error for a peer that rejects our certificate; None for other TLS errors."""
     reason = error.reason or ""
     if "ALERT" not in reason:
         return None
-    seen = own(tls)
-    why = f"the process at {endpoint} does not let us in: {complaint(seen, tls, reason)}"
+    seen = own_certificate(tls)
+    why = f"the process at {endpoint} rejects this one: {complaint(seen, tls, reason)}"
     return NotLetIn(why, MAKE_NEW)
 
 
 def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:
-    """What is wrong with our certificate, as far as we can see ourselves."""
+    """Return what is wrong with our certificate, as far as this side can determine it."""
     if seen.trouble:
         return seen.trouble
     if "EXPIRED" in reason:
-        return f"it takes {tls.certificate} to be expired or not yet valid; compare the clocks"
+        return f"for its clock {tls.certificate} is expired or not yet valid; compare the clocks"
     if "UNKNOWN_CA" in reason or "DECRYPT_ERROR" in reason:
-        return f"{tls.certificate} is signed by another authority than the one it believes"
+        return f"{tls.certificate} is signed by another authority than the one it trusts"
     return f"it does not accept {tls.certificate} ({reason.lower().replace('_', ' ')})"

@@ -1,4 +1,4 @@
-"""From where those came whose call came to nothing: Zenoh does not tell, Linux does."""
+"""Addresses of failed connections, from Linux's tables; Zenoh does not report them."""
 
 import sys
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,7 @@ class ConnectionEnd(NamedTuple):
 
 
 class ClosingConnections:
-    """Looks through the system's connections for those to our ports that are being closed."""
+    """Find connections to our ports that are being closed in the system's tables."""
 
     def __init__(self, ports: Iterable[int], tables: Iterable[Path] = TABLES) -> None:
         self._ports = frozenset(ports)
@@ -28,7 +28,7 @@ class ClosingConnections:
         self._seen: frozenset[ConnectionEnd] = frozenset()
 
     def new(self, known: Iterable[ConnectionEnd]) -> list[str]:
-        """Hosts that are there since the last look and are none of the known ones."""
+        """Return the hosts that are new since the last call and are not known."""
         closing = frozenset(self._closing())
         found = closing - self._seen - frozenset(known)
         self._seen = closing
@@ -50,12 +50,12 @@ class ClosingConnections:
             here, there = end_of(local), end_of(remote)
             if here.port in self._ports:
                 yield there
-            elif there.port in self._ports:  # the other end of it, on this machine
+            elif there.port in self._ports:  # the client end, on this machine
                 yield here
 
 
 def end_of(text: str) -> ConnectionEnd:
-    """`0100007F:4427`, words in the byte order of the machine, as 127.0.0.1 and 17447."""
+    """Parse `0100007F:4427`, words in the machine's byte order, as 127.0.0.1 and port 17447."""
     address, _, port = text.partition(":")
     raw = bytes.fromhex(address)
     if sys.byteorder == "little":
@@ -67,6 +67,6 @@ def end_of(text: str) -> ConnectionEnd:
 
 
 def end_in(address: str) -> ConnectionEnd:
-    """The same out of `10.0.0.7:50000` or `[::1]:50000`."""
+    """Parse `10.0.0.7:50000` or `[::1]:50000`."""
     host, _, port = address.rpartition(":")
     return ConnectionEnd(host.strip("[]"), int(port) if port.isdecimal() else 0)

@@ -1,4 +1,4 @@
-"""Who is linked to a session, by certificate and address."""
+"""The processes linked to a session, by certificate and address."""
 
 import time
 from collections.abc import Callable
@@ -12,13 +12,13 @@ from protocol.bus.tls.access import impostor
 from runtime.errors import NotLetIn
 
 QUIET_S: Final = 10.0
-REPLACED: Final = "nothing is taken from it or sent to it; find out who listens there, by whose key"
+REPLACED: Final = "no data is exchanged with it; find out which process listens there with this key"
 
 
 def callers(
     session: zenoh.Session, handler: Callable[[str, str | None, str], None]
 ) -> "zenoh.LinkEventsListener[None]":
-    """Session id, name of the certificate, address: those already there, and whoever comes."""
+    """Call `handler` for each present and new link: session id, name of certificate, address."""
 
     def forward(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
@@ -30,11 +30,11 @@ def callers(
 
 
 class DialledPeers:
-    """Judges each process that a session has dialled by its certificate, after each reconnection.
+    """Check the certificate of each process that a session has dialled, after each reconnection.
 
-    `own` is the common name of the certificate of this process, None where no door is locked;
-    `robot` is the robot it is about. The access control of the session sees to it that a wrong
-    process neither brings nor gets anything. Raises NotLetIn when one answers the first call.
+    `own` is the common name of this process's certificate, None without TLS; `robot` is the robot
+    it works for. The access control of the session blocks all data to and from a wrong process.
+    Raises NotLetIn if a wrong process answers the first connection.
     """
 
     def __init__(
@@ -42,12 +42,12 @@ class DialledPeers:
     ) -> None:
         self._own, self._robot, self._revoked = own, robot, network.revoked
         self._wrong: dict[tuple[str, str], tuple[str, str]] = {}
-        self._told_s = -QUIET_S
-        self._tell: Callable[[str], None] = lambda _why: None
+        self._reported_s = -QUIET_S
+        self._report: Callable[[str], None] = lambda _why: None
         if own is None or network.listen:
             return
         for link in session.info.links():
-            self._came(link)
+            self._check(link)
         if self._wrong:
             closing: Any = session
             closing.close()
@@ -60,37 +60,38 @@ class DialledPeers:
         """Return why the dialled process is the wrong one; empty if it is the right one."""
         return next((": ".join(wrong) for wrong in tuple(self._wrong.values())), "")
 
-    def on_wrong(self, tell: Callable[[str], None]) -> None:
-        """Call `tell` with the reason when a link to a wrong process comes, once in QUIET_S.
+    def on_wrong(self, report: Callable[[str], None]) -> None:
+        """Call `report` with the reason when a wrong process is linked, at most once in QUIET_S.
 
-        It is called in a thread of Zenoh.
+        The call comes from a thread of Zenoh.
         """
-        self._tell, self._told_s = tell, -QUIET_S
+        self._report, self._reported_s = report, -QUIET_S
         if self.wrong:
-            self._say(self.wrong)
+            self._report_wrong(self.wrong)
 
     def _changed(self, event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
-            self._came(event.link)
+            self._check(event.link)
         else:
             self._wrong.pop(place_of(event.link), None)
 
-    def _came(self, link: zenoh.Link) -> None:
+    def _check(self, link: zenoh.Link) -> None:
         name = link.auth_identifier
         why = impostor(name, self._own or "", self._robot)
         if name in self._revoked:
             why = f"shows the certificate of {name!r}, which is revoked"
         if why and place_of(link) not in self._wrong:
             self._wrong[place_of(link)] = f"the process at {link.dst} {why}", REPLACED
-            self._say(self.wrong)
+            self._report_wrong(self.wrong)
 
-    def _say(self, why: str) -> None:
-        """Hand it on, unless something was a moment ago: it may come and go all the time."""
+    def _report_wrong(self, why: str) -> None:
+        """Report a reason unless one was reported recently: links may flap."""
         now_s = time.monotonic()
-        if now_s - self._told_s >= QUIET_S:
-            self._told_s = now_s
-            self._tell(why)
+        if now_s - self._reported_s >= QUIET_S:
+            self._reported_s = now_s
+            self._report(why)
 
 
 def place_of(link: zenoh.Link) -> tuple[str, str]:
+    """Return the session id and address of a link."""
     return str(link.zid), link.dst

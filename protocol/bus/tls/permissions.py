@@ -1,4 +1,4 @@
-"""Table of what each certificate allows, derived from the rules given to Zenoh."""
+"""Table of the permissions of each certificate, derived from the rules given to Zenoh."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
@@ -40,7 +40,7 @@ OTHERS: Final = "r2"
 NAME: Final = "ada"
 OTHER_NAME: Final = "bob"
 NETWORK: Final = Network(robots=(OURS, OTHERS), operators=(NAME, OTHER_NAME))
-OPEN: Final = "open bus: anybody"
+OPEN: Final = "open bus: any process"
 NONE: Final = "any other, or revoked"
 COLUMNS: Final = (
     (VIEWER, VIEWER),
@@ -53,7 +53,7 @@ COLUMNS: Final = (
     (ROUTER, ROUTER),
     ("stranger", NONE),
 )
-"""Common name of a certificate, and what the table calls it. All rows are about robot OURS."""
+"""Common name of a certificate, and its title in the table. All rows are about robot OURS."""
 
 LISTEN: Final = ("egress", "put")
 PUT: Final = ("ingress", "put")
@@ -65,12 +65,12 @@ NO: Final = "no"
 
 
 class Permission(NamedTuple):
-    """Something that a holder can do, by a message of a kind on a key, or on another one.
+    """An ability of a certificate holder: a kind of message on `path` or on `or_path`.
 
     In a path `{own}` is the holder's operator name, and `{other}` that of another operator.
     """
 
-    says: str
+    description: str
     kind: tuple[str, str]
     path: str
     or_path: str = ""
@@ -80,51 +80,57 @@ OWN: Final = "{own}/1"
 FOREIGN: Final = "{other}/1"
 KEPT: Final = "@adv/pub/1/1/**"
 ABILITIES: Final = (
-    Permission("hear telemetry", LISTEN, STATUS.path),
-    Permission("hear what operators send", LISTEN, f"{TELEOP.path}/{FOREIGN}"),
-    Permission("hear the truth of the simulation", LISTEN, TRUTH.path),
-    Permission("fetch texts that it has missed", ASK, f"{TEXT.path}/{KEPT}"),
-    Permission("fetch commands and answers that it has missed", ASK, f"{COMMANDED.path}/{KEPT}"),
+    Permission("receive telemetry", LISTEN, STATUS.path),
+    Permission("receive samples of operators", LISTEN, f"{TELEOP.path}/{FOREIGN}"),
+    Permission("receive ground truth of the simulation", LISTEN, TRUTH.path),
+    Permission("fetch missed texts", ASK, f"{TEXT.path}/{KEPT}"),
+    Permission("fetch missed commands and answers", ASK, f"{COMMANDED.path}/{KEPT}"),
     Permission("read the parameters", ASK, PARAMETERS.path, f"{PARAMETERS.path}/{OWN}"),
     Permission("stop the robot", PUT, f"{STOP.path}/{OWN}"),
-    Permission("stop the robot and hear its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
+    Permission("stop the robot and receive its answer", ASK, f"{STOP_SERVICE.path}/{OWN}"),
     Permission("take or seize the lease", ASK, f"{LEASE_SERVICE.path}/{OWN}"),
-    Permission("arm, send off, hold (unless another has the lease)", ASK, f"{COMMAND.path}/{OWN}"),
+    Permission(
+        "arm, send to a goal, hold (unless another operator has the lease)",
+        ASK,
+        f"{COMMAND.path}/{OWN}",
+    ),
     Permission("drive by hand (likewise)", PUT, f"{TELEOP.path}/{OWN}"),
     Permission("set a parameter (likewise)", ASK, f"{PARAMETER.path}/{OWN}"),
     Permission("load a mission or fence (likewise)", ASK, f"{MISSION_SERVICE.path}/{OWN}"),
     Permission("command as another operator, under its lease", ASK, f"{COMMAND.path}/{FOREIGN}"),
     Permission("pause or score a simulated run", ASK, RUN.path),
-    Permission("publish what the robot senses", PUT, SONAR.path),
-    Permission("command the wheels past the robot", PUT, DRIVE.path),
+    Permission("publish sensor data of the robot", PUT, SONAR.path),
+    Permission("command the wheels directly", PUT, DRIVE.path),
     Permission("publish telemetry as the robot", PUT, STATUS.path),
     Permission("answer as the robot", ANSWER, f"{COMMAND.path}/{OWN}"),
-    Permission("show itself as the robot", SHOW, "alive/robot/1"),
+    Permission("announce itself as the robot", SHOW, "alive/robot/1"),
 )
 DIALLED: Final = (
-    ("be believed by a robot that dials it", ROBOT + OURS),
-    ("be believed by the plant, an operator or a viewer that dials it", GROUND),
+    ("be accepted by a robot that dials it", ROBOT + OURS),
+    ("be accepted by the plant, an operator or a viewer that dials it", GROUND),
 )
 
 
 def rows() -> Iterator[Sequence[str]]:
-    """Return each ability, whether an open bus grants it, and which certificates do."""
+    """Yield each ability, whether an open bus permits it, and whether each certificate does."""
     for ability in ABILITIES:
-        yield ability.says, YES, *(answer(may(name, ability)) for name, _ in COLUMNS)
-    for says, own in DIALLED:
-        yield says, YES, *(answer(not impostor(name, own, OURS)) for name, _ in COLUMNS)
+        yield ability.description, YES, *(answer(may(name, ability)) for name, _ in COLUMNS)
+    for description, own in DIALLED:
+        yield description, YES, *(answer(not impostor(name, own, OURS)) for name, _ in COLUMNS)
 
 
 def head() -> Sequence[str]:
+    """Return the column titles."""
     return "can", OPEN, *(f"`{shown}`" if shown != NONE else shown for _, shown in COLUMNS)
 
 
 def answer(may: bool) -> str:
+    """Return yes or no."""
     return YES if may else NO
 
 
 def may(name: str, ability: Permission) -> bool:
-    """Return whether the rules let the holder of a certificate do that to robot OURS."""
+    """Return whether the rules permit an ability on robot OURS."""
     own = name.removeprefix(OPERATOR)
     other = OTHER_NAME if own == NAME else NAME
     paths = (path.format(own=own, other=other) for path in ability[2:] if path)
@@ -132,7 +138,7 @@ def may(name: str, ability: Permission) -> bool:
 
 
 def allowed(name: str, kind: tuple[str, str], key: str) -> bool:
-    """Return whether a rule for this certificate covers a message of a kind on a key."""
+    """Return whether a rule for this certificate covers a kind of message on a key."""
     flow, message = kind
     rules = access_control(NETWORK)["rules"]
     assert isinstance(rules, list)

@@ -1,7 +1,7 @@
-"""Sentences about what Zenoh refused, made from the events of its log.
+"""Sentences about refused sessions, made from the events of Zenoh's log.
 
-Part of an event is chosen by the refused session: the key, which may be long and may contain line
-breaks. An event is therefore read from its beginning only, and what it names is cut and cleaned.
+The refused session chooses part of an event: the key, which may be long and may contain line
+breaks. An event is therefore parsed from its beginning only, and the key is cut and cleaned.
 """
 
 import re
@@ -13,18 +13,18 @@ from typing import Final, NamedTuple
 from protocol.bus.tls.access import grant_of
 
 QUIET_NS: Final = 60_000_000_000
-"""A sentence is repeated only after this long, with a count. Budgets are for this long, too."""
+"""Period after which a sentence is repeated, with a count. Budgets apply to this period."""
 
-MAX_TOLD: Final = 10
-"""Sentences about one certificate in QUIET_NS; more are only counted."""
+MAX_SENTENCES: Final = 10
+"""Sentences about one certificate in QUIET_NS; further ones are only counted."""
 
 MAX_NAMES: Final = 200
 MAX_CHARACTERS: Final = 200
-"""Of a key or a cause in a sentence."""
+"""Length of a key or a cause in a sentence."""
 
 MAX_EVENTS: Final = 300
 SIGNS: Final = (b"is unauthorized to", b". Hint: ")
-"""Of an event that counts. Most of the log says what was allowed."""
+"""Text in events about refusals. Most events are about permitted actions."""
 
 BEGIN: Final = (
     r"\A\d{4}-\d\d-\d\dT[\d:.]+Z +(?P<level>[A-Z]+) +\S+ ThreadId\(\d+\) "
@@ -36,105 +36,106 @@ DENIED: Final = re.compile(
     r"(?P<what>[A-Z][A-Za-z/ ]{1,60}) \(ingress\) on (?P<key>.+)",
     re.DOTALL,
 )
-UNWELCOME: Final = re.compile(BEGIN + r"zenoh_link_tls::unicast: (?P<why>.+?)\. Hint: ", re.DOTALL)
-LEARNT: Final = "Declare/Undeclare"
-"""Zenoh works out all that may be done with a key at once, and logs that as refusals."""
+FAILED: Final = re.compile(BEGIN + r"zenoh_link_tls::unicast: (?P<why>.+?)\. Hint: ", re.DOTALL)
+PRECOMPUTED: Final = "Declare/Undeclare"
+"""Zenoh computes all permissions of a key at once and logs the missing ones as refusals."""
 
-WOULD: Final[Mapping[str, str]] = MappingProxyType(
+ACTIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "Put": "put on",
         "Delete": "delete",
-        "Query": "ask",
+        "Query": "query",
         "Reply": "answer on",
-        "Declare Subscriber": "listen to",
+        "Declare Subscriber": "subscribe to",
         "Declare Queryable": "serve",
-        "Liveliness Token": "show itself as",
-        "Liveliness Query": "look who is at",
-        "Declare Liveliness Subscriber": "look who is at",
+        "Liveliness Token": "announce itself as",
+        "Liveliness Query": "query presence at",
+        "Declare Liveliness Subscriber": "query presence at",
     }
 )
 WHEN: Final = re.compile(r"not valid (?P<which>after|before) (?P<s>\d{1,11})\b")
 REASONS: Final = (
-    ("InvalidContentType", "it speaks plain TCP, and this door takes only TLS"),
+    ("InvalidContentType", "it uses plain TCP, and this endpoint accepts only TLS"),
     ("peer sent no certificates", "it shows no certificate"),
     ("UnknownIssuer", "its certificate is signed by another authority"),
     ("BadSignature", "its certificate is signed by another authority"),
-    ("InvalidPurpose", "its certificate is not one to dial with"),
-    ("received fatal alert", "it does not believe the certificate that it was shown"),
+    ("InvalidPurpose", "its certificate is not one for clients"),
+    ("received fatal alert", "it rejects the certificate of this process"),
 )
-NOBODY: Final = ("handshake eof", "reset by peer", "Broken pipe", "end of file")
-"""Causes of a connection that only looked whether a process listens."""
+PROBE_CAUSES: Final = ("handshake eof", "reset by peer", "Broken pipe", "end of file")
+"""Causes of a connection that only probed whether a process listens."""
 
 
 class Caller(NamedTuple):
-    """A session that dialled: the common name of its certificate, and its address."""
+    """A session that dialled: common name of its certificate, and address."""
 
     name: str
     address: str
 
 
-UNKNOWN: Final = Caller("somebody", "an unknown address")
+UNKNOWN: Final = Caller("unknown process", "an unknown address")
 
 
-class Told(NamedTuple):
-    """A sentence, and the certificate that it is about."""
+class Sentence(NamedTuple):
+    """A sentence about the refused session with a certificate `name`."""
 
     name: str
-    sentence: str
+    text: str
 
 
 class Budget:
-    """The sentences about one certificate since a moment, each with how often it was repeated."""
+    """The sentences about one certificate within QUIET_NS, with their numbers of repetitions."""
 
-    __slots__ = ("before", "begun_ns", "more", "said")
+    __slots__ = ("before", "begun_ns", "more", "reported")
 
     def __init__(self, begun_ns: int, before: dict[str, int]) -> None:
         self.begun_ns = begun_ns
         self.before = before
-        self.said: dict[str, int] = {}
+        self.reported: dict[str, int] = {}
         self.more = 0
 
     def is_over(self, now_ns: int) -> bool:
+        """Return whether the period has ended."""
         return now_ns - self.begun_ns >= QUIET_NS
 
 
-class Refusals:
-    """Say each refusal once, and at most MAX_TOLD about one certificate in QUIET_NS."""
+class RefusalLog:
+    """Report each refusal once, and at most MAX_SENTENCES about one certificate in QUIET_NS."""
 
     def __init__(self) -> None:
         self._budgets: dict[str, Budget] = {}
 
-    def heard(
+    def sentences(
         self,
         events: Sequence[bytes],
         caller: Callable[[str], Caller],
-        strangers: Callable[[], Iterable[str]],
+        failed_hosts: Callable[[], Iterable[str]],
         now_ns: int,
     ) -> list[str]:
-        """Return the sentences to tell of some events of the log.
+        """Return the sentences about some events of the log.
 
-        `caller` returns the owner of a session id; `strangers` the hosts of failed connections.
+        `caller` returns the owner of a session id; `failed_hosts` the hosts of failed connections.
         """
         read = [event.decode(errors="replace") for event in events[:MAX_EVENTS]]
-        known = (*denials(read, caller), *unwelcome(read, strangers))
-        lines = [line for told in known for line in self._said(told, now_ns)]
+        found = (*denials(read, caller), *failed_handshakes(read, failed_hosts))
+        lines = [line for sentence in found for line in self._limited(sentence, now_ns)]
         return [*lines, *self._ended(now_ns)]
 
-    def _said(self, told: Told, now_ns: int) -> Iterator[str]:
-        """The sentence, unless it was said before or there were too many."""
-        budget = self._budgets.get(told.name)
+    def _limited(self, sentence: Sentence, now_ns: int) -> Iterator[str]:
+        """Yield the sentence unless it was reported before or there were too many."""
+        name, text = sentence
+        budget = self._budgets.get(name)
         if budget is None or budget.is_over(now_ns):
-            yield from summary(told.name, budget)
-            budget = self._begun(told.name, now_ns, {} if budget is None else budget.said)
-        if told.sentence in budget.said:
-            budget.said[told.sentence] += 1
-        elif len(budget.said) >= MAX_TOLD:
+            yield from summary(name, budget)
+            budget = self._begun(name, now_ns, {} if budget is None else budget.reported)
+        if text in budget.reported:
+            budget.reported[text] += 1
+        elif len(budget.reported) >= MAX_SENTENCES:
             budget.more += 1
         else:
-            budget.said[told.sentence] = 0
-            before = budget.before.get(told.sentence, 0)
-            since = f" ({before} more times since it was told)" if before else ""
-            yield f"{told.sentence}{since}"
+            budget.reported[text] = 0
+            before = budget.before.get(text, 0)
+            yield f"{text} ({before} more times since the last report)" if before else text
 
     def _begun(self, name: str, now_ns: int, before: dict[str, int]) -> Budget:
         self._budgets.pop(name, None)
@@ -144,7 +145,7 @@ class Refusals:
         return budget
 
     def _ended(self, now_ns: int) -> Iterator[str]:
-        """What remains to be told of floods that have ended."""
+        """Yield the summaries of floods that have ended."""
         for name, budget in self._budgets.items():
             if budget.is_over(now_ns):
                 yield from summary(name, budget)
@@ -152,39 +153,42 @@ class Refusals:
 
 
 def summary(name: str, budget: Budget | None) -> Iterator[str]:
-    """How many were not told one by one."""
+    """Yield the number of sentences that were not reported one by one."""
     if budget is not None and budget.more:
         yield f"refused: {name}: {budget.more} other attempts in {QUIET_NS // 10**9} s"
 
 
-def denials(events: Sequence[str], caller: Callable[[str], Caller]) -> Iterator[Told]:
-    """What a session with a certificate tried that its role may not do."""
+def denials(events: Sequence[str], caller: Callable[[str], Caller]) -> Iterator[Sentence]:
+    """Yield what sessions with a certificate tried without permission."""
     found = [one for event in events if (one := DENIED.match(event))]
-    learnt = {(one["zid"], one["key"]) for one in found if one["what"].startswith(LEARNT)}
+    computed = {(one["zid"], one["key"]) for one in found if one["what"].startswith(PRECOMPUTED)}
     for one in found:
-        if one["what"] not in WOULD or (not one["known"] and (one["zid"], one["key"]) in learnt):
+        is_attempt = one["known"] or (one["zid"], one["key"]) not in computed
+        if one["what"] not in ACTIONS or not is_attempt:
             continue
         name, address = caller(one["zid"])
         grant = grant_of(name)
-        may = f"{name} {grant.says}" if grant else "no role has the name of its certificate"
-        key = cleaned(one["key"].removesuffix("\n"))
-        yield Told(name, f"refused: {name} at {address} may not {WOULD[one['what']]} {key}: {may}")
+        why = f"{name} {grant.description}" if grant else "no role has the name of its certificate"
+        key, action = cleaned(one["key"].removesuffix("\n")), ACTIONS[one["what"]]
+        yield Sentence(name, f"refused: {name} at {address} may not {action} {key}: {why}")
 
 
-def unwelcome(events: Sequence[str], strangers: Callable[[], Iterable[str]]) -> Iterator[Told]:
-    """Handshakes that failed. Zenoh does not log the address of these."""
-    found = [one["why"] for event in events if (one := UNWELCOME.match(event))]
-    whys = [why for why in found if not any(words in why for words in NOBODY)]
-    address = (", ".join(strangers()) if whys else "") or UNKNOWN.address
-    for why in whys:
-        words = in_words(why)
-        yield Told(UNKNOWN.name, f"not let in: {UNKNOWN.name} at {address}: {words}")
+def failed_handshakes(
+    events: Sequence[str], failed_hosts: Callable[[], Iterable[str]]
+) -> Iterator[Sentence]:
+    """Yield the failed handshakes. Zenoh does not log their addresses."""
+    found = [one["why"] for event in events if (one := FAILED.match(event))]
+    causes = [why for why in found if not any(words in why for words in PROBE_CAUSES)]
+    address = (", ".join(failed_hosts()) if causes else "") or UNKNOWN.address
+    for cause in causes:
+        text = f"connection refused: {UNKNOWN.name} at {address}: {in_words(cause)}"
+        yield Sentence(UNKNOWN.name, text)
 
 
 def cleaned(key: str) -> str:
     """Cut a key and replace its blanks and unprintable characters by question marks.
 
-    A blank in a key could begin what reads like a part of the sentence.
+    After a blank, a key could imitate a part of the sentence.
     """
     shown = key[:MAX_CHARACTERS]
     text = "".join(c if c.isprintable() and c != " " else "?" for c in shown)
@@ -192,7 +196,7 @@ def cleaned(key: str) -> str:
 
 
 def in_words(why: str) -> str:
-    """Return the cause of a failed handshake for a person."""
+    """Return the cause of a failed handshake as text."""
     when = WHEN.search(why)
     if when:
         moment = f"{datetime.fromtimestamp(int(when['s']), UTC):%Y-%m-%d %H:%M} UTC"

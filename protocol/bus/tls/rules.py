@@ -1,9 +1,9 @@
-"""Zenoh's access control, out of what each certificate may do; all else is refused.
+"""Zenoh's access control rules, derived from the permissions of each certificate; default deny.
 
-A process that listens enforces it on what comes in by each link and on what goes out. Rules name
-every robot and every key that may be put or asked, so no wildcard is ever covered by one. A process
-that dials enforces the same rules from its side: only a router or its own robot brings it anything,
-and only what its role is for.
+A listening process enforces them on incoming and outgoing messages of each link. The rules name
+every robot and every key that may be published or queried, so no wildcard matches one. A process
+that dials enforces the same rules from its side: it accepts data only from a router or its own
+robot, and only what its own role needs.
 """
 
 from collections.abc import Iterable, Mapping
@@ -32,7 +32,7 @@ EVERY_KIND: Final = (
 
 
 def access_control(network: Network) -> dict[str, object]:
-    """Return Zenoh's `access_control` for a listening process: deny what is not granted."""
+    """Return Zenoh's `access_control` of a listening process."""
     found = grants(network.robots, network.operators)
     return control(
         {
@@ -44,10 +44,10 @@ def access_control(network: Network) -> dict[str, object]:
 
 
 def dialled_access_control(network: Network, own: str) -> dict[str, object]:
-    """Zenoh's `access_control` for a process that dials, by the common name of its certificate.
+    """Return Zenoh's `access_control` of a process that dials, by its common name.
 
-    A router brings what is for this role; a robot that listens brings what is about itself. Any
-    other process brings nothing and is sent nothing. Empty when the certificate has no role.
+    A router brings the data for this role; a robot that listens brings data about itself. Any other
+    process brings and gets nothing. Empty if the certificate has no role.
     """
     if grant_of(own) is None:
         return {}
@@ -61,7 +61,7 @@ def dialled_access_control(network: Network, own: str) -> dict[str, object]:
 
 
 def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:
-    """Deny everything but what the rules of each certificate allow."""
+    """Return settings that deny everything but the rules of each certificate."""
     return {
         "enabled": True,
         "default_permission": "deny",
@@ -75,15 +75,16 @@ def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:
 
 
 def rules_of(name: str, grant: Grant, prefix: str) -> list[Rule]:
-    """One rule for each kind of message that comes from the holder, or goes to it."""
+    """Return one rule for each kind of message from the holder, and to it."""
     come, go = tables(grant)
     return [*rules(name, "ingress", come, prefix), *rules(name, "egress", go, prefix)]
 
 
 def from_dialled(name: str, own: Grant, prefix: str, robot: str = "") -> list[Rule]:
-    """Return the rules for a process that was dialled: it brings what is for us, `own`.
+    """Return the rules for a dialled process: it may bring what our grant `own` needs.
 
-    What a robot brings is about `robot`. It may be sent everything: it takes what it allows.
+    A robot brings only data about `robot`. Everything may be sent to a dialled process: it has
+    rules of its own.
     """
     _, come = tables(own, robot or "*")
     sent: Rule = {
@@ -99,17 +100,17 @@ def from_dialled(name: str, own: Grant, prefix: str, robot: str = "") -> list[Ru
 def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
     """Return what may come from the holder, and what may go to it, by kinds of message.
 
-    `about` is the only robot that all of it is about.
+    `about` restricts both to one robot.
     """
     everything = ALL if about == "*" else (f"{about}/**",)
-    hears = everything if grant.hears == ALL else grant.hears
+    subscribes = everything if grant.subscribes == ALL else grant.subscribes
     fetches = everything if grant.fetches == ALL else grant.fetches
     presence_of = (f"{about}/{PRESENCE}",)
     put, heard = kept(grant.puts), kept(fetches)
     presence = ("declare_liveliness_subscriber", "liveliness_query")
     come: Table = {
         ("put",): grant.puts + put,
-        ("declare_subscriber",): hears + heard,
+        ("declare_subscriber",): subscribes + heard,
         ("query",): grant.asks + heard,
         ("declare_queryable",): grant.answers + put,
         ("reply",): grant.answers + grant.puts + put,
@@ -117,9 +118,9 @@ def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
         presence: presence_of + heard,
     }
     go: Table = {
-        ("put",): hears + heard,
+        ("put",): subscribes + heard,
         ("query",): grant.answers + put,
-        ("reply",): grant.asks + hears + heard,
+        ("reply",): grant.asks + subscribes + heard,
         ("liveliness_token",): presence_of + heard,
         ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
     }
@@ -127,7 +128,7 @@ def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
 
 
 def rules(name: str, flow: str, table: Table, prefix: str) -> list[Rule]:
-    """One rule for each kind of message that flows that way."""
+    """Return one rule for each kind of message in one direction."""
     return [
         {
             "id": f"{name} {flow} {messages[0]}",
@@ -142,5 +143,5 @@ def rules(name: str, flow: str, table: Table, prefix: str) -> list[Rule]:
 
 
 def kept(paths: Iterable[str]) -> tuple[str, ...]:
-    """Where Zenoh keeps the events of these keys for those who join late, and asks for them."""
+    """Return the keys on which Zenoh caches the events of these keys, and fetches them."""
     return tuple(f"{path}/@adv/**" for path in paths)

@@ -1,10 +1,10 @@
-"""Zenoh's own log, caught in a bounded channel: it can only write to standard output.
+"""Capture Zenoh's own log, which it can only write to standard output, in a bounded channel.
 
 Each event of the log is one datagram to a socket of this process on the loopback interface. The
 kernel keeps the boundaries between events, cuts an event at MAX_EVENT_BYTES and drops events when
-the socket is full. A write to it never waits and never fails for lack of space. A pipe would stall
-what arrives on the bus, a file in memory would grow, and a line break inside a key would start a
-line of its own.
+the socket buffer is full. A write never waits and never fails for lack of space. A pipe would block
+reception on the bus, a file in memory would grow, and a line break inside a key would start a new
+line.
 """
 
 import os
@@ -19,14 +19,14 @@ import zenoh
 
 from runtime.cli.terminal import guarded
 
-DOORS: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
+AUDIT_FILTER: Final = "zenoh::net::routing::interceptor::access_control=trace,zenoh_link_tls=debug"
 ENVIRONMENT: Final[Mapping[str, str | None]] = MappingProxyType({"RUST_LOG": None, "NO_COLOR": "1"})
-"""Environment variables that Zenoh's log reads, with the values it is to find."""
+"""Environment variables that Zenoh's log reads, with the values set for it."""
 
 STDOUT: Final = 1
 LOOPBACK: Final = "127.0.0.1"
 BUFFER_BYTES: Final = 1 << 20
-"""Asked of the kernel, which may give less."""
+"""Requested buffer size; the kernel may grant less."""
 
 MAX_EVENT_BYTES: Final = 600
 MAX_READ: Final = 500
@@ -37,12 +37,12 @@ MAX_KEPT: Final = 300
 
 
 class ZenohLog:
-    """Catch Zenoh's log from now until `close`. Python's own standard output goes on as before.
+    """Capture Zenoh's log until `close`. Python's own standard output is not affected.
 
     Only events that contain one of `signs` are kept; without signs, all are.
     """
 
-    def __init__(self, wanted: str = DOORS, signs: tuple[bytes, ...] = ()) -> None:
+    def __init__(self, wanted: str = AUDIT_FILTER, signs: tuple[bytes, ...] = ()) -> None:
         self._signs = signs
         self._kept: deque[bytes] = deque(maxlen=MAX_KEPT)
         self._reader, self._writer = channel()
@@ -58,7 +58,7 @@ class ZenohLog:
         self.close()
 
     def drain(self) -> None:
-        """Keep what has a sign among the events waiting in the kernel, at most MAX_READ of them."""
+        """Read up to MAX_READ events from the kernel, and keep those that contain a sign."""
         for _ in range(MAX_READ):
             try:
                 event = self._reader.recv(MAX_EVENT_BYTES)
@@ -68,16 +68,16 @@ class ZenohLog:
                 self._kept.append(event)
 
     def take(self) -> list[bytes]:
-        """Return the events kept since the call before, the newest MAX_KEPT of them."""
+        """Return the events kept since the last call, the newest MAX_KEPT of them."""
         self.drain()
         kept = list(self._kept)
         self._kept.clear()
         return kept
 
     def close(self) -> None:
-        """Catch no more. Zenoh's log cannot be ended: what it still writes goes nowhere.
+        """End the capture. Zenoh's log cannot be closed: later output is discarded.
 
-        Python's own standard output goes on as before, by the descriptor that it was given.
+        Python's own standard output continues on its separate descriptor.
         """
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, STDOUT)
@@ -100,7 +100,7 @@ def channel() -> tuple[socket.socket, socket.socket]:
 
 
 def initialise(wanted: str) -> None:
-    """Once for each process, whatever the environment says."""
+    """Start Zenoh's log, once per process, independent of the environment."""
     before = {name: os.environ.get(name) for name in ENVIRONMENT}
     set_all(ENVIRONMENT)
     try:
@@ -110,6 +110,7 @@ def initialise(wanted: str) -> None:
 
 
 def set_all(values: Mapping[str, str | None]) -> None:
+    """Set or remove environment variables."""
     for name, value in values.items():
         if value is None:
             os.environ.pop(name, None)

@@ -90,7 +90,7 @@ class ScriptedBus(Wireless):
     def await_matched(self, publishers: Any, timeout_s: float) -> list[str]:
         return [] if self.heard_by else ["nobody"]
 
-    def forget(self, mailbox: Any) -> None:
+    def unsubscribe(self, mailbox: Any) -> None:
         """The mailbox stays as the test has filled it."""
 
     def present(self, timeout_s: float = 1.0) -> list[Any]:

@@ -27,7 +27,7 @@ def wrong(folder: Path, name: str) -> str:
 def test_a_new_set_is_good(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "check", str(keys)]) == 0
     told = capsys.readouterr().out
-    for words in ("commands the robots", "only listens", "is the robot r1", "signs the others"):
+    for words in ("commands the robots", "only observes", "is the robot r1", "signs the others"):
         assert words in told
     assert f"{NOW + 100 * DAY:%Y-%m-%d}" in told
 

@@ -14,7 +14,7 @@ from ground.certificates.authority import Pair
 from ground.cli.main import main, parse
 from ground.cli.options import common_of
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own
+from protocol.bus.tls.certificate import own_certificate
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2")
 
@@ -56,14 +56,14 @@ def test_each_operator_gets_a_certificate_of_its_own(tmp_path: Path) -> None:
     for name in ("ground-ada", "ground-bob", "ground-eve"):
         common = common_of(parse(["hold", "--config", str(keys / f"{name}.toml")]))
         assert common.network.tls is not None
-        assert own(common.network.tls).name == name
+        assert own_certificate(common.network.tls).name == name
         assert common.network.operators == ("ada", "bob", "eve")
     assert main(["keys", "check", str(keys)]) == 0
 
 
 @pytest.mark.parametrize(
     ("names", "why"),
-    [("open", "every operator of an open bus"), ("ada,ada", "a name of its own"), ("A", "use 1")],
+    [("open", "every operator on an open bus"), ("ada,ada", "a name of its own"), ("A", "use 1")],
 )
 def test_invalid_operators_are_refused_before_writing(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], names: str, why: str
@@ -117,7 +117,7 @@ def test_the_key_of_the_authority_is_not_kept(keys: Path) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_each_certificate_is_believed_and_says_whose_it_is(keys: Path, name: str) -> None:
     tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/{name}.pem", key=f"{keys}/{name}.key")
-    seen = own(tls)
+    seen = own_certificate(tls)
     assert (seen.name, seen.trouble) == (name, "")
 
 
@@ -177,7 +177,7 @@ def test_the_folder_can_be_moved(keys: Path) -> None:
     moved = keys.rename(keys.with_name("moved"))
     common = common_of(parse(["hold", "--config", str(moved / "ground.toml")]))
     assert common.network.tls is not None
-    assert own(common.network.tls).name == "ground"
+    assert own_certificate(common.network.tls).name == "ground"
 
 
 def test_nothing_is_overwritten(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:

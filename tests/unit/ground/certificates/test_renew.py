@@ -12,7 +12,7 @@ from ground.certificates.check import check
 from ground.certificates.folder import renew
 from ground.cli.main import main
 from protocol.bus.network import Tls
-from protocol.bus.tls.certificate import own
+from protocol.bus.tls.certificate import own_certificate
 from runtime.errors import UserError
 from tests.support.keyring import DAY, NOW
 
@@ -52,7 +52,7 @@ def test_who_is_renewed_has_a_new_key_and_the_names_that_it_had(keys: Path) -> N
     assert stat.S_IMODE((keys / "router.key").stat().st_mode) == 0o600
     assert not any(one.wrong for one in check(keys, datetime.now(UTC)))
     tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/router.pem", key=f"{keys}/router.key")
-    assert own(tls).trouble == ""
+    assert own_certificate(tls).trouble == ""
 
 
 def test_nothing_is_valid_longer_than_its_authority(keys: Path) -> None:

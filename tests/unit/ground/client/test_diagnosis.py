@@ -105,17 +105,17 @@ def test_an_old_stream_is_named_with_its_age() -> None:
 
 def test_foreign_dialect_differs_from_garbage() -> None:
     observed = seen()
-    foreign = Stream(SONAR, 1, 3, "speaks sidestep@9, this is sidestep@2")
+    foreign = Stream(SONAR, 1, 3, "has dialect sidestep@9, not sidestep@2")
     garbage = Stream(HEARTBEAT, 1, 9, "frame of 7 bytes is too short")
     report = examine(replace(observed, streams=(*observed.streams, foreign, garbage)))
     first, second = report.findings
-    assert "speaks sidestep@9" in first.what
+    assert "dialect sidestep@9" in first.what
     assert "same version" in first.do
     assert "9 unreadable messages on tlm/heartbeat" in second.what
 
 
 def test_a_heart_that_cannot_be_read_is_no_hanging_robot() -> None:
-    spoken = Stream(HEARTBEAT, None, 5, "speaks sidestep@9, this is sidestep@2")
+    spoken = Stream(HEARTBEAT, None, 5, "has dialect sidestep@9, not sidestep@2")
     others = tuple(stream for stream in seen().streams if stream.topic is not HEARTBEAT)
     (finding,) = examine(replace(seen(), streams=(spoken, *others))).findings
     assert "5 unreadable messages on tlm/heartbeat" in finding.what

@@ -131,4 +131,4 @@ def test_closed_station_gives_up_with_the_reason() -> None:
     outcome = pressing.stop.run(over=lambda: True)
     assert (outcome.acknowledged, outcome.why) == (False, "no answer")
     outcome = pressing.stop.run(give_up_ns=100 * MS)
-    assert outcome.why == "srv/stop: nobody serves it"
+    assert outcome.why == "srv/stop: no process serves it"

@@ -76,11 +76,11 @@ def test_request_ids_cannot_be_guessed() -> None:
 def test_unanswered_command_is_sent_three_times_with_one_id() -> None:
     clock = ManualClock()
     asking = CommandExchange(HOLD, clock.now_ns())
-    asking.unanswered("nobody serves it")
+    asking.unanswered("no process serves it")
     sent = run_out(asking, clock)
     assert [send.request for send in sent] == [HOLD] * 3
     assert clock.now_ns() == 1500 * MS
-    assert asking.outcome == GaveUp("nobody serves it")
+    assert asking.outcome == GaveUp("no process serves it")
 
 
 def test_answer_ends_the_exchange_with_its_duration() -> None:

@@ -100,7 +100,7 @@ def test_a_refusal_may_come_at_any_step_and_names_the_item() -> None:
 def test_a_question_without_an_answer_is_asked_again_a_fixed_time_apart() -> None:
     upload = Upload(ITEMS, MISSION, 0)
     first = asked(upload, 0)
-    upload.unanswered("nobody serves it")
+    upload.unanswered("no process serves it")
     assert upload.due(PATIENCE_NS - 1) == []
     assert asked(upload, PATIENCE_NS) == first
 

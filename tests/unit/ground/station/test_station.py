@@ -104,7 +104,7 @@ def test_parameters_are_asked_for_until_they_come_and_it_is_said_how_often() -> 
     del play.bus.answers["srv/parameters"]
     play.forward(3.0)
     words = play.station.parameters_words
-    assert words.startswith("not read yet: asked 3 times, srv/parameters: nobody serves it")
+    assert words.startswith("not read yet: asked 3 times, srv/parameters: no process serves it")
     assert not play.station.ready
     assert play.station.waiting_for == "parameters"
 

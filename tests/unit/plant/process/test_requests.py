@@ -79,7 +79,7 @@ def test_of_too_many_the_rest_is_refused_and_the_first_are_answered(asking: Aski
 
 
 def test_the_world_is_told_without_the_loop(asking: Asking) -> None:
-    """Whoever only listens may ask for it: as often as it likes, at no cost to the plant."""
+    """Whoever only observes may ask for it: as often as it likes, at no cost to the plant."""
     asking.ask(*[Question() for _ in range(MAX_WAITING)])
     before = asking.nudges
     worlds = [Question(None) for _ in range(MAX_WAITING)]

@@ -94,7 +94,7 @@ def test_a_stamp_of_two_to_the_62nd_is_no_time(forward: bool) -> None:
     box = Mailbox(WHEELS, forward=forward)
     for stamp_ns in (2**62, 2**63, 2**64 - 1):
         box.store(ticks_at(stamp_ns), 10)
-        assert box.last_rejection == "WheelTicks has a stamp that is no time"
+        assert box.last_rejection == "WheelTicks has an invalid time stamp"
     assert (box.latest(), box.rejected) == (None, 3)
     box.store(ticks_at(2**62 - 1), 10)
     assert (box.latest() is not None, box.rejected) == (True, 3)
@@ -136,13 +136,16 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
     [
         (Sample(ENCODING, b"garbage"), "frame of 7 bytes is too short"),
         (sample(SCAN), "carries SonarScan, not WheelTicks"),
-        (sample(encoding=f"{ENCODING_FAMILY};sidestep@9"), f"speaks sidestep@9, this is {DIALECT}"),
+        (
+            sample(encoding=f"{ENCODING_FAMILY};sidestep@9"),
+            f"has dialect sidestep@9, not {DIALECT}",
+        ),
         (sample(encoding=ENCODING_FAMILY), f"is encoded as {ENCODING_FAMILY}, not as {ENCODING}"),
         (sample(encoding="text;plain"), f"is encoded as text;plain, not as {ENCODING}"),
         (sample(encoding=""), f"is encoded as nothing, not as {ENCODING}"),
         (sample(encoding="x" * 61), f"is encoded as {'x' * 60}, not as {ENCODING}"),
         (sample(encoding="\x1b]0;a\x07\n"), f"is encoded as ?]0;a??, not as {ENCODING}"),
-        (sample(encoding="application/mavlink2;\x9b2J"), f"speaks ?2J, this is {DIALECT}"),
+        (sample(encoding="application/mavlink2;\x9b2J"), f"has dialect ?2J, not {DIALECT}"),
     ],
 )
 def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: str) -> None:

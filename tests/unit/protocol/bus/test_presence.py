@@ -63,8 +63,8 @@ def test_of_tokens_that_two_threads_bring_at_once_none_is_lost(
     seen: list[Presence] = []
     tokens = TokenSet(lambda who, _: seen.append(who))
     tokens.there = before = Interrupted({FIRST})
-    before.other = threading.Thread(target=tokens.take, args=(THIRD,), kwargs={"came": True})
-    tokens.take(SECOND if came else FIRST, came=came)
+    before.other = threading.Thread(target=tokens.take, args=(THIRD,), kwargs={"appeared": True})
+    tokens.take(SECOND if came else FIRST, appeared=came)
     before.other.join()
     assert sorted(tokens.there) == there
     assert seen == [SECOND if came else FIRST, THIRD]

@@ -101,7 +101,7 @@ def test_a_door_that_is_shut_is_no_hub_that_hangs(linked_by: Hub) -> None:
     play = Play()
     play.bus.linked_by = linked_by
     play.forward(1.0)
-    play.bus.shut = "the process at tls/r:7447 does not let us in: ground.pem expired yesterday"
+    play.bus.shut = "the process at tls/r:7447 rejects this one: ground.pem expired yesterday"
     play.cut(Hub.HANGS)
     play.forward(4.0)
     loss = play.station.loss()

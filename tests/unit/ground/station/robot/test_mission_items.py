@@ -139,7 +139,7 @@ def test_items_that_are_none_of_ours_are_not_drawn() -> None:
 def test_a_robot_that_tells_none_is_asked_no_further() -> None:
     clock = ManualClock()
     bus = PlayedBus(clock)
-    with pytest.raises(RemoteError, match="nobody serves it"):
+    with pytest.raises(RemoteError, match="no process serves it"):
         downloaded(bus, clock, "r1", MissionType.MISSION)
     assert len(bus.asked) == 1
     bus.answers[MISSION_SERVICE.path] = lambda _: verdict(MissionType.MISSION, Reason.NO_MISSION)

@@ -7,12 +7,12 @@ import zenoh
 
 from protocol.bus.network import Network
 from protocol.bus.tls.access import (
-    barred,
+    denial,
     grant_of,
     grants,
     may_fetch,
-    misfit,
     operator_name,
+    role_mismatch,
     unanswered,
 )
 from protocol.bus.tls.rules import access_control
@@ -60,24 +60,24 @@ def test_only_the_ground_station_asks_what_changes_something(service: Any) -> No
 
 def test_the_plant_is_told_to_drive_and_else_what_it_says_itself() -> None:
     plant = grants(("r1",))["plant"]
-    assert set(plant.hears) - set(plant.puts) == {"r1/drive/wheels"}
+    assert set(plant.subscribes) - set(plant.puts) == {"r1/drive/wheels"}
 
 
 def test_a_robot_is_told_what_is_sensed_and_wanted_and_not_what_is_true() -> None:
     robot = grants(("r1", "r2"))["robot-r1"]
-    families = {path.split("/")[1] for path in set(robot.hears) - set(robot.puts)}
+    families = {path.split("/")[1] for path in set(robot.subscribes) - set(robot.puts)}
     assert families == {"sense", "op"}
 
 
 def test_who_says_something_may_hear_whether_it_arrives() -> None:
     for name in ("plant", "robot-r1"):
         grant = grants(("r1",))[name]
-        assert set(grant.puts) < set(grant.hears)
+        assert set(grant.puts) < set(grant.subscribes)
 
 
 def test_a_robot_may_nothing_under_the_name_of_another() -> None:
     grant = grants(("r1", "r2"))["robot-r2"]
-    for paths in (grant.puts, grant.hears, grant.answers, grant.shows):
+    for paths in (grant.puts, grant.subscribes, grant.answers, grant.shows):
         assert all(path.startswith("r2/") for path in paths)
 
 
@@ -148,32 +148,36 @@ def test_a_name_says_what_its_holder_does() -> None:
     robot, viewer = grant_of("robot-r7"), grant_of("viewer")
     assert robot is not None
     assert viewer is not None
-    assert (robot.says, viewer.says) == ("is the robot r7", "only listens")
+    assert (robot.description, viewer.description) == ("is the robot r7", "only observes")
     for nobody in ("", "stranger", "robot-", "robot-R 1", "Ground"):
         assert grant_of(nobody) is None
 
 
 def test_who_may_not_ask_is_told_why() -> None:
-    assert barred("ground", "r1", COMMAND) == ""
-    assert barred("viewer", "r1", WORLD) == barred("viewer", "r1", PARAMETERS) == ""
-    assert barred("viewer", "r1", RUN) == (
-        "the certificate in use is that of 'viewer', which only listens and may not ask sim/run"
+    assert denial("ground", "r1", COMMAND) == ""
+    assert denial("viewer", "r1", WORLD) == denial("viewer", "r1", PARAMETERS) == ""
+    assert denial("viewer", "r1", RUN) == (
+        "the certificate in use is that of 'viewer', which only observes and may not query sim/run"
     )
-    assert "'robot-r2', which is the robot r2 and may not ask" in barred("robot-r2", "r1", COMMAND)
-    assert "no role" in barred("stranger", "r1", COMMAND)
+    assert "which is the robot r2 and may not query" in denial("robot-r2", "r1", COMMAND)
+    assert "no role" in denial("stranger", "r1", COMMAND)
 
 
 def test_without_a_lock_everybody_may_ask() -> None:
-    assert barred(None, "r1", COMMAND) == ""
-    assert unanswered(None, "r1", COMMAND) == "nobody serves it (is the robot running?)"
-    assert "only listens" in unanswered("viewer", "r1", COMMAND)
+    assert denial(None, "r1", COMMAND) == ""
+    assert unanswered(None, "r1", COMMAND) == "no process serves it (is the robot running?)"
+    assert "only observes" in unanswered("viewer", "r1", COMMAND)
 
 
 def test_a_process_needs_the_certificate_of_its_role() -> None:
-    assert misfit(None, Role.PLANT, "r1") == misfit("router", Role.PLANT, "r1") == ""
-    assert misfit("plant", Role.PLANT, "r1") == misfit("robot-r1", Role.ROBOT, "r1") == ""
-    assert misfit("viewer", Role.GROUND, "r1") == misfit("stranger", None, "r1") == ""
-    assert "needs that of 'robot-r2'" in misfit("robot-r1", Role.ROBOT, "r2")
+    assert role_mismatch(None, Role.PLANT, "r1") == role_mismatch("router", Role.PLANT, "r1") == ""
+    assert (
+        role_mismatch("plant", Role.PLANT, "r1")
+        == role_mismatch("robot-r1", Role.ROBOT, "r1")
+        == ""
+    )
+    assert role_mismatch("viewer", Role.GROUND, "r1") == role_mismatch("stranger", None, "r1") == ""
+    assert "needs that of 'robot-r2'" in role_mismatch("robot-r1", Role.ROBOT, "r2")
 
 
 def test_an_operator_speaks_and_asks_only_under_its_own_name() -> None:
@@ -199,10 +203,10 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
     assert operator_name("ground") == "ground"
     assert operator_name(None) == "open"
     assert operator_name("viewer") is operator_name("robot-r1") is operator_name("plant") is None
-    assert barred("ground-ada", "r1", COMMAND) == ""
+    assert denial("ground-ada", "r1", COMMAND) == ""
     for nobody in ("ground-", "ground-open", "ground-ground", "ground-A B"):
         assert grant_of(nobody) is None
-        assert "is no role" in barred(nobody, "r1", COMMAND)
+        assert "is no role" in denial(nobody, "r1", COMMAND)
 
 
 @pytest.mark.parametrize(

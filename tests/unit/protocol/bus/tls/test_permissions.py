@@ -21,15 +21,15 @@ def able(says: str) -> set[str]:
 @pytest.mark.parametrize(
     ("says", "who"),
     [
-        ("stop the robot and hear", OPERATORS | ROUTER),
+        ("stop the robot and receive", OPERATORS | ROUTER),
         ("take or seize", OPERATORS | ROUTER),
         ("command as another operator", ROUTER),
-        ("fetch commands", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`"}),
-        ("fetch texts", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`", "`viewer`"}),
-        ("publish what the robot senses", ROUTER | {"`plant`"}),
+        ("fetch missed commands", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`"}),
+        ("fetch missed texts", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`", "`viewer`"}),
+        ("publish sensor data of the robot", ROUTER | {"`plant`"}),
         ("command the wheels", ROUTER | OWN_ROBOT),
-        ("be believed by a robot", ROUTER),
-        ("be believed by the plant", ROUTER | OWN_ROBOT),
+        ("be accepted by a robot", ROUTER),
+        ("be accepted by the plant", ROUTER | OWN_ROBOT),
     ],
 )
 def test_a_cell_says_yes_only_to_whom_the_rules_let(says: str, who: set[str]) -> None:

@@ -7,11 +7,11 @@ import pytest
 from protocol.bus.tls.refusal_log import (
     MAX_CHARACTERS,
     MAX_EVENTS,
-    MAX_TOLD,
+    MAX_SENTENCES,
     QUIET_NS,
     UNKNOWN,
     Caller,
-    Refusals,
+    RefusalLog,
     in_words,
 )
 
@@ -39,9 +39,9 @@ def viewer(zid: str) -> Caller:
     return Caller("viewer", "tls/10.0.0.7:50000") if zid == ZID else UNKNOWN
 
 
-def heard(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
+def sentences(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
     """Of a log with one event a line."""
-    return Refusals().heard(events(log), viewer, lambda: strangers, at_ns)
+    return RefusalLog().sentences(events(log), viewer, lambda: strangers, at_ns)
 
 
 def events(log: str) -> list[bytes]:
@@ -49,41 +49,41 @@ def events(log: str) -> list[bytes]:
 
 
 def test_a_forged_sample_is_told_with_who_where_what_and_why() -> None:
-    assert heard(cached("Put (ingress)", "sidestep/r1/op/teleop")) == [
+    assert sentences(cached("Put (ingress)", "sidestep/r1/op/teleop")) == [
         "refused: viewer at tls/10.0.0.7:50000 may not put on sidestep/r1/op/teleop: "
-        "viewer only listens"
+        "viewer only observes"
     ]
 
 
 @pytest.mark.parametrize(
     ("what", "says"),
     [
-        ("Query", "may not ask k"),
+        ("Query", "may not query k"),
         ("Delete", "may not delete k"),
         ("Reply", "may not answer on k"),
         ("Declare Queryable", "may not serve k"),
-        ("Declare Subscriber", "may not listen to k"),
-        ("Liveliness Token", "may not show itself as k"),
-        ("Liveliness Query", "may not look who is at k"),
+        ("Declare Subscriber", "may not subscribe to k"),
+        ("Liveliness Token", "may not announce itself as k"),
+        ("Liveliness Query", "may not query presence at k"),
     ],
 )
 def test_each_kind_of_attempt_has_its_words(what: str, says: str) -> None:
-    (told,) = heard(judged(f"{what} (ingress)", "k"))
+    (told,) = sentences(judged(f"{what} (ingress)", "k"))
     assert says in told
 
 
 def test_a_wildcard_is_told_as_it_was_put() -> None:
-    (told,) = heard(judged("Put (ingress)", "sidestep/**"))
+    (told,) = sentences(judged("Put (ingress)", "sidestep/**"))
     assert "may not put on sidestep/**" in told
 
 
 def test_what_is_allowed_is_not_told() -> None:
-    assert heard(judged("Put (ingress)", "k", "authorized")) == []
+    assert sentences(judged("Put (ingress)", "k", "authorized")) == []
 
 
 def test_what_does_not_go_out_is_not_told() -> None:
     """A sample is kept from those whom it is not for all the time."""
-    assert heard(cached("Put (egress)", "k")) == []
+    assert sentences(cached("Put (egress)", "k")) == []
 
 
 def test_that_a_key_was_worked_out_is_no_refusal() -> None:
@@ -92,8 +92,8 @@ def test_that_a_key_was_worked_out_is_no_refusal() -> None:
         judged("Put (ingress)", "k"),
         judged("Declare/Undeclare Queryable (ingress)", "k"),
     ]
-    assert heard("".join(learnt)) == []
-    (told,) = heard("".join([*learnt, cached("Put (ingress)", "k")]))
+    assert sentences("".join(learnt)) == []
+    (told,) = sentences("".join([*learnt, cached("Put (ingress)", "k")]))
     assert "may not put on k" in told
 
 
@@ -101,7 +101,7 @@ def test_a_name_without_a_role_is_told() -> None:
     def stranger(_zid: str) -> Caller:
         return Caller("stranger", "there")
 
-    (told,) = Refusals().heard(events(cached("Put (ingress)", "k")), stranger, list, 0)
+    (told,) = RefusalLog().sentences(events(cached("Put (ingress)", "k")), stranger, list, 0)
     assert told == (
         "refused: stranger at there may not put on k: no role has the name of its certificate"
     )
@@ -110,11 +110,11 @@ def test_a_name_without_a_role_is_told() -> None:
 @pytest.mark.parametrize(
     ("why", "says"),
     [
-        ("received corrupt message of type InvalidContentType", "it speaks plain TCP"),
+        ("received corrupt message of type InvalidContentType", "it uses plain TCP"),
         ("peer sent no certificates", "it shows no certificate"),
         ("invalid peer certificate: UnknownIssuer", "signed by another authority"),
         ("invalid peer certificate: BadSignature", "signed by another authority"),
-        ("received fatal alert: UnknownCA", "it does not believe the certificate"),
+        ("received fatal alert: UnknownCA", "it rejects the certificate of this process"),
         (
             "invalid peer certificate: certificate expired: verification time 1795299203 (UNIX), "
             "but certificate is not valid after 1795212798 (86405 seconds ago)",
@@ -129,64 +129,65 @@ def test_a_name_without_a_role_is_told() -> None:
     ],
 )
 def test_each_failed_handshake_has_its_words(why: str, says: str) -> None:
-    (told,) = heard(failed(why), ["10.0.0.9"])
-    assert told.startswith("not let in: somebody at 10.0.0.9: ")
+    (told,) = sentences(failed(why), ["10.0.0.9"])
+    assert told.startswith("connection refused: unknown process at 10.0.0.9: ")
     assert says in told
 
 
 def test_whoever_only_looks_is_not_told() -> None:
     assert (
-        heard(failed("tls handshake eof") + failed("Connection reset by peer (os error 104)")) == []
+        sentences(failed("tls handshake eof") + failed("Connection reset by peer (os error 104)"))
+        == []
     )
 
 
 def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
-    (told,) = heard(failed("peer sent no certificates"))
-    assert "somebody at an unknown address" in told
+    (told,) = sentences(failed("peer sent no certificates"))
+    assert "unknown process at an unknown address" in told
 
 
 def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> None:
-    refusals = Refusals()
+    refusals = RefusalLog()
     line = events(cached("Put (ingress)", "k"))
-    assert len(refusals.heard(line * 3, viewer, list, 0)) == 1
-    assert refusals.heard(line * 5, viewer, list, QUIET_NS - 1) == []
-    (told,) = refusals.heard(line, viewer, list, QUIET_NS)
-    assert told.endswith("(7 more times since it was told)")
+    assert len(refusals.sentences(line * 3, viewer, list, 0)) == 1
+    assert refusals.sentences(line * 5, viewer, list, QUIET_NS - 1) == []
+    (told,) = refusals.sentences(line, viewer, list, QUIET_NS)
+    assert told.endswith("(7 more times since the last report)")
 
 
 def test_flood_of_different_keys_gives_few_lines_and_a_count() -> None:
-    refusals = Refusals()
+    refusals = RefusalLog()
     told = []
     for look in range(100):
         log = "".join(cached("Put (ingress)", f"{look}/{number}") for number in range(50))
-        told += refusals.heard(events(log), viewer, list, look)
-    assert len(told) == MAX_TOLD
-    (summary,) = refusals.heard([], viewer, list, QUIET_NS)
-    assert summary == f"refused: viewer: {5000 - MAX_TOLD} other attempts in 60 s"
-    assert refusals.heard([], viewer, list, 2 * QUIET_NS) == []
+        told += refusals.sentences(events(log), viewer, list, look)
+    assert len(told) == MAX_SENTENCES
+    (summary,) = refusals.sentences([], viewer, list, QUIET_NS)
+    assert summary == f"refused: viewer: {5000 - MAX_SENTENCES} other attempts in 60 s"
+    assert refusals.sentences([], viewer, list, 2 * QUIET_NS) == []
 
 
 def test_flood_of_one_certificate_hides_no_other() -> None:
     def caller(zid: str) -> Caller:
         return Caller("viewer" if zid == ZID else "plant", "there")
 
-    refusals = Refusals()
+    refusals = RefusalLog()
     flood = "".join(cached("Put (ingress)", f"{number}") for number in range(50))
-    refusals.heard(events(flood), caller, list, 0)
+    refusals.sentences(events(flood), caller, list, 0)
     line = cached("Put (ingress)", "k").replace(ZID, "ab")
-    (told,) = refusals.heard(events(line), caller, list, 1)
+    (told,) = refusals.sentences(events(line), caller, list, 1)
     assert told.startswith("refused: plant at there may not put on k")
 
 
 def test_of_a_flood_only_the_beginning_is_read() -> None:
     flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * MAX_EVENTS
-    (told,) = heard(flood + cached("Put (ingress)", "late"))
+    (told,) = sentences(flood + cached("Put (ingress)", "late"))
     assert "may not put on early" in told
 
 
 def test_long_key_is_cut() -> None:
-    (told,) = heard(cached("Put (ingress)", "k" * 60_000))
-    assert "k" * MAX_CHARACTERS + "...: viewer only listens" in told
+    (told,) = sentences(cached("Put (ingress)", "k" * 60_000))
+    assert "k" * MAX_CHARACTERS + "...: viewer only observes" in told
     assert len(told) < 2 * MAX_CHARACTERS
 
 
@@ -198,22 +199,22 @@ def test_line_break_in_a_key_accuses_no_other_session(between: str) -> None:
         return Caller("plant" if zid == "ab" else "viewer", "there")
 
     event = cached("Put (ingress)", f"k{between}{forged}").encode()
-    (told,) = Refusals().heard([event], caller, list, 0)
+    (told,) = RefusalLog().sentences([event], caller, list, 0)
     assert told.startswith("refused: viewer at there may not put on k?")
     assert "plant" not in told
     assert "\n" not in told
 
 
 def test_forgery_after_unrelated_words_is_not_read() -> None:
-    assert heard(f"something else {cached('Put (ingress)', 'k')}") == []
+    assert sentences(f"something else {cached('Put (ingress)', 'k')}") == []
 
 
 @pytest.mark.parametrize("character", ["\u202e", "\x1b", "\x07", "\x9b", " "])
 def test_unprintable_characters_of_a_key_are_replaced(character: str) -> None:
-    (told,) = heard(cached("Put (ingress)", f"a{character}b"))
+    (told,) = sentences(cached("Put (ingress)", f"a{character}b"))
     assert "may not put on a?b: " in told
 
 
 def test_what_is_no_log_is_nothing() -> None:
-    assert heard("") == heard("\x00\xff\n\n is unauthorized to ") == []
+    assert sentences("") == sentences("\x00\xff\n\n is unauthorized to ") == []
     assert in_words("") == ""
