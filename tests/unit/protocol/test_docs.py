@@ -131,6 +131,6 @@ def test_the_readme_has_a_row_for_each_failsafe() -> None:
 
 def test_the_readme_sums_up_the_outcomes_as_they_were_generated() -> None:
     outcomes = (ROOT / "docs" / "evidence" / "outcomes.md").read_text(encoding="utf-8")
-    summary = outcomes.partition("## In sum\n\n")[2].partition("\n\n")[0]
+    summary = outcomes.partition("## Summary\n\n")[2].partition("\n\n")[0]
     assert summary.startswith("| navigator |")
     assert summary in README

@@ -113,7 +113,7 @@ def test_a_list_that_is_none_is_said_to_be_none() -> None:
     play = Play()
     play.bus.answers["srv/parameters"] = lambda _: b"[3]"
     play.forward(0.5)
-    assert "number 1 is no table" in play.station.parameters_words
+    assert "item 1 is not a table" in play.station.parameters_words
 
 
 def test_reading_again_can_be_asked_for() -> None:
