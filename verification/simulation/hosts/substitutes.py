@@ -127,9 +127,9 @@ BLOCKS: Final = (
 
 SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.bus", "open_session", SessionOpener.open_session),
-    ("protocol.bus.bus", "called", lambda _endpoint: Hub.UNREACHABLE),
-    ("protocol.bus.bus", "following", plain_subscriber),
-    ("protocol.bus.publisher", "keeping", PlainPublisher),
+    ("protocol.bus.bus", "probed", lambda _endpoint: Hub.UNREACHABLE),
+    ("protocol.bus.bus", "fetching_subscriber", plain_subscriber),
+    ("protocol.bus.publisher", "caching_publisher", PlainPublisher),
     ("robot.run", "WallClock", SimulatedClock),
     ("robot.run", "Pulse", simulated_pulse),
     ("robot.run", "time", TIME.time),
