@@ -92,7 +92,7 @@ class Crew:
     def __init__(self, *, router: bool = False) -> None:
         self.endpoint = free_endpoint()
         self._router = router
-        self._plants: list[Running] = []
+        self._started: list[Running] = []
         self._scope = ExitStack()
 
     def __enter__(self) -> Self:
@@ -120,7 +120,8 @@ class Crew:
         self._scope.callback(process.wait)
         self._scope.callback(process.kill)
         prefer(process.pid)
-        return Running(process, output)
+        self._started.append(Running(process, output))
+        return self._started[-1]
 
     def start(self, *words: str) -> Running:
         """`sidestep` with these words."""
@@ -137,20 +138,20 @@ class Crew:
         start = self.dialling if self._router else self.listening
         robot = start("robot", "--start", "0.6", "2", "0", *words)
         robot.says("ready")
-        self._in_real_time(robot)
+        self.in_real_time()
         return robot
 
     def plant(self, *, waits: bool = True) -> Running:
         """Dials until the robot is there; ready, too, unless nobody waits for it."""
         plant = self.dialling("plant", "--world", "open", "--noise", "none")
-        self._plants.append(plant)
         if waits:
             plant.says("plant: world")
-            self._in_real_time(plant)
+            self.in_real_time()
         return plant
 
-    def _in_real_time(self, *ready: Running) -> None:
-        for running in (*ready, *self._plants):
+    def in_real_time(self) -> None:
+        """Schedule all that has been started so far in real time, if this user may."""
+        for running in self._started:
             real_time(running.process.pid)
 
     def run(self, *words: str) -> tuple[int, str]:
@@ -276,6 +277,7 @@ def real_time(pid: int) -> None:
 
 def departs(crew: Crew, witness: Witness, *words: str) -> Running:
     """Start a verb that drives the robot, and again if a busy machine stops it before it moves."""
+    crew.in_real_time()
     for _ in range(TRIES):
         told = len(witness.statuses)
         running = crew.dialling(*words)
