@@ -1,4 +1,4 @@
-"""A loop that was held up hears what arrived after its tick had begun: that is new, not younger."""
+"""Ages of frames in a delayed loop, where frames may arrive after the tick has begun."""
 
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core.parameters import DEFAULTS
@@ -15,7 +15,7 @@ SCAN = SonarScan(time_ns=0, seq=7, range_mm=(9,) * 8, ping_age_us=(0,) * 8, vali
 TICKS = WheelTicks(time_ns=0, seq=7, left=0, right=0, bumper=0, expired=0)
 
 
-def test_the_age_of_a_scan_is_never_below_zero() -> None:
+def test_scan_age_is_never_negative() -> None:
     bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=False)
     bus.boxes["sense/sonar"].newest = (SCAN, 171 * MS)
@@ -26,19 +26,19 @@ def test_the_age_of_a_scan_is_never_below_zero() -> None:
     assert min(inputs.scan.age_ms) == 0
 
 
-def test_nor_is_that_of_the_operators_heartbeat() -> None:
+def test_heartbeat_age_is_never_negative() -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
     vehicle.receive_heartbeat(171 * MS)
     assert vehicle.operator_age_ms(100 * MS) == 0
 
 
-def test_nor_is_how_late_a_tick_is_when_the_clock_has_jumped_back() -> None:
+def test_tick_lateness_is_never_negative() -> None:
     meter = CycleMeter(ManualClock(), period_ns=50 * MS, enforced=True)
     meter.begin(Tick(1, 0, -5_000 * MS, 0))
     assert meter.report(0, sense_age_us=0, rejected=0).late_us == 0
 
 
-def test_an_operator_is_as_old_as_the_heartbeat_that_came() -> None:
+def test_operator_age_is_that_of_its_heartbeat() -> None:
     bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=False)
     bus.boxes["op/heartbeat"].newest = (BEAT, 60 * MS)

@@ -1,4 +1,4 @@
-"""Whatever the wire can carry, from whomever: it is answered, and the robot ticks on."""
+"""Arbitrary requests of arbitrary operators are answered, and the robot keeps ticking."""
 
 from typing import Final
 
@@ -37,7 +37,7 @@ askers = st.sampled_from(["", "ada", "bob"])
 
 @settings(deadline=None)
 @given(st.lists(st.tuples(requests, askers), max_size=30), messages_of(Teleop))
-def test_every_request_has_an_answer_that_can_be_sent_and_the_robot_ticks_on(
+def test_any_request_gets_an_answer_that_can_be_sent(
     asked: list[tuple[Message, str]], teleop: Message
 ) -> None:
     desk = Desk()

@@ -1,4 +1,4 @@
-"""Texts of any length go through the pieces of MAVLink and come out whole."""
+"""Texts of any length are split into MAVLink pieces and reassembled."""
 
 import pytest
 
@@ -17,7 +17,7 @@ def news() -> ChangeLog:
 
 
 @pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
-def test_a_text_of_any_length_is_whole_with_its_last_piece_and_not_before(length: int) -> None:
+def test_text_is_complete_only_with_its_last_piece(length: int) -> None:
     words = "".join(chr(97 + at % 26) for at in range(length))
     pieces = news().text(Severity.INFO, words)
     texts = StatustextAssembler()
@@ -26,5 +26,5 @@ def test_a_text_of_any_length_is_whole_with_its_last_piece_and_not_before(length
     assert {piece.id for piece in pieces} == {0 if length <= PIECE_BYTES else 1}
 
 
-def test_nothing_to_say_is_no_piece() -> None:
+def test_empty_text_has_no_pieces() -> None:
     assert news().text(Severity.INFO, "") == []

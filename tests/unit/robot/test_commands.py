@@ -1,4 +1,4 @@
-"""Commands: acted upon once, bound to who asked and what, and answered in full."""
+"""Commands are acted on once, identified by operator and request, and answered."""
 
 from math import nan
 
@@ -28,7 +28,7 @@ ADA, BOB = "ada/1", "bob/2"
 
 
 class Robot:
-    """Commands of an armed robot with senses, its state and its mission, without a bus."""
+    """Commands, state and mission of an armed robot with fresh sensor data, without a bus."""
 
     def __init__(self) -> None:
         self.state = State(DEFAULTS)
@@ -60,15 +60,15 @@ STOP = command(Command.DO_FLIGHTTERMINATION, 1.0, request_id=7)
 CLEAR = command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, request_id=8)
 
 
-# Each request once, and only for who asked.
+# Each request is acted on once, for its operator.
 
 
-def test_a_new_robot_has_no_goal_and_no_stop_to_name() -> None:
+def test_new_robot_has_no_goal_id_and_no_stop_id() -> None:
     robot = Robot()
     assert (robot.commands.goal_id, robot.commands.stop_id) == (0, 0)
 
 
-def test_a_repeated_request_has_its_answer_again_and_no_effect() -> None:
+def test_repeated_request_is_answered_without_effect() -> None:
     robot = Robot()
     assert robot.ask(hold(5)) == Reason.NONE
     robot.machine.mode = states.AUTO
@@ -90,7 +90,7 @@ def test_another_request_under_a_known_id_is_refused() -> None:
     assert robot.ask(hold(5)) == Reason.NONE, "the first keeps the id"
 
 
-def test_a_request_with_nan_is_the_same_when_it_is_repeated() -> None:
+def test_repeated_request_with_nan_is_recognised() -> None:
     robot = Robot()
     for _ in range(2):
         assert robot.ask(command(Command.DO_PAUSE_CONTINUE, 0.0, nan)) == Reason.NONE
@@ -103,7 +103,7 @@ def test_operators_have_ids_of_their_own() -> None:
     assert robot.machine.goal_state == GoalState.ACCEPTED
 
 
-def test_who_has_no_name_is_one_operator() -> None:
+def test_unnamed_operators_count_as_one() -> None:
     robot = Robot()
     robot.ask(hold(5), "")
     answer = robot.commands.receive(goal(5, 1.0, 0.0), 0)
@@ -131,27 +131,27 @@ def test_a_repeated_stop_stops_again_and_is_named() -> None:
         assert robot.commands.stop_id == request_id
 
 
-def test_a_stop_takes_no_place_among_the_answers() -> None:
+def test_stop_is_not_stored_with_the_answers() -> None:
     robot = Robot()
     robot.ask(STOP)
     assert robot.ask(hold(STOP.request_id)) == Reason.NONE
 
 
-def test_only_an_emergency_stop_is_one() -> None:
+def test_only_an_emergency_stop_is_recognised_as_one() -> None:
     assert is_stop(STOP)
     assert not is_stop(CLEAR)
     assert not is_stop(goal(Command.DO_FLIGHTTERMINATION, 0.0, 0.0))
     assert not is_stop(None)
 
 
-def test_a_release_is_told_from_other_requests() -> None:
+def test_only_a_release_is_recognised_as_one() -> None:
     assert is_clear(CLEAR)
     assert not is_clear(STOP)
     assert not is_clear(goal(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0))
     assert not is_clear(None)
 
 
-# What is remembered is bounded.
+# The stored answers are limited.
 
 
 def found(answered: AnswerCache, operator: str, request_id: int) -> bool:
@@ -172,7 +172,7 @@ def test_the_newest_32_answers_of_an_operator_are_kept() -> None:
     )
 
 
-def test_answers_of_the_64_operators_that_have_asked_last_are_kept() -> None:
+def test_answers_of_the_64_newest_operators_are_kept() -> None:
     assert MAX_OPERATORS == 64
     answered = AnswerCache()
     for number in range(64):
@@ -184,7 +184,7 @@ def test_answers_of_the_64_operators_that_have_asked_last_are_kept() -> None:
     assert kept == {0, *range(11, 64), *range(100, 110)}
 
 
-def test_a_flood_of_one_operator_forgets_nothing_of_another() -> None:
+def test_flood_of_one_operator_keeps_answers_of_others() -> None:
     answered = AnswerCache()
     keep(answered, ADA, 1)
     for request_id in range(1000):
@@ -219,7 +219,7 @@ def test_a_result_follows_from_its_reason(reason: Reason) -> None:
     assert result_of(reason) == results.get(reason, AckResult.DENIED)
 
 
-# Which request led to the goal there is.
+# The request that set the goal.
 
 
 def test_a_goal_is_named_by_the_request_that_led_to_it() -> None:
@@ -233,7 +233,7 @@ def test_a_goal_is_named_by_the_request_that_led_to_it() -> None:
     assert robot.commands.goal_id == 1000
 
 
-# Each command does what it is for.
+# The effect of each command.
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""A plant that was started again has put the robot elsewhere: it stops and says it is lost."""
+"""After a restart of the plant the robot stops and reports that its position is lost."""
 
 from protocol.wire.enums import Severity
 from protocol.wire.messages import WheelTicks
@@ -17,7 +17,7 @@ LOST = "position lost: sensor stream restarted"
 
 
 def read(stamps: list[int], *, lockstep: bool) -> Vehicle:
-    """An armed robot with a goal that has sensed these ticks of its wheels."""
+    """Return an armed robot with a goal that has received these wheel ticks."""
     bus, vehicle = Wireless(), Vehicle(DEFAULTS, Store(None))
     senses = Senses(bus, lockstep=lockstep)
     machine = vehicle.state.machine
@@ -38,7 +38,7 @@ def said(vehicle: Vehicle) -> list[str]:
     return [text.text for text in vehicle.texts() if text.severity == Severity.ERROR]
 
 
-def test_it_stops_and_says_that_it_is_lost() -> None:
+def test_restarted_sensors_stop_the_robot_with_a_text() -> None:
     vehicle = read([*range(100, 120), *range(10)], lockstep=False)
     machine = vehicle.state.machine
     assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.TICKS_LOST)
@@ -46,18 +46,18 @@ def test_it_stops_and_says_that_it_is_lost() -> None:
     assert "".join(said(vehicle)).startswith(LOST)
 
 
-def test_as_long_as_time_goes_on_it_drives() -> None:
+def test_increasing_counts_keep_the_robot_driving() -> None:
     vehicle = read([*range(100, 120)], lockstep=False)
     assert vehicle.state.machine.vehicle == states.ACTIVE
     assert said(vehicle) == []
 
 
-def test_in_lockstep_it_is_the_clock_that_ends_the_run() -> None:
+def test_in_lockstep_restarted_sensors_are_ignored() -> None:
     vehicle = read([*range(100, 120), *range(10)], lockstep=True)
     assert vehicle.state.machine.vehicle == states.ACTIVE
 
 
-def test_a_count_of_ticks_that_wraps_is_no_plant_that_began_anew() -> None:
+def test_wrapped_tick_count_is_no_restart() -> None:
     stamps = [number & 0xFFFFFFFF for number in range((1 << 32) - 10, (1 << 32) + 10)]
     vehicle = read(stamps, lockstep=False)
     assert vehicle.state.machine.vehicle == states.ACTIVE

@@ -1,4 +1,4 @@
-"""The lease: one commander at a time, known to all, and never held by somebody who is gone."""
+"""The lease: at most one holder, shown to all operators, and released when its holder is lost."""
 
 import pytest
 from hypothesis import given
@@ -36,7 +36,7 @@ def taken() -> Lease:
     return lease
 
 
-def test_while_nobody_holds_it_anyone_may_command() -> None:
+def test_without_a_holder_every_operator_may_command() -> None:
     lease = Lease()
     assert lease.allows(ADA)
     assert lease.allows("")
@@ -44,7 +44,7 @@ def test_while_nobody_holds_it_anyone_may_command() -> None:
     assert lease.status(7, 0).holder == ""
 
 
-def test_who_takes_it_commands_alone_and_is_named() -> None:
+def test_holder_commands_alone_and_is_named() -> None:
     lease = taken()
     assert lease.allows(ADA)
     assert not lease.allows(BOB)
@@ -54,7 +54,7 @@ def test_who_takes_it_commands_alone_and_is_named() -> None:
     assert lease.due(0) == [(Severity.INFO, "Ada has taken the lease")]
 
 
-def test_another_is_refused_until_it_is_given_back() -> None:
+def test_other_operator_is_refused_until_the_release() -> None:
     lease = taken()
     assert lease.receive(ask(LeaseAction.TAKE), BOB, 0) == Reason.LEASE_HELD
     assert lease.receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.LEASE_HELD
@@ -63,11 +63,11 @@ def test_another_is_refused_until_it_is_given_back() -> None:
     assert lease.allows(BOB)
 
 
-def test_to_give_back_what_nobody_holds_is_no_error() -> None:
+def test_release_without_a_holder_is_no_error() -> None:
     assert Lease().receive(ask(LeaseAction.RELEASE), BOB, 0) == Reason.NONE
 
 
-def test_a_seizure_is_granted_and_loud() -> None:
+def test_seizure_is_granted_with_a_critical_text() -> None:
     lease = taken()
     lease.due(0)
     assert lease.receive(ask(LeaseAction.SEIZE, "Bob"), BOB, 0) == Reason.NONE
@@ -75,7 +75,7 @@ def test_a_seizure_is_granted_and_loud() -> None:
     assert not lease.allows(ADA)
 
 
-def test_to_take_it_twice_only_changes_the_name() -> None:
+def test_taking_it_twice_only_changes_the_name() -> None:
     lease = taken()
     lease.due(0)
     assert lease.receive(ask(LeaseAction.TAKE, "Ada L."), ADA, 0) == Reason.NONE
@@ -83,7 +83,7 @@ def test_to_take_it_twice_only_changes_the_name() -> None:
     assert lease.status(0, 0).name == "Ada L."
 
 
-def test_it_lapses_when_its_holder_has_not_been_heard_for_three_seconds() -> None:
+def test_it_lapses_after_three_seconds_without_heartbeat() -> None:
     lease = taken()
     lease.refresh(1 * S)
     lease.due(1 * S)
@@ -105,14 +105,14 @@ def test_the_three_seconds_count_from_when_it_was_taken() -> None:
     assert not lease.is_holder(ADA)
 
 
-def test_a_heartbeat_that_was_overtaken_does_not_shorten_it() -> None:
+def test_reordered_heartbeat_does_not_shorten_it() -> None:
     lease = taken()
     lease.refresh(2 * S)
     lease.refresh(1 * S)
     assert lease.status(0, 2 * S).lapses_ms == 3_000
 
 
-def test_a_lease_that_nobody_holds_has_no_time_and_no_name() -> None:
+def test_free_lease_has_no_time_and_no_name() -> None:
     for lease in (Lease(), taken()):
         lease.receive(ask(LeaseAction.RELEASE), ADA, 1 * S)
         status = lease.status(7, 1 * S)
@@ -123,7 +123,7 @@ def test_a_lease_that_nobody_holds_has_no_time_and_no_name() -> None:
         assert not lease.is_holder("")
 
 
-def test_giving_it_back_is_told_to_all() -> None:
+def test_release_is_announced() -> None:
     lease = taken()
     lease.due(0)
     lease.receive(ask(LeaseAction.RELEASE), ADA, 0)
@@ -132,12 +132,12 @@ def test_giving_it_back_is_told_to_all() -> None:
     assert lease.due(0) == []
 
 
-def test_who_is_no_operator_cannot_hold_it() -> None:
+def test_sender_without_identity_cannot_hold_it() -> None:
     for action in LeaseAction:
         assert Lease().receive(ask(action), "", 0) == Reason.NO_OPERATOR
 
 
-def test_a_name_cannot_command_the_terminals_it_is_shown_on() -> None:
+def test_control_characters_of_a_name_are_replaced() -> None:
     lease = Lease()
     lease.receive(ask(LeaseAction.TAKE, "A\x1b[2J\r\u202eb"), ADA, 0)
     assert lease.status(0, 0).name == "A?[2J??b"
@@ -148,7 +148,7 @@ def test_an_unknown_action_is_refused() -> None:
     assert Lease().receive(ask(9), ADA, 0) == Reason.UNKNOWN_COMMAND
 
 
-def test_an_operator_without_a_name_is_called_by_the_beginning_of_its_identity() -> None:
+def test_unnamed_operator_is_shown_by_its_identity() -> None:
     lease = Lease()
     lease.receive(ask(LeaseAction.TAKE), "0123456789abcdef", 0)
     assert lease.due(0)[0][1] == "01234567 has taken the lease"
@@ -165,10 +165,10 @@ steps = st.lists(
 
 
 @given(steps)
-def test_whatever_is_asked_in_whatever_order_at_most_one_commands(
+def test_any_order_of_requests_leaves_one_holder_at_most(
     asked: list[tuple[int | None, str, int]],
 ) -> None:
-    """None is a heartbeat of the holder. Compared with the rules written out once more."""
+    """None is a heartbeat of the holder. The expected result repeats the rules independently."""
     lease, holder, heard_ns, now_ns = Lease(), "", 0, 0
     for action, operator, later_ns in asked:
         now_ns += later_ns
@@ -195,11 +195,11 @@ def test_whatever_is_asked_in_whatever_order_at_most_one_commands(
         assert lease.status(0, now_ns).held == bool(holder)
 
 
-# What the vehicle makes of it.
+# The lease at the vehicle.
 
 
 def leased() -> Desk:
-    """Armed, and Ada commands."""
+    """Return an armed robot whose lease Ada holds."""
     desk = Desk()
     desk.arm()
     assert reason(desk, ask(LeaseAction.TAKE, "Ada"), ADA) == Reason.NONE
@@ -232,7 +232,7 @@ def command(number: int, param1: float = 0.0) -> CommandRequest:
     ],
     ids=lambda request: type(request).__name__,
 )
-def test_whatever_another_asks_is_refused_and_the_holder_is_heard(
+def test_requests_of_others_are_refused(
     request_of_other: Message,
 ) -> None:
     desk = leased()
@@ -242,7 +242,7 @@ def test_whatever_another_asks_is_refused_and_the_holder_is_heard(
     assert not isinstance(answer, CommandAck) or answer.result == AckResult.ACCEPTED
 
 
-def test_the_emergency_stop_is_open_to_all() -> None:
+def test_emergency_stop_needs_no_lease() -> None:
     for operator in (BOB, ""):
         desk = leased()
         assert reason(desk, command(Command.DO_FLIGHTTERMINATION), operator) == Reason.NONE
@@ -251,14 +251,14 @@ def test_the_emergency_stop_is_open_to_all() -> None:
         )
 
 
-def test_to_look_is_open_to_all() -> None:
+def test_reading_needs_no_lease() -> None:
     desk = leased()
     read = desk.vehicle.receive(ParamRequestRead(param_id="d_obs_m", param_index=-1), 0, BOB)
     assert isinstance(read, ParamValue)
     assert desk.vehicle.receive(MissionRequestList(), 0, BOB) == MissionCount(count=0)
 
 
-def test_a_refused_request_is_judged_anew_when_it_is_repeated() -> None:
+def test_refused_request_is_checked_again_when_repeated() -> None:
     desk = leased()
     hold = command(Command.DO_PAUSE_CONTINUE)
     assert reason(desk, hold, BOB) == Reason.LEASE_HELD
@@ -266,7 +266,7 @@ def test_a_refused_request_is_judged_anew_when_it_is_repeated() -> None:
     assert reason(desk, hold, BOB) == Reason.NONE
 
 
-def test_who_loses_the_lease_steers_no_more() -> None:
+def test_losing_the_lease_ends_teleop() -> None:
     desk = leased()
     desk.operator = True
     desk.step()
@@ -283,7 +283,7 @@ def manual() -> CommandRequest:
     return CommandRequest(request_id=99, command=Command.DO_SET_MODE, param1=1.0, param2=mode)
 
 
-def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
+def test_lease_status_is_published_twice_a_second_and_on_change() -> None:
     desk = Desk()
     told = []
     for _ in range(41):
@@ -297,7 +297,7 @@ def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
     assert "Ada has taken the lease" in [text.text for text in desk.vehicle.texts()]
 
 
-def test_a_lease_that_lapses_is_told() -> None:
+def test_lapsed_lease_is_announced() -> None:
     desk = leased()
     for _ in range(70):
         desk.step()

@@ -1,4 +1,4 @@
-"""Which frames come too late: more than 200 ms over what is usual for their sender."""
+"""Frames that are more than 200 ms later than usual for their sender are late."""
 
 import pytest
 from hypothesis import given
@@ -12,26 +12,26 @@ ADA, BOB = "ada/1", "bob/2"
 
 
 def late(delays: DelayFilter, delay_ms: float, at_ns: int, sender: str = ADA) -> bool:
-    """Whether a frame that was so long under way is late when it arrives then."""
+    """Return whether a frame with this delay is late when it arrives at this time."""
     return delays.is_late(sender, at_ns - round(delay_ms * MS), at_ns)
 
 
 def used_to(delay_ms: float, sender: str = ADA) -> DelayFilter:
-    """A sender whose frames took so long at second 0."""
+    """Return a filter for a sender with this delay at second 0."""
     delays = DelayFilter()
     assert not late(delays, delay_ms, 0, sender)
     return delays
 
 
 @pytest.mark.parametrize("delay_ms", [-5_000.0, 0.0, 3_000.0])
-def test_the_first_frame_tells_what_is_usual_and_is_not_late(delay_ms: float) -> None:
-    """Clocks may differ: what is usual may be anything, even less than nothing."""
+def test_first_frame_sets_the_usual_delay(delay_ms: float) -> None:
+    """Clocks may differ, so the usual delay may have any value, even a negative one."""
     delays = used_to(delay_ms)
     assert not late(delays, delay_ms + 200.0, 1 * S)
     assert late(delays, delay_ms + 200.000_001, 1 * S)
 
 
-def test_a_quicker_frame_is_the_measure_from_then_on() -> None:
+def test_faster_frame_sets_a_new_usual_delay() -> None:
     delays = used_to(300.0)
     assert not late(delays, 50.0, 1 * S)
     assert late(delays, 300.0, 2 * S)
@@ -44,7 +44,7 @@ def test_a_late_frame_changes_nothing_for_the_next() -> None:
     assert not late(delays, 250.0, 4 * S)
 
 
-def test_a_way_that_has_become_longer_is_usual_after_two_spans_of_five_seconds() -> None:
+def test_longer_delay_is_usual_after_two_time_spans() -> None:
     delays = used_to(50.0)
     for at_ms in range(100, 10_000, 100):
         assert late(delays, 300.0, at_ms * MS), at_ms
@@ -61,7 +61,7 @@ def test_a_span_lasts_five_seconds_to_the_nanosecond() -> None:
     assert not late(delays, 300.0, 10 * S)
 
 
-def test_the_quickest_of_the_span_before_still_counts() -> None:
+def test_minimum_of_the_previous_span_counts() -> None:
     delays = used_to(300.0)
     assert not late(delays, 50.0, 4 * S)
     assert late(delays, 300.0, 5 * S)
@@ -75,7 +75,7 @@ def test_senders_have_delays_of_their_own() -> None:
     assert late(delays, 300.0, 1 * S, ADA)
 
 
-def test_the_sixteen_senders_heard_last_are_remembered() -> None:
+def test_the_sixteen_newest_senders_are_kept() -> None:
     assert MAX_SENDERS == 16
     delays = used_to(0.0)
     for number in range(15):

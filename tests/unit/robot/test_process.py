@@ -1,4 +1,4 @@
-"""The process: what it serves, what a period tells, and how it ends."""
+"""The robot process: its services, the messages of a period, and its end."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,7 +65,7 @@ def test_all_services_the_stop_and_the_clock_are_served() -> None:
 
 
 @pytest.mark.parametrize("end", ["idle", "cycle", "end"])
-def test_what_is_said_is_told_in_a_tick_between_two_and_at_the_end(end: str) -> None:
+def test_texts_are_published_in_ticks_between_and_at_the_end(end: str) -> None:
     rig = Rig().ready()
     rig.vehicle.announce(6, "something new")
     if end == "idle":
@@ -78,7 +78,7 @@ def test_what_is_said_is_told_in_a_tick_between_two_and_at_the_end(end: str) -> 
 
 
 @pytest.mark.parametrize("end", ["cycle", "end"])
-def test_what_is_to_be_saved_is_acknowledged_once_it_is(end: str, tmp_path: Path) -> None:
+def test_saving_is_acknowledged_after_the_write(end: str, tmp_path: Path) -> None:
     writer = HeldWriter()
     rig = Rig(Store(tmp_path, writer)).ready()
     rig.vehicle.state.machine.vehicle = states.STANDBY
@@ -96,7 +96,7 @@ def test_what_is_to_be_saved_is_acknowledged_once_it_is(end: str, tmp_path: Path
     assert isinstance(answer, ParamValue)
 
 
-def test_what_was_restored_is_recorded_as_if_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restored_state_is_recorded_as_requests(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig()
     answer = acknowledge(hold(5), Reason.NONE)
     monkeypatch.setattr(rig.vehicle, "restore", lambda: [(hold(5), answer)])
@@ -104,10 +104,10 @@ def test_what_was_restored_is_recorded_as_if_asked_for(monkeypatch: pytest.Monke
     assert (rig.sent(COMMANDED), rig.sent(ANSWERED)) == ([hold(5)], [answer])
 
 
-# What a period tells.
+# Messages of a period.
 
 
-def test_wheels_come_first() -> None:
+def test_wheel_command_is_published_first() -> None:
     rig = driving()
     rig.bus.sent.clear()
     rig.cycle()
@@ -116,7 +116,7 @@ def test_wheels_come_first() -> None:
     assert rig.command.sense_seq == rig.ticks
 
 
-def test_an_operator_steers_by_hand_and_the_inputs_tell_it() -> None:
+def test_teleop_drives_and_is_in_the_inputs() -> None:
     rig = Rig().ready()
     beat = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
     rig.bus.say_as(OPERATOR, beat, ADA)
@@ -136,7 +136,7 @@ def command_to(mode: Mode) -> CommandRequest:
     return CommandRequest(request_id=9, command=Command.DO_SET_MODE, param1=1.0, param2=mode)
 
 
-def test_an_account_of_each_period_is_told() -> None:
+def test_each_period_publishes_a_cycle_report() -> None:
     rig = Rig().ready()
     rig.bus.rejected = {"one": 2, "two": 3}
     rig.cycle()
@@ -144,7 +144,7 @@ def test_an_account_of_each_period_is_told() -> None:
     assert (told.tick, told.rejected, told.sense_age_us) == (rig.ticks, 5, 0)
 
 
-def test_inputs_tell_which_senses_were_there() -> None:
+def test_inputs_flag_the_present_sensors() -> None:
     rig = Rig().serve()
     rig.process.cycle(Tick(0, rig.clock.now_ns(), 0, 0))
     assert rig.sent(INPUTS)[-1].flags == 0
@@ -152,7 +152,7 @@ def test_inputs_tell_which_senses_were_there() -> None:
     assert rig.sent(INPUTS)[-1].flags == INPUT_WHEELS | INPUT_SCAN
 
 
-def test_what_comes_before_the_core_is_the_cost_of_reading() -> None:
+def test_time_before_the_core_counts_as_reading() -> None:
     rig = Rig().ready()
     rig.bus.serving_ns = 2 * MS
     rig.cycle()
@@ -161,7 +161,7 @@ def test_what_comes_before_the_core_is_the_cost_of_reading() -> None:
 
 
 class Slow:
-    """Lets time pass while the core thinks."""
+    """Advances the time during the core's step."""
 
     def __init__(self, rig: Rig, spent_ns: int) -> None:
         self._rig, self._spent_ns, self._step = rig, spent_ns, rig.vehicle.step
@@ -171,7 +171,7 @@ class Slow:
         return self._step(*given)  # type: ignore[arg-type]
 
 
-def test_the_age_of_the_senses_counts_until_the_wheels_are_told(
+def test_sensor_age_counts_until_the_wheel_command(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = Rig().ready()
@@ -193,7 +193,7 @@ def test_three_periods_over_the_budget_stop_the_robot(monkeypatch: pytest.Monkey
     assert rig.sent(INPUTS)[-1].flags & INPUT_BUDGET
 
 
-def test_a_second_robot_of_the_name_stops_this_one_while_it_is_there() -> None:
+def test_second_robot_of_the_same_name_stops_this_one() -> None:
     rig = driving()
     rig.bus.come(Role.ROBOT, "r1", "theirs")
     rig.cycle()
@@ -205,11 +205,11 @@ def test_a_second_robot_of_the_name_stops_this_one_while_it_is_there() -> None:
     assert Presence("r1", Role.ROBOT.value, "theirs") not in rig.bus.there
 
 
-# How it ends.
+# The end.
 
 
 def ticks(rig: Rig, count: int, stop_in: int = 0) -> Iterator[Tick]:
-    """So many ticks; in one of them the process is told to stop."""
+    """Yield this many ticks; stop the process in one of them."""
     for number in range(1, count + 1):
         tick = rig.next_tick()
         if number == stop_in:
@@ -222,7 +222,7 @@ def ended(rig: Rig) -> tuple[int, int, int, int]:
     return machine.vehicle, machine.vehicle_reason, machine.goal_state, machine.goal_reason
 
 
-def test_it_ends_after_the_tick_in_which_it_is_told_to() -> None:
+def test_it_ends_after_the_tick_of_the_stop() -> None:
     rig = driving()
     before = rig.ticks
     rig.process.run(ticks(rig, 10, stop_in=4))
@@ -230,7 +230,7 @@ def test_it_ends_after_the_tick_in_which_it_is_told_to() -> None:
     assert rig.sent(INPUTS)[-1].tick == rig.ticks, "that tick was run"
 
 
-def test_at_the_end_the_wheels_stand_and_the_goal_ends() -> None:
+def test_end_brakes_the_wheels_and_ends_the_goal() -> None:
     rig = driving()
     rig.process.run(ticks(rig, 2))
     assert speeds(rig.command) == BRAKE
@@ -241,7 +241,7 @@ def test_at_the_end_the_wheels_stand_and_the_goal_ends() -> None:
     assert (status.goal, status.goal_reason) == aborted
 
 
-def test_an_exception_of_the_core_brakes_and_goes_on_upwards(
+def test_exception_of_the_core_brakes_and_is_raised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = driving()
@@ -265,7 +265,7 @@ def test_the_end_waits_three_seconds_for_the_disk(monkeypatch: pytest.MonkeyPatc
     assert patience_s == [3.0]
 
 
-def test_what_cannot_be_told_at_the_end_keeps_no_wheel_turning(
+def test_failed_publication_at_the_end_still_brakes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     rig = driving()

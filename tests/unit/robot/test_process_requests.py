@@ -1,4 +1,4 @@
-"""Requests at the process: bounded lines, operators and deadlines."""
+"""Requests at the process: bounded queues, operators and deadlines."""
 
 import pytest
 
@@ -40,7 +40,7 @@ def test_a_request_is_answered_recorded_and_nudges_the_loop() -> None:
     assert rig.nudges == 2
 
 
-def test_six_requests_of_each_line_are_answered_in_a_period_the_oldest_first() -> None:
+def test_six_requests_per_queue_and_period_oldest_first() -> None:
     rig = Rig().ready()
     rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
     mine = [rig.ask(hold(number), ADA) for number in range(10)]
@@ -53,7 +53,7 @@ def test_six_requests_of_each_line_are_answered_in_a_period_the_oldest_first() -
     assert all(one.reasons == [Reason.LEASE_HELD] for one in others)
 
 
-def test_of_too_many_requests_the_rest_is_refused_at_once() -> None:
+def test_excess_requests_are_refused_at_once() -> None:
     rig = Rig().ready()
     asked = [rig.ask(hold(number)) for number in range(70)]
     assert [len(one.answers) for one in asked] == [0] * 64 + [1] * 6
@@ -64,7 +64,7 @@ def test_of_too_many_requests_the_rest_is_refused_at_once() -> None:
     assert rig.nudges == 64
 
 
-def test_strangers_do_not_fill_the_line_of_the_lease_holder() -> None:
+def test_other_operators_do_not_fill_the_holders_queue() -> None:
     rig = Rig().ready()
     rig.vehicle.receive(lease(LeaseAction.TAKE), rig.clock.now_ns(), ADA)
     for number in range(70):
@@ -92,10 +92,10 @@ def test_a_request_without_an_operator_is_refused() -> None:
         (50 * MS + 60 * S + 1, Reason.TOO_LATE),
     ],
 )
-def test_a_request_counts_until_its_deadline_that_is_at_most_a_minute_away(
+def test_request_counts_until_a_deadline_within_a_minute(
     good_for_ns: int | None, reason: Reason
 ) -> None:
-    """It is looked at a period of 50 ms after it has come."""
+    """The request is read one period of 50 ms after its arrival."""
     rig = Rig().ready()
     request = rig.ask(goal(1, 1.0, 0.0), good_for_ns=good_for_ns)
     rig.cycle()
@@ -103,7 +103,7 @@ def test_a_request_counts_until_its_deadline_that_is_at_most_a_minute_away(
     assert (rig.vehicle.state.machine.goal is None) == (reason != Reason.NONE)
 
 
-def test_to_look_needs_neither_operator_nor_deadline() -> None:
+def test_reading_needs_no_operator_and_no_deadline() -> None:
     rig = Rig().ready()
     read = ParamRequestRead(param_id="d_obs_m", param_index=-1)
     looks = [rig.ask(one, "", good_for_ns=None) for one in (read, MissionRequestList())]
@@ -113,7 +113,7 @@ def test_to_look_needs_neither_operator_nor_deadline() -> None:
     assert described.answers == [rig.vehicle.parameters.described()]
 
 
-def test_parameters_and_lease_are_asked_in_the_same_lines() -> None:
+def test_parameter_and_lease_requests_use_the_same_queues() -> None:
     rig = Rig().ready()
     taken = rig.ask(lease(LeaseAction.TAKE), service=LEASE_SERVICE)
     read = rig.ask(ParamRequestRead(param_id="nonsense", param_index=-1), service=PARAMETER)

@@ -1,4 +1,4 @@
-"""An emergency stop at the process: it comes before everything, and is acknowledged."""
+"""The emergency stop at the process comes before everything else and is acknowledged."""
 
 import pytest
 
@@ -38,7 +38,7 @@ def test_a_stop_brakes_in_the_next_period() -> None:
     assert rig.sent(STATUS)[-1].stop_id == 7
 
 
-def test_a_stop_among_the_commands_is_a_stop() -> None:
+def test_stop_sent_as_a_command_stops() -> None:
     rig = driving()
     stop = rig.ask(emergency_stop(7), operator="", good_for_ns=None)
     rig.cycle()
@@ -46,7 +46,7 @@ def test_a_stop_among_the_commands_is_a_stop() -> None:
     assert stop.reasons == [Reason.NONE]
 
 
-def test_a_stop_is_acted_upon_before_the_requests_that_came_earlier() -> None:
+def test_stop_is_acted_on_before_earlier_requests() -> None:
     rig = Rig().ready()
     drive = rig.ask(goal(1, 3.0, 0.0))
     press(rig)
@@ -54,7 +54,7 @@ def test_a_stop_is_acted_upon_before_the_requests_that_came_earlier() -> None:
     assert drive.reasons == [Reason.EMERGENCY_STOPPED]
 
 
-def test_a_stop_passes_full_lines() -> None:
+def test_stop_bypasses_full_queues() -> None:
     rig = driving()
     for request_id in range(100):
         rig.ask(hold(request_id))
@@ -66,7 +66,7 @@ def test_a_stop_passes_full_lines() -> None:
 
 
 @pytest.mark.parametrize("idle", [False, True])
-def test_a_stop_is_acknowledged_when_it_holds_and_not_before(idle: bool) -> None:
+def test_stop_is_acknowledged_only_once_in_force(idle: bool) -> None:
     rig = driving()
     stop = ask_to_stop(rig)
     assert stop.answers == []
@@ -80,8 +80,8 @@ def test_a_stop_is_acknowledged_when_it_holds_and_not_before(idle: bool) -> None
     assert rig.vehicle.stopped
 
 
-def test_who_asks_for_a_stop_is_answered_although_the_loop_was_faster() -> None:
-    """In lockstep the loop sleeps until it is nudged: the asker came when it slept again."""
+def test_stop_request_is_answered_if_the_loop_was_faster() -> None:
+    """In lockstep the loop sleeps until a nudge; the request arrives when it sleeps again."""
     rig = Rig()
     rig.process.serve(nudge=rig.process.idle)
     rig.cycle()
@@ -92,7 +92,7 @@ def test_who_asks_for_a_stop_is_answered_although_the_loop_was_faster() -> None:
     assert stop.reasons == [Reason.NONE]
 
 
-def test_who_asks_for_a_stop_that_was_cleared_hears_nothing_and_asks_again() -> None:
+def test_request_for_a_cleared_stop_gets_no_answer() -> None:
     rig = driving()
     late = Request(emergency_stop(7))
     rig.bus.take_stop(late)
@@ -100,7 +100,7 @@ def test_who_asks_for_a_stop_that_was_cleared_hears_nothing_and_asks_again() -> 
     assert (late.answers, late.dropped) == ([], True)
 
 
-def test_of_those_who_ask_for_a_stop_the_first_64_are_answered() -> None:
+def test_the_first_64_stop_requests_are_answered() -> None:
     rig = driving()
     asked = [ask_to_stop(rig, request_id) for request_id in range(70)]
     rig.cycle()
@@ -111,7 +111,7 @@ def test_of_those_who_ask_for_a_stop_the_first_64_are_answered() -> None:
 
 
 def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
-    """The stop overtook the release, was acknowledged, and the robot drove on."""
+    """The stop overtook the release and was acknowledged, but the robot drove on."""
     rig = driving()
     earlier = [rig.ask(one) for one in (clear(21), arm(22), goal(23, 3.0, 0.0))]
     rig.clock.advance(MS)
@@ -153,7 +153,7 @@ def test_a_stop_is_recorded_once_for_each_id() -> None:
     assert [one.request_id for one in recorded if isinstance(one, CommandRequest)] == [7, 8]
 
 
-def test_a_stop_under_the_same_id_after_it_was_cleared_is_recorded_again() -> None:
+def test_stop_repeated_after_a_release_is_recorded_again() -> None:
     rig = driving()
     before = len(rig.sent(COMMANDED))
     for _ in range(2):

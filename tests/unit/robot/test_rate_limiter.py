@@ -1,4 +1,4 @@
-"""When something is told again."""
+"""When a value is published again."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -6,18 +6,18 @@ from hypothesis import strategies as st
 from robot.vehicle import ReportTimer as Occasion
 
 
-def test_the_first_time_is_an_occasion_whatever_there_is_to_tell() -> None:
+def test_first_value_is_published_at_once() -> None:
     assert Occasion(10).due(None, 0)
 
 
-def test_a_change_is_told_at_once_and_the_same_again_after_the_period() -> None:
+def test_change_is_published_at_once_and_repeats_per_period() -> None:
     occasion = Occasion(10)
     said = [occasion.due(what, now) for what, now in [(1, 0), (1, 9), (1, 10), (2, 11), (2, 20)]]
     assert said == [True, False, True, True, False]
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 30)), max_size=50))
-def test_nothing_is_left_untold_for_longer_than_the_period(
+def test_no_value_waits_longer_than_the_period(
     asked: list[tuple[bool, int]],
 ) -> None:
     occasion, now, told_at, told = Occasion(20), 0, -99, None

@@ -1,4 +1,4 @@
-"""What a tick reads: senses while they are fresh, and operators' frames by when they were sent."""
+"""Inputs of a tick: fresh sensor frames, and operators' frames by their sending time."""
 
 from typing import cast
 
@@ -36,7 +36,7 @@ def scan(seq: int, time_ns: int = 0) -> SonarScan:
 
 
 class SensesRig:
-    """Senses on a bus that the test plays, and the vehicle that is told of operators."""
+    """Sensor readers on a simulated bus, and the vehicle that receives operators' frames."""
 
     def __init__(self, *, lockstep: bool = False) -> None:
         self.clock = ManualClock(1_000 * S)
@@ -46,7 +46,7 @@ class SensesRig:
         self.senses = Senses(cast(Bus, self.bus), lockstep=lockstep, accept=accept)
 
     def read(self, after_ns: int = 0, due_ns: int | None = None) -> Inputs:
-        """Read in a tick, so long after now."""
+        """Read in a tick this long after now."""
         self.clock.advance(after_ns)
         now_ns = self.clock.now_ns()
         tick = Tick(0, now_ns if due_ns is None else due_ns, 0, 0)
@@ -66,14 +66,14 @@ class SensesRig:
 # Operators.
 
 
-def test_an_operator_is_as_old_as_when_the_heartbeat_was_sent() -> None:
+def test_operator_age_counts_from_the_sending_time() -> None:
     rig = SensesRig()
     rig.beat(late_ns=150 * MS)
     assert rig.read(100 * MS).operator_age_ms == 250
     assert rig.read(1 * S).operator_age_ms == 1_250
 
 
-def test_a_heartbeat_that_is_sent_in_the_future_counts_from_its_arrival() -> None:
+def test_heartbeat_from_the_future_counts_from_its_arrival() -> None:
     rig = SensesRig()
     rig.beat(late_ns=-800 * MS)
     assert rig.read(100 * MS).operator_age_ms == 100
@@ -81,7 +81,7 @@ def test_a_heartbeat_that_is_sent_in_the_future_counts_from_its_arrival() -> Non
 
 
 @pytest.mark.parametrize(("late_ms", "age_ms"), [(200.0, 200), (200.000_001, 1_000)])
-def test_a_heartbeat_200_ms_later_than_usual_is_not_taken(late_ms: float, age_ms: int) -> None:
+def test_heartbeat_200_ms_later_than_usual_is_ignored(late_ms: float, age_ms: int) -> None:
     rig = SensesRig()
     rig.beat()
     rig.read()
@@ -91,7 +91,7 @@ def test_a_heartbeat_200_ms_later_than_usual_is_not_taken(late_ms: float, age_ms
 
 
 @pytest.mark.parametrize(("late_ms", "taken"), [(200.0, True), (200.000_001, False)])
-def test_a_teleop_frame_200_ms_later_than_usual_is_not_taken(late_ms: float, taken: bool) -> None:
+def test_teleop_frame_200_ms_later_than_usual_is_ignored(late_ms: float, taken: bool) -> None:
     rig = SensesRig()
     rig.beat()
     rig.read()
@@ -110,10 +110,8 @@ def test_a_teleop_frame_counts_from_when_it_was_sent() -> None:
 
 
 @pytest.mark.parametrize(("late_ns", "age_ms"), [(1_500 * MS, 1_500), (1_500 * MS + 1, None)])
-def test_a_first_heartbeat_as_old_as_a_lost_operator_is_not_taken(
-    late_ns: int, age_ms: int | None
-) -> None:
-    """What is usual for an operator is not known yet."""
+def test_first_heartbeat_too_old_is_ignored(late_ns: int, age_ms: int | None) -> None:
+    """The usual delay of the operator is not known yet."""
     rig = SensesRig()
     rig.beat(late_ns)
     assert rig.read().operator_age_ms == age_ms
@@ -122,7 +120,7 @@ def test_a_first_heartbeat_as_old_as_a_lost_operator_is_not_taken(
 @pytest.mark.parametrize(
     ("late_ns", "operator"), [(None, ADA), (0, ""), (None, "")], ids=["no time", "nobody", "either"]
 )
-def test_a_frame_that_does_not_say_who_sent_it_when_is_not_taken(
+def test_frame_without_sender_or_sending_time_is_ignored(
     late_ns: int | None, operator: str
 ) -> None:
     rig = SensesRig()
@@ -132,7 +130,7 @@ def test_a_frame_that_does_not_say_who_sent_it_when_is_not_taken(
     assert not rig.steered
 
 
-def test_frames_that_arrived_before_a_seizure_are_not_taken_after_it() -> None:
+def test_frames_from_before_a_seizure_are_ignored() -> None:
     rig = SensesRig()
     rig.beat()
     rig.steer()
@@ -141,7 +139,7 @@ def test_frames_that_arrived_before_a_seizure_are_not_taken_after_it() -> None:
     assert not rig.steered
 
 
-def test_a_teleop_frame_is_taken_once() -> None:
+def test_teleop_frame_is_used_once() -> None:
     rig = SensesRig()
     rig.steer()
     rig.read()
@@ -161,7 +159,7 @@ def test_in_lockstep_a_frame_in_time_counts_once_and_from_now_on() -> None:
 # Senses.
 
 
-def test_before_any_sense_there_is_nothing_to_tell() -> None:
+def test_without_sensor_frames_inputs_are_none() -> None:
     senses = SensesRig().senses
     assert (senses.stamp_ns, senses.sequence, senses.ping_age_us) == (0, 0, 0)
     assert (senses.wheels_seq, senses.scan_seq, senses.scan_age_ms) == (0, 0, 0)
@@ -208,8 +206,8 @@ def test_in_lockstep_the_tick_is_that_of_the_clock() -> None:
 
 
 @pytest.mark.parametrize("lockstep", [False, True])
-def test_older_senses_are_refused_where_time_is_the_walls(lockstep: bool) -> None:
-    """In lockstep a plant that began anew says so by its clock."""
+def test_older_sensor_frames_are_refused_in_wall_time(lockstep: bool) -> None:
+    """In lockstep the clock shows a restart of the plant."""
     rig = SensesRig(lockstep=lockstep)
     for seq, time_ns in ((8, 8 * PERIOD_NS), (7, 7 * PERIOD_NS)):
         rig.bus.say(WHEELS, wheels(seq, time_ns))
@@ -219,7 +217,7 @@ def test_older_senses_are_refused_where_time_is_the_walls(lockstep: bool) -> Non
 
 
 def stamp_after(first_ns: int, second_ns: int) -> int:
-    """The stamp of a tick whose scan has the second stamp, when that before had the first."""
+    """Return the stamp of a tick whose scan has the second stamp, after one with the first."""
     rig = SensesRig()
     for seq, time_ns in ((1, first_ns), (2, second_ns)):
         rig.clock.advance(1 * S)
@@ -235,7 +233,7 @@ def test_time_goes_back_by_more_than_a_second_or_not_at_all(back_ns: int, kept: 
     assert stamp_after(9 * S, 9 * S - back_ns) == (9 * S if kept else 8 * S - 1)
 
 
-def test_a_stamp_goes_on_with_the_time_since_the_scan_came() -> None:
+def test_stamp_advances_with_the_time_since_the_scan() -> None:
     rig = SensesRig()
     rig.bus.say(SONAR, scan(1, 9 * S))
     came_ns = rig.clock.now_ns()
@@ -260,7 +258,7 @@ def test_a_stamp_goes_on_with_the_time_since_the_scan_came() -> None:
     ],
 )
 @pytest.mark.parametrize("last_seq", [30, 0, UINT32])
-def test_a_sample_a_little_behind_was_overtaken_and_one_far_behind_is_of_a_new_plant(
+def test_small_step_back_is_reordering_large_one_a_restart(
     last_seq: int, behind: int, overtaken: bool, anew: bool
 ) -> None:
     assert MAX_LATE_TICKS == 20
@@ -269,7 +267,7 @@ def test_a_sample_a_little_behind_was_overtaken_and_one_far_behind_is_of_a_new_p
     assert is_restarted(newest, last) == anew
 
 
-def test_the_first_sample_has_none_to_be_compared_with() -> None:
+def test_first_sample_counts_as_newer() -> None:
     one = (wheels(5), 1)
     assert newer(one, None) is one
     assert newer(None, one) is None

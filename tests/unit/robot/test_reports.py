@@ -1,4 +1,4 @@
-"""Wheel commands as the robot sends them: its epoch, and the last one of all."""
+"""Wheel commands of the robot: their epoch, and the last command."""
 
 from time import time
 from typing import cast
@@ -14,8 +14,8 @@ from runtime.clock import ManualClock
 from tests.support.played_bus import PlayedBus
 
 
-def told(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
-    """What a motor driver reads of a command and a brake."""
+def decoded(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
+    """Return the fields of a command and a brake that a motor driver reads."""
     bus = PlayedBus(ManualClock())
     reports, publisher = Reports(cast(Bus, bus), epoch_s), bus.publisher(DRIVE)
     box = bus.mailbox(DRIVE)
@@ -29,7 +29,7 @@ def told(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
 
 
 def test_every_wheel_command_carries_the_epoch() -> None:
-    assert [command.epoch for command in told(1_800_000_000, 5, 6)] == [1_800_000_000] * 2
+    assert [command.epoch for command in decoded(1_800_000_000, 5, 6)] == [1_800_000_000] * 2
 
 
 def test_the_epoch_is_the_time_in_seconds() -> None:
@@ -39,9 +39,7 @@ def test_the_epoch_is_the_time_in_seconds() -> None:
 
 @pytest.mark.parametrize("stamp_ns", [0, (1 << 62) - 1, 1 << 62, 1 << 64, 1 << 80, -1])
 @pytest.mark.parametrize("sense_seq", [0, (1 << 32) - 1, 1 << 32, -1])
-def test_the_last_brake_arrives_whatever_the_robot_took_for_the_time(
-    stamp_ns: int, sense_seq: int
-) -> None:
-    """A stamp that no reader takes would let the wheels run on until their time to live is over."""
-    last = told(0, stamp_ns, sense_seq)[-1]
+def test_last_brake_has_a_valid_stamp(stamp_ns: int, sense_seq: int) -> None:
+    """With an invalid stamp the wheels would run on until the last command expires."""
+    last = decoded(0, stamp_ns, sense_seq)[-1]
     assert (last.seq, last.left_mrad_s, last.right_mrad_s, last.ttl_ms) == (1, 0, 0, 0)

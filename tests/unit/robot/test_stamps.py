@@ -1,4 +1,4 @@
-"""The stamp of a tick: that of its scan on the plant's clock, which does not turn back."""
+"""The stamp of a tick is that of its scan on the plant's clock, and never decreases."""
 
 from protocol.wire.messages import SonarScan
 from robot.core.parameters import DEFAULTS
@@ -13,7 +13,7 @@ PERIOD = 50 * MS
 
 
 def scan(number: int) -> SonarScan:
-    """Sent a period after the one before it."""
+    """Return a scan sent a period after the previous one."""
     stamp = number * PERIOD
     nothing, age = (4000,) * 8, (0,) * 8
     return SonarScan(
@@ -22,7 +22,7 @@ def scan(number: int) -> SonarScan:
 
 
 def stamps_ms(heard: list[tuple[int, int]]) -> list[int]:
-    """Of ticks a period apart; of each the newest scan there is, and when that arrived, in ms."""
+    """Return the stamps of ticks a period apart, each with its newest scan and arrival in ms."""
     bus = Wireless()
     senses, vehicle = Senses(bus, lockstep=False), Vehicle(DEFAULTS, Store(None))
     found = []
@@ -33,17 +33,17 @@ def stamps_ms(heard: list[tuple[int, int]]) -> list[int]:
     return found
 
 
-def test_it_is_that_of_the_scan() -> None:
+def test_stamp_is_that_of_the_scan() -> None:
     assert stamps_ms([(40, 0), (41, 50), (42, 100)]) == [2000, 2050, 2100]
 
 
-def test_without_a_scan_it_goes_on_as_time_does() -> None:
+def test_without_a_scan_stamp_advances_with_time() -> None:
     assert stamps_ms([(40, 0), (40, 0), (41, 75), (43, 150)]) == [2000, 2050, 2075, 2150]
 
 
-def test_a_scan_that_was_late_does_not_turn_it_back() -> None:
+def test_late_scan_does_not_decrease_the_stamp() -> None:
     assert stamps_ms([(40, 0), (40, 0), (40, 0), (41, 145)]) == [2000, 2050, 2100, 2100]
 
 
-def test_a_plant_that_began_anew_does() -> None:
+def test_restarted_plant_decreases_the_stamp() -> None:
     assert stamps_ms([(40, 0), (41, 50), (2, 100)]) == [2000, 2050, 100]

@@ -1,4 +1,4 @@
-"""The latch of the emergency stop: whatever arrives sets it, and nothing fills or blocks it."""
+"""The latch of the emergency stop: any bytes set it, and nothing fills or blocks it."""
 
 import threading
 import weakref
@@ -26,16 +26,16 @@ def stop(request_id: int) -> bytes:
 
 
 def latch(holder: str = ADA) -> StopLatch:
-    """A latch of a robot whose lease an operator holds."""
+    """Return the latch of a robot whose lease an operator holds."""
     return StopLatch(lambda operator: operator == holder)
 
 
-def test_nothing_is_taken_before_somebody_presses() -> None:
+def test_unset_latch_returns_nothing() -> None:
     assert latch().take() is None
 
 
 @pytest.mark.parametrize("operator", [ADA, BOB, STRANGER])
-def test_anybody_stops_and_the_latch_is_reset_by_taking_it(operator: str) -> None:
+def test_any_sender_stops_and_reading_resets_the_latch(operator: str) -> None:
     pressed = latch()
     pressed.press(operator, stop(17))
     taken = pressed.take()
@@ -68,7 +68,7 @@ def test_a_flood_of_others_does_not_hide_the_holders_stop(other: str) -> None:
     assert pressed.take() is None, "those of the others are done with it"
 
 
-def test_who_has_no_name_holds_no_lease() -> None:
+def test_sender_without_identity_is_not_the_holder() -> None:
     pressed = StopLatch(lambda _: True)
     pressed.press(ADA, stop(1))
     pressed.press(STRANGER, stop(2))
@@ -78,7 +78,7 @@ def test_who_has_no_name_holds_no_lease() -> None:
 
 
 class Name(str):
-    """A name that tells when nobody keeps it any more."""
+    """A name that detects when it is no longer referenced."""
 
 
 @pytest.mark.parametrize("holder", [True, False])
@@ -106,7 +106,7 @@ def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
     ],
     ids=["nothing", "garbage", "a look", "a goal", "another command"],
 )
-def test_whatever_comes_on_the_way_of_the_stop_is_a_stop(content: bytes, request_id: int) -> None:
+def test_any_bytes_received_as_a_stop_are_a_stop(content: bytes, request_id: int) -> None:
     pressed = latch()
     pressed.press(ADA, content)
     assert pressed.take() == emergency_stop(request_id)
@@ -116,10 +116,10 @@ presses = st.tuples(st.sampled_from([ADA, BOB, STRANGER]), st.binary(max_size=40
 
 
 @given(st.lists(st.one_of(st.none(), presses), max_size=60))
-def test_a_stop_is_taken_exactly_if_one_came_since_the_last(
+def test_stop_is_returned_if_one_arrived_since_the_last_read(
     events: list[tuple[str, bytes] | None],
 ) -> None:
-    """None takes; all else presses."""
+    """None reads the latch; any other element sets it."""
     pressed, waiting = latch(), False
     for event in [*events, None]:
         if event is None:

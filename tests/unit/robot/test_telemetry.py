@@ -7,7 +7,7 @@ from robot.core.values import Decision, Outputs, Twist
 from tests.support.robot.vehicles import MS, Desk
 
 
-def test_a_robot_without_a_goal_tells_not_a_number_and_no_times() -> None:
+def test_status_without_a_goal_has_nan_and_no_times() -> None:
     status = telemetry.status(Desk().vehicle.state, 0, 5 * MS, 5)
     assert isnan(status.goal_x_m)
     assert isnan(status.goal_heading_rad)
@@ -15,10 +15,10 @@ def test_a_robot_without_a_goal_tells_not_a_number_and_no_times() -> None:
     assert status.goal_distance_m == inf
 
 
-def test_the_times_of_a_goal_are_carried_to_the_clock_of_the_senses() -> None:
+def test_goal_times_are_converted_to_the_sensor_clock() -> None:
     desk = Desk()
     desk.arm()
-    desk.goto(2, 0)  # at 50 ms of the core's clock
+    desk.goto(2, 0)  # at 50 ms on the core's clock
     status = telemetry.status(desk.vehicle.state, 9, 1_000 * MS, 80)
     assert status.goal_started_ns == 970 * MS
     assert status.goal_ended_ns == 0
@@ -38,7 +38,7 @@ def test_a_goal_that_ended_at_the_very_start_has_ended() -> None:
     assert status.goal_ended_ns > 0
 
 
-def test_the_heartbeat_wears_the_face_of_an_ardupilot_rover() -> None:
+def test_heartbeat_is_that_of_an_ardupilot_rover() -> None:
     desk = Desk()
     desk.step()
     beat = telemetry.heartbeat(desk.vehicle.state)
@@ -48,7 +48,7 @@ def test_the_heartbeat_wears_the_face_of_an_ardupilot_rover() -> None:
     assert telemetry.heartbeat(desk.vehicle.state).base_mode == 129
 
 
-def test_a_decision_that_was_not_made_is_not_a_number() -> None:
+def test_missing_decision_is_nan() -> None:
     told = telemetry.decision(Outputs(0, 0, 0, Twist(0.0, 0.0), None), 0.3, 7)
     assert isnan(told.nearest_range_m)
     assert told.branch == Branch.NONE

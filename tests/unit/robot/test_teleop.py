@@ -1,4 +1,4 @@
-"""The dead man's handle: a frame counts for its own time and not a moment longer."""
+"""Teleop with a dead-man switch: a frame counts for its own time-to-live and no longer."""
 
 import pytest
 from hypothesis import given
@@ -17,7 +17,7 @@ def frame(ttl_ms: int, speed_mm_s: int = 200, yaw_rate_mrad_s: int = -500) -> Te
     )
 
 
-def test_nobody_steers_before_the_first_frame() -> None:
+def test_no_twist_before_the_first_frame() -> None:
     assert TeleopInput().newest(0) is None
     assert operator_twist(None) is None
 
@@ -34,7 +34,7 @@ def test_a_frame_counts_until_its_time_is_over(ttl_ms: int, arrived_ns: int, age
     assert steered == (age_ns < ttl_ms * MS)
 
 
-def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_longer() -> None:
+def test_newer_frame_replaces_one_with_a_later_expiry() -> None:
     handle = TeleopInput()
     assert handle.receive(frame(MAX_TELEOP_TTL_MS, speed_mm_s=200), 0) == ""
     handle.receive(frame(100, speed_mm_s=50), 10 * MS)
@@ -43,7 +43,7 @@ def test_a_newer_frame_takes_the_place_of_the_older_even_if_that_would_count_lon
 
 
 @pytest.mark.parametrize("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
-def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_ms: int) -> None:
+def test_frame_with_too_long_ttl_is_ignored_and_reported_once(ttl_ms: int) -> None:
     handle = TeleopInput()
     assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 0)
     assert handle.receive(frame(ttl_ms), 1) == ""
@@ -52,7 +52,7 @@ def test_a_frame_that_would_count_too_long_is_ignored_and_that_is_said_once(ttl_
     assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 4)
 
 
-def test_the_vehicle_says_what_it_ignores() -> None:
+def test_vehicle_announces_an_ignored_frame() -> None:
     desk = Desk()
     desk.vehicle.texts()
     for _ in range(3):

@@ -25,7 +25,7 @@ from tests.support.robot.mission.items import ready, start
 from tests.support.robot.vehicles import MS, Desk, goal
 
 
-def test_it_starts_disarmed_and_says_so() -> None:
+def test_it_starts_disarmed_with_a_text() -> None:
     desk = Desk()
     desk.step()
     assert desk.vehicle.state.machine.vehicle == VehicleState.STANDBY
@@ -47,7 +47,7 @@ def test_an_armed_robot_takes_a_goal_and_drives() -> None:
     assert outputs.right_mrad_s > 0
 
 
-def test_a_repeated_request_is_answered_again_and_not_acted_on_again() -> None:
+def test_repeated_request_is_answered_but_not_acted_on() -> None:
     desk = Desk()
     desk.arm()
     request = goal(77, 2, 0)
@@ -71,10 +71,10 @@ UNUSED = {
     Command.SIDESTEP_ABORT_GOAL: (nan, nan),
     Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (nan, nan),
 }
-"""Each command with NaN, MAVLink's "unused", in each field that it does not use."""
+"""Each command with NaN, which MAVLink uses for unused fields, in each unused field."""
 
 
-def test_every_command_says_which_of_its_fields_it_uses() -> None:
+def test_every_command_lists_the_fields_it_uses() -> None:
     assert UNUSED.keys() == HANDLERS.keys()
 
 
@@ -122,9 +122,7 @@ def test_an_unknown_command_is_unsupported() -> None:
 
 
 @given(st.integers(0, 2**16 - 1), st.floats(width=32), st.floats(width=32))
-def test_no_command_whatever_its_values_brings_the_vehicle_down(
-    command: int, param1: float, param2: float
-) -> None:
+def test_no_command_values_raise_an_exception(command: int, param1: float, param2: float) -> None:
     desk = Desk()
     desk.arm()
     desk.command(command, param1, param2)
@@ -155,7 +153,7 @@ def test_guided_needs_an_operator_and_stops_without_one() -> None:
     assert desk.step().left_mrad_s == 0
 
 
-def test_an_exception_in_the_core_stops_everything_and_goes_on_upwards(
+def test_exception_in_the_core_stops_and_is_raised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     desk = Desk()
@@ -188,7 +186,7 @@ def test_a_violated_budget_stops_the_wheels_with_its_reason() -> None:
     assert desk.vehicle.state.machine.vehicle_reason == Reason.BUDGET
 
 
-def test_every_change_is_told_once() -> None:
+def test_every_change_is_announced_once() -> None:
     desk = Desk()
     desk.arm()
     desk.goto(2, 0)
@@ -212,7 +210,7 @@ def test_a_long_reason_comes_in_numbered_pieces() -> None:
     assert pieces[0].id != 0
 
 
-def test_of_what_nobody_hears_only_the_newest_is_kept() -> None:
+def test_only_the_newest_unread_texts_are_kept() -> None:
     desk = Desk()
     for number in range(250):
         desk.vehicle.announce(Severity.INFO, f"word {number}")
@@ -221,7 +219,7 @@ def test_of_what_nobody_hears_only_the_newest_is_kept() -> None:
     assert texts[-1].text == "word 249"
 
 
-def test_heartbeats_come_five_times_a_second_and_at_once_on_a_change() -> None:
+def test_heartbeats_come_at_5_hz_and_at_once_on_a_change() -> None:
     desk = Desk()
     beats = []
     for _ in range(21):
@@ -295,7 +293,7 @@ def test_the_navigator_is_a_parameter_that_changes_under_way_too() -> None:
     assert desk.vehicle.state.machine.navigator == Navigator.BUG
 
 
-def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
+def test_value_that_cannot_be_saved_is_in_force_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
@@ -310,7 +308,7 @@ def test_a_value_that_cannot_be_saved_is_in_force_and_says_so(
 
 
 @pytest.mark.parametrize("keeps", [True, False])
-def test_the_list_says_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
+def test_list_shows_which_values_survive_a_restart(tmp_path: Path, keeps: bool) -> None:
     desk = Desk(Store(tmp_path if keeps else None))
     set_parameter(desk, "d_obs_m", 0.45)
     rows = json.loads(desk.vehicle.parameters.described())
@@ -326,14 +324,14 @@ def test_the_end_of_the_process_ends_the_goal() -> None:
     assert (machine.goal_state, machine.goal_reason) == (GoalState.ABORTED, Reason.SHUT_DOWN)
 
 
-def test_an_operator_never_heard_has_no_age() -> None:
+def test_operator_without_heartbeats_has_no_age() -> None:
     desk = Desk()
     assert desk.vehicle.operator_age_ms(5 * MS) is None
     desk.vehicle.receive_heartbeat(5 * MS)
     assert desk.vehicle.operator_age_ms(9 * MS) == 4
 
 
-def test_wheels_that_seem_to_slip_are_told_once() -> None:
+def test_suspected_slip_is_announced_once() -> None:
     desk = Desk()
     desk.step()
     desk.vehicle.texts()

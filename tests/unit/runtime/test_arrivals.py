@@ -1,4 +1,4 @@
-"""The pulse: wakes the loop when a frame arrives, and keeps only the newest arrival."""
+"""The pulse wakes the loop when a frame arrives, and keeps only the newest arrival."""
 
 import signal
 import threading
@@ -22,7 +22,7 @@ def stepping(step_ns: int) -> Iterator[int]:
     return count(0, step_ns)
 
 
-def test_a_beat_that_came_before_is_taken_once() -> None:
+def test_earlier_beat_is_returned_once() -> None:
     pulse = Pulse(now_ns=lambda: 0)
     pulse.beat(7)
     assert pulse.wait_until(0) == 7
@@ -72,7 +72,7 @@ def test_several_wake_ups_end_one_wait() -> None:
 
 
 class ReleasedMeanwhile:
-    """As a lock that another thread releases between a look and the release."""
+    """Imitates a lock that another thread releases between the check and the release."""
 
     locked = staticmethod(lambda: True)
 

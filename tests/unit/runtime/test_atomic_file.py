@@ -1,4 +1,4 @@
-"""A file that is replaced or removed survives every power cut: the old content or the new one."""
+"""A file that is replaced or removed survives every power cut with the old or the new content."""
 
 import errno
 import os
@@ -16,7 +16,7 @@ FILE = HOME / "fence.json"
 
 
 class Story:
-    """Contents of a file one after another, each acknowledged before the next."""
+    """The contents of a file in order, each acknowledged before the next."""
 
     def __init__(self, disk: Any, path: Path = FILE) -> None:
         self.disk = disk
@@ -25,7 +25,7 @@ class Story:
         self._now: str | None = None
 
     def put(self, text: str | None) -> None:
-        """Replace the file, or remove it, and look at every cut up to the answer and after it."""
+        """Replace or remove the file, and check every power cut up to the answer and after it."""
         before, begun = self._now, len(self.disk.cuts)
         if text is None:
             atomic_file.remove(self.path)
@@ -45,8 +45,8 @@ class Story:
                 self.problems.append(f"{when}: {text!r}, not {allowed}")
 
 
-def told(disk: Any, path: Path = FILE) -> list[str]:
-    """Of a whole life of a file."""
+def contents_of(disk: Any, path: Path = FILE) -> list[str]:
+    """Return the states of a file over its whole life."""
     story = Story(disk, path)
     for text in ("first", "second, longer", "x", None, "again", None, None, "", "the last"):
         story.put(text)
@@ -58,7 +58,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
 ) -> None:
     disk = Disk()
     monkeypatch.setattr(atomic_file, "os", disk)
-    assert told(disk) == []
+    assert contents_of(disk) == []
     assert len(disk.cuts) > 30
     assert max(len(states) for states in disk.cuts) > 5, "a cut in between has several outcomes"
 
@@ -66,7 +66,7 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
 def test_a_folder_that_was_made_survives_with_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
     disk = Disk()
     monkeypatch.setattr(atomic_file, "os", disk)
-    assert told(disk, HOME / "of" / "r1" / "fence.json") == []
+    assert contents_of(disk, HOME / "of" / "r1" / "fence.json") == []
 
 
 class WithoutFileSync(Disk):
@@ -82,7 +82,7 @@ class WithoutFolderSync(Disk):
 
 
 class WithoutRename(Disk):
-    """As a program that writes a file where it is."""
+    """Imitates a program that writes a file in place."""
 
     def replace(self, old: Path, new: Path) -> None:
         content = self.content(old)
@@ -99,7 +99,7 @@ def test_a_missing_step_is_found_by_the_simulated_cut(
 ) -> None:
     disk = kind()
     monkeypatch.setattr(atomic_file, "os", disk)
-    assert told(disk) != []
+    assert contents_of(disk) != []
 
 
 @pytest.mark.parametrize("act", [lambda path: atomic_file.replace(path, "b"), atomic_file.remove])
@@ -109,11 +109,11 @@ def test_a_directory_that_cannot_be_synchronised_is_an_error(
 ) -> None:
     (tmp_path / "file").write_text("a")
     fail_for_folders(monkeypatch, number)
-    with pytest.raises(OSError, match="as told"):
+    with pytest.raises(OSError, match="as contents_of"):
         act(tmp_path / "file")
 
 
-def test_a_file_system_without_directory_sync_is_used_all_the_same(
+def test_file_system_without_directory_sync_is_usable(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fail_for_folders(monkeypatch, errno.EINVAL)
@@ -126,13 +126,13 @@ def fail_for_folders(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
 
     def failing(handle: int) -> None:
         if Path(f"/proc/self/fd/{handle}").resolve().is_dir():
-            raise OSError(number, "as told")
+            raise OSError(number, "as contents_of")
         fsync(handle)
 
     monkeypatch.setattr("os.fsync", failing)
 
 
-def test_a_file_that_never_was_is_removed_without_a_word(tmp_path: Path) -> None:
+def test_removing_a_missing_file_is_no_error(tmp_path: Path) -> None:
     atomic_file.remove(tmp_path / "file")
     atomic_file.remove(tmp_path / "no folder" / "file")
     assert list(tmp_path.iterdir()) == []

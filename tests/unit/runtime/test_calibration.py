@@ -11,7 +11,7 @@ from runtime.errors import ConfigError
 
 
 @pytest.mark.parametrize("level", LEVELS)
-def test_every_noise_level_has_a_calibration_that_a_robot_takes_and_the_command_it_is_from(
+def test_every_noise_level_has_a_valid_calibration(
     level: str,
 ) -> None:
     for name, value in calibration_of(level).items():
@@ -21,7 +21,7 @@ def test_every_noise_level_has_a_calibration_that_a_robot_takes_and_the_command_
     assert made_by.startswith(f"# Made by: sidestep calibrate --noise {level} --runs ")
 
 
-def test_the_usual_noise_is_what_the_robots_defaults_are_for() -> None:
+def test_robot_defaults_fit_the_default_noise() -> None:
     assert calibration_of("default") == calibration_of("lossy") == {}
 
 
@@ -42,7 +42,7 @@ def test_the_worlds_own_robot_comes_after_its_calibration() -> None:
     assert settings_of({"track_m": 0.17}, "harsh", calibrated=False) == {"track_m": 0.17}
 
 
-def test_a_level_nobody_has_calibrated_for_is_an_error_that_names_the_file() -> None:
+def test_missing_calibration_is_an_error_with_the_file() -> None:
     with pytest.raises(ConfigError, match=r"gale\.toml: no such file"):
         calibration_of("gale")
 
@@ -54,6 +54,6 @@ def test_a_misspelt_file_is_refused_by_key(tmp_path: Path, monkeypatch: pytest.M
         calibration_of("typo")
 
 
-def test_nobody_can_change_what_others_read() -> None:
+def test_shared_calibration_is_read_only() -> None:
     with pytest.raises(TypeError):
         calibration_of("harsh")["k_r_m"] = 1.0  # type: ignore[index]

@@ -16,7 +16,7 @@ def test_a_stall_is_counted_and_not_replayed() -> None:
     clock = ManualClock()
     grid = ticks(clock, rate_hz=50.0)
     next(grid)
-    clock.advance(95 * MS)  # four deadlines go by
+    clock.advance(95 * MS)  # four deadlines pass
     late = next(grid)
     after = next(grid)
     assert (late.index, late.missed, late.late_ns) == (4, 3, 75 * MS)
@@ -29,7 +29,7 @@ def test_the_grid_does_not_drift() -> None:
 
 
 @given(st.lists(st.integers(0, 500 * MS), max_size=30))
-def test_whatever_the_work_costs_ticks_and_misses_add_up_and_never_burst(work: list[int]) -> None:
+def test_ticks_and_misses_add_up_at_any_cost(work: list[int]) -> None:
     clock = ManualClock()
     grid = ticks(clock, 20.0)
     seen = [next(grid)]
@@ -46,7 +46,7 @@ def test_the_grid_begins_with_the_first_tick() -> None:
     assert next(ticks(clock, 20.0)) == Tick(index=0, due_ns=7 * MS, late_ns=0, missed=0)
 
 
-def test_the_wall_clock_waits_until_the_deadline_and_not_for_the_past() -> None:
+def test_wall_clock_waits_until_the_deadline() -> None:
     clock: Clock = WallClock()
     deadline_ns = clock.now_ns() + 2 * MS
     clock.sleep_until(deadline_ns)
@@ -90,7 +90,7 @@ def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
     assert seen[-1].missed == 0
 
 
-def test_whoever_waits_on_a_stopped_lockstep_clock_is_told() -> None:
+def test_waiting_on_a_stopped_lockstep_clock_raises() -> None:
     clock = LockstepClock()
     threading.Thread(target=clock.stop).start()
     with pytest.raises(Stopped, match="stopped"):
@@ -108,6 +108,6 @@ def test_a_loop_ends_when_its_clock_is_stopped() -> None:
     assert list(grid) == []
 
 
-def test_patience_ends_the_wait_for_senses_that_never_come() -> None:
+def test_patience_limits_the_wait_for_sensor_frames() -> None:
     with pytest.raises(Stopped, match=r"no senses for 0\.01 s"):
         LockstepClock(patience_s=0.01).sleep_until(0)

@@ -1,4 +1,4 @@
-"""Configuration files: what is misspelt or out of range is named, with file, key and fix."""
+"""Configuration errors contain file, key, reason and fix."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,7 +93,7 @@ class OnlyNetwork:
     network: Network | None = None
 
 
-def test_in_a_shared_file_what_others_read_is_left_to_them(tmp_path: Path) -> None:
+def test_keys_of_other_processes_in_a_shared_file_are_ignored(tmp_path: Path) -> None:
     text = 'robot = 3\n[network]\nprefix = "a"\n[parameters]\nfoo = 1'
     found = load_shared(written(tmp_path, text), OnlyNetwork)
     assert found.network == Network(prefix="a")

@@ -1,4 +1,4 @@
-"""The grid locked to arriving frames: a frame starts the tick, the deadline when none comes."""
+"""The grid with a pulse: a frame starts the tick, or the deadline if none arrives."""
 
 from itertools import pairwise
 
@@ -13,7 +13,7 @@ SLACK = PERIOD // 4
 
 
 class Beats:
-    """Arrivals that are known beforehand, on a clock that jumps to them."""
+    """Known arrivals on a clock that jumps to them."""
 
     def __init__(self, clock: ManualClock, arrivals_ns: list[int]) -> None:
         self._clock = clock
@@ -32,7 +32,7 @@ class Beats:
 
 
 def run(arrivals_ms: list[float], work_ms: list[float]) -> list[Tick]:
-    """One tick per piece of work, which takes that long."""
+    """Run one tick per piece of work, which takes this long."""
     clock = ManualClock()
     grid = ticks(clock, 20.0, Beats(clock, [round(at * MS) for at in arrivals_ms]))
     seen = []
@@ -43,7 +43,7 @@ def run(arrivals_ms: list[float], work_ms: list[float]) -> list[Tick]:
 
 
 def starts_ms(seen: list[Tick]) -> list[float]:
-    """When each tick began; a tick of the grid's own begins a slack after its place."""
+    """Return the start of each tick; one of the grid starts a slack after its place."""
     return [(t.due_ns + t.late_ns + (0 if t.by_frame else SLACK)) / MS for t in seen]
 
 
@@ -67,14 +67,14 @@ def test_without_any_frame_the_grid_goes_by_itself() -> None:
     assert not any(t.by_frame or t.missed for t in seen)
 
 
-def test_a_frame_that_comes_too_late_for_its_tick_sets_the_phase_of_the_next() -> None:
+def test_late_frame_sets_the_phase_of_the_next_tick() -> None:
     # From the third on the frames are 20 ms later than they were.
     seen = run([0, 50, 120, 170, 220], [1] * 5)
     assert starts_ms(seen) == [0, 50, 112.5, 170, 220]
     assert [t.by_frame for t in seen] == [True, True, False, True, True]
 
 
-def test_a_frame_less_than_half_a_period_early_starts_the_next_tick() -> None:
+def test_frame_up_to_half_a_period_early_starts_the_tick() -> None:
     seen = run([0, 50, 130, 180], [1] * 5)
     assert starts_ms(seen) == [0, 50, 112.5, 130, 180]
     assert seen[-1].missed == 0
@@ -91,7 +91,7 @@ def test_a_backlog_delivered_at_once_makes_one_tick() -> None:
     assert [t.due_ns / MS for t in seen if t.by_frame] == [0, 250, 300]
 
 
-def test_frames_all_the_time_make_no_faster_loop_of_it() -> None:
+def test_continuous_frames_do_not_speed_up_the_loop() -> None:
     seen = run([n / 2 for n in range(2_400)], [0.2] * 20)
     began = starts_ms(seen)
     assert began[1] - began[0] >= 24, "once half a period early"
@@ -107,20 +107,20 @@ def test_frames_of_another_phase_draw_the_grid_to_theirs() -> None:
     assert all(tick.by_frame and not tick.missed for tick in seen)
 
 
-def test_a_tick_that_starts_late_says_how_late_after_its_frame() -> None:
+def test_late_tick_reports_the_delay_after_its_frame() -> None:
     seen = run([0, 50, 100], [65, 1, 1])
     assert (seen[1].due_ns, seen[1].late_ns, seen[1].missed) == (50 * MS, 15 * MS, 0)
     assert seen[2].due_ns == 100 * MS
 
 
-def test_a_stall_skips_to_the_newest_frame_and_counts_what_it_missed() -> None:
+def test_stall_skips_to_the_newest_frame_and_counts_misses() -> None:
     seen = run([0, 50, 100, 150, 200], [160, 1, 1])
     assert (seen[1].due_ns / MS, seen[1].late_ns / MS) == (150, 10)
     assert (seen[1].index, seen[1].missed) == (3, 2)
     assert (seen[2].index, seen[2].due_ns / MS) == (4, 200)
 
 
-def test_a_stall_after_which_no_newer_frame_is_there_counts_too() -> None:
+def test_stall_without_a_newer_frame_counts_misses() -> None:
     seen = run([0, 50], [175, 1, 1])
     assert (seen[1].due_ns / MS, seen[1].late_ns / MS) == (50, 125)
     assert (seen[1].index, seen[1].missed) == (3, 2)
@@ -138,7 +138,7 @@ work = st.lists(st.floats(0.0, 300.0, allow_nan=False), min_size=2, max_size=12)
 
 
 @given(arrivals, work)
-def test_whatever_arrives_ticks_are_half_a_period_apart_and_misses_add_up(
+def test_ticks_are_at_least_half_a_period_apart(
     arrivals_ms: list[float], work_ms: list[float]
 ) -> None:
     seen = run(arrivals_ms, work_ms)

@@ -1,4 +1,4 @@
-"""Waiting in lockstep: whoever waits can do other things meanwhile, and time still stands still."""
+"""Waiting in lockstep: the waiting thread can do other work while the time pauses."""
 
 import threading
 from itertools import count
@@ -10,13 +10,13 @@ from runtime.clock import LockstepClock, Stopped
 MS = 1_000_000
 
 
-def test_out_of_patience_the_waiter_looks_after_other_things() -> None:
+def test_idle_is_called_after_the_patience() -> None:
     clock = LockstepClock(patience_s=0.001, idle=lambda: clock.advance_to(50 * MS))
     clock.sleep_until(50 * MS)
     assert clock.now_ns() == 50 * MS
 
 
-def test_a_nudge_wakes_the_waiter_without_moving_time() -> None:
+def test_nudge_calls_idle_without_advancing_time() -> None:
     stamps: list[int] = []
 
     def idle() -> None:
@@ -45,7 +45,7 @@ def test_a_nudge_before_the_wait_is_not_lost() -> None:
     assert called == ["idle"]
 
 
-def test_a_stamp_that_is_there_wins_over_a_nudge_and_a_stop() -> None:
+def test_reached_stamp_has_priority_over_nudge_and_stop() -> None:
     clock = LockstepClock(idle=lambda: pytest.fail("nothing to wait for"))
     clock.advance_to(50 * MS)
     clock.nudge()
@@ -53,7 +53,7 @@ def test_a_stamp_that_is_there_wins_over_a_nudge_and_a_stop() -> None:
     clock.sleep_until(50 * MS)
 
 
-def test_a_nudge_means_nothing_to_who_has_nothing_else_to_do() -> None:
+def test_nudge_without_idle_has_no_effect() -> None:
     clock = LockstepClock()
     clock.nudge()
     threading.Thread(target=clock.advance_to, args=(0,)).start()
@@ -61,7 +61,7 @@ def test_a_nudge_means_nothing_to_who_has_nothing_else_to_do() -> None:
     assert clock.now_ns() == 0
 
 
-def test_nudges_that_come_faster_than_they_are_taken_count_as_one() -> None:
+def test_nudges_before_one_wait_count_as_one() -> None:
     nudges = count(1)
 
     def idle() -> None:

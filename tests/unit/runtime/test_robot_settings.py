@@ -1,4 +1,4 @@
-"""The plant's robot and the robot's idea of itself are the same robot."""
+"""The parameters of the plant's robot and of the control core describe the same robot."""
 
 from dataclasses import fields
 
@@ -19,7 +19,7 @@ def test_without_a_table_nothing_is_overridden() -> None:
     assert parameters_of({}) == {}
 
 
-def test_a_wider_and_faster_robot_knows_that_it_is() -> None:
+def test_changed_dimensions_become_parameters() -> None:
     values = parameters_of({"track_m": 0.16, "max_speed_m_s": 0.5, "ticks_per_m": 4000})
     assert values == {
         "track_m": 0.16,
@@ -29,13 +29,13 @@ def test_a_wider_and_faster_robot_knows_that_it_is() -> None:
     }
 
 
-def test_every_dimension_is_either_passed_on_or_known_not_to_be() -> None:
+def test_every_dimension_is_passed_on_or_listed_as_not() -> None:
     known = {*SAME, *RENAMED, "ticks_per_m"}
     assert known | UNKNOWN_TO_THE_ROBOT == {field.name for field in fields(Body)}
     assert not known & UNKNOWN_TO_THE_ROBOT
 
 
-def test_the_two_default_robots_are_one() -> None:
+def test_default_robots_of_plant_and_core_are_equal() -> None:
     body = Body()
     passed_on = {*SAME, *RENAMED, "ticks_per_m"}
     table = {name: getattr(body, name) for name in passed_on}

@@ -1,4 +1,4 @@
-"""Frames that come late, twice or from a restarted sender are told apart."""
+"""Frames that are late, repeated or from a restarted sender are distinguished."""
 
 import pytest
 from hypothesis import given
@@ -37,9 +37,7 @@ def test_order_follows_from_the_distance_to_the_newest(number: int, order: Order
         (WRAP // 2 + 2, 0, Order.RESTARTED),
     ],
 )
-def test_order_goes_on_where_a_count_begins_at_0_again(
-    number: int, newest: int, order: Order
-) -> None:
+def test_order_continues_over_the_wrap_of_a_count(number: int, newest: int, order: Order) -> None:
     assert order_of(number, newest, 20, modulus=WRAP) is order
 
 
@@ -61,7 +59,7 @@ def test_stamps_may_be_as_late_as_counts() -> None:
     assert (MAX_LATE_TICKS, MAX_LATE_NS) == (20, 1_000_000_000)
 
 
-def test_tracker_goes_on_from_every_frame_that_is_not_late() -> None:
+def test_tracker_follows_every_frame_that_is_not_late() -> None:
     tracker = SequenceTracker(3)
     found = [tracker.take(number) for number in (10, 12, 11, 12, 9, 2, 3, 0, 13)]
     assert found == [

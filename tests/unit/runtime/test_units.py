@@ -1,4 +1,4 @@
-"""How many nanoseconds a second has is written down once."""
+"""The number of nanoseconds in a second is defined once."""
 
 import re
 from pathlib import Path
@@ -16,10 +16,10 @@ PACKAGES = [
 ]
 WRITTEN_DOWN = re.compile(r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|[*/] 1e9\b", re.MULTILINE)
 PORTABLE = "robot/core/"
-"""Runs on a microcontroller, by itself."""
+"""Modules that run alone on a microcontroller."""
 
 
-def test_only_one_module_writes_down_the_units_of_time() -> None:
+def test_only_one_module_defines_the_units_of_time() -> None:
     files = [file for package in PACKAGES for file in (ROOT / package).rglob("*.py")]
     paths = {
         file.relative_to(ROOT).as_posix()

@@ -1,4 +1,4 @@
-"""A process whose loop hangs is ended by the kernel, with Python's lock held or not."""
+"""The kernel ends a process whose loop hangs, whether Python's lock is held or not."""
 
 import signal
 import subprocess
@@ -37,13 +37,13 @@ def run(hang: str, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("hang", HANGS.values(), ids=HANGS)
-def test_a_loop_that_hangs_is_the_end_of_its_process_without_a_traceback(hang: str) -> None:
+def test_hung_loop_ends_the_process_without_a_traceback(hang: str) -> None:
     done = run(hang)
     assert done.returncode == -signal.SIGALRM
     assert (done.stdout, done.stderr) == ("driven\n", "")
 
 
-def test_the_place_where_it_hung_is_left_in_a_file(tmp_path: Path) -> None:
+def test_stack_traces_of_a_hang_are_in_a_file(tmp_path: Path) -> None:
     trace = tmp_path / "hung.txt"
     done = run(HANGS["holding Python's lock"], str(trace))
     assert done.returncode == -signal.SIGALRM
@@ -51,7 +51,7 @@ def test_the_place_where_it_hung_is_left_in_a_file(tmp_path: Path) -> None:
     assert "most recent call first" in trace.read_text()
 
 
-def test_after_the_block_nobody_watches(tmp_path: Path) -> None:
+def test_after_the_block_the_timer_is_off(tmp_path: Path) -> None:
     done = run("pass")
     assert (done.returncode, done.stdout) == (0, "driven\nended\n")
     with Watchdog(60.0, tmp_path / "hung.txt") as watchdog:

@@ -1,4 +1,4 @@
-"""A mission in GUIDED: it goes on for as long as an operator is heard, and not without one."""
+"""A mission in GUIDED continues only while an operator sends heartbeats."""
 
 from typing import Final
 
@@ -15,7 +15,7 @@ OP_LOST_TICKS: Final = 31
 
 
 def guided(hold_s: float = 5.0, when: MissionState = MissionState.HOLDING) -> Desk:
-    """Under way in a mission, an operator there, and GUIDED chosen."""
+    """Start a mission with an operator present, and choose GUIDED."""
     desk = ready(3, hold_s=hold_s)
     desk.operator = True
     desk.step()
@@ -63,7 +63,7 @@ def test_a_lost_operator_on_the_way_is_a_failsafe() -> None:
     assert desk.vehicle.mission.reason == Reason.OPERATOR_LOST
 
 
-def test_with_an_operator_a_guided_mission_goes_on_in_guided() -> None:
+def test_with_an_operator_a_guided_mission_stays_guided() -> None:
     desk = guided(hold_s=0.2)
     seen = set()
     while desk.vehicle.mission.state != MissionState.DONE:
@@ -73,7 +73,7 @@ def test_with_an_operator_a_guided_mission_goes_on_in_guided() -> None:
     assert seen == {(Mode.GUIDED, 0), (Mode.GUIDED, 1), (Mode.GUIDED, 2)}
 
 
-def test_auto_chosen_again_frees_a_mission_of_its_operator() -> None:
+def test_choosing_auto_again_needs_no_operator() -> None:
     desk = guided(hold_s=0.2)
     choose(desk, Mode.AUTO)
     desk.operator = False
@@ -92,7 +92,7 @@ def test_a_mission_goes_on_after_a_pause_in_the_mode_it_had(mode: Mode) -> None:
     assert desk.vehicle.mission.active
 
 
-def test_a_guided_mission_needs_its_operator_to_go_on_after_a_pause() -> None:
+def test_resuming_a_guided_mission_needs_an_operator() -> None:
     desk = guided()
     pause(desk)
     desk.operator = False
@@ -122,7 +122,7 @@ def test_a_start_is_auto_whatever_the_mode_was() -> None:
 
 
 RUNS: Final = {Mode.AUTO, Mode.SMART_RTL}
-"""The modes in which a robot drives without an operator."""
+"""Return the modes in which a robot drives without an operator."""
 
 orders = st.one_of(
     st.builds(lambda mode: (Command.DO_SET_MODE, mode), st.sampled_from([*Mode])),
@@ -156,10 +156,10 @@ def obey(desk: Desk, order: object) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(orders, st.integers(0, 40)), min_size=3, max_size=20))
-def test_no_order_of_commands_leads_out_of_guided_by_itself(
+def test_only_a_command_leaves_guided(
     told: list[tuple[object, int]],
 ) -> None:
-    """Only a command enters a mode that needs no operator; without one GUIDED stands."""
+    """Only a command enters a mode without an operator; without one GUIDED stops."""
     desk = ready(3, hold_s=0.4)
     machine = desk.vehicle.state.machine
     for order, ticks in told:
@@ -173,7 +173,7 @@ def test_no_order_of_commands_leads_out_of_guided_by_itself(
 
 
 def slows(desk: Desk) -> bool:
-    """In HOLD, or in GUIDED with nothing to do, the ramp down to a stand may still be on."""
+    """Return whether the robot may still decelerate to a stop, in HOLD or idle GUIDED."""
     machine = desk.vehicle.state.machine
     return machine.mode == Mode.HOLD or (
         machine.mode == Mode.GUIDED and not desk.vehicle.mission.active and not living(desk)

@@ -1,4 +1,4 @@
-"""Whatever stands where the fence and the mission are kept, the robot starts, and tells of it."""
+"""With any content in the saved fence and mission, the robot starts and reports it."""
 
 import json
 import tempfile

@@ -1,4 +1,4 @@
-"""The mission: from stop to stop, paused, aborted, jumped, and whatever else comes in between."""
+"""The mission: driving from stop to stop, pause, abort, jump, and other events in between."""
 
 import pytest
 
@@ -36,7 +36,7 @@ def test_a_mission_goes_from_stop_to_stop_without_an_operator() -> None:
     assert desk.vehicle.state.machine.mode == Mode.AUTO
 
 
-def test_it_waits_at_each_stop_as_long_as_it_is_told() -> None:
+def test_it_waits_at_each_stop_for_its_hold_time() -> None:
     desk = ready(2, hold_s=1.5)
     start(desk)
     until(desk, MissionState.HOLDING)
@@ -58,13 +58,13 @@ def test_a_mission_can_begin_at_any_of_its_items() -> None:
 
 
 @pytest.mark.parametrize("first", [3, 99, -2])
-def test_an_item_that_is_not_there_is_none_to_start_or_jump_to(first: int) -> None:
+def test_start_and_jump_refuse_a_missing_item(first: int) -> None:
     desk = ready(3)
     assert start(desk, first) == Reason.MISSION_ITEM_BAD
     assert desk.command(Command.DO_SET_MISSION_CURRENT, first) == Reason.MISSION_ITEM_BAD
 
 
-def test_without_a_mission_there_is_nothing_to_start_or_jump_to() -> None:
+def test_start_and_jump_refuse_a_missing_mission() -> None:
     desk = Desk()
     desk.arm()
     assert start(desk) == Reason.NO_MISSION
@@ -116,7 +116,7 @@ def test_a_pause_stops_the_clock_of_a_hold() -> None:
     assert until(desk, MissionState.DONE) == pytest.approx(1.0, abs=0.051)
 
 
-def test_an_abort_ends_it_and_it_can_be_started_where_it_was() -> None:
+def test_aborted_mission_can_start_where_it_was() -> None:
     desk = ready(3)
     start(desk, 1)
     desk.step()
@@ -149,7 +149,7 @@ def test_a_jump_under_way_goes_there_at_once() -> None:
     until(desk, MissionState.DONE)
 
 
-def test_a_jump_in_a_pause_counts_when_it_goes_on() -> None:
+def test_jump_in_a_pause_counts_on_resume() -> None:
     desk = ready(3)
     start(desk)
     desk.step()
@@ -163,7 +163,7 @@ def test_a_jump_in_a_pause_counts_when_it_goes_on() -> None:
     until(desk, MissionState.DONE)
 
 
-def test_a_jump_while_it_rests_chooses_where_it_starts() -> None:
+def test_jump_while_inactive_sets_the_next_start() -> None:
     desk = ready(3)
     assert desk.command(Command.DO_SET_MISSION_CURRENT, 1) == Reason.NONE
     assert state(desk) == (MissionState.READY, 1)
@@ -171,7 +171,7 @@ def test_a_jump_while_it_rests_chooses_where_it_starts() -> None:
     assert state(desk) == (MissionState.RUNNING, 1)
 
 
-def test_a_stop_that_cannot_be_reached_fails_the_mission_with_that_reason() -> None:
+def test_unreachable_stop_fails_the_mission_with_its_reason() -> None:
     desk = ready(2)
     start(desk)
     desk.step()
@@ -182,7 +182,7 @@ def test_a_stop_that_cannot_be_reached_fails_the_mission_with_that_reason() -> N
     assert desk.vehicle.mission.reason == Reason.UNREACHABLE
 
 
-def test_a_stop_that_a_new_fence_shuts_out_fails_the_mission_when_its_turn_comes() -> None:
+def test_stop_outside_a_new_fence_fails_at_its_turn() -> None:
     desk = ready(4)
     start(desk)
     desk.step()
@@ -192,7 +192,7 @@ def test_a_stop_that_a_new_fence_shuts_out_fails_the_mission_when_its_turn_comes
     assert desk.vehicle.mission.reason == Reason.OUTSIDE_FENCE
 
 
-def test_its_goals_carry_the_request_that_started_it() -> None:
+def test_goals_have_the_id_of_the_start_request() -> None:
     desk = ready(2)
     desk.goto(0.1, 0.0)
     start(desk)
@@ -204,7 +204,7 @@ def test_its_goals_carry_the_request_that_started_it() -> None:
     assert desk.vehicle.commands.goal_id == desk.request_id
 
 
-def test_it_tells_how_far_it_is() -> None:
+def test_status_shows_the_progress() -> None:
     desk = ready(2)
     start(desk)
     until(desk, MissionState.DONE)
@@ -218,7 +218,7 @@ def test_it_tells_how_far_it_is() -> None:
     assert told[0][0] == Severity.ERROR
 
 
-def test_the_status_is_told_twice_a_second_and_at_once_on_a_change() -> None:
+def test_mission_status_is_sent_twice_a_second_and_on_change() -> None:
     desk = ready(2)
     told = []
     for _ in range(41):

@@ -1,4 +1,4 @@
-"""The mission when it is interrupted: by whatever ends it, and by any order of messages."""
+"""Interrupted missions: every cause of their end, and any order of messages."""
 
 from typing import Any
 
@@ -56,7 +56,7 @@ ENDS = [
 
 @pytest.mark.parametrize(("end", "reason"), ENDS)
 @pytest.mark.parametrize("when", [MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED])
-def test_whatever_ends_it_is_the_reason_of_its_failure(
+def test_cause_of_the_end_is_the_failure_reason(
     end: Any, reason: Reason, when: MissionState
 ) -> None:
     desk = ready(2, hold_s=5.0)
@@ -107,7 +107,7 @@ def obey(desk: Desk, order: Any) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(orders, st.integers(0, 30)), min_size=3, max_size=25))
-def test_in_whatever_order_it_is_told_things_it_never_says_what_is_not_so(
+def test_any_order_of_messages_keeps_the_status_consistent(
     told: list[tuple[Any, int]],
 ) -> None:
     desk = ready(3, hold_s=0.2)
@@ -124,7 +124,7 @@ def test_in_whatever_order_it_is_told_things_it_never_says_what_is_not_so(
 
 
 def check(desk: Desk) -> None:
-    """What must hold once the mission has had its look at the machine."""
+    """Check what must hold after the mission's step."""
     machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
     status = mission.status(0)
     if mission.active:

@@ -1,4 +1,4 @@
-"""What a robot that restarts still has: its fence, for safety, and its mission, to be started."""
+"""After a restart the robot has its fence and its mission, which does not start by itself."""
 
 import json
 from pathlib import Path
@@ -28,15 +28,15 @@ def restarted(folder: Path, at: Pose | None = None) -> Desk:
 
 
 def kept(folder: Path, *uploads: list[MissionItemInt]) -> None:
-    """Somebody uploads these to a robot, which ends."""
+    """Upload these to a robot, which then ends."""
     desk = restarted(folder)
     desk.arm()
     for items in uploads:
         assert upload(desk, items).reason == Reason.NONE
 
 
-def told(desk: Desk) -> list[tuple[int, str]]:
-    """What was said, the pieces of each text together."""
+def announced(desk: Desk) -> list[tuple[int, str]]:
+    """Return the announced texts, each with its pieces joined."""
     lines: list[tuple[int, str]] = []
     for text in desk.vehicle.texts():
         if text.chunk_seq:
@@ -53,23 +53,23 @@ def clear(desk: Desk, kind: int) -> int:
 
 
 @pytest.mark.parametrize("fence", [NEAR, circle(0.5, 0.0, 1.5)], ids=["polygon", "circle"])
-def test_a_robot_that_restarts_keeps_its_fence_and_says_so(
+def test_restarted_robot_restores_its_fence_with_a_text(
     tmp_path: Path, fence: list[MissionItemInt]
 ) -> None:
     kept(tmp_path / "state", fence)
     desk = restarted(tmp_path / "state")
-    assert (Severity.INFO, "fence restored") in told(desk)
+    assert (Severity.INFO, "fence restored") in announced(desk)
     assert desk.vehicle.restored == ("fence restored",)
     desk.arm()
     assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
     assert desk.goto(1.5, 0.0) == Reason.NONE
 
 
-def test_a_mission_is_offered_again_and_starts_only_when_it_is_told_to(tmp_path: Path) -> None:
+def test_restored_mission_starts_only_on_command(tmp_path: Path) -> None:
     kept(tmp_path, line(3))
     desk = restarted(tmp_path)
     assert state(desk) == (MissionState.READY, 0)
-    assert (Severity.INFO, "mission restored, 3 items, not started") in told(desk)
+    assert (Severity.INFO, "mission restored, 3 items, not started") in announced(desk)
     desk.arm()
     for _ in range(40):
         assert (desk.step().left_mrad_s, desk.step().right_mrad_s) == (0, 0)
@@ -78,7 +78,7 @@ def test_a_mission_is_offered_again_and_starts_only_when_it_is_told_to(tmp_path:
     until(desk, MissionState.DONE)
 
 
-def test_a_mission_that_was_under_way_does_not_go_on_by_itself(tmp_path: Path) -> None:
+def test_interrupted_mission_does_not_resume_by_itself(tmp_path: Path) -> None:
     before = restarted(tmp_path)
     before.arm()
     upload(before, line(3))
@@ -91,7 +91,7 @@ def test_a_mission_that_was_under_way_does_not_go_on_by_itself(tmp_path: Path) -
     assert state(desk) == (MissionState.READY, 0)
 
 
-def test_what_was_taken_away_is_not_there_again(tmp_path: Path) -> None:
+def test_cleared_items_are_not_restored(tmp_path: Path) -> None:
     kept(tmp_path, NEAR, line(2))
     desk = restarted(tmp_path)
     assert clear(desk, MissionType.FENCE) == clear(desk, MissionType.MISSION) == Reason.NONE
@@ -129,13 +129,13 @@ def item_text(**changes: object) -> str:
         pytest.param(json.dumps(json.loads(item_text()) * 2), id="a corner twice"),
     ],
 )
-def test_unreadable_fence_forbids_arming_and_is_told(tmp_path: Path, text: str) -> None:
+def test_unreadable_fence_forbids_arming_and_is_announced(tmp_path: Path, text: str) -> None:
     (tmp_path / "fence.json").write_text(text)
     desk = restarted(tmp_path)
     (words,) = desk.vehicle.restored
     assert words.startswith(LOST)
     assert len(words) > len(LOST)
-    assert (Severity.ERROR, words.encode("ascii", "replace").decode()) in told(desk)
+    assert (Severity.ERROR, words.encode("ascii", "replace").decode()) in announced(desk)
     assert desk.arm() == Reason.FENCE_UNREADABLE
     assert shown(desk) == (Vehicle.STANDBY, Reason.FENCE_UNREADABLE)
     assert desk.goto(3.0, 0.0) == Reason.NOT_ARMED
@@ -150,7 +150,7 @@ def shown(desk: Desk) -> tuple[int, int]:
     return status.vehicle, status.vehicle_reason
 
 
-def test_unreadable_fence_is_no_obstacle_once_it_is_taken_down(tmp_path: Path) -> None:
+def test_clearing_an_unreadable_fence_permits_arming(tmp_path: Path) -> None:
     (tmp_path / "fence.json").write_text("{")
     desk = restarted(tmp_path)
     assert clear(desk, MissionType.FENCE) == Reason.NONE
@@ -161,7 +161,7 @@ def test_unreadable_fence_is_no_obstacle_once_it_is_taken_down(tmp_path: Path) -
     assert restarted(tmp_path).vehicle.restored == ()
 
 
-def test_unreadable_fence_is_no_obstacle_once_another_is_up(tmp_path: Path) -> None:
+def test_replacing_an_unreadable_fence_permits_arming(tmp_path: Path) -> None:
     (tmp_path / "fence.json").write_text("{")
     desk = restarted(tmp_path)
     desk.step()
@@ -192,7 +192,7 @@ def test_unreadable_mission_does_not_forbid_arming(tmp_path: Path) -> None:
     assert desk.arm() == Reason.NONE
 
 
-def test_bytes_that_are_no_text_are_named_with_their_file(tmp_path: Path) -> None:
+def test_file_with_invalid_text_is_named(tmp_path: Path) -> None:
     (tmp_path / "mission.json").write_bytes(b"\xff\xfe")
     (words,) = restarted(tmp_path).vehicle.restored
     assert str(tmp_path / "mission.json") in words
@@ -205,7 +205,7 @@ def test_a_folder_in_the_place_of_the_file_is_named(tmp_path: Path) -> None:
     assert "fence.json" in words
 
 
-def test_however_long_a_warning_is_it_can_be_sent(tmp_path: Path) -> None:
+def test_very_long_warning_can_be_sent(tmp_path: Path) -> None:
     (tmp_path / "fence.json").write_text(item_text(x="y" * 100_000))
     desk = restarted(tmp_path)
     desk.vehicle.announce(Severity.WARNING, "z" * 100_000)
@@ -213,7 +213,7 @@ def test_however_long_a_warning_is_it_can_be_sent(tmp_path: Path) -> None:
         check(text)
 
 
-def test_a_mission_that_lies_outside_of_the_fence_is_left_out_with_its_reason(
+def test_mission_outside_the_fence_is_not_restored(
     tmp_path: Path,
 ) -> None:
     kept(tmp_path, line(12))
@@ -227,7 +227,7 @@ def test_a_mission_that_lies_outside_of_the_fence_is_left_out_with_its_reason(
     assert state(desk) == (MissionState.NONE, 0)
 
 
-def test_a_robot_that_starts_outside_of_its_fence_keeps_it_and_cannot_be_armed(
+def test_start_outside_the_restored_fence_forbids_arming(
     tmp_path: Path,
 ) -> None:
     kept(tmp_path, NEAR)
@@ -238,14 +238,14 @@ def test_a_robot_that_starts_outside_of_its_fence_keeps_it_and_cannot_be_armed(
     assert desk.arm() == Reason.NONE
 
 
-def test_once_it_senses_a_fence_that_leaves_it_out_is_refused(tmp_path: Path) -> None:
+def test_with_sensor_data_a_fence_must_contain_the_robot(tmp_path: Path) -> None:
     desk = restarted(tmp_path, at=Pose(5.0, 0.0, 0.0))
     desk.step()
     assert upload(desk, NEAR).reason == Reason.FENCE_LEAVES_ROBOT_OUT
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_fence_that_cannot_be_saved_is_up_and_says_so(
+def test_fence_that_cannot_be_saved_is_in_force_and_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(_: int) -> None:
@@ -254,10 +254,10 @@ def test_a_fence_that_cannot_be_saved_is_up_and_says_so(
     monkeypatch.setattr("os.fsync", full)
     desk = restarted(tmp_path)
     desk.arm()
-    told(desk)
+    announced(desk)
     assert upload(desk, NEAR).reason == Reason.NOT_SAVED
     assert desk.goto(3.0, 0.0) == Reason.OUTSIDE_FENCE
-    assert (Severity.ERROR, "fence not saved: No space left on device") in told(desk)
+    assert (Severity.ERROR, "fence not saved: No space left on device") in announced(desk)
 
 
 def test_what_is_kept_already_is_not_written_again(
@@ -275,8 +275,8 @@ def test_what_is_kept_already_is_not_written_again(
     assert len(desk.vehicle.restored) == 2
 
 
-def test_the_requests_of_a_restart_make_the_same_of_another_robot(tmp_path: Path) -> None:
-    """So a recording of it, in which they are, can be executed again."""
+def test_replayed_requests_restore_another_robot(tmp_path: Path) -> None:
+    """A recording that contains them can therefore be re-executed."""
     kept(tmp_path, NEAR, line(3))
     desk = Desk(Store(tmp_path))
     exchange = desk.vehicle.restore()

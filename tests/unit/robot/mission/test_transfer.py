@@ -1,4 +1,4 @@
-"""Transfers: a mission is taken as a whole or not at all, in whatever order its frames come."""
+"""Transfers: a mission is accepted as a whole or not at all, in any order of its frames."""
 
 from math import inf, nan
 from typing import Any
@@ -27,7 +27,7 @@ from tests.support.robot.vehicles import Desk
 
 
 def held(desk: Desk, kind: int = MissionType.MISSION) -> list[str]:
-    """What a download gives, as text, in which NaN is NaN."""
+    """Return a download as text, in which NaN equals NaN."""
     count = desk.vehicle.receive(MissionRequestList(mission_type=kind), 0)
     assert isinstance(count, MissionCount)
     wanted = [MissionRequestInt(seq=seq, mission_type=kind) for seq in range(count.count)]
@@ -70,7 +70,7 @@ BAD = [
 
 @pytest.mark.parametrize(("change", "reason"), BAD)
 @pytest.mark.parametrize("at", [0, 1, 3])
-def test_a_bad_item_is_named_with_its_reason_and_the_old_mission_stays(
+def test_bad_item_is_named_and_the_old_mission_stays(
     change: dict[str, Any], reason: Reason, at: int
 ) -> None:
     desk = Desk()
@@ -100,7 +100,7 @@ def test_a_mission_has_at_least_one_item_and_not_too_many() -> None:
         assert (verdict.reason, verdict.item) == (reason, which)
 
 
-def test_an_item_that_is_not_its_turn_is_refused_and_the_transfer_goes_on() -> None:
+def test_item_out_of_turn_is_refused_and_upload_continues() -> None:
     desk = Desk()
     items = line(3)
     assert bad(desk.vehicle.receive(items[0], 0)) == 0, "nobody has announced it"
@@ -124,7 +124,7 @@ def test_every_frame_may_be_repeated() -> None:
     assert desk.vehicle.mission.number == 1
 
 
-def test_two_operators_who_upload_at_once_do_not_mix_their_items() -> None:
+def test_concurrent_uploads_do_not_mix_items() -> None:
     desk = Desk()
     ours, theirs = line(3), [item(seq, -1.0, 2.0) for seq in range(3)]
     desk.vehicle.receive(MissionCount(count=3), 0, "ada")
@@ -167,7 +167,7 @@ def test_other_kinds_of_missions_are_unknown() -> None:
     assert (verdict.reason, verdict.mission_type) == (Reason.UNKNOWN_COMMAND, 2)
 
 
-# Fences come the same way.
+# Fences are uploaded the same way.
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_other_kinds_of_missions_are_unknown() -> None:
         corners((-1.0, -1.0), (3.0, 0.0), (-1.0, 1.0)),
     ],
 )
-def test_a_fence_is_put_up_and_refuses_goals(items: list[MissionItemInt]) -> None:
+def test_uploaded_fence_refuses_goals(items: list[MissionItemInt]) -> None:
     desk = Desk()
     desk.arm()
     assert upload(desk, items).reason == Reason.NONE
@@ -216,7 +216,7 @@ def test_a_bad_fence_is_refused_and_the_old_one_stays(
 
 
 class FakeItemStore:
-    """Keeps what it is given, and every whole that it ever was given."""
+    """Stores the accepted items, and every accepted set so far."""
 
     max_items = 9
 
@@ -244,7 +244,7 @@ frames: st.SearchStrategy[Request] = st.one_of(
 
 
 @given(st.lists(st.tuples(frames, st.sampled_from(["ada", "bob"])), max_size=60))
-def test_in_whatever_order_frames_come_what_is_held_came_as_a_whole(
+def test_any_order_of_frames_stores_complete_uploads_only(
     asked: list[tuple[Request, str]],
 ) -> None:
     store = FakeItemStore()

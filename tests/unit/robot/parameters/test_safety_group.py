@@ -1,4 +1,4 @@
-"""No operator weakens guard and failsafes: only disarmed, and no less safe than configured."""
+"""Guard and failsafes are changed only while disarmed, and stay as safe as configured."""
 
 import json
 import re
@@ -34,7 +34,7 @@ WEAKER = (
     ("freeze_m", 5.0),
     ("m_per_tick", 1e-6),
 )
-"""How a review has weakened a driving robot for ever."""
+"""Parameters by which a review weakened a driving robot permanently."""
 
 SAFER = {SafetyBound.UP: 1.01, SafetyBound.DOWN: 0.99, SafetyBound.NEAR: 1.01}
 LESS_SAFE = {
@@ -56,7 +56,7 @@ def value_of(desk: Desk, name: str) -> float:
 
 
 def moved(name: str, by: float) -> float:
-    """The default times a factor; whole where the parameter is."""
+    """Return the default times a factor; whole for a whole-number parameter."""
     value = float(getattr(DEFAULTS, name)) * by
     return float(round(value)) if SPECS[name].integer else value
 
@@ -108,8 +108,8 @@ def test_all_other_parameters_change_under_way() -> None:
     assert put(desk, "v_max_m_s", 0.2) == Reason.NONE
 
 
-def test_group_holds_all_that_guard_and_failsafes_rest_on() -> None:
-    """By the words of the failsafe table and the source of the guard."""
+def test_group_contains_all_that_guard_and_failsafes_use() -> None:
+    """According to the failsafe table and the source of the guard."""
     source = Path(guard.__file__).read_text()
     named = {*re.findall(r"\w+", " ".join(row.limit for row in ROWS))}
     named |= set(re.findall(r"params\.(\w+)", source))
@@ -118,7 +118,7 @@ def test_group_holds_all_that_guard_and_failsafes_rest_on() -> None:
 
 
 @given(st.sampled_from(GROUP), st.floats(1e-9, 1e9), st.floats(1e-9, 1e9))
-def test_what_is_as_configured_is_never_less_safe(
+def test_configured_values_are_never_less_safe(
     spec: ParameterSpec, limit: float, value: float
 ) -> None:
     configured = DEFAULTS._replace(**{spec.name: limit})  # type: ignore[arg-type]
@@ -133,7 +133,7 @@ def test_what_is_as_configured_is_never_less_safe(
 
 
 def started(state: Path, *words: str, settings: dict[str, float] | None = None) -> Vehicle:
-    """The vehicle of a robot process that starts so."""
+    """Return the vehicle of a robot process with these arguments."""
     arguments = parser().parse_args(["--state", str(state), "--lockstep", *words])
     return vehicle_of(arguments, Settings(parameters=settings or {}), Store(arguments.state))
 
@@ -153,7 +153,7 @@ def test_configuration_may_be_weaker_than_the_default(tmp_path: Path) -> None:
 
 
 def test_saved_values_are_held_to_the_configuration(tmp_path: Path) -> None:
-    """Saved by an older robot, or under a looser configuration."""
+    """The values were saved by an older robot, or with another configuration."""
     weaker: dict[str, float] = dict(WEAKER)
     (tmp_path / FILE_NAME).write_text(json.dumps(weaker | {"d_obs_m": 0.4, "wheel_time_ms": 400}))
     vehicle = started(tmp_path)
@@ -180,7 +180,7 @@ def test_command_line_is_part_of_the_configuration(tmp_path: Path) -> None:
     assert warnings(vehicle) == ""
 
 
-# What is shown.
+# Display.
 
 
 def notices(desk: Desk) -> list[str]:
@@ -217,7 +217,7 @@ def test_refused_arming_lists_nothing() -> None:
     assert notices(desk) == []
 
 
-def test_list_tells_group_direction_and_configured_value() -> None:
+def test_list_shows_group_direction_and_configured_value() -> None:
     desk = Desk()
     put(desk, "op_lost_ms", 1000.0)
     rows = {row["name"]: row for row in json.loads(desk.vehicle.parameters.described())}

@@ -43,7 +43,7 @@ def test_several_values_are_put_into_force() -> None:
 
 
 @pytest.mark.parametrize("bad", [{"d_obs_cm": 30.0}, {"d_obs_m": inf}])
-def test_a_user_is_told_where_a_bad_value_stands(bad: dict[str, float]) -> None:
+def test_error_for_a_bad_value_contains_its_place(bad: dict[str, float]) -> None:
     with pytest.raises(UserError, match=r"^robot\.toml: .*d_obs_c?m"):
         adjusted(DEFAULTS, {"side": 1.0, **bad}, "robot.toml")
 
@@ -59,7 +59,7 @@ def test_values_outside_the_range_are_refused_with_the_range(value: float) -> No
         with_value(DEFAULTS, "d_obs_m", value)
 
 
-def test_a_whole_number_is_asked_for_where_it_must_be_one() -> None:
+def test_fraction_for_a_whole_number_is_refused() -> None:
     with pytest.raises(OutOfRangeError, match="whole number"):
         with_value(DEFAULTS, "stuck_ms", 2000.5)
     assert isinstance(with_value(DEFAULTS, "stuck_ms", 2000.0).stuck_ms, int)
@@ -71,7 +71,7 @@ def test_a_side_is_left_or_right() -> None:
 
 
 @given(st.sampled_from(sorted(SPECS)), st.floats())
-def test_whatever_is_accepted_is_within_its_range(name: str, value: float) -> None:
+def test_accepted_values_are_within_their_range(name: str, value: float) -> None:
     try:
         changed = with_value(DEFAULTS, name, value)
     except OutOfRangeError:
@@ -79,7 +79,7 @@ def test_whatever_is_accepted_is_within_its_range(name: str, value: float) -> No
     assert SPECS[name].minimum <= getattr(changed, name) <= SPECS[name].maximum
 
 
-def test_the_list_tells_unit_range_default_and_meaning() -> None:
+def test_list_shows_unit_range_default_and_meaning() -> None:
     rows = described(with_value(DEFAULTS, "d_obs_m", 0.4))
     row = next(row for row in rows if row["name"] == "d_obs_m")
     assert (row["value"], row["default"], row["unit"]) == (0.4, 0.3, "m")

@@ -38,14 +38,14 @@ def test_each_stage_is_charged_what_it_took() -> None:
     assert (report.sense_age_us, report.rejected, report.budget_us) == (99, 3, TICK_US)
 
 
-def test_the_writing_of_a_tick_is_told_with_the_next_one() -> None:
+def test_writing_cost_is_reported_with_the_next_tick() -> None:
     meter, clock = metered()
     cycle(meter, clock, 70)
     meter.begin(tick(1))
     assert meter.report(0, sense_age_us=0, rejected=0).stage_us[-1] == 70
 
 
-def test_three_overruns_in_a_row_violate_the_budget_and_two_do_not() -> None:
+def test_three_overruns_in_a_row_violate_the_budget() -> None:
     meter, clock = metered()
     for violated in (False, False, True):
         cycle(meter, clock, TICK_US + 1)
@@ -55,7 +55,7 @@ def test_three_overruns_in_a_row_violate_the_budget_and_two_do_not() -> None:
     assert not meter.violated
 
 
-def test_before_the_first_tick_nothing_is_violated_and_nothing_was_spent() -> None:
+def test_before_the_first_tick_nothing_is_measured() -> None:
     meter, _ = metered()
     assert not meter.violated
     report = meter.report(0, sense_age_us=0, rejected=0)
@@ -63,7 +63,7 @@ def test_before_the_first_tick_nothing_is_violated_and_nothing_was_spent() -> No
     assert report.stage_us == (0,) * 5
 
 
-def test_a_tick_within_the_budget_begins_the_row_of_overruns_anew() -> None:
+def test_tick_within_the_budget_resets_the_overruns() -> None:
     meter, clock = metered()
     for spent_us in (TICK_US + 1, TICK_US + 1, TICK_US, TICK_US + 1, TICK_US + 1):
         cycle(meter, clock, spent_us)
@@ -80,7 +80,7 @@ def test_a_tick_more_than_one_period_late_violates_it_at_once() -> None:
     assert meter.violated
 
 
-def test_in_lockstep_no_verdict_depends_on_how_busy_the_machine_is() -> None:
+def test_lockstep_is_independent_of_machine_load() -> None:
     meter, clock = metered(enforced=False)
     for _ in range(5):
         cycle(meter, clock, 10 * TICK_US)
@@ -88,7 +88,7 @@ def test_in_lockstep_no_verdict_depends_on_how_busy_the_machine_is() -> None:
     assert not meter.violated
 
 
-def test_a_stage_longer_than_the_wire_can_say_is_told_as_the_longest() -> None:
+def test_stage_cost_is_limited_to_16_bits() -> None:
     meter, clock = metered()
     meter.begin(tick())
     clock.advance(10**9)
@@ -103,7 +103,7 @@ def test_within_the_budget_nothing_is_counted(spent_us: int) -> None:
     assert meter.overruns == 0
 
 
-def test_a_process_that_was_stopped_violates_it_although_its_frame_has_just_arrived() -> None:
+def test_suspended_process_violates_it_despite_a_fresh_frame() -> None:
     meter, clock = metered()
     cycle(meter, clock, 100)
     clock.advance(2 * PERIOD_NS - 100 * US)
@@ -118,7 +118,7 @@ def test_a_process_that_was_stopped_violates_it_although_its_frame_has_just_arri
 
 
 @pytest.mark.parametrize("count", [UINT32 - 1, UINT32, UINT32 + 1, 1 << 40])
-def test_what_32_bits_cannot_hold_ends_no_robot(count: int) -> None:
+def test_report_values_are_limited_to_32_bits(count: int) -> None:
     """Five days of 10,000 unreadable frames a second, or a process suspended for 72 minutes."""
     meter, _ = metered()
     meter.begin(tick(count, late_ns=count * US, missed=count))

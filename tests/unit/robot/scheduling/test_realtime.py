@@ -19,7 +19,7 @@ def thawed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "setswitchinterval", lambda _: None)
 
 
-def test_no_thread_keeps_the_interpreter_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_switch_interval_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[float] = []
     monkeypatch.setattr(sys, "setswitchinterval", seen.append)
     share_interpreter()
@@ -31,12 +31,12 @@ def test_a_frozen_heap_needs_no_warning() -> None:
     assert freeze_heap() is None
 
 
-def test_a_python_that_cannot_freeze_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_without_freeze_returns_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(gc, "freeze")
     assert "may stall the loop" in (freeze_heap() or "")
 
 
-def test_real_time_scheduling_that_is_refused_falls_back_with_a_warning(
+def test_refused_real_time_scheduling_returns_a_warning(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def refused(*_: object) -> None:
@@ -46,7 +46,7 @@ def test_real_time_scheduling_that_is_refused_falls_back_with_a_warning(
     assert "CAP_SYS_NICE" in (use_fifo() or "")
 
 
-def test_threads_that_may_hold_the_interpreter_are_scheduled_too_below_the_loop(
+def test_other_threads_are_scheduled_below_the_loop(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     given: dict[int, int] = {}
@@ -80,12 +80,12 @@ def test_any_other_failure_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "Invalid argument" in (use_fifo() or "")
 
 
-def test_a_system_without_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_system_without_it_returns_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
     assert "not available" in (use_fifo() or "")
 
 
-def test_what_did_not_work_is_said_on_the_bus_and_the_robot_runs_on(
+def test_failed_option_is_announced_on_the_bus(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delattr(os, "sched_setscheduler")
@@ -95,7 +95,7 @@ def test_what_did_not_work_is_said_on_the_bus_and_the_robot_runs_on(
     assert any("real-time scheduling" in text.text for text in vehicle.texts())
 
 
-def test_what_is_not_wanted_is_not_tried(
+def test_unselected_options_are_not_applied(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delattr(gc, "freeze")

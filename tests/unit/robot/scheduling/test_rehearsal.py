@@ -6,7 +6,7 @@ PATIENCE_NS = 12 * MS
 
 
 class Script:
-    """A pulse whose beats are written down: the answer to each wait, in turn."""
+    """A pulse with scripted results of each wait."""
 
     def __init__(self, *answers: int | None) -> None:
         self.answers = list(answers)
@@ -32,14 +32,14 @@ def rehearsed(*answers: int | None) -> tuple[RehearsingPulse, Script, Counted]:
     return RehearsingPulse(script, rehearsal, PATIENCE_NS), script, rehearsal
 
 
-def test_it_rehearses_shortly_before_the_frame_is_due_and_then_waits_on() -> None:
+def test_it_rehearses_shortly_before_the_frame_is_due() -> None:
     pulse, script, rehearsal = rehearsed(None, 50 * MS)
     assert pulse.wait_until(62 * MS) == 50 * MS
     assert script.deadlines_ns == [50 * MS - LEAD_NS, 62 * MS]
     assert rehearsal.runs == 1
 
 
-def test_an_early_frame_is_not_kept_waiting_by_a_rehearsal() -> None:
+def test_early_frame_is_not_delayed_by_a_rehearsal() -> None:
     pulse, _, rehearsal = rehearsed(40 * MS)
     assert pulse.wait_until(62 * MS) == 40 * MS
     assert rehearsal.runs == 0
@@ -52,7 +52,7 @@ def test_without_a_frame_the_deadline_ends_the_wait() -> None:
     assert rehearsal.runs == 1
 
 
-def test_a_rehearsal_drives_every_time_and_remembers_nothing() -> None:
+def test_rehearsals_are_independent() -> None:
     rehearsal = Rehearsal(DEFAULTS)
     first, second = rehearsal.run(), rehearsal.run()
     assert first == second

@@ -29,7 +29,7 @@ def test_without_a_directory_nothing_is_kept() -> None:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1, 2]", "null", '"x"', "\x00"])
-def test_a_broken_file_leaves_the_defaults_and_says_so(tmp_path: Path, text: str) -> None:
+def test_broken_file_leaves_the_defaults_with_a_warning(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE_NAME).write_text(text)
     params, warnings = Store(tmp_path).load(DEFAULTS)
     assert params == DEFAULTS
@@ -67,7 +67,7 @@ def test_a_crash_while_saving_leaves_the_old_file(
     assert params.d_obs_m == 0.45
 
 
-def test_it_holds_what_is_written_and_nothing_else(tmp_path: Path) -> None:
+def test_only_written_values_are_held(tmp_path: Path) -> None:
     store = Store(tmp_path)
     assert not store.holds("d_obs_m", 0.45)
     store.save("d_obs_m", 0.45)
@@ -78,13 +78,13 @@ def test_it_holds_what_is_written_and_nothing_else(tmp_path: Path) -> None:
     assert again.holds("d_obs_m", 0.45)
 
 
-def test_without_a_directory_it_holds_nothing() -> None:
+def test_without_a_directory_no_value_is_held() -> None:
     store = Store(None)
     store.save("d_obs_m", 0.45)
     assert not store.holds("d_obs_m", 0.45)
 
 
-def test_what_could_not_be_written_is_not_held(tmp_path: Path) -> None:
+def test_value_that_could_not_be_written_is_not_held(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     store = Store(tmp_path / "file")
     ticket = store.save("d_obs_m", 0.45)

@@ -1,4 +1,4 @@
-"""A robot knows how the one before it ended: by its own last word, or by what others saw."""
+"""The ending of the previous run, from its own mark or from the launcher."""
 
 from pathlib import Path
 
@@ -24,30 +24,30 @@ from tests.support.robot.held_writer import HeldWriter
 KILLED = "was killed (signal SIGKILL)"
 
 
-def test_the_first_one_has_nobody_before_it(tmp_path: Path) -> None:
+def test_first_run_has_no_previous_one(tmp_path: Path) -> None:
     directory = Directory(tmp_path / "new" / "state")
     assert PreviousRun(directory).begin() == ""
     assert [file.error for file in directory.collect()] == [None]
 
 
-def test_one_that_was_told_to_stop_is_no_news(tmp_path: Path) -> None:
+def test_normal_stop_is_not_reported(tmp_path: Path) -> None:
     first = PreviousRun(Directory(tmp_path))
     first.begin()
     first.end()
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
-def test_one_that_was_killed_leaves_no_word(tmp_path: Path) -> None:
+def test_killed_run_ends_without_a_report(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
     assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT == "ended without a report"
 
 
-def test_what_the_supervisor_saw_is_better_than_no_word(tmp_path: Path) -> None:
+def test_observation_of_the_launcher_replaces_a_missing_mark(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
     assert PreviousRun(Directory(tmp_path)).begin("signal SIGKILL") == KILLED
 
 
-def test_its_own_last_word_is_better_than_what_others_saw(tmp_path: Path) -> None:
+def test_own_mark_has_priority_over_the_launcher(tmp_path: Path) -> None:
     first, last = (
         PreviousRun(Directory(tmp_path)),
         "ended by a core exception (ZeroDivisionError: x)",
@@ -57,7 +57,7 @@ def test_its_own_last_word_is_better_than_what_others_saw(tmp_path: Path) -> Non
     assert PreviousRun(Directory(tmp_path)).begin("ended by itself (exit code 1)") == last
 
 
-def test_a_word_is_told_to_the_next_one_only(tmp_path: Path) -> None:
+def test_mark_is_reported_to_the_next_run_only(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
     second = PreviousRun(Directory(tmp_path))
     second.begin()
@@ -66,14 +66,14 @@ def test_a_word_is_told_to_the_next_one_only(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("after", ["signal SIGKILL", KILLED])
-def test_without_a_directory_it_believes_who_starts_it(after: str) -> None:
+def test_without_a_directory_the_launcher_counts(after: str) -> None:
     life = PreviousRun(Directory(None))
     assert life.begin(after) == KILLED
     life.end()
     assert (life.trace, PreviousRun(Directory(None)).begin()) == (None, "")
 
 
-def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
+def test_stack_traces_of_a_hung_run_are_kept(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
     (tmp_path / HUNG_NAME).write_text("Current thread ...")
     assert PreviousRun(Directory(tmp_path)).begin() == "hung (its loop did not run for 5 s)"
@@ -81,7 +81,7 @@ def test_one_that_hung_has_left_its_place_which_is_kept(tmp_path: Path) -> None:
     assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT
 
 
-def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) -> None:
+def test_unwritable_directory_is_reported_and_the_robot_runs(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     store = Store(tmp_path / "file")
     vehicle, life = Vehicle(DEFAULTS, store), PreviousRun(store.directory)
@@ -91,7 +91,7 @@ def test_a_directory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: P
         life.end()
 
 
-def test_marks_are_left_to_the_writer(tmp_path: Path) -> None:
+def test_marks_are_written_by_the_writer(tmp_path: Path) -> None:
     writer = HeldWriter()
     life = PreviousRun(Directory(tmp_path, writer))
     life.begin()
@@ -109,12 +109,12 @@ def test_the_last_mark_is_written_when_the_robot_ends(tmp_path: Path) -> None:
     assert (tmp_path / FILE_NAME).read_text() == "ended by itself"
 
 
-def test_noise_in_the_file_is_taken_for_no_word(tmp_path: Path) -> None:
+def test_invalid_mark_counts_as_none(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_bytes(b"\xff\xfe\x00")
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
-def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFixture[str]) -> None:
+def test_ending_is_announced_and_printed(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
@@ -127,7 +127,7 @@ def test_it_is_told_to_everybody_and_on_standard_error(capsys: pytest.CaptureFix
     assert capsys.readouterr().err == f"robot r1: {words}\nrobot r1: {PLACE_UNKNOWN}\n"
 
 
-def test_the_first_one_has_nothing_to_tell(capsys: pytest.CaptureFixture[str]) -> None:
+def test_first_run_announces_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     vehicle = Vehicle(DEFAULTS, Store(None))
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "")
     assert [text.text for text in vehicle.texts()] == ["started: disarmed, standing still"]

@@ -1,4 +1,4 @@
-"""A directory of saved state is one robot's: another does not read it."""
+"""A state directory belongs to one robot; another robot does not use it."""
 
 import os
 from pathlib import Path
@@ -25,7 +25,7 @@ def test_another_robot_is_refused_and_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_robot_process_does_not_start_on_the_state_of_another(tmp_path: Path) -> None:
-    """It would drive within the fence of the other, or without any."""
+    """It would otherwise drive with the other robot's fence, or without one."""
     own(tmp_path, "r2")
     (tmp_path / "fence.json").write_text("[]")
     with pytest.raises(UserError, match="belongs to robot 'r2'"):
@@ -33,9 +33,7 @@ def test_robot_process_does_not_start_on_the_state_of_another(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff", b"r1\x1b]0;OWNED\x07"])
-def test_state_of_nobody_knows_whom_is_refused_in_plain_words(
-    tmp_path: Path, content: bytes
-) -> None:
+def test_state_with_an_unreadable_owner_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / OWNER_NAME).write_bytes(content)
     with pytest.raises(UserError) as refused:
         own(tmp_path, "r1")
@@ -52,5 +50,5 @@ def test_full_disk_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     )
 
 
-def test_without_a_directory_there_is_nothing_to_own() -> None:
+def test_without_a_directory_no_owner_is_noted() -> None:
     assert own(None, "r1") == ""

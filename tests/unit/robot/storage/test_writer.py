@@ -1,4 +1,4 @@
-"""What is acknowledged is on the disk, and the control loop never waits for the disk."""
+"""Acknowledged values are on the disk, and the control loop never waits for the disk."""
 
 import builtins
 import io
@@ -45,7 +45,7 @@ def setting(value: float, name: str = "d_obs_m") -> ParamSet:
 
 
 class Robot:
-    """A vehicle whose disk is held, and its replies."""
+    """A vehicle with a delayed disk, and its replies."""
 
     def __init__(self, folder: Path) -> None:
         self.writer = HeldWriter()
@@ -65,7 +65,7 @@ class Robot:
         self.settle()
 
     def settle(self, after_s: float = 0.0) -> None:
-        """As the loop does in each tick; first let this time go by."""
+        """Run `settle` as the loop does in each tick, after this time."""
         self.desk.now_ns += round(after_s * 1e9)
         self.replies.settle(self.desk.now_ns)
 
@@ -92,9 +92,7 @@ def reason_of(answer: Message | bytes) -> int:
     return answer.result_param2 if isinstance(answer, CommandAck) else Reason.NONE
 
 
-def test_a_value_is_in_force_at_once_and_acknowledged_once_durable(
-    robot: Robot, tmp_path: Path
-) -> None:
+def test_value_is_in_force_at_once_and_acknowledged_later(robot: Robot, tmp_path: Path) -> None:
     asked = robot.ask(setting(0.45))
     robot.settle()
     assert robot.desk.vehicle.params.d_obs_m == 0.45
@@ -105,7 +103,7 @@ def test_a_value_is_in_force_at_once_and_acknowledged_once_durable(
     assert isinstance(answer, ParamValue)
 
 
-def test_a_value_that_cannot_be_written_is_answered_and_told(robot: Robot) -> None:
+def test_failed_write_is_answered_and_announced(robot: Robot) -> None:
     robot.errors()
     asked = robot.ask(setting(0.45))
     robot.finish(FULL)
@@ -114,7 +112,7 @@ def test_a_value_that_cannot_be_written_is_answered_and_told(robot: Robot) -> No
     assert robot.errors() == []
 
 
-def test_a_value_asked_for_again_after_a_failure_is_written(robot: Robot, tmp_path: Path) -> None:
+def test_repeated_request_after_a_failure_is_written(robot: Robot, tmp_path: Path) -> None:
     robot.ask(setting(0.45))
     robot.finish(FULL)
     again = robot.ask(setting(0.45))
@@ -123,7 +121,7 @@ def test_a_value_asked_for_again_after_a_failure_is_written(robot: Robot, tmp_pa
     assert saved_value(tmp_path / "state") == 0.45
 
 
-def test_a_request_repeated_while_the_disk_is_slow_is_written_once(robot: Robot) -> None:
+def test_request_repeated_on_a_slow_disk_is_written_once(robot: Robot) -> None:
     asked = [robot.ask(setting(0.45)) for _ in range(3)]
     assert len(robot.writer.waiting) == 1
     robot.finish()
@@ -131,9 +129,7 @@ def test_a_request_repeated_while_the_disk_is_slow_is_written_once(robot: Robot)
     assert robot.writer.waiting == []
 
 
-def test_of_many_values_set_while_the_disk_is_slow_the_newest_are_written(
-    robot: Robot, tmp_path: Path
-) -> None:
+def test_slow_disk_receives_only_the_newest_values(robot: Robot, tmp_path: Path) -> None:
     asked = [robot.ask(setting(0.2 + number / 100)) for number in range(20)]
     assert len(robot.writer.waiting) == 1, "bounded: one job of a file at a time"
     robot.finish()
@@ -144,8 +140,8 @@ def test_of_many_values_set_while_the_disk_is_slow_the_newest_are_written(
     assert saved_value(tmp_path / "state") == 0.39
 
 
-def test_an_older_content_that_failed_counts_as_saved_with_the_newer(robot: Robot) -> None:
-    """Both values are in the newer content."""
+def test_newer_content_saves_an_older_failed_one(robot: Robot) -> None:
+    """The newer content contains both values."""
     first, second = robot.ask(setting(0.45)), robot.ask(setting(0.6, "k_rho"))
     robot.writer.finish(FULL)
     robot.desk.vehicle.collect_saved()
@@ -159,7 +155,7 @@ def test_a_refusal_does_not_wait_for_the_disk(robot: Robot) -> None:
     assert reason(robot.ask(setting(99.0))) == Reason.PARAMETER_OUT_OF_RANGE
 
 
-def test_beyond_a_bound_requests_are_to_be_asked_again(robot: Robot) -> None:
+def test_requests_beyond_a_limit_are_rejected_temporarily(robot: Robot) -> None:
     asked = [robot.ask(setting(0.45)) for _ in range(MAX_WITHHELD + 3)]
     early = [one for one in asked if one.answers]
     assert early == asked[MAX_WITHHELD:]
@@ -183,7 +179,7 @@ def test_slow_disk_is_answered_as_in_progress(robot: Robot) -> None:
 
 
 def asked_for(robot: Robot, seconds: float) -> list[Message | bytes]:
-    """The answers of an operator who asks again and again."""
+    """Return the answers to an operator that repeats its request."""
     answers: list[Message | bytes] = []
     for _ in range(round(seconds / 0.4)):
         asked = robot.ask(setting(0.45))
@@ -192,7 +188,7 @@ def asked_for(robot: Robot, seconds: float) -> list[Message | bytes]:
     return answers
 
 
-def test_disk_that_hangs_is_told_once_and_answered_as_not_saved(robot: Robot) -> None:
+def test_hung_disk_is_announced_once_and_answered_not_saved(robot: Robot) -> None:
     assert asked_for(robot, 2.8) == [SAVING] * 7
     assert slow(robot) == []
     assert set(asked_for(robot, 6.8)) == {SAVING}
@@ -206,7 +202,7 @@ def test_disk_that_hangs_is_told_once_and_answered_as_not_saved(robot: Robot) ->
     assert slow(robot) == [], "a new write has its own time"
 
 
-def test_busy_disk_that_gets_on_is_not_taken_for_one_that_hangs(robot: Robot) -> None:
+def test_slow_disk_with_progress_does_not_count_as_hung(robot: Robot) -> None:
     for number in range(20):
         robot.ask(setting(0.2 + number / 100))
         robot.ask(setting(0.21 + number / 100))
@@ -248,7 +244,7 @@ def test_the_last_item_repeated_has_the_answer_of_the_disk(robot: Robot) -> None
     assert [reason(one) for one in (first, second, third)] == [Reason.NOT_SAVED] * 3
 
 
-def test_the_list_says_saved_only_of_what_is_durable(robot: Robot) -> None:
+def test_list_marks_only_durable_values_as_saved(robot: Robot) -> None:
     robot.ask(setting(0.45))
     assert saved_names(robot) == []
     robot.finish()
@@ -263,7 +259,7 @@ def saved_names(robot: Robot) -> list[str]:
     return [row["name"] for row in rows if row["saved"]]
 
 
-def test_a_robot_that_ends_waits_for_what_is_on_its_way(robot: Robot, tmp_path: Path) -> None:
+def test_end_waits_for_pending_writes(robot: Robot, tmp_path: Path) -> None:
     asked = robot.ask(setting(0.45))
     robot.desk.vehicle.finish_saving(1.0)
     robot.settle()
@@ -271,9 +267,7 @@ def test_a_robot_that_ends_waits_for_what_is_on_its_way(robot: Robot, tmp_path: 
     assert saved_value(tmp_path / "state") == 0.45
 
 
-def test_a_robot_that_ends_saves_what_came_while_a_file_was_being_written(
-    robot: Robot, tmp_path: Path
-) -> None:
+def test_end_saves_content_that_arrived_during_a_write(robot: Robot, tmp_path: Path) -> None:
     asked = [robot.ask(setting(value)) for value in (0.45, 0.5, 0.55)]
     robot.desk.vehicle.finish_saving(1.0)
     robot.settle()
@@ -318,7 +312,7 @@ def test_the_control_loop_touches_no_disk(
 def test_no_control_period_touches_the_disk(
     tmp_path: Path, thread: WriterThread, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The whole loop: requests and answers, telemetry, a stop, and the marks of a life."""
+    """The whole loop: requests and answers, telemetry, a stop, and the marks of a run."""
     store = Store(tmp_path / "state", thread)
     rig, life = Rig(store).ready(), PreviousRun(store.directory)
     life.begin()
@@ -348,7 +342,7 @@ def test_no_control_period_touches_the_disk(
 
 @contextmanager
 def untouchable(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Fail when this thread uses the file system within the block."""
+    """Fail if this thread uses the file system within the block."""
     with monkeypatch.context() as patch:
         loop = threading.current_thread()
         for name in ("open", "fsync", "write", "replace", "unlink", "mkdir", "stat", "close"):
@@ -379,7 +373,7 @@ def test_the_thread_survives_a_defect_and_reports_it(
 
 
 def ended(thread: WriterThread, folder: Path, text: str) -> Done:
-    """Hand over a content and wait for its end."""
+    """Submit a content and wait for its end."""
     thread.submit(Job(folder / "one.json", text, 1))
     found: list[Done] = []
 

@@ -1,4 +1,4 @@
-"""Packages of others in place of ours: in the working directory, on the path, in our folders."""
+"""Foreign packages with our names: in the working directory, on the path, in our folders."""
 
 import base64
 import hashlib
@@ -16,7 +16,7 @@ OURS = "our = 1\n"
 
 @pytest.fixture
 def forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Have Python look for our packages again."""
+    """Make Python search for our packages again."""
     for name in PACKAGES:
         monkeypatch.delitem(sys.modules, name, raising=False)
 
@@ -28,7 +28,7 @@ def shadow(folder: Path, name: str) -> Path:
 
 
 def record(site: Path, name: str, *files: str) -> None:
-    """Install a distribution: write each of the files, and the list of them."""
+    """Install a distribution: write each of its files and the list of them."""
     lines = []
     for file in files:
         place = site / file
@@ -45,7 +45,7 @@ def record(site: Path, name: str, *files: str) -> None:
 
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An installation of ours with two packages, which Python finds."""
+    """Return an installation of ours with two packages that Python finds."""
     for module in (conflicts, packages):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(conflicts, "displaced", list)
@@ -88,9 +88,7 @@ def test_a_folder_without_a_package_displaces_nothing(
 
 
 @pytest.mark.usefixtures("forgotten")
-def test_remedy_depends_on_what_put_it_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_remedy_depends_on_the_cause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(shadow(tmp_path, "ground"))
     monkeypatch.setenv("PYTHONPATH", f"/nowhere:{tmp_path}")
     assert [found.do for found in displaced()] == [f"take {tmp_path} out of PYTHONPATH"]
@@ -99,7 +97,7 @@ def test_remedy_depends_on_what_put_it_first(
     assert [found.do for found in displaced()] == ["start sidestep in another folder"]
 
 
-def test_packages_that_are_ours_alone_are_no_conflict(site: Path) -> None:
+def test_packages_without_foreign_files_are_no_conflict(site: Path) -> None:
     record(site, "other", "other/__init__.py")
     assert conflicts.conflicts() == []
 

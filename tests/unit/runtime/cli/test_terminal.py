@@ -1,4 +1,4 @@
-"""No control character reaches a terminal, whatever was written and by whom."""
+"""No control character reaches a terminal, whatever the source of the text."""
 
 import subprocess
 import sys
@@ -27,27 +27,27 @@ WORDS = r"'\x1b]0;OWNED\x07 \x9b2J \u202e \u2028 \ud800 end'"
 
 
 @pytest.mark.parametrize("letter", HOSTILE)
-def test_a_character_that_commands_is_replaced(letter: str) -> None:
+def test_control_character_is_replaced(letter: str) -> None:
     out = StringIO()
     print(f"a{letter}b", file=guarded(out))
     assert out.getvalue() == "a?b\n"
 
 
-def test_what_people_write_stays() -> None:
+def test_printable_text_is_unchanged() -> None:
     out = StringIO()
     print("Grüße, 世界 → 90°\n\tnext", file=guarded(out))
     assert out.getvalue() == "Grüße, 世界 → 90°\n next\n"
 
 
 @given(st.text())
-def test_one_character_for_one_and_all_printable(text: str) -> None:
+def test_length_is_kept_and_all_is_printable(text: str) -> None:
     found = printable(text)
     assert found.isprintable()
     assert len(found) == len(text)
     assert all(a == b or not a.isprintable() for a, b in zip(text, found, strict=True))
 
 
-def test_only_our_own_sequences_pass_and_guards_do_not_pile_up() -> None:
+def test_only_own_sequences_pass_and_guards_are_not_nested() -> None:
     out = StringIO()
     steer(guarded(guarded(out)), CLEAR_LINE)
     assert out.getvalue() == CLEAR_LINE
@@ -56,7 +56,7 @@ def test_only_our_own_sequences_pass_and_guards_do_not_pile_up() -> None:
     assert out.getvalue() == CLEAR_LINE + "??[K\n"
 
 
-def test_standard_output_is_given_back(capsys: pytest.CaptureFixture[str]) -> None:
+def test_standard_output_is_restored(capsys: pytest.CaptureFixture[str]) -> None:
     before = sys.stdout, sys.stderr
     with guarded_output():
         print("\x1b[2J")
@@ -81,7 +81,7 @@ def test_standard_output_is_given_back(capsys: pytest.CaptureFixture[str]) -> No
 )
 @pytest.mark.parametrize("traceback", [[], ["--traceback"]], ids=["", "traceback"])
 def test_the_executable_lets_no_control_character_out(does: str, traceback: list[str]) -> None:
-    """A traceback of the interpreter, of a thread and an error of argparse included."""
+    """Includes a traceback of the interpreter, one of a thread, and an error of argparse."""
     command = [sys.executable, "-W", "default", "-c", CODE.format(does=does), *traceback, "up"]
     run = subprocess.run(command, cwd=ROOT, capture_output=True, check=False)
     said = (run.stdout + run.stderr).decode()
@@ -90,7 +90,7 @@ def test_the_executable_lets_no_control_character_out(does: str, traceback: list
     assert [letter for letter in said if letter != "\n" and not letter.isprintable()] == []
 
 
-def test_an_output_that_was_closed_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closed_output_stays_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", None)
     with guarded_output():
         assert sys.stderr is None
