@@ -1,0 +1,1 @@
+"""Benchmarks of speed and cost, compared with baselines and with other software."""

@@ -1,4 +1,4 @@
-"""`python -m benchmarks NAME`: a table from name to the module that measures it."""
+"""`python -m benchmarks NAME`: run a benchmark."""
 
 import argparse
 import importlib
@@ -13,119 +13,124 @@ from verification.harness import machine
 from verification.harness.figures import Report
 
 
-class Entry(NamedTuple):
-    """`module` measures it, `title` says what."""
+class BenchmarkEntry(NamedTuple):
+    """The module of a benchmark and what it measures."""
 
     module: str
     title: str
 
 
 BENCHMARKS = {
-    "trial": Entry(
+    "trial": BenchmarkEntry(
         "benchmarks.trial",
-        "a run in one process, x real time, and ir-sim beside it",
+        "a trial in one process, x real time, compared with ir-sim",
     ),
-    "core": Entry(
+    "core": BenchmarkEntry(
         "benchmarks.core",
         "CPU time of one step of the control core",
     ),
-    "budget": Entry(
+    "budget": BenchmarkEntry(
         "benchmarks.mcu_cost.budget",
-        "one step on the LPC1768, modelled: operations counted, times cycles; its state",
+        "modelled cost of one step on the LPC1768: operations x cycles, and memory",
     ),
-    "codec": Entry(
+    "codec": BenchmarkEntry(
         "benchmarks.codec",
-        "encode and decode, pymavlink beside it",
+        "encode and decode, compared with pymavlink",
     ),
-    "lockstep": Entry(
+    "lockstep": BenchmarkEntry(
         "benchmarks.lockstep",
-        "plant, robot and ground over Zenoh as fast as they can, x real time",
+        "plant, robot and ground over Zenoh at full speed, x real time",
     ),
-    "latency": Entry(
+    "latency": BenchmarkEntry(
         "benchmarks.latency",
-        "sense published to wheel command received, a bare ping-pong beside it",
+        "sensor sample published to wheel command received, compared with a ping-pong",
     ),
-    "mtls": Entry(
+    "mtls": BenchmarkEntry(
         "benchmarks.mtls",
-        "what mutual TLS and access control cost the closed loop, without them beside it",
+        "closed loop with mutual TLS and access control, compared with an open bus",
     ),
-    "robot": Entry(
+    "robot": BenchmarkEntry(
         "benchmarks.robot",
         "the robot process at 20 Hz: CPU, memory, growth, import time",
     ),
-    "jitter": Entry(
+    "jitter": BenchmarkEntry(
         "benchmarks.jitter",
         "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     ),
-    "nees": Entry(
+    "nees": BenchmarkEntry(
         "benchmarks.nees",
-        "whether the odometry's covariance fits its errors, per noise level",
+        "consistency of the odometry's covariance with its errors, per noise level",
     ),
-    "arrival": Entry(
+    "arrival": BenchmarkEntry(
         "benchmarks.arrival",
-        "pose and last turn at the goal in the open, go-then-align beside it",
+        "pose and last turn at the goal in the open, compared with go-then-align",
     ),
-    "map": Entry(
+    "map": BenchmarkEntry(
         "benchmarks.map_drawing.main",
-        "a frame of the map on 100 x 40 cells, textual-plotext beside it",
+        "a frame of the map on 100 x 40 cells, compared with textual-plotext",
     ),
-    "soak": Entry(
+    "soak": BenchmarkEntry(
         "verification.soak.main",
         "long run of a fleet with faults: memory growth, latency drift, lost messages",
     ),
-    "ground": Entry(
+    "ground": BenchmarkEntry(
         "benchmarks.ground_station.main",
         "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     ),
-    "restarts": Entry(
+    "restarts": BenchmarkEntry(
         "verification.restarts",
         "time from killing a process of `up` until robot and plant publish again",
     ),
-    "faults": Entry(
+    "faults": BenchmarkEntry(
         "verification.faults_matrix.main",
-        "what the robot does when something breaks, the fault matrix (docs/evidence/faults.md)",
+        "reaction of the robot to faults: the fault matrix (docs/evidence/faults.md)",
     ),
-    "fuzz": Entry(
+    "fuzz": BenchmarkEntry(
         "verification.fuzz.main",
-        "broken inputs for every decoder: none may crash, hang or take much memory",
+        "invalid inputs for every decoder: none may crash, hang or use much memory",
     ),
-    "flood": Entry(
+    "flood": BenchmarkEntry(
         "verification.flood.main",
-        "a robot under attack of ten kinds: key to standing wheels, missed ticks, memory",
+        "a robot under ten kinds of attack: key to wheels at zero, missed ticks, memory",
     ),
-    "simulate": Entry(
+    "simulate": BenchmarkEntry(
         "verification.simulate",
         "the whole stack on simulated time, network and disk: faults by seed, invariants",
     ),
-    "digest": Entry(
+    "digest": BenchmarkEntry(
         "benchmarks.digest",
-        "the same trajectory in every way of running, another one for another seed",
+        "equal trajectories in every mode of running, another one for another seed",
     ),
 }
 
 
 class Benchmark(Protocol):
-    """What each module offers."""
+    """The interface of a benchmark module."""
 
-    def add_options(self, parser: argparse.ArgumentParser) -> None: ...
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        """Add the options of this benchmark."""
 
-    def measure(self, options: argparse.Namespace) -> Report: ...
+    def measure(self, options: argparse.Namespace) -> Report:
+        """Run the benchmark and return its figures."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure; 0 when every threshold was met, 1 when one was missed, 2 wrong usage."""
+    """Run a benchmark.
+
+    Return 0 when every threshold is met, 1 when one is missed, 2 for wrong usage.
+    """
     arguments = list(sys.argv[1:] if argv is None else argv)
     parser = argparse.ArgumentParser(
         prog="sidestep bench", description=VERBS["bench"].summary, epilog=table()
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("name", choices=BENCHMARKS, metavar="NAME")
-    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    benchmark = named(arguments)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    benchmark = benchmark_of(arguments)
     if benchmark:
         benchmark.add_options(parser)
     options = parser.parse_args(arguments)
-    if benchmark is None:  # argparse has refused the name; this line only says so to mypy
+    if benchmark is None:  # for mypy: argparse has refused the name
         return 2
     load_before = machine.load()
     report = benchmark.measure(options)
@@ -134,8 +139,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if report.met else 1
 
 
-def named(arguments: Sequence[str]) -> Benchmark | None:
-    """The module of the first word that is a name: each has options of its own."""
+def benchmark_of(arguments: Sequence[str]) -> Benchmark | None:
+    """Return the module of the first benchmark name among the arguments, or None."""
     for word in arguments:
         if word in BENCHMARKS:
             return cast(Benchmark, importlib.import_module(BENCHMARKS[word].module))
@@ -143,6 +148,7 @@ def named(arguments: Sequence[str]) -> Benchmark | None:
 
 
 def table() -> str:
+    """Return the list of benchmarks for the help."""
     return "\n".join(f"  {name:<10} {entry.title}" for name, entry in BENCHMARKS.items())
 
 

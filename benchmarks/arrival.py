@@ -1,7 +1,7 @@
-"""Arrival with orientation, between random poses in an open world; beside it go-then-align.
+"""Arrival at a pose between random poses in an open world, compared with go-then-align.
 
-Errors are those of the pose the robot believed when it called its goal reached: what arriving can
-do, apart from odometry. A last turn is what was turned on the spot at the goal.
+Errors are those of the pose that the robot estimated when it reported the goal as reached, which
+excludes odometry errors. A last turn is a turn on the spot at the goal.
 """
 
 import argparse
@@ -20,8 +20,8 @@ from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 from verification.harness.figures import Figure, Report, percentile
 
-LEAST_M: Final = 0.5
-MOST_M: Final = 5.0
+MIN_DISTANCE_M: Final = 0.5
+MAX_DISTANCE_M: Final = 5.0
 SIDE_M: Final = 14.0
 TURN_DEG: Final = 5.0
 POSITION_M: Final = 0.03
@@ -32,6 +32,8 @@ PEER: Final[Mapping[str, float]] = {"pose_from_m": 0.0}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrival:
+    """Errors, time and path of one drive; `ratio` is path length over distance."""
+
     reached: bool
     position_m: float
     heading_deg: float
@@ -41,30 +43,36 @@ class Arrival:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--poses", type=int, default=300)
     parser.add_argument("--noises", nargs="+", choices=LEVELS, default=["none", "default"])
     parser.add_argument("--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR)
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure arrivals with the pose controller and with go-then-align."""
     figures: list[Figure] = []
     for noise in options.noises:
         for label, parameters in (("", {}), ("go-then-align ", PEER)):
             arrivals = [
                 arrive(seed, noise, options.navigator, parameters) for seed in range(options.poses)
             ]
-            figures += of(f"{label}{noise}", arrivals, judged=not label)
+            figures += figures_of(f"{label}{noise}", arrivals, judged=not label)
     notes = (
-        f"{options.poses} starts and goals {LEAST_M:g} to {MOST_M:g} m apart, {options.navigator}",
-        "position and heading as believed; default tolerances 0.05 m and 3 deg",
+        f"{options.poses} starts and goals {MIN_DISTANCE_M:g} to {MAX_DISTANCE_M:g} m apart,"
+        f" {options.navigator}",
+        "position and heading as estimated; default tolerances 0.05 m and 3 deg",
     )
     return Report(benchmark="arrival", figures=tuple(figures), notes=notes)
 
 
 def between(seed: int) -> World:
-    """Two random poses in a room whose walls are far from both."""
+    """Return an open world with two random poses far from its walls."""
     random = Random(seed)
-    distance_m, towards_rad = random.uniform(LEAST_M, MOST_M), random.uniform(-pi, pi)
+    distance_m, towards_rad = (
+        random.uniform(MIN_DISTANCE_M, MAX_DISTANCE_M),
+        random.uniform(-pi, pi),
+    )
     middle_m = SIDE_M / 2.0
     return World(
         name=f"arrival {seed}",
@@ -78,14 +86,15 @@ def between(seed: int) -> World:
     )
 
 
-class Onlooker:
-    """Sees every tick: adds up what is turned on the spot at the goal."""
+class ArrivalRecorder:
+    """Record the last estimated pose and the turn on the spot at the goal."""
 
     def __init__(self) -> None:
         self.turned_rad = 0.0
         self.pose = (0.0, 0.0, 0.0)
 
     def __call__(self, _plant: Plant, onboard: CoreLoop, _outputs: Outputs) -> None:
+        """Record one tick."""
         pose = onboard.state.odometry.pose
         if onboard.state.machine.goal_state == states.ALIGNING:
             self.turned_rad += abs(remainder(pose.heading_rad - self.pose[2], 2.0 * pi))
@@ -98,26 +107,26 @@ def arrive(
     navigator: str = USUAL_NAVIGATOR,
     parameters: Mapping[str, float] | None = None,
 ) -> Arrival:
-    """One drive, from one pose to the other."""
-    world, onlooker = between(seed), Onlooker()
+    """Drive from one random pose to the other."""
+    world, recorder = between(seed), ArrivalRecorder()
     trial = Trial(
         world=world, navigator=navigator, seed=seed, noise=noise, parameters=parameters or {}
     )
-    outcome = run_trial(trial, onlooker)
-    (x_m, y_m, heading_rad), goal, start = onlooker.pose, world.goal, world.start
+    outcome = run_trial(trial, recorder)
+    (x_m, y_m, heading_rad), goal, start = recorder.pose, world.goal, world.start
     assert goal.heading_rad is not None
     return Arrival(
         reached=outcome.reached,
         position_m=hypot(x_m - goal.x_m, y_m - goal.y_m),
         heading_deg=degrees(abs(remainder(heading_rad - goal.heading_rad, 2.0 * pi))),
-        turned_deg=degrees(onlooker.turned_rad),
+        turned_deg=degrees(recorder.turned_rad),
         time_s=outcome.time_s,
         ratio=outcome.path_m / hypot(goal.x_m - start.x_m, goal.y_m - start.y_m),
     )
 
 
-def of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator[Figure]:
-    """Judged is the robot as it is: all there, within 3 cm and 2 degrees, hardly a last turn."""
+def figures_of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator[Figure]:
+    """Yield the figures; only the robot's own controller is compared with the thresholds."""
     turned = [one.turned_deg for one in arrivals]
     ratios = [one.ratio for one in arrivals]
     worst_m = max(one.position_m for one in arrivals)
@@ -140,4 +149,5 @@ def of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator[Figure]
 
 
 def percent(found: list[bool]) -> float:
+    """Return the share of true values in percent."""
     return 100.0 * sum(found) / len(found)

@@ -1,7 +1,7 @@
-"""Encode and decode of every frame that a drive sends, by our codec and by pymavlink.
+"""Encode and decode every message of a drive with our codec and with pymavlink.
 
-Both sides start from plain values and end with plain values: building the message object is part
-of encoding, reading the frame into one part of decoding. Both use fastcrc.
+Both start from plain values and end with plain values: encoding includes building the message
+object, decoding includes reading the frame into one. Both use fastcrc.
 """
 
 import argparse
@@ -25,20 +25,22 @@ from protocol.wire.messages import (
 )
 from verification.harness.figures import Figure, Report, ratios
 
-AT_LEAST = 3.0
+MIN_RATIO = 3.0
 SYSTEM, COMPONENT = 1, 1
 NOW_NS = 123_450_000_000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--repetitions", type=int, default=9)
     parser.add_argument("--rounds", type=int, default=400, help="of all messages, per repetition")
 
 
 def measure(options: argparse.Namespace) -> Report:
-    samples = drive()
+    """Measure both codecs in turn."""
+    samples = sample_messages()
     frames = [Encoder(SYSTEM, COMPONENT).encode(cls(**values)) for cls, values in samples]
-    peer = Peer(samples)
+    peer = PymavlinkCodec(samples)
     check_equal(frames, peer.encode())
     encoder = Encoder(SYSTEM, COMPONENT)
     jobs: dict[str, Callable[[], object]] = {
@@ -57,27 +59,29 @@ def measure(options: argparse.Namespace) -> Report:
             name="pymavlink / ours, encode + decode",
             unit="x",
             values=ratios(theirs, ours),
-            at_least=AT_LEAST,
+            at_least=MIN_RATIO,
         )
     ]
     figures += [Figure(name=name, unit="us", values=tuple(cost)) for name, cost in costs.items()]
-    crc = "fastcrc" if oracle().mcrf4xx else "pure Python, which is unfair: install fastcrc"
+    crc = "fastcrc" if oracle().mcrf4xx else "pure Python, not comparable: install fastcrc"
     notes = (f"{len(samples)} messages, frames byte-identical; pymavlink's checksum: {crc}",)
     return Report(benchmark="codec", figures=tuple(figures), notes=notes)
 
 
-class Peer:
-    """pymavlink's own module, used as its documentation says."""
+class PymavlinkCodec:
+    """pymavlink's module, used as documented."""
 
     def __init__(self, samples: list[tuple[type[Message], dict[str, Any]]]) -> None:
         self._mavlink = oracle().MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
         self._samples = [(self._class_of(cls), values) for cls, values in samples]
 
     def encode(self) -> list[bytes]:
+        """Encode all samples."""
         mavlink = self._mavlink
         return [bytes(cls(**values).pack(mavlink)) for cls, values in self._samples]
 
     def decode(self, frame: bytes) -> object:
+        """Decode one frame."""
         return self._mavlink.decode(bytearray(frame))
 
     @staticmethod
@@ -87,7 +91,7 @@ class Peer:
 
 
 def check_equal(ours: list[bytes], theirs: list[bytes]) -> None:
-    """The comparison is only fair over the same bytes; the sequence number is each one's own."""
+    """Raise RuntimeError unless the frames are equal except for sequence number and checksum."""
     for our, their in zip(ours, theirs, strict=True):
         if our[:4] != their[:4] or our[5:-2] != their[5:-2]:
             raise RuntimeError(f"frames differ: {our.hex()} {their.hex()}")
@@ -96,7 +100,7 @@ def check_equal(ours: list[bytes], theirs: list[bytes]) -> None:
 def interleaved(
     jobs: dict[str, Callable[[], object]], repetitions: int, rounds: int, messages: int
 ) -> dict[str, list[float]]:
-    """CPU microseconds per message of each job, the jobs taking turns."""
+    """Return the CPU time per message in us of each job; the jobs take turns."""
     costs: dict[str, list[float]] = {name: [] for name in jobs}
     for _ in range(repetitions):
         for name, job in jobs.items():
@@ -107,8 +111,8 @@ def interleaved(
     return costs
 
 
-def drive() -> list[tuple[type[Message], dict[str, Any]]]:
-    """One tick's worth of every message that flows while driving, with values as they occur."""
+def sample_messages() -> list[tuple[type[Message], dict[str, Any]]]:
+    """Return every message of one tick of a drive, with typical values."""
     senses: list[tuple[type[Message], dict[str, Any]]] = [
         (
             SonarScan,
@@ -133,10 +137,11 @@ def drive() -> list[tuple[type[Message], dict[str, Any]]]:
             },
         ),
     ]
-    return senses + commanded() + told()
+    return senses + plant_messages() + telemetry()
 
 
-def commanded() -> list[tuple[type[Message], dict[str, Any]]]:
+def plant_messages() -> list[tuple[type[Message], dict[str, Any]]]:
+    """Return the wheel command and the ground truth."""
     stamp = {"time_ns": NOW_NS}
     wheels = {"seq": 2468, "sense_seq": 2469, "left_mrad_s": 8123, "right_mrad_s": 7544}
     truth = {"seq": 2469, "x_m": 3.21, "y_m": 1.72, "heading_rad": 0.41, "speed_m_s": 0.24}
@@ -147,7 +152,8 @@ def commanded() -> list[tuple[type[Message], dict[str, Any]]]:
     ]
 
 
-def told() -> list[tuple[type[Message], dict[str, Any]]]:
+def telemetry() -> list[tuple[type[Message], dict[str, Any]]]:
+    """Return the robot's telemetry."""
     stamp: dict[str, Any] = {"time_ns": NOW_NS}
     where = {"x_m": 3.2, "y_m": 1.7, "heading_rad": 0.4, "speed_m_s": 0.24, "yaw_rate_rad_s": -0.1}
     spread = ("xx_m2", "xy_m2", "xh_m_rad", "yy_m2", "yh_m_rad", "hh_rad2")
@@ -158,13 +164,13 @@ def told() -> list[tuple[type[Message], dict[str, Any]]]:
     saw = {"nearest_bearing_rad": 0.59, "nearest_range_m": 0.288, "zone_m": 0.3}
     chose = {"goal_bearing_rad": 0.2, "rotation_rad": -1.18, "virtual_x_m": 4.1, "virtual_y_m": 0.3}
     cost = {"tick": 2469, "missed": 0, "overruns": 0, "rejected": 0, "late_us": 83}
-    drive = {"speed_m_s": 0.2, "yaw_rate_rad_s": -0.4, "branch": 3, "guard": 0}
+    sample_messages = {"speed_m_s": 0.2, "yaw_rate_rad_s": -0.4, "branch": 3, "guard": 0}
     spent = {"sense_age_us": 25_180, "budget_us": 2500, "stage_us": (31, 12, 20, 6, 240)}
     beat = {"type": 10, "autopilot": 3, "base_mode": 129, "custom_mode": 10}
     return [
         (Heartbeat, beat | {"system_status": 4, "mavlink_version": 3}),
         (PlanarOdometry, stamp | where | {f"cov_{name}": 1.7e-5 for name in spread}),
         (NavigatorStatus, stamp | goal | times | ids | state | {"navigator": 2, "side": 1}),
-        (AvoidanceDecision, stamp | saw | chose | drive),
+        (AvoidanceDecision, stamp | saw | chose | sample_messages),
         (CycleReport, stamp | cost | spent),
     ]

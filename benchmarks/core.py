@@ -1,8 +1,8 @@
 """CPU time of one step of the control core, over a recorded drive through a forest.
 
-The garbage collector stays on, as on the robot, after `gc.freeze()`, as on the robot. The cost of
-taking the time itself is measured and left in. Each repetition replays the same inputs from the
-start; a longer drive is the recorded one again and again.
+The garbage collector stays enabled after `gc.freeze()`, as on the robot. The cost of reading the
+clock is included and reported. Each repetition replays the same inputs from the start; a longer
+drive repeats the recorded one.
 """
 
 import argparse
@@ -32,6 +32,7 @@ STEPS = 10_000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR)
     parser.add_argument("--steps", type=int, default=STEPS)
@@ -39,6 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure the steps of a recorded drive."""
     world = load(options.world)
     inputs = recorded(Trial(world=world, navigator=options.navigator))
     start, goal = start_of(world), goal_of(*wire_goal_of(world))
@@ -63,15 +65,15 @@ def measure(options: argparse.Namespace) -> Report:
         for name, share in shares.items()
     ]
     notes = (
-        f"{options.world}, {options.navigator}: {len(inputs)} recorded ticks, over and over",
+        f"{options.world}, {options.navigator}: {len(inputs)} recorded ticks, repeated",
         "CPU time of the thread; garbage collector on after gc.freeze(), as on the robot",
-        f"taking the time costs {percentile(idle_us(), 0.5):.2f} us of each",
+        f"reading the clock costs {percentile(idle_us(), 0.5):.2f} us of each",
     )
     return Report(benchmark="core", figures=tuple(figures), notes=notes)
 
 
 def recorded(trial: Trial) -> list[Inputs]:
-    """What the core was given, tick by tick, from the tick the goal was given at."""
+    """Return the inputs of the core, tick by tick, from the tick of the goal on."""
     inputs: list[Inputs] = []
 
     def watch(plant: Plant, _onboard: CoreLoop, _outputs: Outputs) -> None:
@@ -83,6 +85,7 @@ def recorded(trial: Trial) -> list[Inputs]:
 
 
 def given(now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Inputs:
+    """Return the inputs of one tick."""
     return Inputs(
         now_ms_of(now_ns),
         None if wheels is None else wheels_of(wheels),
@@ -94,6 +97,7 @@ def given(now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Inp
 def costs_us(
     inputs: list[Inputs], start: Pose, goal: Goal, navigator: int, steps: int
 ) -> list[float]:
+    """Return the CPU time in us of this many steps."""
     costs: list[float] = []
     while len(costs) < steps:
         costs += drive_us(inputs, start, goal, navigator)
@@ -101,7 +105,7 @@ def costs_us(
 
 
 def drive_us(inputs: list[Inputs], start: Pose, goal: Goal, navigator: int) -> list[float]:
-    """One drive; without its last tick, after which there is nothing to drive to."""
+    """Return the CPU times of one drive without its last tick, which ends the goal."""
     params = DEFAULTS._replace(navigator=navigator)
     state = brain.State(params)
     state.odometry.pose = start
@@ -117,6 +121,7 @@ def drive_us(inputs: list[Inputs], start: Pose, goal: Goal, navigator: int) -> l
 
 
 def idle_us() -> list[float]:
+    """Return the CPU times of reading the clock."""
     costs: list[float] = []
     for _ in range(1000):
         begun_ns = thread_time_ns()

@@ -1,4 +1,4 @@
-"""Ten minutes of telemetry at 50 Hz and 100 000 lines of log, on a clock that nobody waits for."""
+"""Memory of the app over minutes of telemetry at 50 Hz and many log lines, on simulated time."""
 
 import asyncio
 import os
@@ -49,8 +49,8 @@ ROUND_S: Final = 60.0
 SAMPLES: Final = 10
 
 
-class Air:
-    """A bus on which nobody is but who puts something there; it cannot be spoken on."""
+class OfflineBus:
+    """A bus without network: messages come from `put` only, and requests raise NoAnswer."""
 
     def __init__(self) -> None:
         self._boxes: dict[str, list[Mailbox[Any]]] = {}
@@ -65,6 +65,7 @@ class Air:
         *,
         take: Callable[[str, bytes, int], None] | None = None,
     ) -> Mailbox[Any]:
+        """Return a mailbox of a topic."""
         box = Mailbox(topic, notify)
         self._boxes.setdefault(topic.path, []).append(box)
         if take is not None:
@@ -72,6 +73,7 @@ class Air:
         return box
 
     def present(self) -> list[Any]:
+        """Return the peers: none."""
         return []
 
     def ask(
@@ -81,9 +83,11 @@ class Air:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        raise NoAnswer("nobody is there")
+        """Raise NoAnswer."""
+        raise NoAnswer("there is no robot on this bus")
 
     def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
+        """Deliver a message to mailboxes and handlers."""
         frame = self._encoder.encode(message)
         for box in self._boxes.get(topic.path, ()):
             box.store(Sample(ENCODING, frame), at_ns)
@@ -91,42 +95,46 @@ class Air:
             handle(topic.path, frame, at_ns)
 
 
-class Nobody:
-    """Takes no command line."""
+class NoCommands:
+    """Ignore every command."""
 
     last = ""
     draft_items: tuple[Target, ...] = ()
 
     def run_line(self, line: str) -> None:
-        """Nothing comes of it."""
+        """Ignore a command line."""
 
     def perform(self, command: object) -> None:
-        """Nothing comes of it."""
+        """Ignore a command."""
 
     def is_local(self, line: str) -> bool:
+        """Return False: no line is local."""
         return False
 
     def complete(self, text: str) -> list[str]:
+        """Return no completions."""
         return []
 
     def recall(self, text: str, step: int) -> str:
+        """Return the text unchanged."""
         return text
 
     def begin_teleop(self) -> bool:
+        """Refuse to steer."""
         return False
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Nothing moves."""
+        """Ignore a steering command."""
 
     def end_teleop(self) -> None:
-        """Nothing was held."""
+        """Ignore the end of steering."""
 
 
 def sizes_mb(minutes: float, lines: int) -> list[float]:
-    """Resident memory before, and after each tenth of it."""
-    clock, air = ManualClock(1), Air()
-    station = Station(air, "r1", clock)
-    app = GroundApp(station, Nobody(), None, Appearance(hz=0.0))
+    """Return resident memory in MB at the start and after each tenth."""
+    clock, bus = ManualClock(1), OfflineBus()
+    station = Station(bus, "r1", clock)
+    app = GroundApp(station, NoCommands(), None, Appearance(hz=0.0))
     sizes: list[float] = []
     ticks = round(minutes * 60 * TELEMETRY_HZ)
 
@@ -135,8 +143,8 @@ def sizes_mb(minutes: float, lines: int) -> list[float]:
             if tick % (ticks // SAMPLES) == 0:
                 sizes.append(resident_mb(os.getpid()))
             clock.advance(STEP_NS)
-            speak(
-                air, tick, clock.now_ns(), range(lines * tick // ticks, lines * (tick + 1) // ticks)
+            publish_tick(
+                bus, tick, clock.now_ns(), range(lines * tick // ticks, lines * (tick + 1) // ticks)
             )
             if tick % (TELEMETRY_HZ // POLL_HZ) == 0:
                 app.sample()
@@ -148,21 +156,21 @@ def sizes_mb(minutes: float, lines: int) -> list[float]:
 
     app.run(headless=True, size=SIZE, auto_pilot=play)
     if station.log.total < lines:
-        raise RuntimeError(f"{station.log.total} lines of {lines} came to the log")
+        raise RuntimeError(f"only {station.log.total} of {lines} lines reached the log")
     return sizes
 
 
-def speak(air: Air, tick: int, now_ns: int, lines: range) -> None:
-    """All that a robot says in one tick, and these lines."""
-    for topic, message in said(tick, now_ns):
-        air.put(topic, message, now_ns)
+def publish_tick(bus: OfflineBus, tick: int, now_ns: int, lines: range) -> None:
+    """Publish the messages of one tick and these log lines."""
+    for topic, message in messages_of_tick(tick, now_ns):
+        bus.put(topic, message, now_ns)
     for number in lines:
         text = Statustext(severity=Severity.INFO, text=f"line {number}", id=0, chunk_seq=0)
-        air.put(TEXT, text, now_ns)
+        bus.put(TEXT, text, now_ns)
 
 
-def said(tick: int, now_ns: int) -> Iterator[tuple[Topic[Any], Message]]:
-    """A robot that goes round in a slowly growing spiral."""
+def messages_of_tick(tick: int, now_ns: int) -> Iterator[tuple[Topic[Any], Message]]:
+    """Yield the telemetry of a robot on a slowly growing spiral."""
     angle_rad = 2.0 * pi * tick / (ROUND_S * TELEMETRY_HZ)
     radius_m = 1.0 + 0.05 * angle_rad
     x_m, y_m = radius_m * cos(angle_rad), radius_m * sin(angle_rad)
@@ -189,13 +197,13 @@ def said(tick: int, now_ns: int) -> Iterator[tuple[Topic[Any], Message]]:
             vehicle_reason=0, goal_reason=0, navigator=Navigator.VGM, side=1,
         ),
     )  # fmt: skip
-    yield from said_of_driving(tick, now_ns, (x_m, y_m), angle_rad)
+    yield from driving_messages(tick, now_ns, (x_m, y_m), angle_rad)
 
 
-def said_of_driving(
+def driving_messages(
     tick: int, now_ns: int, place_m: tuple[float, float], angle_rad: float
 ) -> Iterator[tuple[Topic[Any], Message]]:
-    """Decision, cycle and sonar of the same tick."""
+    """Yield decision, cycle report and sonar scan of the same tick."""
     x_m, y_m = place_m
     yield (
         DECISION,

@@ -1,7 +1,7 @@
-"""One trajectory, however it is run: in-process, over Zenoh by hub and router, and once more.
+"""Equality of one trajectory in every mode: in-process, over Zenoh by hub and by router.
 
-A digest is a SHA-256 over stamp and true pose of every tick, as 64-bit floats: equal means equal
-to the last bit. Another seed must give another one, or the digest would prove nothing.
+A digest is a SHA-256 over time stamp and true pose of every tick as 64-bit floats, so equal means
+bit-identical. Another seed must give another digest, otherwise equality would prove nothing.
 """
 
 import argparse
@@ -13,10 +13,12 @@ from verification.harness.stack import lockstep_run
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--worlds", nargs="+", default=["box", "forest_medium"])
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Compare the digests of all modes."""
     figures: list[Figure] = []
     notes: list[str] = []
     for name in options.worlds:
@@ -40,6 +42,7 @@ OTHER = "hub, another seed"
 
 
 def digests(name: str) -> dict[str, str]:
+    """Return the digest of a world in each mode."""
     trial, other = Trial(world=load(name)), Trial(world=load(name), seed=1)
     return {
         "in-process": run_trial(trial).digest,

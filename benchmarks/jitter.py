@@ -1,7 +1,7 @@
-"""Wall-clock driving: ticks missed and how late the others were, as the robot itself reports.
+"""Missed ticks and lateness at wall-clock speed, as reported by the robot.
 
-Lateness counts from the arrival of the scan that starts the tick. The stand-in that publishes the
-scans is a process like any other: what it was late itself is shown too, for it is the machine's.
+Lateness counts from the arrival of the scan that starts the tick. The lateness of the substitute
+plant that publishes the scans is reported too, since it is caused by the machine.
 """
 
 import argparse
@@ -23,25 +23,27 @@ SHARES = {"p50": 0.5, "p99": 0.99, "max": 1.0}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--repetitions", type=int, default=1)
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure with normal scheduling and with SCHED_FIFO."""
     figures: list[Figure] = []
     notes: list[str] = []
     for name, flags in (("normal", []), ("SCHED_FIFO", ["--realtime"])):
-        runs = [Drive(load(options.world), flags) for _ in range(options.repetitions)]
+        runs = [TimedDrive(load(options.world), flags) for _ in range(options.repetitions)]
         for run in runs:
             run.go(options.seconds)
-        figures += of(name, runs)
+        figures += figures_of(name, runs)
         notes += {f"{name}: {line}" for run in runs for line in run.output if "warning" in line}
     return Report(benchmark="jitter", figures=tuple(figures), notes=tuple(notes))
 
 
-class Drive:
-    """One robot process, driven for some time, and every cycle report of it."""
+class TimedDrive:
+    """A robot process that drives for some time, and its cycle reports."""
 
     def __init__(self, world: World, flags: list[str]) -> None:
         self._world = world
@@ -51,6 +53,7 @@ class Drive:
         self.reports: list[CycleReport] = []
 
     def go(self, seconds: float) -> None:
+        """Drive for this many seconds."""
         frames: list[bytes] = []
         with (
             robot_process(self._world, *self._flags) as robot,
@@ -65,20 +68,24 @@ class Drive:
         self.reports = [message for message in messages if isinstance(message, CycleReport)]
 
     def late_us(self, share: float) -> float:
+        """Return a quantile of the lateness."""
         return percentile([float(report.late_us) for report in self.reports], share)
 
     @property
     def missed(self) -> int:
-        """From the first report to the last; before it the loop was still finding its beat."""
+        """Missed ticks between the first and the last report; the start-up is excluded."""
         return self.reports[-1].missed - self.reports[0].missed
 
     @property
     def overruns(self) -> int:
+        """Ticks over budget between the first and the last report."""
         return self.reports[-1].overruns - self.reports[0].overruns
 
 
-def of(name: str, runs: list[Drive]) -> list[Figure]:
-    def each(value: Callable[[Drive], float]) -> tuple[float, ...]:
+def figures_of(name: str, runs: list[TimedDrive]) -> list[Figure]:
+    """Return the figures of the drives."""
+
+    def each(value: Callable[[TimedDrive], float]) -> tuple[float, ...]:
         return tuple(value(run) for run in runs)
 
     figures = [
@@ -95,5 +102,5 @@ def of(name: str, runs: list[Drive]) -> list[Figure]:
         late = tuple(run.late_us(share) for run in runs)
         figures.append(Figure(name=f"{name}, late {word}", unit="us", values=late))
     own = each(lambda run: percentile(run.published_late_us, 1.0))
-    figures.append(Figure(name=f"{name}, the stand-in itself late, max", unit="us", values=own))
+    figures.append(Figure(name=f"{name}, the substitute plant late, max", unit="us", values=own))
     return figures

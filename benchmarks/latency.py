@@ -1,15 +1,15 @@
-"""Sense published to wheel command received, beside a bare Zenoh ping-pong in the same run.
+"""Latency from a published sensor sample to the wheel command, compared with a Zenoh ping-pong.
 
-The stand-in publishes wheel ticks, scan and truth twenty times a second to the real robot process
-and takes the time from before the first put to the arrival of the command that answers them. Half
-a period later comes a ping of the floor, with frames of the same sizes, so both meet the same
-machine. Back to back, where nothing ever goes to sleep, both are shown without a threshold: ours in
+A substitute plant publishes wheel ticks, scan and truth 20 times a second to the real robot
+process. The latency counts from before the first put to the arrival of the command that answers
+them. Half a period later follows a ping with frames of the same sizes, so that both run under the
+same load. Both are also shown back to back, where no process sleeps, without a threshold: ours in
 lockstep, with the clock's frame and the telemetry of every tick on the same link.
 """
 
 import argparse
 
-from benchmarks.pingpong import Floor, floor
+from benchmarks.pingpong import PingPong, ping_pong
 from plant.model.types import World
 from plant.world.file import load
 from protocol.wire.codec import Encoder
@@ -26,25 +26,30 @@ BUSY = 2000
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--blocks", type=int, default=6)
     parser.add_argument("--ticks", type=int, default=200, help="in each block")
-    parser.add_argument("--realtime", action="store_true", help="the robot as SCHED_FIFO")
+    parser.add_argument("--realtime", action="store_true", help="run the robot with SCHED_FIFO")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure latency and ping-pong in turn, and both back to back."""
     world = load(options.world)
     flags = ["--realtime"] if options.realtime else []
     with (
         robot_process(world, *flags) as robot,
-        floor(*sizes()) as pings,
+        ping_pong(*sizes()) as pings,
         driving(world, robot, lockstep=False) as standin,
     ):
         in_turn(standin, pings, WARM_UP)
         blocks = [in_turn(standin, pings, options.ticks) for _ in range(options.blocks)]
         busy_us = [trip_us(pings) for _ in range(BUSY)]
         lockstep_us = in_lockstep(world, BUSY)
-    figures = [*shown("p50", 0.5, blocks, P50_AT_MOST), *shown("p99", 0.99, blocks, P99_AT_MOST)]
+    figures = [
+        *figures_of("p50", 0.5, blocks, P50_AT_MOST),
+        *figures_of("p99", 0.99, blocks, P99_AT_MOST),
+    ]
     for name, share in (("p50", 0.5), ("p99", 0.99)):
         bare_us, ours_us = percentile(busy_us, share), percentile(lockstep_us, share)
         figures += [
@@ -57,14 +62,14 @@ def measure(options: argparse.Namespace) -> Report:
     lost = sum(options.ticks - len(ours) for ours, _ in blocks)
     notes = (
         f"{options.blocks} blocks of {options.ticks} ticks at 20 Hz; {lost} commands not in time",
-        "senses, decoding, core and encoding are in ours; the floor only passes bytes",
+        "ours includes samples, decoding, core and encoding; the floor only passes bytes",
         *(line for line in robot.output if "warning" in line),
     )
     return Report(benchmark="latency", figures=tuple(figures), notes=notes)
 
 
 def in_lockstep(world: World, ticks: int) -> list[float]:
-    """Microseconds from senses to command when the next senses follow at once."""
+    """Return the times in us from samples to command in lockstep."""
     with (
         robot_process(world, "--lockstep") as robot,
         driving(world, robot, lockstep=True) as standin,
@@ -72,8 +77,8 @@ def in_lockstep(world: World, ticks: int) -> list[float]:
         return [took_ns / 1e3 for _ in range(ticks) if (took_ns := standin.tick()) is not None]
 
 
-def in_turn(standin: PlantStandIn, pings: Floor, ticks: int) -> tuple[list[float], list[float]]:
-    """Microseconds of ours and of the floor, half a period apart."""
+def in_turn(standin: PlantStandIn, pings: PingPong, ticks: int) -> tuple[list[float], list[float]]:
+    """Return the times in us of ours and of the ping-pong, half a period apart."""
     ours: list[float] = []
     floors: list[float] = []
     for due_ns in paced(ticks):
@@ -85,16 +90,18 @@ def in_turn(standin: PlantStandIn, pings: Floor, ticks: int) -> tuple[list[float
     return ours, floors
 
 
-def trip_us(pings: Floor) -> float:
+def trip_us(pings: PingPong) -> float:
+    """Return one round trip of the ping-pong in us; raise RuntimeError without a reply."""
     took_ns = pings.round_trip_ns()
     if took_ns is None:
-        raise RuntimeError("the floor's pong did not come")
+        raise RuntimeError("no reply to a ping")
     return took_ns / 1e3
 
 
-def shown(
+def figures_of(
     name: str, share: float, blocks: list[tuple[list[float], list[float]]], at_most: float
 ) -> list[Figure]:
+    """Return the figures of one quantile."""
     ours = tuple(percentile(block[0], share) for block in blocks)
     floors = tuple(percentile(block[1], share) for block in blocks)
     ratios = tuple(a / b for a, b in zip(ours, floors, strict=True))
@@ -106,7 +113,7 @@ def shown(
 
 
 def sizes() -> tuple[int, int]:
-    """Bytes of a scan and of a wheel command on the wire."""
+    """Return the sizes of a scan and of a wheel command on the wire in bytes."""
     encoder = Encoder(1, 1)
     stamp_ns = 123_450_000_000
     scan = SonarScan(

@@ -1,6 +1,6 @@
-"""Plant, robot and ground as three processes in lockstep over Zenoh, as fast as they can.
+"""Speed of plant, robot and ground as three processes in lockstep over Zenoh.
 
-Real time counts from the start of simulated time to the news that the goal has ended.
+Real time counts from the start of simulated time to the message that the goal has ended.
 """
 
 import argparse
@@ -14,12 +14,14 @@ AT_LEAST = 100.0
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--worlds", nargs="+", default=["forest_medium", "forest_dense"])
     parser.add_argument("--repetitions", type=int, default=5)
-    parser.add_argument("--router", action="store_true", help="by a router instead of the hub")
+    parser.add_argument("--router", action="store_true", help="use a router instead of the hub")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure the pace in each world."""
     figures: list[Figure] = []
     at_least = None if options.router else AT_LEAST  # three processes; with a router they are four
     for name in options.worlds:

@@ -1,9 +1,9 @@
-"""What locked doors cost the closed loop: locked robots and an open one in the same run.
+"""Cost of mutual TLS and access control in the closed loop, compared with an open bus.
 
-Three robot processes, each with a stand-in for plant and operator, twenty times a second and a
-third of a period apart, so all meet the same machine: an open one, a locked one with mutual TLS and
-access control on every sample, and one that also tells in its log whom it keeps out, as is usual.
-Which comes first changes with each block.
+Three robot processes, each with a substitute for plant and operator, run 20 times a second and a
+third of a period apart, so that all meet the same load: an open one, a locked one with mutual TLS
+and access control on every sample, and one that also logs rejected clients, as is the default.
+Their order rotates with each block.
 """
 
 import argparse
@@ -22,39 +22,47 @@ from verification.harness.process_stats import cpu_s
 from verification.harness.processes import ROBOT, robot_process
 from verification.harness.stand_in import PlantStandIn, driving
 
-AT_MOST: Final = 1.10
+MAX_RATIO: Final = 1.10
 WARM_UP: Final = 60
-PATIENCE: Final = 0.9  # of the time until it is the next door's turn
-KINDS: Final = ("open", "locked", "telling")
+SHARE_OF_TURN: Final = 0.9  # of the time until the next robot's turn
+KINDS: Final = ("open", "locked", "logging")
 VALID: Final = timedelta(days=1)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--blocks", type=int, default=24)
     parser.add_argument("--ticks", type=int, default=200, help="in each block")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure the three robots in turn."""
     world = load(options.world)
     with (
         TemporaryDirectory(prefix="sidestep-") as folder,
         robot_process(world) as plain,
-        robot_process(world, keys=made_keys(Path(folder) / "silent", tells=False)) as locked,
-        robot_process(world, keys=made_keys(Path(folder) / "telling", tells=True)) as telling,
-        driving(world, plain, lockstep=False) as open_door,
-        driving(world, locked, lockstep=False) as locked_door,
-        driving(world, telling, lockstep=False) as telling_door,
+        robot_process(
+            world, keys=made_keys(Path(folder) / "silent", logs_refusals=False)
+        ) as locked,
+        robot_process(
+            world, keys=made_keys(Path(folder) / "logging", logs_refusals=True)
+        ) as logging,
+        driving(world, plain, lockstep=False) as open_plant,
+        driving(world, locked, lockstep=False) as locked_plant,
+        driving(world, logging, lockstep=False) as logging_plant,
     ):
-        pids = (plain.pid, locked.pid, telling.pid)
-        doors = (open_door, locked_door, telling_door)
-        in_turn(doors, WARM_UP, first=0)
+        pids = (plain.pid, locked.pid, logging.pid)
+        robots = (open_plant, locked_plant, logging_plant)
+        in_turn(robots, WARM_UP, first=0)
         before = [cpu_s(pid) for pid in pids]
-        blocks = [in_turn(doors, options.ticks, first=block) for block in range(options.blocks)]
+        blocks = [in_turn(robots, options.ticks, first=block) for block in range(options.blocks)]
         spent = [cpu_s(pid) - was for pid, was in zip(pids, before, strict=True)]
     ticks = options.blocks * options.ticks
-    lost = [sum(options.ticks - len(block[door]) for block in blocks) for door in range(len(KINDS))]
-    figures = [*compared(blocks, "p50", 0.5, AT_MOST), *compared(blocks, "p99", 0.99)]
+    lost = [
+        sum(options.ticks - len(block[robot]) for block in blocks) for robot in range(len(KINDS))
+    ]
+    figures = [*figures_of(blocks, "p50", 0.5, MAX_RATIO), *figures_of(blocks, "p99", 0.99)]
     figures += [
         Figure(name=f"CPU of the robot per tick, {name}", unit="us", values=(cpu / ticks * 1e6,))
         for name, cpu in zip(KINDS, spent, strict=True)
@@ -67,45 +75,43 @@ def measure(options: argparse.Namespace) -> Report:
     return Report(benchmark="mtls", figures=tuple(figures), notes=notes)
 
 
-def made_keys(folder: Path, *, tells: bool) -> Path:
-    """A set of this run's own."""
-    from ground.certificates.folder import (
-        make,  # its library need not be there for other measurements
-    )
+def made_keys(folder: Path, *, logs_refusals: bool) -> Path:
+    """Make certificates for this run."""
+    from ground.certificates.folder import make  # its library is optional for other benchmarks
 
     now = datetime.now(UTC)
     make(folder, [ROBOT], {}, now - VALID, now + VALID)
-    if not tells:
+    if not logs_refusals:
         with (folder / f"robot-{ROBOT}.toml").open("a", encoding="utf-8") as config:
             config.write("tell_refusals = false\n")
     return folder
 
 
-def in_turn(doors: Sequence[PlantStandIn], ticks: int, *, first: int) -> list[list[float]]:
-    """Microseconds from senses to command at each door."""
-    took: list[list[float]] = [[] for _ in doors]
-    share_ns = PERIOD_NS // len(doors)
+def in_turn(robots: Sequence[PlantStandIn], ticks: int, *, first: int) -> list[list[float]]:
+    """Return the times in us from samples to command of each robot."""
+    took: list[list[float]] = [[] for _ in robots]
+    share_ns = PERIOD_NS // len(robots)
     for due_ns in paced(ticks):
-        for place in range(len(doors)):
+        for place in range(len(robots)):
             wait_until(due_ns + place * share_ns)
-            door = (first + place) % len(doors)
-            ns = doors[door].tick(patience_s=share_ns * PATIENCE / NS_PER_S)
+            robot = (first + place) % len(robots)
+            ns = robots[robot].tick(patience_s=share_ns * SHARE_OF_TURN / NS_PER_S)
             if ns is not None:
-                took[door].append(ns / 1e3)
+                took[robot].append(ns / 1e3)
     return took
 
 
-def compared(
+def figures_of(
     blocks: Sequence[Sequence[list[float]]], name: str, share: float, at_most: float | None = None
 ) -> list[Figure]:
-    """The ratios, of which that of mutual TLS is judged, and what they are made of."""
-    values = [[percentile(block[door], share) for block in blocks] for door in range(len(KINDS))]
-    plain, locked, telling = values
-    ratio = f"locked / open, {name}"
-    tells = f"locked and told of refusals / open, {name}"
+    """Return the ratios, of which that of mutual TLS has a threshold, and their terms."""
+    values = [[percentile(block[robot], share) for block in blocks] for robot in range(len(KINDS))]
+    plain, locked, logging = values
+    locked_ratio = f"locked / open, {name}"
+    logging_ratio = f"locked with log of refusals / open, {name}"
     return [
-        Figure(name=ratio, unit="x", values=ratios(locked, plain), at_most=at_most),
-        Figure(name=tells, unit="x", values=ratios(telling, plain)),
+        Figure(name=locked_ratio, unit="x", values=ratios(locked, plain), at_most=at_most),
+        Figure(name=logging_ratio, unit="x", values=ratios(logging, plain)),
         *(
             Figure(name=f"sense to command, {kind}, {name}", unit="us", values=tuple(found))
             for kind, found in zip(KINDS, values, strict=True)

@@ -1,8 +1,8 @@
-"""Whether the odometry knows how wrong it is: normalised estimation error squared over many drives.
+"""Consistency of the odometry's covariance: normalised estimation error squared over many drives.
 
-Per noise level, drives straight, in curves, stop-and-go and among obstacles, by a robot calibrated
-for that level. Expected are 3 for the pose and 2 for the position, within their 95 % bounds. Noise
-`none` is held to its ellipse only: what is left there, fractions of encoder ticks, is bounded.
+Per noise level, a robot calibrated for it drives straight, in curves, stop-and-go and among
+obstacles. The expected means are 3 for the pose and 2 for the position, within their 95 % bounds.
+Noise `none` is compared with its ellipse only: its errors, fractions of encoder ticks, are bounded.
 """
 
 import argparse
@@ -16,10 +16,11 @@ from study.statistics.consistency import KINDS, Array, Consistency, consistency_
 from verification.harness.figures import Figure, Report
 
 DRIVES = 400
-LEAST_INSIDE = 0.93
+MIN_INSIDE = 0.93
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--drives", type=int, default=DRIVES, help=f"per noise level ({DRIVES})")
     parser.add_argument("--noise", nargs="+", choices=LEVELS, default=list(LEVELS))
     parser.add_argument("--seed", type=int, default=0, help="of the first drive (0)")
@@ -27,6 +28,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure all noise levels."""
     figures: list[Figure] = []
     notes: list[str] = []
     each = -(-options.drives // len(KINDS))
@@ -38,12 +40,13 @@ def measure(options: argparse.Namespace) -> Report:
                 run = partial(drive, kind, level)
                 ended = list(pool.map(run, range(first, first + each), chunksize=8))
                 errors += ended
-                notes.append(noted(level, kind, ended))
+                notes.append(note_of(level, kind, ended))
             figures += figures_of(level, consistency_of(errors))
     return Report(benchmark="nees", figures=tuple(figures), notes=tuple(notes))
 
 
-def noted(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
+def note_of(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
+    """Return a note on one kind of drive."""
     found = consistency_of(ended)
     return (
         f"{level}, {kind}: pose {found.pose:.2f}, position {found.position:.2f},"
@@ -52,7 +55,7 @@ def noted(level: str, kind: str, ended: Sequence[tuple[Array, Array]]) -> str:
 
 
 def figures_of(level: str, found: Consistency) -> Iterator[Figure]:
-    """Both sides of the bounds as a figure each, for a figure has one threshold."""
+    """Yield a figure for each of the two bounds, as a figure has one threshold."""
     for name, mean, (low, high) in (
         ("pose, 3 expected", found.pose, found.pose_bounds),
         ("position, 2 expected", found.position, found.position_bounds),
@@ -62,4 +65,4 @@ def figures_of(level: str, found: Consistency) -> Iterator[Figure]:
         yield Figure(name=whole, unit="", values=(mean,), at_least=low if held else None)
         yield Figure(name=whole, unit="", values=(mean,), at_most=high if held else None)
     name = f"{level}: true position inside its 95 % ellipse"
-    yield Figure(name=name, unit="", values=(found.inside,), at_least=LEAST_INSIDE)
+    yield Figure(name=name, unit="", values=(found.inside,), at_least=MIN_INSIDE)

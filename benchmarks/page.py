@@ -1,7 +1,7 @@
 """`python -m benchmarks.page`: run every benchmark, write docs/evidence/figures.md.
 
-Each is run by its own command, so that none meets what another left behind. A figure that misses
-its threshold is written down like any other.
+Each runs in a process of its own, so that none affects another. Missed thresholds are written like
+any other figure.
 """
 
 import argparse
@@ -22,7 +22,7 @@ HEAD: Final = "| figure | median | spread | threshold | |\n|---|---|---|---|---|
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """0 when every figure was measured, met or missed; 1 when a benchmark broke down."""
+    """Return 0 when every figure was measured, 1 when a benchmark failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", default=list(BENCHMARKS))
     parser.add_argument("--output", type=Path, default=Path("docs/evidence/figures.md"))
@@ -40,17 +40,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def introduction() -> str:
+    """Return the head of the page."""
     return (
         "# Figures\n\n"
         f"Measured on {datetime.now(UTC):%Y-%m-%d} by `python -m benchmarks.page`. Each section"
-        " names the command that\nmakes it again. The median of the repetitions is judged;"
-        " the spread is their minimum and maximum.\nMachines differ and this one was shared:"
-        " take ratios from here rather than times."
+        " names its command.\nThe threshold applies to the median of the repetitions; the spread"
+        " is their minimum and maximum.\nMachines differ and this one was shared: rely on ratios"
+        " rather than on times."
     )
 
 
 def measured(arguments: Sequence[str]) -> dict[str, Any] | None:
-    """The report of one benchmark; None, said on standard error, when it broke down."""
+    """Return the report of one benchmark; None, with a message on stderr, if it failed."""
     command = [sys.executable, "-m", "benchmarks", *arguments, "--json"]
     done = subprocess.run(command, stdout=subprocess.PIPE, check=False)
     try:
@@ -62,10 +63,10 @@ def measured(arguments: Sequence[str]) -> dict[str, Any] | None:
 
 
 def section(arguments: Sequence[str], report: Mapping[str, Any]) -> str:
-    """One benchmark as Markdown."""
+    """Return the section of one benchmark."""
     machine = ", ".join(f"{key} {value}" for key, value in report["machine"].items())
     lines = [
-        f"## {report['benchmark']}: {BENCHMARKS[arguments[0]]}",
+        f"## {report['benchmark']}: {BENCHMARKS[arguments[0]].title}",
         "",
         f"`sidestep bench {' '.join(arguments)}`, {machine}",
         "",
@@ -78,6 +79,7 @@ def section(arguments: Sequence[str], report: Mapping[str, Any]) -> str:
 
 
 def row(figure: Mapping[str, Any]) -> str:
+    """Return the table row of one figure."""
     low, high = figure["at_least"], figure["at_most"]
     wanted = f">= {low:g}" if low is not None else f"<= {high:g}" if high is not None else ""
     verdict = {None: "", True: "met", False: "**missed**"}[figure["met"]]

@@ -1,7 +1,7 @@
-"""The floor of every latency here: a bare Zenoh ping-pong of two processes, no codec and no loop.
+"""The lower bound of latency: a bare Zenoh ping-pong of two processes without codec or loop.
 
-The child is the hub that answers (`python -m benchmarks.pingpong PORT BYTES`), the parent the
-client that asks; both in direct callbacks, with the flow settings the stack uses.
+The child is the hub that replies (`python -m benchmarks.pingpong PORT BYTES`), the parent the
+client that sends. Both use direct callbacks and the flow settings of the stack.
 """
 
 import json
@@ -23,7 +23,7 @@ ANSWER_WITHIN_S = 2.0
 MATCH_WITHIN_S = 5.0
 
 
-class Floor:
+class PingPong:
     """Round trips of one payload size."""
 
     def __init__(self, session: zenoh.Session, size: int) -> None:
@@ -35,7 +35,7 @@ class Floor:
         await_matched(self._ping)
 
     def round_trip_ns(self) -> int | None:
-        """From before the put to the pong's callback; None when no answer came."""
+        """Return the time from before the put to the reply; None without a reply."""
         self._arrived.clear()
         asked_ns = time.monotonic_ns()
         self._ping.put(self._payload)
@@ -49,21 +49,22 @@ class Floor:
 
 
 @contextmanager
-def floor(ping_bytes: int, pong_bytes: int) -> Iterator[Floor]:
+def ping_pong(ping_bytes: int, pong_bytes: int) -> Iterator[PingPong]:
+    """Start the replying process and yield the ping-pong."""
     port = free_port()
     command = [sys.executable, "-m", "benchmarks.pingpong", str(port), str(pong_bytes)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
         assert child.stdout is not None
         try:
-            child.stdout.readline()  # it listens
+            child.stdout.readline()  # wait until it listens
             with zenoh.open(configured("client", connect=f"tcp/127.0.0.1:{port}")) as session:
-                yield Floor(session, ping_bytes)
+                yield PingPong(session, ping_bytes)
         finally:
             child.kill()
 
 
 def answer_pings(port: int, size: int) -> None:
-    """The hub's whole life: ends with its standard input."""
+    """Reply to pings until standard input is closed."""
     with zenoh.open(configured("peer", listen=f"tcp/127.0.0.1:{port}")) as session:
         pong, payload = flow(session, PONG), bytes(size)
         answering: Callback[zenoh.Sample] = Callback(lambda _: pong.put(payload), indirect=False)
@@ -73,6 +74,7 @@ def answer_pings(port: int, size: int) -> None:
 
 
 def flow(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Declare a publisher with the flow settings of the stack."""
     return session.declare_publisher(
         key,
         priority=zenoh.Priority.REAL_TIME,
@@ -82,17 +84,19 @@ def flow(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def await_matched(publisher: zenoh.Publisher) -> None:
+    """Wait until a subscriber is found; raise RuntimeError otherwise."""
     matched = Event()
     noticing: Callback[zenoh.MatchingStatus] = Callback(
         lambda status: matched.set() if status.matching else None, indirect=False
     )
     with publisher.declare_matching_listener(noticing):
-        status: Any = publisher.matching_status  # always true, as an object, whatever the stub says
+        status: Any = publisher.matching_status  # always truthy, unlike its stub
         if not (status.matching or matched.wait(MATCH_WITHIN_S)):
-            raise RuntimeError("the ping-pong's two ends did not find each other")
+            raise RuntimeError("the two processes of the ping-pong did not connect")
 
 
 def configured(mode: str, listen: str | None = None, connect: str | None = None) -> zenoh.Config:
+    """Return the configuration of a session."""
     config = zenoh.Config()
     settings: dict[str, object] = {
         "mode": mode,

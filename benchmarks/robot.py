@@ -1,6 +1,6 @@
-"""The robot process at 20 Hz, watched by a ground: CPU share, memory, import time, growth.
+"""The robot process at 20 Hz with a subscribed ground: CPU share, memory, import time, growth.
 
-CPU and memory are what the kernel says of the process. Growth is measured in lockstep, where ten
+CPU and memory are the kernel's figures of the process. Growth is measured in lockstep, where ten
 simulated hours take minutes: `--hours 10`.
 """
 
@@ -27,6 +27,7 @@ LOCKSTEP_PATIENCE_S = 5.0
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--world", default="forest_medium")
     parser.add_argument("--seconds", type=float, default=15.0, help="per repetition, at 20 Hz")
     parser.add_argument("--repetitions", type=int, default=3)
@@ -34,6 +35,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure import time, CPU, memory and growth."""
     world = load(options.world)
     figures = [
         Figure(
@@ -44,7 +46,7 @@ def measure(options: argparse.Namespace) -> Report:
         ),
         *in_wall_time(world, options.seconds, options.repetitions),
     ]
-    notes = ["everything it publishes is subscribed to by a ground"]
+    notes = ["a ground subscribes to all topics of the robot"]
     if options.hours > 0:
         growth, note = over_hours(world, options.hours)
         figures.append(growth)
@@ -53,6 +55,7 @@ def measure(options: argparse.Namespace) -> Report:
 
 
 def import_s() -> float:
+    """Return the time to import the robot in a new process."""
     done = subprocess.run(
         [sys.executable, "-c", IMPORTING], capture_output=True, check=True, text=True
     )
@@ -60,6 +63,7 @@ def import_s() -> float:
 
 
 def in_wall_time(world: World, seconds: float, repetitions: int) -> list[Figure]:
+    """Measure CPU and memory at wall-clock speed."""
     shares: list[float] = []
     sizes: list[float] = []
     with (
@@ -80,6 +84,7 @@ def in_wall_time(world: World, seconds: float, repetitions: int) -> list[Figure]
 
 
 def busy_percent(standin: PlantStandIn, pid: int, seconds: float) -> float:
+    """Return the CPU share of a process while it drives."""
     begun_s, begun_cpu_s = monotonic(), cpu_s(pid)
     for _ in paced(round(seconds * CONTROL_HZ)):
         standin.tick()
@@ -87,7 +92,7 @@ def busy_percent(standin: PlantStandIn, pid: int, seconds: float) -> float:
 
 
 def over_hours(world: World, hours: float) -> tuple[Figure, str]:
-    """Resident memory at the end against that after the first tenth, which fills what it fills."""
+    """Return the growth of resident memory after the first tenth, which fills all buffers."""
     with (
         robot_process(world, "--lockstep") as robot,
         driving(world, robot, lockstep=True) as standin,
@@ -107,4 +112,4 @@ def over_hours(world: World, hours: float) -> tuple[Figure, str]:
         at_most=GROWTH_AT_MOST,
     )
     shown = ", ".join(f"{size:.1f}" for size in sizes[:: SAMPLES // 10])
-    return growth, f"resident at each tenth of it, MB: {shown}; {pace:.0f} x real time"
+    return growth, f"resident at each tenth, MB: {shown}; {pace:.0f} x real time"

@@ -1,4 +1,4 @@
-"""CPU and bytes for the terminal at ten frames a second: driving, standing, paused; a slow line."""
+"""CPU time and output of the app at ten frames a second: driving, idle, paused, slow line."""
 
 import argparse
 from collections.abc import Iterator
@@ -19,29 +19,30 @@ SLOW_LINE: Final = 20_000
 SLOW_KEY_AT_MOST_MS: Final = 1000.0
 
 
-def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+def cost_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    """Measure CPU share and output in each situation."""
     seconds, times, settle_s = options.seconds, options.repetitions, options.settle
     figures: list[Figure] = []
     with observed(WORLD) as observer:
-        with kept_driving(observer):
+        with keep_driving(observer):
             for size, cpu, kb in zip(SIZES, CPU_AT_MOST, KB_AT_MOST, strict=True):
                 found = readings(observer, size, options, times)
-                figures += shown(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
+                figures += figures_of(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
             figures += on_a_slow_line(observer, options)
         observer.hold()
-        figures += shown("standing, 80x24", readings(observer, SIZES[0], options, 1))
+        figures += figures_of("standing, 80x24", readings(observer, SIZES[0], options, 1))
         with replaying(observer, SIZES[0]) as terminal:
             Event().wait(settle_s)
             still = [terminal.spent(seconds)]
-        figures += shown("nothing changes, 80x24", still, None, 0.0)
+        figures += figures_of("nothing changes, 80x24", still, None, 0.0)
         observer.pause()
-        figures += shown("paused, 80x24", readings(observer, SIZES[0], options, 1))
+        figures += figures_of("paused, 80x24", readings(observer, SIZES[0], options, 1))
     notes = [
         f"10 frames a second; each reading {seconds:g} s; in {WORLD}, with noise",
-        "nothing changes: a recording that is shown and does not play",
-        "paused: simulated time stands still; the robot goes on and reports what its cycles cost",
-        f"slow line: {SLOW_LINE // 1000} kB/s are read of what the app writes; from the key that"
-        " shows the goal cursor, or puts it away, until the key bar says so",
+        "nothing changes: a recording that is shown but not played",
+        "paused: simulated time is stopped; the robot continues and reports the cost of its cycles",
+        f"slow line: the app's output is read at {SLOW_LINE // 1000} kB/s; from the key that shows"
+        " or hides the goal cursor until the key bar shows it",
     ]
     return figures, notes
 
@@ -49,14 +50,16 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
 def readings(
     observer: Observer, size: tuple[int, int], options: argparse.Namespace, times: int
 ) -> list[Spent]:
+    """Return the readings of an app in command of the robot."""
     with commanding(observer, size) as terminal:
         Event().wait(options.settle)
         return [terminal.spent(options.seconds) for _ in range(times)]
 
 
-def shown(
+def figures_of(
     name: str, found: list[Spent], cpu: float | None = None, kb: float | None = None
 ) -> list[Figure]:
+    """Return the figures of one situation."""
     shares = tuple(one.cpu_percent for one in found)
     rates = tuple(one.kb_per_s for one in found)
     return [
@@ -66,7 +69,7 @@ def shown(
 
 
 def on_a_slow_line(observer: Observer, options: argparse.Namespace) -> list[Figure]:
-    """At the larger size, which writes the most."""
+    """Measure at the larger size, which has the most output."""
     waits_ms = []
     with commanding(observer, SIZES[1], most_per_s=SLOW_LINE) as terminal:
         Event().wait(2 * options.settle)
@@ -90,8 +93,8 @@ def on_a_slow_line(observer: Observer, options: argparse.Namespace) -> list[Figu
 
 
 @contextmanager
-def kept_driving(observer: Observer) -> Iterator[None]:
-    """Between the world's start and its goal, in a thread, until the block ends."""
+def keep_driving(observer: Observer) -> Iterator[None]:
+    """Keep the robot driving between start and goal in a thread, until the block ends."""
     over, shuttle = Event(), Shuttle(observer)
 
     def drive() -> None:

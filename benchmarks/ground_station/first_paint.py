@@ -1,6 +1,6 @@
-"""From the start of the ground station's process to a screen with a robot's name on it.
+"""Time from the start of the app's process to a screen with the robot's name.
 
-Python by itself and Python with Textual are started in turn with it: what slows one slows all.
+Bare Python and Python with Textual are started in turn with it, so that all meet the same load.
 """
 
 import argparse
@@ -20,14 +20,15 @@ from verification.harness.observer import Observer, observed
 AT_MOST_S: Final = 0.6
 WORLD: Final = "forest_medium"
 PAINTED: Final = "Palette"
-"""At the end of the key bar, which is the last row."""
+"""Last word of the key bar, which is the last row."""
 PATIENCE_S: Final = 30.0
 FLOORS: Final = ("pass", "import textual.app")
 
 
-def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+def paint_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    """Measure the first paint and its baselines."""
     with observed(WORLD) as observer, tempfile.TemporaryDirectory() as bytecode:
-        in_turn(observer, Path(bytecode))  # compiles all that it imports
+        in_turn(observer, Path(bytecode))  # compiles the imported modules
         rows = [in_turn(observer, Path(bytecode)) for _ in range(options.starts)]
     names = ["first paint", "first bytes", *(f"python -c '{line}'" for line in FLOORS)]
     figures = [
@@ -50,7 +51,7 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
 
 
 def in_turn(observer: Observer, bytecode: Path) -> tuple[float, float, float, float, float]:
-    """Seconds to the paint and to any bytes, of both floors, and of CPU until the paint."""
+    """Return seconds to paint and to first output, of both baselines, and CPU time until paint."""
     with on_terminal(observer, SIZES[0], bytecode=bytecode) as terminal:
         painted_ns = terminal.shown(PAINTED, PATIENCE_S)
         cost_s = terminal.reading().cpu_s
@@ -62,7 +63,7 @@ def in_turn(observer: Observer, bytecode: Path) -> tuple[float, float, float, fl
 
 
 def took_s(line: str, bytecode: Path) -> float:
-    """Python from its start to its end with one line to do."""
+    """Return the time that Python takes to run one line."""
     environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(bytecode)}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     begun_ns = monotonic_ns()

@@ -1,9 +1,9 @@
-"""Hold and e-stop, from the key to a robot that has acted, and how far it rolled meanwhile."""
+"""Latency of hold and e-stop, from the key to the robot's reaction, and the distance rolled."""
 
 import argparse
 from typing import Final
 
-from benchmarks.ground_station.reaction import Operator, Presses
+from benchmarks.ground_station.reaction import Presses, TerminalOperator
 from benchmarks.ground_station.stage import SIZES, commanding
 from verification.harness.figures import Figure
 from verification.harness.observer import observed
@@ -14,22 +14,24 @@ SLACK_MS: Final = 5.0
 HOLD, ESTOP = "h", " "
 
 
-def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+def key_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    """Measure hold and e-stop."""
     with observed(WORLD) as observer, commanding(observer, SIZES[0]) as terminal:
-        operator = Operator(terminal, observer)
+        operator = TerminalOperator(terminal, observer)
         holds = operator.presses(HOLD, operator.resume, options.presses)
         stops = operator.presses(ESTOP, operator.clear, options.presses)
     notes = [
         "from the write of the key into the pty to what an observer on the bus receives;"
         " one period is 50 ms",
-        "hold has acted when the robot says HOLD: the wheels slow down from that tick on;"
-        " e-stop when they are commanded to stand",
-        "rolled: by the truth, from the last one before the key to standing, at 0.3 m/s",
+        "hold has acted when the robot reports HOLD: the wheels slow down from that tick on;"
+        " e-stop when the wheels are commanded to zero",
+        "rolled: true distance from the last sample before the key to rest, at 0.3 m/s",
     ]
-    return [*shown("hold", holds), *shown("e-stop", stops)], notes
+    return [*figures_of("hold", holds), *figures_of("e-stop", stops)], notes
 
 
-def shown(name: str, found: Presses) -> list[Figure]:
+def figures_of(name: str, found: Presses) -> list[Figure]:
+    """Return the figures of one key."""
     worst_ms = max(found.acted_ms)
     return [
         Figure(

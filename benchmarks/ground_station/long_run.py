@@ -1,4 +1,4 @@
-"""A long watch in short: is memory bounded, and is a key heard while 100 000 lines come in?"""
+"""Memory of the app over a long run, and its key latency while 100 000 log lines arrive."""
 
 import argparse
 from threading import Event, Thread
@@ -21,16 +21,17 @@ KEY_AT_MOST_MS: Final = 100.0
 LINES_PER_S: Final = 5000
 BURST_S: Final = 0.02
 TURNS: Final = (("4", "Severity"), ("1", "Cursor"))
-"""A key, and what is only in the key bar of the screen that it goes to."""
+"""A key, and a word that only the key bar of its screen contains."""
 APART_S: Final = 0.4
 PRESSES_AFTER: Final = 20
 
 
-def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+def long_run_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
+    """Measure growth of memory and key latency."""
     sizes = sizes_mb(options.minutes, options.lines)
     name = f"{options.minutes:g} min at 50 Hz, {options.lines} lines"
     with observed(WORLD) as observer:
-        during_ms, after_ms, grown_mb = in_a_flood(observer, options.lines)
+        during_ms, after_ms, grown_mb = during_flood(observer, options.lines)
     figures = [
         Figure(
             name=f"growth, {name}",
@@ -59,10 +60,13 @@ def measured(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
     ]
 
 
-def in_a_flood(observer: Observer, lines: int) -> tuple[list[float], list[float], float]:
-    """Milliseconds from keys to their screens meanwhile and afterwards, and growth in MB."""
+def during_flood(observer: Observer, lines: int) -> tuple[list[float], list[float], float]:
+    """Return key latencies in ms during the flood and after it, and growth in MB."""
     with commanding(observer, SIZES[1]) as terminal:
-        before_mb, flood = resident_mb(terminal.pid), Thread(target=pour, args=(observer, lines))
+        before_mb, flood = (
+            resident_mb(terminal.pid),
+            Thread(target=publish_lines, args=(observer, lines)),
+        )
         flood.start()
         during_ms: list[float] = []
         after_ms: list[float] = []
@@ -76,8 +80,8 @@ def in_a_flood(observer: Observer, lines: int) -> tuple[list[float], list[float]
         return during_ms, after_ms, resident_mb(terminal.pid) - before_mb
 
 
-def pour(observer: Observer, lines: int) -> None:
-    """Log lines as if they were the robot's."""
+def publish_lines(observer: Observer, lines: int) -> None:
+    """Publish log lines as the robot."""
     network, pause = Network(mode="client", connect=(observer.endpoint,)), Event()
     burst = round(LINES_PER_S * BURST_S)
     with open_bus(network, Role.ROBOT, observer.robot) as bus:

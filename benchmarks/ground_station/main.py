@@ -1,7 +1,7 @@
-"""The ground station's app on a terminal beside a real robot: what it costs, how soon it reacts.
+"""Cost and latency of the app on a terminal with a real robot.
 
-CPU time is what the kernel says of the app's process; bytes are counted and keys pressed at the
-other end of its pty; what the robot does is seen by an observer on its bus.
+CPU time is the kernel's figure of the app's process. Output is counted and keys are pressed at the
+other end of its pty; an observer on the bus records the robot's reaction.
 """
 
 import argparse
@@ -11,14 +11,15 @@ from benchmarks.ground_station import cost, first_paint, key_latency, long_run
 from verification.harness.figures import Figure, Report
 
 PARTS: Final = {
-    "paint": first_paint.measured,
-    "cost": cost.measured,
-    "keys": key_latency.measured,
-    "crowd": long_run.measured,
+    "paint": first_paint.paint_figures,
+    "cost": cost.cost_figures,
+    "keys": key_latency.key_figures,
+    "crowd": long_run.long_run_figures,
 }
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
     parser.add_argument("--seconds", type=float, default=20.0, help="of each reading of the cost")
     parser.add_argument("--settle", type=float, default=3.0, help="seconds before each reading")
@@ -31,10 +32,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Measure the selected parts."""
     figures: list[Figure] = []
     notes: list[str] = []
     for name in options.parts:
-        found, said = PARTS[name](options)
+        found, part_notes = PARTS[name](options)
         figures += found
-        notes += said
+        notes += part_notes
     return Report(benchmark="ground", figures=tuple(figures), notes=tuple(notes))

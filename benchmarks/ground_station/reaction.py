@@ -1,7 +1,7 @@
-"""From a key in the terminal to a robot that has acted, as an observer on its bus sees it.
+"""Latency from a key in the terminal to the robot's reaction, as an observer on its bus sees it.
 
-A hold has acted when the robot's mode is HOLD: in that tick its wheels begin to slow down, within
-what they may. An e-stop has acted when the wheels are commanded to stand, at once.
+A hold has acted when the robot's mode is HOLD: from that tick on its wheels slow down as fast as
+permitted. An e-stop has acted when the wheels are commanded to zero.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,35 +21,35 @@ from verification.harness.until import until
 
 M = TypeVar("M", bound=Message)
 PERIOD_S: Final = 0.05
-"""Keys are pressed at any moment of it: what the observer sees is in step with the robot."""
-FAST_M_S: Final = 0.28
-STILL_M_S: Final = 0.003
+"""Keys are pressed at random phases of it, as the observer is in step with the robot."""
+MIN_DRIVING_M_S: Final = 0.28
+MAX_STILL_M_S: Final = 0.003
 AGAIN_S: Final = 2.0
 SETTLES_S: Final = 0.2
-"""Until the app has seen the answer too: it asks one thing at a time."""
+"""Time for the app to receive the reply: it sends one request at a time."""
 ATTEMPTS: Final = 20
 PLACES: Final = ((5.2, 2.4), (0.8, 1.6))
-"""Far apart in the open world."""
+"""Distant goals in the open world."""
 
 
 @dataclass(slots=True)
 class Presses:
-    """Of each press: key to act, key to wheels commanded to stand (ms), and the way rolled (m)."""
+    """Results per key press: time to reaction and to wheels at zero (ms), distance rolled (m)."""
 
     acted_ms: list[float] = field(default_factory=list)
     wheels_ms: list[float] = field(default_factory=list)
     rolled_m: list[float] = field(default_factory=list)
 
 
-class Operator:
-    """Types what a person would, and sees what comes of it."""
+class TerminalOperator:
+    """Type keys as an operator and observe the reaction."""
 
     def __init__(self, terminal: Terminal, observer: Observer) -> None:
         self._terminal, self._observer = terminal, observer
         self._places, self._random = cycle(PLACES), Random(1)
 
     def presses(self, key: str, release: Callable[[], None], times: int) -> Presses:
-        """That key while the robot drives; then what makes it drive again."""
+        """Press a key while the robot drives, then release it; repeat."""
         found = Presses()
         for _ in range(times):
             self.drive()
@@ -60,18 +60,19 @@ class Operator:
         return found
 
     def resume(self) -> None:
-        """Unless the goal was reached just then: `drive` gives another one."""
+        """Resume; if the goal was just reached, `drive` gives another one."""
         self._terminal.type("r")
         with suppress(RuntimeError):
             self._until(lambda status: status.mode == Mode.GUIDED, "resumed", AGAIN_S)
 
     def clear(self) -> None:
+        """Clear the e-stop."""
         self._terminal.type("DD")
         self._until(lambda status: status.vehicle == Vehicle.STANDBY, "e-stop cleared", PATIENCE_S)
         Event().wait(SETTLES_S)
 
     def drive(self) -> None:
-        """At full speed; a goal that has ended is followed by another one."""
+        """Drive at full speed; give another goal after one that has ended."""
         for _ in range(ATTEMPTS):
             if self._observer.status.vehicle == Vehicle.FAILSAFE:
                 self._leave_failsafe()
@@ -83,16 +84,16 @@ class Operator:
             with suppress(RuntimeError):
                 until(self._fast, "driving", AGAIN_S)
                 return
-        raise RuntimeError(f"it does not drive: {self._terminal.text()[-500:]!r}")
+        raise RuntimeError(f"the robot does not drive: {self._terminal.text()[-500:]!r}")
 
     def _leave_failsafe(self) -> None:
-        """A busy machine may keep a robot's senses from it for longer than it drives without."""
+        """Disarm after a failsafe: a busy machine may delay samples past their limit."""
         self._terminal.type("A")
         with suppress(RuntimeError):
             self._until(lambda status: status.vehicle == Vehicle.STANDBY, "disarmed", AGAIN_S)
 
     def _fast(self) -> bool:
-        return self._observer.speed_m_s > FAST_M_S
+        return self._observer.speed_m_s > MIN_DRIVING_M_S
 
     def _until(
         self, condition: Callable[[NavigatorStatus], bool], what: str, within_s: float
@@ -101,8 +102,8 @@ class Operator:
 
     def _note(self, found: Presses, at_ns: int, acted: Callable[[Message], bool]) -> None:
         seen = self._observer
-        until(lambda: first(seen.wheels, at_ns, stopped), "wheels commanded to stand")
-        until(lambda: first(seen.truths, at_ns, still), "standing")
+        until(lambda: first(seen.wheels, at_ns, stopped), "wheels commanded to zero")
+        until(lambda: first(seen.truths, at_ns, still), "at rest")
         acts = first([*seen.statuses, *seen.wheels], at_ns, acted)
         wheels = first(seen.wheels, at_ns, stopped)
         before = [truth for truth, arrived_ns in tuple(seen.truths) if arrived_ns <= at_ns][-1]
@@ -117,18 +118,21 @@ class Operator:
 def first(
     seen: Iterable[tuple[Message, int]], after_ns: int, condition: Callable[[Message], bool]
 ) -> int | None:
-    """When the first such message after a moment arrived."""
+    """Return when the first such message after a moment arrived."""
     arrivals = [at_ns for message, at_ns in tuple(seen) if at_ns > after_ns and condition(message)]
     return min(arrivals, default=None)
 
 
 def held(message: Message) -> bool:
+    """Return whether the robot reports HOLD."""
     return isinstance(message, NavigatorStatus) and message.mode == Mode.HOLD
 
 
 def stopped(message: Message) -> bool:
+    """Return whether the wheels are commanded to zero."""
     return isinstance(message, WheelCommand) and not (message.left_mrad_s or message.right_mrad_s)
 
 
 def still(message: Message) -> bool:
-    return isinstance(message, GroundTruth) and abs(message.speed_m_s) < STILL_M_S
+    """Return whether the robot is at rest."""
+    return isinstance(message, GroundTruth) and abs(message.speed_m_s) < MAX_STILL_M_S

@@ -1,4 +1,4 @@
-"""The ground station's app on a terminal of some size, as the parts of its benchmark open it."""
+"""Start the app on a terminal of a given size."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,9 +23,9 @@ def on_terminal(
     most_per_s: int | None = None,
     bytecode: Path | None = None,
 ) -> Iterator[Terminal]:
-    """`sidestep ground`, as it starts; it leaves nothing in the user's own folder.
+    """Start `sidestep ground` with a state folder of its own.
 
-    With `bytecode` modules are kept there, compiled, as an installation has them.
+    With `bytecode` compiled modules are kept there, as in an installation.
     """
     words = ("ground", "--id", observer.robot, "--connect", observer.endpoint)
     environment = {"XDG_STATE_HOME": str(observer.folder)}
@@ -39,7 +39,7 @@ def on_terminal(
 def commanding(
     observer: Observer, size: tuple[int, int], *, most_per_s: int | None = None
 ) -> Iterator[Terminal]:
-    """The same, when it has read all that it needs."""
+    """Start the app and wait until it has read all that it needs."""
     with on_terminal(observer, size, most_per_s=most_per_s) as terminal:
         terminal.shown(READY, PATIENCE_S)
         yield terminal
@@ -47,7 +47,7 @@ def commanding(
 
 @contextmanager
 def replaying(observer: Observer, size: tuple[int, int]) -> Iterator[Terminal]:
-    """What the app has recorded last, as it is shown before anybody lets it play."""
+    """Show the latest recording without playing it."""
     path = max((observer.folder / RECORDINGS).glob("*.mcap"), key=lambda path: path.stat().st_size)
     environment = {"XDG_STATE_HOME": str(observer.folder)}
     with Terminal(("replay", str(path)), size, environment) as terminal:

@@ -1,1 +1,1 @@
-"""ir-sim, the peer."""
+"""ir-sim, for comparison."""

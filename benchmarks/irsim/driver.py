@@ -1,7 +1,7 @@
-"""Steps an ir-sim world as often as it is asked to, inside the environment made for ir-sim.
+"""Step an ir-sim world on request, in the virtual environment of ir-sim.
 
-Started with the Python of that environment; imports nothing of ours. Each line on standard input
-is a number of steps; each answer is one JSON line.
+It runs with the Python of that environment and imports nothing of this project. Each line on
+standard input is a number of steps; each reply is one JSON line.
 """
 
 import importlib
@@ -12,10 +12,11 @@ from importlib.metadata import version
 from typing import Any
 
 CIRCLING = [0.05, 0.5]
-"""Forward speed and yaw rate: moves all the time and stays clear of everything."""
+"""Forward speed and yaw rate of a circle without contact."""
 
 
 def main() -> None:
+    """Make the world and run the requested steps until standard input ends."""
     environment: Any = importlib.import_module("irsim").make(
         sys.argv[1], headless=True, log_level="ERROR"
     )
@@ -27,6 +28,7 @@ def main() -> None:
 
 
 def timed(environment: Any, steps: int) -> dict[str, float]:
+    """Return CPU and wall time of this many steps."""
     cpu, wall = time.process_time(), time.perf_counter()
     for _ in range(steps):
         environment.step(CIRCLING)
@@ -34,6 +36,7 @@ def timed(environment: Any, steps: int) -> dict[str, float]:
 
 
 def answer(what: dict[str, Any]) -> None:
+    """Print one JSON line."""
     print(json.dumps(what), flush=True)
 
 

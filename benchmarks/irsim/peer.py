@@ -1,4 +1,4 @@
-"""ir-sim as the peer: the same world, robot and rays, in an environment of its own."""
+"""Run ir-sim with the same world, robot and rays, in its own virtual environment."""
 
 import json
 import os
@@ -20,16 +20,17 @@ RAYS = 40
 
 
 class IrSim:
-    """A child that steps the world; `run` answers CPU and wall seconds."""
+    """A child process that steps the world."""
 
     def __init__(self, child: "subprocess.Popen[str]") -> None:
         self._child = child
         greeting = self._answer()
         self.version: str = greeting["version"]
         if greeting["rays"] != RAYS:
-            raise RuntimeError(f"ir-sim casts {greeting['rays']} rays and not {RAYS}")
+            raise RuntimeError(f"ir-sim casts {greeting['rays']} rays instead of {RAYS}")
 
     def run(self, steps: int) -> tuple[float, float]:
+        """Run the steps; return CPU and wall time in s."""
         assert self._child.stdin is not None
         self._child.stdin.write(f"{steps}\n")
         self._child.stdin.flush()
@@ -37,16 +38,17 @@ class IrSim:
         return answer["cpu_s"], answer["wall_s"]
 
     def _answer(self) -> Any:
-        """The next JSON line; ir-sim itself also prints on standard output."""
+        """Return the next JSON line; ir-sim prints on standard output too."""
         assert self._child.stdout is not None
         for line in self._child.stdout:
             if line.startswith("{"):
                 return json.loads(line)
-        raise RuntimeError("ir-sim ended without an answer")
+        raise RuntimeError("ir-sim exited without a reply")
 
 
 @contextmanager
 def running(world: World, venv: Path) -> Iterator[IrSim]:
+    """Start ir-sim with this world."""
     python = prepared(venv)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "world.yaml"
@@ -66,7 +68,7 @@ def running(world: World, venv: Path) -> Iterator[IrSim]:
 
 
 def prepared(venv: Path) -> Path:
-    """The Python of the benchmark's environment, made on first use."""
+    """Return the Python of the virtual environment, which is made on first use."""
     python = venv / "bin" / "python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", venv], check=True)
@@ -78,7 +80,7 @@ def prepared(venv: Path) -> Path:
 
 
 def scene_of(world: World) -> dict[str, Any]:
-    """The world as ir-sim describes worlds. Raises ValueError for what it cannot hold."""
+    """Return the world in ir-sim's format; raise ValueError for what ir-sim cannot represent."""
     width_m, height_m = world.size_m
     obstacles = [_obstacle(obstacle) for obstacle in world.obstacles]
     if world.walls:

@@ -1,7 +1,7 @@
-"""A frame of the map on 100 x 40 cells in truecolor, textual-plotext beside it.
+"""A frame of the map on 100 x 40 cells in truecolor, compared with textual-plotext.
 
-Both draw the same lines in one run and in turns: 14 obstacles, a trail that moves with every frame,
-sonar cones, an ellipse, goals. Ours draws marks, words and dotted lines besides.
+Both draw the same lines in turn: 14 obstacles, a trail that changes with every frame, sonar cones,
+an ellipse, goals. Ours also draws marks, words and dotted lines.
 """
 
 import argparse
@@ -12,14 +12,20 @@ from rich.color import Color
 from rich.style import Style
 
 from benchmarks.map_drawing.plotext import Lines, PlotextMap
-from benchmarks.map_drawing.scene import Noted, drive, noted, segments, whirl
-from benchmarks.map_drawing.stage import Cost, perform
+from benchmarks.map_drawing.scene import (
+    RecordingCanvas,
+    driving_trails,
+    moving_trails,
+    recorded_canvas,
+    segments,
+)
+from benchmarks.map_drawing.stage import FrameCost, measure_frames
 from ground.app.widgets.map import MapWidget
 from ground.map import Scene
 from verification.harness.figures import Figure, Report, ratios
 
-AT_MOST_MS: Final = 4.0
-AT_MOST_RATIO: Final = 0.2
+MAX_FRAME_MS: Final = 4.0
+MAX_RATIO: Final = 0.2
 SIZE: Final = (100, 40)
 COLOURS: Final = {
     "truth": "#808080",
@@ -36,61 +42,71 @@ COLOURS: Final = {
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--frames", type=int, default=100, help="of ours, per repetition")
 
 
 def measure(options: argparse.Namespace) -> Report:
-    hard, easy = whirl(options.frames), drive(options.frames)
-    plotext = [noted(scene, *SIZE) for scene in hard[: max(10, options.frames // 4)]]
-    whirled, driven, theirs = [], [], []
+    """Measure both in turn."""
+    hard, easy = moving_trails(options.frames), driving_trails(options.frames)
+    plotext = [recorded_canvas(scene, *SIZE) for scene in hard[: max(10, options.frames // 4)]]
+    moving, driving, theirs = [], [], []
     for _ in range(options.repetitions):
-        whirled.append(ours(hard))
+        moving.append(ours(hard))
         theirs.append(peer(plotext))
-        driven.append(ours(easy))
+        driving.append(ours(easy))
     count = segments(plotext[0])
     return Report(
         benchmark="map",
-        figures=figures(whirled, driven, theirs),
+        figures=figures(moving, driving, theirs),
         notes=(
             f"{count} segments, the same for both; {len(hard)} frames of ours and"
             f" {len(plotext)} of textual-plotext per repetition, the median of each",
             "CPU time of the thread, Textual's share and the text for the terminal included",
-            "all moves: every point of the trail is elsewhere in each frame, the walls are not;"
+            "all moves: every point of the trail changes in each frame, the walls do not;"
             " driving: the trail grows at its end",
         ),
     )
 
 
-def figures(whirled: list[Cost], driven: list[Cost], theirs: list[Cost]) -> tuple[Figure, ...]:
-    ours_ms = [cost.median_ms for cost in whirled]
+def figures(
+    moving: list[FrameCost], driving: list[FrameCost], theirs: list[FrameCost]
+) -> tuple[Figure, ...]:
+    """Return the figures of both."""
+    ours_ms = [cost.median_ms for cost in moving]
     theirs_ms = [cost.median_ms for cost in theirs]
     quotients = ratios(ours_ms, theirs_ms)
     return (
-        Figure(name="frame, all moves", unit="ms", values=tuple(ours_ms), at_most=AT_MOST_MS),
-        Figure(name="ours / textual-plotext", unit="x", values=quotients, at_most=AT_MOST_RATIO),
-        Figure(name="frame, driving", unit="ms", values=tuple(c.median_ms for c in driven)),
+        Figure(name="frame, all moves", unit="ms", values=tuple(ours_ms), at_most=MAX_FRAME_MS),
+        Figure(name="ours / textual-plotext", unit="x", values=quotients, at_most=MAX_RATIO),
+        Figure(name="frame, driving", unit="ms", values=tuple(c.median_ms for c in driving)),
         Figure(name="frame, textual-plotext", unit="ms", values=tuple(theirs_ms)),
-        Figure(name="written, all moves", unit="kB", values=tuple(c.median_kb for c in whirled)),
-        Figure(name="written, driving", unit="kB", values=tuple(c.median_kb for c in driven)),
+        Figure(name="written, all moves", unit="kB", values=tuple(c.median_kb for c in moving)),
+        Figure(name="written, driving", unit="kB", values=tuple(c.median_kb for c in driving)),
         Figure(
             name="written, textual-plotext", unit="kB", values=tuple(c.median_kb for c in theirs)
         ),
     )
 
 
-def ours(scenes: list[Scene]) -> Cost:
+def ours(scenes: list[Scene]) -> FrameCost:
+    """Draw the scenes with our widget."""
     styles = {role: Style(color=colour) for role, colour in COLOURS.items()}
     widget = MapWidget(styles)
-    return perform(widget, [partial(widget.show, scene) for scene in scenes], SIZE)
+    return measure_frames(widget, [partial(widget.show, scene) for scene in scenes], SIZE)
 
 
-def peer(drawn: list[Noted]) -> Cost:
+def peer(drawn: list[RecordingCanvas]) -> FrameCost:
+    """Draw the lines with textual-plotext."""
     widget = PlotextMap()
-    return perform(widget, [partial(widget.show, lines_of(canvas)) for canvas in drawn], SIZE)
+    return measure_frames(
+        widget, [partial(widget.show, lines_of(canvas)) for canvas in drawn], SIZE
+    )
 
 
-def lines_of(canvas: Noted) -> Lines:
+def lines_of(canvas: RecordingCanvas) -> Lines:
+    """Return the lines of a recorded canvas with their colours."""
     return [
         (Color.parse(COLOURS[role]).get_truecolor(), dots)
         for role, dots in canvas.polylines

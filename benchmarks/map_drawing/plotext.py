@@ -1,4 +1,4 @@
-"""The same lines by textual-plotext, used as its documentation says."""
+"""Draw the lines of a recorded canvas with textual-plotext, used as documented."""
 
 from collections.abc import Sequence
 
@@ -7,13 +7,14 @@ from textual_plotext import PlotextPlot
 from ground.map.canvas import Dot
 
 Lines = Sequence[tuple[tuple[int, int, int], Sequence[Dot]]]
-"""Of each polyline the colour, and its points in dots from the top left corner."""
+"""Colour of each polyline, and its points in dots from the upper left corner."""
 
 
 class PlotextMap(PlotextPlot):
-    """Braille, no axes; the whole widget is the map."""
+    """A plot in Braille without axes, which fills the widget."""
 
     def show(self, lines: Lines) -> None:
+        """Draw these lines."""
         plot, (wide, high) = self.plt, (2 * self.size.width, 4 * self.size.height)
         plot.clear_data()
         plot.frame(False)

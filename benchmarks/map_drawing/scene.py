@@ -1,4 +1,4 @@
-"""The scene that is drawn: a room with 14 obstacles, and a robot that has come a long way."""
+"""The scene to draw: a room with 14 obstacles, and a robot with a long trail."""
 
 from collections.abc import Iterable
 from math import atan2, cos, sin
@@ -14,28 +14,29 @@ DISCS: Final = (Disc(7.6, 2.0, 0.35), Disc(8.2, 5.0, 0.5))
 RANGES_M: Final = (0.4, 0.7, 1.1, 1.6, 2.2, 1.3, 0.9, 0.5)
 
 
-class Noted(Canvas):
-    """A canvas that notes the lines drawn on it, so that another can draw the same."""
+class RecordingCanvas(Canvas):
+    """A canvas that records its lines, so that another widget can draw the same."""
 
     def __init__(self, columns: int, rows: int) -> None:
         super().__init__(columns, rows)
         self.polylines: list[tuple[str, list[Dot]]] = []
 
     def polyline(self, dots: Iterable[Dot], role: str) -> None:
-        noted = list(dots)
-        self.polylines.append((role, noted))
-        super().polyline(noted, role)
+        """Record and draw a line."""
+        recorded_canvas = list(dots)
+        self.polylines.append((role, recorded_canvas))
+        super().polyline(recorded_canvas, role)
 
 
-def drive(count: int) -> list[Scene]:
-    """As when driving: from frame to frame the trail has gone on by one step."""
+def driving_trails(count: int) -> list[Scene]:
+    """Return scenes of a drive: the trail grows by one step per frame."""
     way = [_place(step, 0.0) for step in range(TRAIL_POINTS + count)]
     obstacles = _obstacles()
     return [_scene(tuple(way[i : i + TRAIL_POINTS]), obstacles) for i in range(count)]
 
 
-def whirl(count: int) -> list[Scene]:
-    """The hardest: from frame to frame all of the trail has moved."""
+def moving_trails(count: int) -> list[Scene]:
+    """Return the most expensive scenes: the whole trail moves with each frame."""
     obstacles = _obstacles()
     return [
         _scene(tuple(_place(step, 0.03 * i) for step in range(TRAIL_POINTS)), obstacles)
@@ -43,14 +44,15 @@ def whirl(count: int) -> list[Scene]:
     ]
 
 
-def noted(scene: Scene, columns: int, rows: int) -> Noted:
-    """The lines of a scene, in dots."""
-    canvas = Noted(columns, rows)
+def recorded_canvas(scene: Scene, columns: int, rows: int) -> RecordingCanvas:
+    """Draw a scene and return its lines in dots."""
+    canvas = RecordingCanvas(columns, rows)
     draw(scene, View.fit(scene.box(), columns, rows), canvas)
     return canvas
 
 
-def segments(canvas: Noted) -> int:
+def segments(canvas: RecordingCanvas) -> int:
+    """Return the number of line segments."""
     return sum(len(dots) - 1 for _, dots in canvas.polylines if dots)
 
 

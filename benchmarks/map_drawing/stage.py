@@ -1,4 +1,4 @@
-"""A terminal that only counts, and an app on it that paints frame after frame of one widget."""
+"""An app that paints frame after frame of one widget, on a driver that counts its output."""
 
 import asyncio
 from collections.abc import Callable, Iterable
@@ -18,25 +18,27 @@ WARM_UP: Final = 5
 
 
 @dataclass(slots=True)
-class Cost:
-    """Of each frame, what it took and what it wrote."""
+class FrameCost:
+    """CPU time and output of each frame."""
 
     cpu_ms: list[float] = field(default_factory=list)
     written_kb: list[float] = field(default_factory=list)
 
     @property
     def median_ms(self) -> float:
+        """Median CPU time of a frame."""
         return median(self.cpu_ms)
 
     @property
     def median_kb(self) -> float:
+        """Median output of a frame."""
         return median(self.written_kb)
 
 
-class Terminal(HeadlessDriver):
-    """Takes what is written, as fast as can be, and says that something was."""
+class CountingDriver(HeadlessDriver):
+    """Accept output at full speed and count it."""
 
-    def __init__(self, app: "Stage", **options: Any) -> None:
+    def __init__(self, app: "BenchmarkApp", **options: Any) -> None:
         super().__init__(app, **options)
         app.terminal = self
         self.written = 0
@@ -44,32 +46,36 @@ class Terminal(HeadlessDriver):
 
     @property
     def is_headless(self) -> bool:
-        """Without this nothing would be written to it."""
+        """False, as Textual would not write to a headless driver."""
         return False
 
     def write(self, data: str) -> None:
+        """Count output."""
         self.written += len(data.encode())
         self.painted.set()
 
 
-class Stage(App[None]):
-    """One widget on all of the screen."""
+class BenchmarkApp(App[None]):
+    """An app with one widget on the whole screen."""
 
-    terminal: Terminal
+    terminal: CountingDriver
 
     def __init__(self, widget: Widget) -> None:
-        super().__init__(driver_class=Terminal)
+        super().__init__(driver_class=CountingDriver)
         file = self.console.file
         self.console = Console(color_system="truecolor", file=file, force_terminal=True)
         self.widget = widget
 
     def compose(self) -> ComposeResult:
+        """Return the widget."""
         yield self.widget
 
 
-def perform(widget: Widget, frames: Iterable[Callable[[], None]], size: tuple[int, int]) -> Cost:
-    """CPU time of the thread from paint to paint, Textual's share of it included."""
-    stage, cost = Stage(widget), Cost()
+def measure_frames(
+    widget: Widget, frames: Iterable[Callable[[], None]], size: tuple[int, int]
+) -> FrameCost:
+    """Return the CPU time of the thread from paint to paint, Textual's share included."""
+    stage, cost = BenchmarkApp(widget), FrameCost()
 
     async def play(_: Pilot[object]) -> None:
         for number, frame in enumerate(frames):

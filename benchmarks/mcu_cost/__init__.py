@@ -1,1 +1,1 @@
-"""Modelled cost of the control core on the LPC1768."""
+"""Modelled cost of the control core on a microcontroller."""

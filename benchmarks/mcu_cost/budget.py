@@ -1,8 +1,8 @@
-"""What a tick of the core would cost on the LPC1768: operations counted, times a table of cycles.
+"""Modelled cost of a tick of the core on the LPC1768: counted operations times a cycle table.
 
-Per navigator the recorded drives (worlds x noise levels) are run again on a copy of the core that
-counts its operations (`weighed`), then made-up ticks that want the most of it (`hardest`). The
-table and how far it can be trusted: `mcu`. Nothing here is timed: the figures are always the same.
+Per navigator the recorded drives (worlds x noise levels) are repeated on a copy of the core that
+counts its operations (`counted_core`), then synthetic worst-case ticks (`hardest`). The table and
+its accuracy are in `mcu`. Nothing is timed, so the figures are always the same.
 """
 
 import argparse
@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from benchmarks.core import recorded
-from benchmarks.mcu_cost.counted_core import WeighedCore
-from benchmarks.mcu_cost.hardest import STORIES, TICKS, stories
-from benchmarks.mcu_cost.mcu import INSTRUCTIONS, UNSEEN, milliseconds, share_percent
+from benchmarks.mcu_cost.counted_core import CountedCore
+from benchmarks.mcu_cost.hardest import SCENARIOS, TICKS, scenarios
+from benchmarks.mcu_cost.mcu import INSTRUCTIONS, UNCOUNTED_FACTOR, milliseconds, share_percent
 from benchmarks.mcu_cost.memory_size import heap_bytes
 from benchmarks.mcu_cost.operation_counter import instructions
 from plant.world.file import load
@@ -23,8 +23,8 @@ from study.trial.trial import NAVIGATORS, Trial, start_of, wire_goal_of
 from verification.harness.figures import Figure, Report, percentile
 
 BASELINE_PERCENT = 75.0
-"""No limit is asked of the baselines that others are compared with; they must not outgrow the
-period with what else a controller has to do in it."""
+"""Limit of the baseline navigators: with the other work of a controller they must fit into the
+period."""
 LIMITS_PERCENT = {
     "bug": 25.0,
     "vgm": 25.0,
@@ -37,12 +37,12 @@ STATE_BYTES = 4096
 WORLDS = ("box", "forest_medium", "u_trap")
 NOISES = ("none", "default", "harsh")
 SECONDS = 30.0
-DEAREST = 8
+MAX_LISTED = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Weight:
-    """Of one tick."""
+class TickCost:
+    """Cost of one tick by function and by operation."""
 
     functions: dict[str, float]
     operations: Counter[str]
@@ -50,60 +50,66 @@ class Weight:
 
     @property
     def instructions(self) -> float:
+        """Instructions of all functions."""
         return sum(self.functions.values())
 
 
 @dataclass(slots=True)
-class Weights:
-    """Of many ticks, and the largest memory that the navigator had."""
+class TickCosts:
+    """Costs of many ticks, and the largest memory of the navigator."""
 
-    ticks: list[Weight] = field(default_factory=list)
+    ticks: list[TickCost] = field(default_factory=list)
     memory_bytes: int = 0
 
-    def share(self, of: float) -> float:
+    def quantile(self, of: float) -> float:
+        """Return a quantile of the instructions."""
         return percentile([tick.instructions for tick in self.ticks], of)
 
-    def worst(self) -> Weight:
+    def worst(self) -> TickCost:
+        """Return the most expensive tick."""
         return max(self.ticks, key=lambda tick: tick.instructions)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of this benchmark."""
     parser.add_argument("--worlds", nargs="+", default=WORLDS)
     parser.add_argument("--noises", nargs="+", default=NOISES)
     parser.add_argument("--navigators", nargs="+", choices=NAVIGATORS, default=list(NAVIGATORS))
     parser.add_argument("--seconds", type=float, default=SECONDS, help="of each drive")
-    parser.add_argument("--stories", type=int, default=STORIES, help="of made-up ticks")
-    parser.add_argument("--dearest", action="store_true", help="what the worst tick is made of")
+    parser.add_argument("--stories", type=int, default=SCENARIOS, help="of synthetic ticks")
+    parser.add_argument("--dearest", action="store_true", help="list the costs of the worst tick")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Model the selected navigators."""
     figures: list[Figure] = []
     notes = [
-        "modelled, good to 25 %: MicroPython, Cortex-M3 without FPU, 96 MHz, period 50 ms; "
+        "modelled, accurate to 25 %: MicroPython, Cortex-M3 without FPU, 96 MHz, period 50 ms; "
         "garbage is collected between the ticks",
         f"{len(options.worlds)} worlds x {len(options.noises)} noise levels, at most "
-        f"{options.seconds:g} s each; {options.stories} stories of made-up ticks",
+        f"{options.seconds:g} s each; {options.stories} scenarios of synthetic ticks",
     ]
     for name in options.navigators:
-        driven = drives(name, options.worlds, options.noises, options.seconds)
-        hardest = hard_ticks(name, options.stories)
+        driven = driven_ticks(name, options.worlds, options.noises, options.seconds)
+        hardest = worst_case_ticks(name, options.stories)
         figures += figures_of(name, driven, hardest)
         if options.dearest:
             worst = max(driven.worst(), hardest.worst(), key=lambda tick: tick.instructions)
-            notes += made_of(name, worst)
+            notes += cost_breakdown(name, worst)
     return Report(benchmark="budget", figures=tuple(figures), notes=tuple(notes))
 
 
-def figures_of(name: str, driven: Weights, hardest: Weights) -> Iterator[Figure]:
+def figures_of(name: str, driven: TickCosts, hardest: TickCosts) -> Iterator[Figure]:
+    """Yield the figures of one navigator."""
     shares = {"median": 0.5, "p99": 0.99, "worst": 1.0}
-    for says, share in shares.items():
-        value = milliseconds(driven.share(share))
-        yield Figure(name=f"{name}, {says} of {len(driven.ticks)}", unit="ms", values=(value,))
-    made_up = milliseconds(hardest.share(1.0))
+    for label, quantile in shares.items():
+        value = milliseconds(driven.quantile(quantile))
+        yield Figure(name=f"{name}, {label} of {len(driven.ticks)}", unit="ms", values=(value,))
+    synthetic_ms = milliseconds(hardest.quantile(1.0))
     yield Figure(
-        name=f"{name}, worst of {len(hardest.ticks)} made up", unit="ms", values=(made_up,)
+        name=f"{name}, worst of {len(hardest.ticks)} synthetic", unit="ms", values=(synthetic_ms,)
     )
-    worst = max(driven.share(1.0), hardest.share(1.0))
+    worst = max(driven.quantile(1.0), hardest.quantile(1.0))
     limit = LIMITS_PERCENT.get(name, LIMIT_PERCENT)
     percent = share_percent(worst)
     yield Figure(name=f"{name}, worst of all", unit="%", values=(percent,), at_most=limit)
@@ -113,18 +119,21 @@ def figures_of(name: str, driven: Weights, hardest: Weights) -> Iterator[Figure]
     yield Figure(name=f"{name}, garbage of a tick", unit="bytes", values=(garbage,))
 
 
-def drives(name: str, worlds: Iterable[str], noises: Sequence[str], seconds: float) -> Weights:
-    weights = Weights()
+def driven_ticks(
+    name: str, worlds: Iterable[str], noises: Sequence[str], seconds: float
+) -> TickCosts:
+    """Return the costs of the drives in these worlds."""
+    costs = TickCosts()
     for world in worlds:
         for noise in noises:
             trial = Trial(world=load(world), navigator=name, noise=noise, timeout_s=seconds)
-            weigh_drive(trial, recorded(trial), weights)
-    return weights
+            count_drive(trial, recorded(trial), costs)
+    return costs
 
 
-def weigh_drive(trial: Trial, inputs: Sequence[Inputs], weights: Weights) -> None:
-    """From the first tick with a goal to the last with one."""
-    core = WeighedCore()
+def count_drive(trial: Trial, inputs: Sequence[Inputs], costs: TickCosts) -> None:
+    """Add the costs of a drive, from the first tick with a goal to the last."""
+    core = CountedCore()
     brain, modes = core["brain"], core["modes"]
     params = core["parameters"].DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator])
     state = brain.State(params)
@@ -136,33 +145,35 @@ def weigh_drive(trial: Trial, inputs: Sequence[Inputs], weights: Weights) -> Non
     core.take()
     for one in inputs[1:]:
         brain.step(state, one, params)
-        note(core, state.memory, weights)
+        record_tick(core, state.memory, costs)
 
 
-def hard_ticks(name: str, count: int, ticks: int = TICKS) -> Weights:
-    core, weights = WeighedCore(), Weights()
+def worst_case_ticks(name: str, count: int, ticks: int = TICKS) -> TickCosts:
+    """Return the costs of synthetic scenarios."""
+    core, costs = CountedCore(), TickCosts()
     params = core["parameters"].DEFAULTS._replace(navigator=NAVIGATORS[name])
-    for state in stories(core, params, count=count, ticks=ticks):
-        note(core, state.memory, weights)
-    return weights
+    for state in scenarios(core, params, count=count, ticks=ticks):
+        record_tick(core, state.memory, costs)
+    return costs
 
 
-def note(core: WeighedCore, memory: object, weights: Weights) -> None:
-    garbage, counted = core.scale.heap_bytes, core.take()
-    functions = {name: UNSEEN * instructions(counts) for name, counts in counted.items()}
+def record_tick(core: CountedCore, memory: object, costs: TickCosts) -> None:
+    """Add the cost of the last tick."""
+    garbage, counted = core.counter.heap_bytes, core.take()
+    functions = {name: UNCOUNTED_FACTOR * instructions(counts) for name, counts in counted.items()}
     total = sum(counted.values(), Counter[str]())
-    weights.ticks.append(Weight(functions, total, garbage))
-    weights.memory_bytes = max(weights.memory_bytes, heap_bytes(memory))
+    costs.ticks.append(TickCost(functions, total, garbage))
+    costs.memory_bytes = max(costs.memory_bytes, heap_bytes(memory))
 
 
-def made_of(name: str, worst: Weight) -> list[str]:
-    """Which functions and which operations are dearest in this tick."""
+def cost_breakdown(name: str, worst: TickCost) -> list[str]:
+    """Return the most expensive functions and operations of a tick."""
     kinds = {
-        f"{count} x {kind}": UNSEEN * INSTRUCTIONS[kind] * count
+        f"{count} x {kind}": UNCOUNTED_FACTOR * INSTRUCTIONS[kind] * count
         for kind, count in worst.operations.items()
     }
     return [
         f"{name}, worst: {milliseconds(spent[what]):5.2f} ms {what}"
         for spent in (worst.functions, kinds)
-        for what in sorted(spent, key=lambda what: -spent[what])[:DEAREST]
+        for what in sorted(spent, key=lambda what: -spent[what])[:MAX_LISTED]
     ]

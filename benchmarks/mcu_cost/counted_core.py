@@ -1,8 +1,8 @@
-"""A second copy of the core whose every operation goes over a scale.
+"""A copy of the core that counts its operations.
 
 The source of `robot/core` is rewritten, not the bytecode: MicroPython compiles a syntax tree nearly
-one to one, CPython's bytecode differs from version to version, and only at run time is it known
-whether `a + b` adds floats. So the counts are the same on every Python.
+one to one, CPython's bytecode differs between versions, and only at run time is it known whether `a
++ b` adds floats. So the counts are the same on every Python.
 """
 
 import ast
@@ -12,21 +12,21 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from benchmarks.mcu_cost.instrumentation import SCALE, Rewriting
-from benchmarks.mcu_cost.operation_counter import Scale
+from benchmarks.mcu_cost.instrumentation import COUNTER, Instrumentation
+from benchmarks.mcu_cost.operation_counter import OperationCounter
 
 PACKAGE = "robot.core"
 SOURCE = Path(__file__).parents[2] / "robot" / "core"
 
 
-class WeighedCore:
-    """`core["brain"]` is a module; `counts` are what it did since they were last taken.
+class CountedCore:
+    """A copy of the core: `core["brain"]` is a module.
 
     Modules of inner packages are named with them: `core["safety.guard"]`.
     """
 
     def __init__(self) -> None:
-        self.scale = Scale()
+        self.counter = OperationCounter()
         self._modules: dict[str, ModuleType] = {}
 
     def __getitem__(self, name: str) -> Any:
@@ -35,9 +35,9 @@ class WeighedCore:
         return self._modules[name]
 
     def take(self) -> dict[str, Counter[str]]:
-        """The counts since the last time, by function, and the scale cleared."""
-        total = self.scale.by_function()
-        self.scale.clear()
+        """Return the counts since the last call by function, and clear them."""
+        total = self.counter.by_function()
+        self.counter.clear()
         return total
 
     def _load(self, name: str) -> None:
@@ -46,13 +46,15 @@ class WeighedCore:
         if place.is_dir():
             return
         file, last = place.with_suffix(".py"), name.rpartition(".")[2]
-        tree = Rewriting(self.scale, last).visit(ast.parse(file.read_text("utf-8"), str(file)))
+        tree = Instrumentation(self.counter, last).visit(
+            ast.parse(file.read_text("utf-8"), str(file))
+        )
         module.__dict__["__builtins__"] = {**vars(builtins), "__import__": self._import}
-        module.__dict__[SCALE] = self.scale
+        module.__dict__[COUNTER] = self.counter
         exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), module.__dict__)
 
     def _import(self, name: str, *rest: Any) -> Any:
-        """What the copies import of the core are copies too."""
+        """Import other modules of the core as counted copies."""
         if name != PACKAGE and not name.startswith(f"{PACKAGE}."):
             return builtins.__import__(name, *rest)
         inner = name.removeprefix(PACKAGE).lstrip(".")

@@ -1,26 +1,26 @@
-"""Puts the scale into a syntax tree: `a + b.c` becomes `scale.binary("Add", a, scale.attribute(…`.
+"""Instrumentation of a syntax tree: `a + b.c` becomes `counter.binary("Add", a, counter.attr…`.
 
-What costs the same whatever the values (names, constants, jumps, stores) is added up per stretch of
-code that runs as a whole, a unit; each unit notes only that it was run.
+Costs that do not depend on values (names, constants, jumps, stores) are added up per unit, a piece
+of code that runs as a whole; at run time each unit only counts how often it ran.
 """
 
 import ast
 from collections import Counter
 from typing import TypeVar
 
-from benchmarks.mcu_cost.operation_counter import Scale
+from benchmarks.mcu_cost.operation_counter import OperationCounter
 
-SCALE = "_scale"
-ROTATED = 3  # that many names at most are assigned without a tuple
+COUNTER = "_counter"
+ROTATED = 3  # up to this number of names is assigned without a tuple
 
 Node = TypeVar("Node", bound=ast.AST)
 
 
-class Rewriting(ast.NodeTransformer):
-    """Functions only: what a module does when it is imported is not weighed."""
+class Instrumentation(ast.NodeTransformer):
+    """Rewrite functions; module-level code is not counted."""
 
-    def __init__(self, scale: Scale, module: str) -> None:
-        self._scale = scale
+    def __init__(self, counter: OperationCounter, module: str) -> None:
+        self._counter = counter
         self._module = self._function = module
         self._locals: set[str] = set()
         self._unit: Counter[str] | None = None
@@ -29,6 +29,7 @@ class Rewriting(ast.NodeTransformer):
     # functions and statements
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.FunctionDef:
+        """Count call and arguments, and rewrite the body."""
         outer, self._locals = self._locals, names_of(node)
         self._function = f"{self._module}.{node.name}"
         prologue = Counter({"call": 1, "argument": len(node.args.args)})
@@ -42,7 +43,7 @@ class Rewriting(ast.NodeTransformer):
         return [one for statement in body for one in self._statement(statement)]
 
     def _statement(self, node: ast.stmt) -> list[ast.stmt]:
-        """The statement, and before it a note that it was run."""
+        """Return the statement after a count of its unit."""
         if isinstance(node, ast.Pass | ast.Global | ast.Import | ast.ImportFrom):
             return [node]
         outer, self._unit = self._unit, Counter()
@@ -52,18 +53,21 @@ class Rewriting(ast.NodeTransformer):
         return [self._spend_statement(unit), *statements] if unit else statements
 
     def visit_If(self, node: ast.If) -> ast.If:
+        """Count a conditional statement."""
         self._count("jump")
         node.test = self.visit(node.test)
         node.body, node.orelse = self._block(node.body), self._block(node.orelse)
         return node
 
     def visit_While(self, node: ast.While) -> ast.While:
-        node.test = self._stretch(node.test, "jump")
+        """Count a while loop."""
+        node.test = self._conditional(node.test, "jump")
         node.body, node.orelse = self._block(node.body), self._block(node.orelse)
         return node
 
     def visit_For(self, node: ast.For) -> ast.For:
-        ranged = isinstance(node.iter, ast.Call) and named(node.iter.func) == "range"
+        """Count a for loop."""
+        ranged = isinstance(node.iter, ast.Call) and name_of(node.iter.func) == "range"
         if ranged:
             assert isinstance(node.iter, ast.Call)
             node.iter.args = [self.visit(one) for one in node.iter.args]
@@ -78,37 +82,40 @@ class Rewriting(ast.NodeTransformer):
         return node
 
     def visit_Assign(self, node: ast.Assign) -> ast.stmt | list[ast.stmt]:
+        """Count an assignment."""
         target = node.targets[0]
         if len(node.targets) == 1 and isinstance(target, ast.Subscript):
             return self._store_item(target, self.visit(node.value))
         if any(isinstance(one, ast.Tuple) for one in node.targets):
-            node.value = self._spread(target, node.value)
+            node.value = self._unpacked(target, node.value)
         else:
             node.value = self.visit(node.value)
         node.targets = [self._target(one) for one in node.targets]
         return node
 
-    def _spread(self, target: ast.expr, value: ast.expr) -> ast.expr:
-        """The right side of `a, b = …`; two or three values are rotated on the stack."""
+    def _unpacked(self, target: ast.expr, value: ast.expr) -> ast.expr:
+        """Rewrite the value of `a, b = …`; two or three values are rotated on the stack."""
         if isinstance(value, ast.Tuple) and len(value.elts) <= ROTATED:
             value.elts = [self.visit(one) for one in value.elts]
             return value
-        return scaled("unpack", self.visit(value))
+        return counter_call("unpack", self.visit(value))
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.stmt | list[ast.stmt]:
+        """Count an annotated assignment."""
         if node.value is None:
             return node
         assign = ast.Assign([node.target], node.value)
         return self.visit_Assign(ast.copy_location(assign, node))
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.stmt | list[ast.stmt]:
+        """Count an augmented assignment."""
         source = ast.parse(ast.unparse(node.target), mode="eval").body
         value = ast.BinOp(source, node.op, node.value)
         return self.visit_Assign(ast.copy_location(ast.Assign([node.target], value), node))
 
     def _store_item(self, target: ast.Subscript, value: ast.expr) -> ast.stmt:
         thing, key = self.visit(target.value), self.visit(target.slice)
-        return ast.Expr(scaled("store", thing, key, value))
+        return ast.Expr(counter_call("store", thing, key, value))
 
     def _target(self, target: ast.expr) -> ast.expr:
         if isinstance(target, ast.Tuple):
@@ -126,30 +133,36 @@ class Rewriting(ast.NodeTransformer):
     # expressions
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
+        """Count a name."""
         self._count("local" if node.id in self._locals else "global")
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
+        """Count a constant."""
         self._count("constant")
         return node
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
+        """Count an attribute at run time."""
         if self._unit is None:
             return node
-        return scaled("attribute", self.visit(node.value), ast.Constant(node.attr))
+        return counter_call("attribute", self.visit(node.value), ast.Constant(node.attr))
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.expr:
+        """Count a subscript at run time."""
         if self._unit is None:
             return node
-        return scaled("item", self.visit(node.value), self.visit(node.slice))
+        return counter_call("item", self.visit(node.value), self.visit(node.slice))
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        """Count a binary operation at run time."""
         if self._unit is None:
             return node
         left, right = self.visit(node.left), self.visit(node.right)
-        return scaled("binary", ast.Constant(type(node.op).__name__), left, right)
+        return counter_call("binary", ast.Constant(type(node.op).__name__), left, right)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.expr:
+        """Count a unary operation."""
         if self._unit is None:
             return node
         if isinstance(node.operand, ast.Constant):
@@ -157,47 +170,52 @@ class Rewriting(ast.NodeTransformer):
             return node
         operand = self.visit(node.operand)
         if isinstance(node.op, ast.USub):
-            return scaled("negate", operand)
+            return counter_call("negate", operand)
         self._count("not" if isinstance(node.op, ast.Not) else "int")
         return ast.UnaryOp(node.op, operand)
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
+        """Count comparisons, up to the first that fails."""
         if self._unit is None:
             return node
         left = self.visit(node.left)
         name = ast.Constant(type(node.ops[0]).__name__)
         if len(node.ops) == 1:
-            return scaled("compare", name, left, self.visit(node.comparators[0]))
-        middle = f"{SCALE}_{self._temporaries}"
+            return counter_call("compare", name, left, self.visit(node.comparators[0]))
+        middle = f"{COUNTER}_{self._temporaries}"
         self._temporaries += 1
         self._locals.add(middle)
         kept = ast.NamedExpr(ast.Name(middle, ast.Store()), self.visit(node.comparators[0]))
-        first = scaled("compare", name, left, kept)
+        first = counter_call("compare", name, left, kept)
         load = ast.Name(middle, ast.Load())
         rest = ast.Compare(load, node.ops[1:], node.comparators[1:])
         self._count("jump")
-        return ast.BoolOp(ast.And(), [first, self._stretch(rest, "jump")])
+        return ast.BoolOp(ast.And(), [first, self._conditional(rest, "jump")])
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
+        """Count the operands that are evaluated."""
         if self._unit is None:
             return node
         first, *others = node.values
         self._count("jump")
         return ast.BoolOp(
-            node.op, [self.visit(first), *(self._stretch(one, "jump") for one in others)]
+            node.op, [self.visit(first), *(self._conditional(one, "jump") for one in others)]
         )
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.expr:
+        """Count a conditional expression."""
         if self._unit is None:
             return node
         self._count("jump")
         test = self.visit(node.test)
-        return ast.IfExp(test, self._stretch(node.body, "jump"), self._stretch(node.orelse))
+        return ast.IfExp(test, self._conditional(node.body, "jump"), self._conditional(node.orelse))
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.expr:
+        """Count a tuple."""
         return self._display(node, node, "make_tuple")
 
     def visit_List(self, node: ast.List) -> ast.expr:
+        """Count a list."""
         return self._display(node, node, "make_list")
 
     def _display(self, node: ast.expr, shown: ast.Tuple | ast.List, kind: str) -> ast.expr:
@@ -207,19 +225,21 @@ class Rewriting(ast.NodeTransformer):
             self._count("constant")
             return node
         shown.elts = [self.visit(one) for one in shown.elts]
-        return scaled(kind, shown)
+        return counter_call(kind, shown)
 
     def visit_ListComp(self, node: ast.ListComp) -> ast.expr:
+        """Count a list comprehension."""
         if self._unit is None:
             return node
         for source in node.generators:
             source.iter = self.visit(source.iter)
-            source.ifs = [self._stretch(one, "jump") for one in source.ifs]
+            source.ifs = [self._conditional(one, "jump") for one in source.ifs]
         self._count("call")
-        node.elt = self._stretch(node.elt, "loop, each", "store local")
-        return scaled("make_list", node)
+        node.elt = self._conditional(node.elt, "loop, each", "store local")
+        return counter_call("make_list", node)
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
+        """Count a call."""
         if self._unit is None:
             return node
         function = self.visit(node.func)
@@ -227,38 +247,42 @@ class Rewriting(ast.NodeTransformer):
         arguments = [self.visit(one) for one in node.args]
         for keyword in node.keywords:
             keyword.value = self.visit(keyword.value)
-        called = scaled("call", function, *arguments)
+        called = counter_call("call", function, *arguments)
         called.keywords = node.keywords
         return called
 
-    # notes
+    # units
 
     def _count(self, name: str, times: int = 1) -> None:
         if self._unit is not None and times:
             self._unit[name] += times
 
-    def _stretch(self, node: ast.expr, *costs: str) -> ast.expr:
-        """An expression that is not always evaluated: a unit of its own."""
+    def _conditional(self, node: ast.expr, *costs: str) -> ast.expr:
+        """Rewrite an expression that is evaluated conditionally as a unit of its own."""
         outer, self._unit = self._unit, Counter(costs)
         done = self.visit(node)
         unit, self._unit = self._unit, outer
-        return scaled("spend", ast.Constant(self._scale.unit(self._function, unit)), done)
+        return counter_call("spend", ast.Constant(self._counter.unit(self._function, unit)), done)
 
     def _spend_statement(self, unit: Counter[str]) -> ast.stmt:
-        return ast.Expr(scaled("spend", ast.Constant(self._scale.unit(self._function, unit))))
+        return ast.Expr(
+            counter_call("spend", ast.Constant(self._counter.unit(self._function, unit)))
+        )
 
 
-def scaled(method: str, *arguments: ast.expr) -> ast.Call:
-    scale = ast.Attribute(ast.Name(SCALE, ast.Load()), method, ast.Load())
-    return ast.Call(scale, list(arguments), [])
+def counter_call(method: str, *arguments: ast.expr) -> ast.Call:
+    """Return a call of a method of the counter."""
+    counter = ast.Attribute(ast.Name(COUNTER, ast.Load()), method, ast.Load())
+    return ast.Call(counter, list(arguments), [])
 
 
-def named(node: ast.expr) -> str | None:
+def name_of(node: ast.expr) -> str | None:
+    """Return the identifier of a name, None for another expression."""
     return node.id if isinstance(node, ast.Name) else None
 
 
 def names_of(function: ast.FunctionDef) -> set[str]:
-    """Arguments, and what is assigned in the body."""
+    """Return the arguments and the names assigned in the body."""
     names = {one.arg for one in function.args.args}
     for node in ast.walk(function):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):

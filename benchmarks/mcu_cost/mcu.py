@@ -1,13 +1,14 @@
-"""What an operation of MicroPython costs on a Cortex-M3 without FPU: the table, and its origin.
+"""Cost table of MicroPython operations on a Cortex-M3 without FPU, and its origin.
 
-Instructions, measured on MicroPython 1.25 (port qemu, board MPS2_AN385, soft float, -Os, floats
-boxed on the heap) in an emulated Cortex-M3 with `-icount`: each operation eight times in a loop of
-fifty, counted with the board's own timer, the loads and stores around it taken off. An assembler
-loop of 40,000 instructions was counted as 40,000 and a constant 1.7 thousand for the two reads.
+Instructions were measured on MicroPython 1.25 (port qemu, board MPS2_AN385, soft float, -Os, floats
+boxed on the heap) in an emulated Cortex-M3 with `-icount`. Each operation ran eight times in a loop
+of fifty, counted with the board's own timer; the loads and stores around it were subtracted. An
+assembler loop of 40,000 instructions was counted as 40,000 plus a constant 1.7 thousand for the two
+reads.
 
-Cross-checks: the whole step on recorded drives, emulated and by this table (UNSEEN below). SEGGER
-publishes 34 cycles for an addition of their soft float on Cortex-M (kb.segger.com, Floating-Point
-Library): nine tenths of `x + y` is the interpreter and the heap.
+Cross-checks: the whole step on recorded drives, emulated and by this table (UNCOUNTED_FACTOR
+below). SEGGER publishes 34 cycles for an addition of their soft float on Cortex-M (kb.segger.com,
+Floating-Point Library): nine tenths of `x + y` is the interpreter and the heap.
 """
 
 from collections.abc import Mapping
@@ -17,9 +18,9 @@ PERIOD_MS = 50.0
 
 CYCLES_PER_INSTRUCTION = 1.6
 """From the traced mix of instructions while the core ran: half of them arithmetic (1), 12 % loads
-(2), 26 % branches (3 when taken, by the Cortex-M3 manual): 1.59. Memory without wait states: the
-flash accelerator of the LPC1768 may add a quarter, computed goto in the interpreter may take one
-off; so the milliseconds are good to about 25 %, and compare with 4.3 to 4.6 ms at 96 MHz that were
+(2), 26 % branches (3 when taken, by the Cortex-M3 manual): 1.59. Memory has no wait states: the
+flash accelerator of the LPC1768 may add a quarter, computed goto in the interpreter may subtract
+one. So the milliseconds are accurate to about 25 %. They compare with 4.3 to 4.6 ms at 96 MHz
 modelled for a realistic core on the same emulator."""
 
 INSTRUCTIONS: Mapping[str, float] = {
@@ -62,7 +63,7 @@ INSTRUCTIONS: Mapping[str, float] = {
     "range, each": 215,
     "loop": 160,
     "loop, each": 112,
-    # calls; a function of the core pays in its own prologue
+    # calls; the prologue of a function of the core counts the call
     "call": 346,
     "argument": 20,
     "default": 44,
@@ -95,18 +96,19 @@ INSTRUCTIONS: Mapping[str, float] = {
     "unpack named tuple, each": 45,
 }
 
-UNSEEN = 1.25
-"""What the table does not see: search in the heap, collisions in maps. Emulated over counted, the
-same 299 ticks of u_trap (noise `default`): medians 1.24 to 1.26 for bug, vgm, bug1 and bug2, single
-ticks 1.14 to 1.34, the dearest ones lowest. Emulated then, in thousands of instructions, median and
-worst: bug 482 and 567, vgm 466 and 531, bug1 647 and 1190, bug2 648 and 1183. A collection of
-garbage took 470 to 540 thousand more, between the ticks."""
+UNCOUNTED_FACTOR = 1.25
+"""Factor for costs outside the table: search in the heap, collisions in maps. Emulated over counted
+for the same 299 ticks of u_trap (noise `default`): medians 1.24 to 1.26 for bug, vgm, bug1 and
+bug2, single ticks 1.14 to 1.34, lowest for the most expensive ones. Emulated, in thousands of
+instructions, median and worst: bug 482 and 567, vgm 466 and 531, bug1 647 and 1190, bug2 648 and
+1183. A garbage collection took 470 to 540 thousand more, between the ticks."""
 
 
 def milliseconds(instructions: float) -> float:
+    """Return the time of this many instructions."""
     return instructions * CYCLES_PER_INSTRUCTION / CLOCK_HZ * 1e3
 
 
 def share_percent(instructions: float) -> float:
-    """Of the control period."""
+    """Return the share of the control period."""
     return 100.0 * milliseconds(instructions) / PERIOD_MS

@@ -1,10 +1,10 @@
-"""What an object of the core takes of MicroPython's heap, by walking it.
+"""Size of an object of the core on MicroPython's heap.
 
-The model: blocks of 16 bytes, words of 4. An instance is a block and a map of 8 bytes per
+The model has blocks of 16 bytes and words of 4. An instance is a block and a map of 8 bytes per
 attribute, whatever its `__slots__`; a list 16 bytes and a word per item; a tuple 8 and a word per
 item; a bytearray 16 and its bytes; a float a block; an int up to 30 bits nothing, a longer one two
-blocks. Numbers and strings of the program are in flash. Every float is taken as its own, although
-two names may hold one.
+blocks. Numbers and strings of the program are in flash. Every float counts separately, although two
+names may share one.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ INSTANCE_BYTES = 16
 
 
 def heap_bytes(thing: Any, seen: set[int] | None = None) -> int:
-    """All that hangs on this object, and itself."""
+    """Return the size of an object with all that it references."""
     seen = set() if seen is None else seen
     if thing is None or isinstance(thing, bool | str | type):
         return 0
@@ -32,6 +32,7 @@ def heap_bytes(thing: Any, seen: set[int] | None = None) -> int:
 
 
 def own_bytes(thing: Any) -> int:
+    """Return the size of an object alone."""
     if isinstance(thing, bytearray | bytes):
         return BOX_BYTES + rounded(len(thing))
     if isinstance(thing, list):
@@ -42,6 +43,7 @@ def own_bytes(thing: Any) -> int:
 
 
 def parts(thing: Any) -> list[Any]:
+    """Return the objects that an object references."""
     if isinstance(thing, bytearray | bytes):
         return []
     if isinstance(thing, list | tuple):
@@ -50,7 +52,10 @@ def parts(thing: Any) -> list[Any]:
 
 
 def slots(thing: Any) -> tuple[str, ...]:
-    """Raises TypeError for what the core may not hold: a thing without __slots__, a dict, a set."""
+    """Return the attributes of an object.
+
+    Raises TypeError for types that the core may not use: without __slots__, dict, set.
+    """
     names: tuple[str, ...] | None = getattr(type(thing), "__slots__", None)
     if names is None or hasattr(thing, "__dict__"):
         raise TypeError(f"{type(thing).__name__}: no __slots__, so its size is not bounded")
@@ -58,7 +63,10 @@ def slots(thing: Any) -> tuple[str, ...]:
 
 
 def lengths(thing: Any, seen: set[int] | None = None) -> int:
-    """The items of all lists on it: grows when anything grows. A tuple is a value like a number."""
+    """Return the number of items in all lists below an object, which grows if any list grows.
+
+    A tuple is a value like a number.
+    """
     seen = set() if seen is None else seen
     if thing is None or isinstance(thing, bool | str | type | int | float) or id(thing) in seen:
         return 0

@@ -1,4 +1,4 @@
-"""The scale: does what the core asks for, and notes what kind of operation it was."""
+"""Execute the operations of the core and count them by kind."""
 
 import math
 import operator
@@ -44,11 +44,11 @@ MATH = {"sqrt": "sqrt", "atan2": "atan2", "tanh": "tanh"}
 BUILTIN = {abs: "abs", int: "int()", len: "len"}
 
 
-class Scale:
-    """Counts of operations by the names of the table, and bytes taken from the heap.
+class OperationCounter:
+    """Count operations by the names of the table, and bytes taken from the heap.
 
-    `counts` are those of the function that is running; what a function costs whatever the values
-    comes from its units.
+    `counts` are those of the running function; costs that do not depend on values come from its
+    units.
     """
 
     def __init__(self) -> None:
@@ -59,19 +59,20 @@ class Scale:
         self.heap_bytes = 0
 
     def unit(self, function: str, counts: Counter[str]) -> int:
-        """A stretch of code that is run as a whole; its number."""
+        """Register a piece of code that runs as a whole; return its number."""
         self.units.append((function, counts))
         self.hits.append(0)
         return len(self.units) - 1
 
     def clear(self) -> None:
+        """Clear all counts."""
         for counts in self.functions.values():
             counts.clear()
         self.hits = [0] * len(self.units)
         self.heap_bytes = 0
 
     def by_function(self) -> dict[str, Counter[str]]:
-        """Everything since `clear`."""
+        """Return the counts since `clear`."""
         total = {name: Counter(counts) for name, counts in self.functions.items()}
         for (function, unit), hits in zip(self.units, self.hits, strict=True):
             if hits:
@@ -81,18 +82,22 @@ class Scale:
         return total
 
     def spend(self, unit: int, value: Any = None) -> Any:
+        """Count a unit; return the value."""
         self.hits[unit] += 1
         return value
 
     def box(self, value: Any) -> Any:
+        """Count a float on the heap; return the value."""
         self.heap_bytes += BOX_BYTES
         return value
 
     def several(self, name: str, count: int) -> None:
+        """Count an operation and its items."""
         self.counts[name] += 1
         self.counts[f"{name}, each"] += count
 
     def binary(self, name: str, a: Any, b: Any) -> Any:
+        """Execute and count a binary operation."""
         result = BINARY[name](a, b)
         if isinstance(a, list | tuple) or isinstance(b, list | tuple):
             self.several("make list", len(result))
@@ -111,6 +116,7 @@ class Scale:
         return result
 
     def compare(self, name: str, a: Any, b: Any) -> Any:
+        """Execute and count a comparison."""
         if name in ("Is", "IsNot"):
             self.counts["is"] += 1
         elif name in ("In", "NotIn"):
@@ -124,10 +130,12 @@ class Scale:
         return COMPARE[name](a, b)
 
     def negate(self, a: Any) -> Any:
+        """Execute and count a negation."""
         self.counts["float negate" if type(a) is float else "int"] += 1
         return -a if type(a) is not float else self.box(-a)
 
     def attribute(self, thing: Any, name: str) -> Any:
+        """Read an attribute and count it."""
         fields = getattr(type(thing), "_fields", None)
         if isinstance(thing, ModuleType):
             self.counts["attribute of module"] += 1
@@ -139,6 +147,7 @@ class Scale:
         return getattr(thing, name)
 
     def item(self, thing: Any, key: Any) -> Any:
+        """Read an item or a slice and count it."""
         value = thing[key]
         if isinstance(key, slice):
             self.counts["slice"] += 1
@@ -150,35 +159,40 @@ class Scale:
         return value
 
     def store(self, thing: Any, key: Any, value: Any) -> None:
+        """Store an item and count it."""
         self.counts["store item" if isinstance(thing, list) else "store item of array"] += 1
         thing[key] = value
 
     def unpack(self, value: Any) -> Any:
+        """Count the unpacking of a value."""
         named = hasattr(type(value), "_fields")
         self.several("unpack named tuple" if named else "unpack", len(value))
         return value
 
     def make_tuple(self, value: Any) -> Any:
+        """Count the creation of a tuple."""
         self.several("make tuple", len(value))
         self.heap_bytes += rounded(WORD_BYTES * (2 + len(value)))
         return value
 
     def make_list(self, value: Any) -> Any:
+        """Count the creation of a list."""
         self.several("make list", len(value))
         self.heap_bytes += rounded(WORD_BYTES * (4 + len(value)))
         return value
 
     def call(self, function: Any, *arguments: Any, **named: Any) -> Any:
+        """Call a function and count it."""
         self.counts["keyword"] += len(named)
         if isinstance(function, FunctionType):
-            return self.call_own(function, arguments, named)
+            return self._call_own(function, arguments, named)
         self.counts["argument"] += len(arguments)
         result = function(*arguments, **named)
-        self.note_builtin(function, arguments, result)
+        self._count_builtin(function, arguments, result)
         return result
 
-    def call_own(self, function: FunctionType, arguments: Any, named: Any) -> Any:
-        """A function of the core: while it runs the counts are its own."""
+    def _call_own(self, function: FunctionType, arguments: Any, named: Any) -> Any:
+        """Call a function of the core, with counts of its own."""
         missing = function.__code__.co_argcount - len(arguments) - len(named)
         self.counts["default"] += missing
         caller = self.counts
@@ -188,7 +202,8 @@ class Scale:
         self.counts = caller
         return result
 
-    def note_builtin(self, function: Any, arguments: tuple[Any, ...], result: Any) -> None:
+    def _count_builtin(self, function: Any, arguments: tuple[Any, ...], result: Any) -> None:
+        """Count a call of a builtin, a method or a class."""
         if hasattr(function, "_fields"):
             self.several("make named tuple", len(result))
             self.heap_bytes += rounded(WORD_BYTES * (2 + len(result)))
@@ -212,20 +227,25 @@ class Scale:
 
 
 def of_math(name: str, argument: float) -> str:
-    """Small angles need no reduction; the C library has two ways through sine and cosine."""
+    """Return the kind of a function of `math`.
+
+    Sine and cosine of small angles need no range reduction, so they have a kind of their own.
+    """
     if name in ("sin", "cos"):
         return "sin or cos, small" if abs(argument) <= math.pi / 4 else "sin or cos"
     return MATH.get(name, "other of math")
 
 
 def is_long(value: Any) -> bool:
+    """Return whether an int is on the heap."""
     return isinstance(value, int) and not -SMALL_INT <= value < SMALL_INT
 
 
 def rounded(size_bytes: int) -> int:
-    """The heap gives whole blocks."""
+    """Return a size in whole blocks of the heap."""
     return -(-size_bytes // BOX_BYTES) * BOX_BYTES
 
 
 def instructions(counts: Counter[str]) -> float:
+    """Return the instructions of these counts."""
     return sum(INSTRUCTIONS[name] * count for name, count in counts.items())

@@ -48,7 +48,7 @@ def test_latency_sees_an_answer_to_every_tick() -> None:
 def test_a_locked_robot_answers_beside_an_open_one() -> None:
     found = figures(mtls, "--world", "open", "--blocks", "1", "--ticks", "10")
     assert found["locked / open, p50"].median > 0
-    assert found["locked and told of refusals / open, p50"].median > 0
+    assert found["locked with log of refusals / open, p50"].median > 0
 
 
 def test_jitter_reads_the_robots_own_reports() -> None:

@@ -1,4 +1,4 @@
-"""Arriving in the open: where the robot believes it stands, and how it is measured."""
+"""Arrival in the open meets its limits, and the benchmark measures it."""
 
 from argparse import ArgumentParser
 
@@ -10,9 +10,7 @@ from benchmarks.arrival import PEER, arrive
 
 @pytest.mark.parametrize("noise", ["none", "default"])
 @pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])
-def test_it_arrives_within_3_cm_and_2_degrees_without_a_last_turn(
-    navigator: str, noise: str
-) -> None:
+def test_arrives_within_3_cm_and_2_degrees(navigator: str, noise: str) -> None:
     for seed in range(5):
         one = arrive(seed, noise, navigator)
         assert one.reached
@@ -21,11 +19,11 @@ def test_it_arrives_within_3_cm_and_2_degrees_without_a_last_turn(
         assert one.turned_deg <= 5.0
 
 
-def test_without_the_pose_controller_it_turns_at_the_end() -> None:
+def test_without_pose_controller_the_robot_turns_last() -> None:
     assert max(arrive(seed, "none", "vgm", PEER).turned_deg for seed in range(3)) > 30.0
 
 
-def test_the_robot_is_judged_and_what_it_is_compared_with_is_not() -> None:
+def test_only_the_robot_is_compared_with_thresholds() -> None:
     parser = ArgumentParser()
     arrival.add_options(parser)
     report = arrival.measure(parser.parse_args(["--poses", "2", "--noises", "none"]))

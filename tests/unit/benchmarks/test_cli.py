@@ -1,4 +1,4 @@
-"""The table of benchmarks and how their verdict reaches the shell; none of them is run."""
+"""The table of benchmarks and their exit codes; no benchmark is run."""
 
 import json
 import sys
@@ -7,12 +7,12 @@ from types import ModuleType
 
 import pytest
 
-from benchmarks.__main__ import BENCHMARKS, main, named
+from benchmarks.__main__ import BENCHMARKS, benchmark_of, main
 from verification.harness.figures import Figure, Report
 
 
 class Stub(ModuleType):
-    """A benchmark that measured long ago."""
+    """A benchmark with a fixed result."""
 
     def __init__(self, value: float) -> None:
         super().__init__("benchmarks.core")
@@ -35,28 +35,24 @@ def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
 
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_every_name_in_the_table_is_a_benchmark(name: str) -> None:
-    benchmark = named([name])
+    benchmark = benchmark_of([name])
     assert benchmark is not None
     benchmark.add_options(ArgumentParser())
     assert callable(benchmark.measure)
 
 
-def test_a_met_threshold_is_exit_code_0_and_a_missed_one_1(
-    stub: Stub, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_missed_threshold_is_exit_code_1(stub: Stub, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["core"]) == 0
     stub.value = 9.0
     assert main(["core"]) == 1
     assert "MISSED" in capsys.readouterr().out
 
 
-def test_json_is_one_object_with_the_machine_in_it(
-    stub: Stub, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_contains_the_machine(stub: Stub, capsys: pytest.CaptureFixture[str]) -> None:
     main(["core", "--json", "--steps", "3"])
-    said = json.loads(capsys.readouterr().out)
-    assert said["figures"][0]["median"] == 30.0
-    assert {"cpu", "cores", "python", "load"} <= set(said["machine"])
+    report = json.loads(capsys.readouterr().out)
+    assert report["figures"][0]["median"] == 30.0
+    assert {"cpu", "cores", "python", "load"} <= set(report["machine"])
 
 
 @pytest.mark.parametrize("arguments", [[], ["nonsense"], ["core", "--nonsense"]])

@@ -24,7 +24,7 @@ def reported(arguments: object) -> dict[str, Any]:
     return REPORT.as_json()
 
 
-def test_met_and_missed_figures_are_both_written(
+def test_met_and_missed_figures_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page, "measured", reported)
@@ -34,6 +34,7 @@ def test_met_and_missed_figures_are_both_written(
     assert "| ratio | 4 x | 3 to 5 | >= 3 | met |" in text
     assert "| cost | 2.5 us |  | <= 2 | **missed** |" in text
     assert "| shown | 1 |  |  |  |" in text
+    assert f"\n## codec: {BENCHMARKS['codec'].title}\n" in text
     assert "`sidestep bench codec`, cores 2" in text
     assert "- byte-identical" in text
 
@@ -48,12 +49,12 @@ def test_a_benchmark_that_breaks_down_leaves_the_old_page(
     assert output.read_text() == "old"
 
 
-def test_what_is_no_report_is_told_with_its_exit_code(capfd: pytest.CaptureFixture[str]) -> None:
+def test_missing_report_is_printed_with_its_exit_code(capfd: pytest.CaptureFixture[str]) -> None:
     assert page.measured(["nonsense"]) is None
     assert "exit code 2" in capfd.readouterr().err
 
 
-def test_without_a_name_every_benchmark_is_on_the_page(
+def test_page_contains_every_benchmark_by_default(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page, "measured", reported)
@@ -64,5 +65,5 @@ def test_without_a_name_every_benchmark_is_on_the_page(
     assert commands == list(BENCHMARKS)
 
 
-def test_the_growth_is_measured_over_ten_hours() -> None:
+def test_growth_is_measured_over_ten_hours() -> None:
     assert page.OPTIONS["robot"] == ("--hours", "10")

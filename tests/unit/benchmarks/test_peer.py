@@ -1,4 +1,4 @@
-"""The world as ir-sim is given it: the same robot, rays and obstacles, or a refusal."""
+"""The world for ir-sim has the same robot, rays and obstacles."""
 
 import json
 from math import pi
@@ -24,7 +24,7 @@ def world(*, walls: bool) -> World:
     )
 
 
-def test_every_obstacle_is_there_once_and_the_outer_walls_when_there_are_any() -> None:
+def test_scene_has_all_obstacles_and_outer_walls() -> None:
     shapes = [obstacle["shape"]["name"] for obstacle in scene_of(world(walls=False))["obstacle"]]
     assert shapes == ["circle", "polygon", "linestring"]
     walled = scene_of(world(walls=True))["obstacle"]
@@ -32,7 +32,7 @@ def test_every_obstacle_is_there_once_and_the_outer_walls_when_there_are_any() -
     assert walled[-1]["shape"]["vertices"][2] == [6.0, 4.0]
 
 
-def test_the_robot_has_our_radius_rays_range_and_period() -> None:
+def test_scene_has_our_robot_and_sensor() -> None:
     scene = scene_of(world(walls=True))
     (robot,) = scene["robot"]
     (lidar,) = robot["sensors"]
@@ -42,6 +42,6 @@ def test_the_robot_has_our_radius_rays_range_and_period() -> None:
     assert scene["world"]["step_time"] == PERIOD_S == 0.05
 
 
-def test_the_scene_is_json_and_so_yaml() -> None:
+def test_scene_is_valid_json() -> None:
     scene = scene_of(world(walls=True))
     assert json.loads(json.dumps(scene)) == scene

@@ -1,4 +1,4 @@
-"""The parts of the ground station's benchmark, each by itself."""
+"""The parts of the ground station's benchmark work separately."""
 
 from argparse import ArgumentParser
 
@@ -18,14 +18,14 @@ def wheels(speed_mrad_s: int) -> Message:
     )
 
 
-def test_a_terminal_counts_what_is_written_and_knows_when_words_came() -> None:
+def test_terminal_counts_output_and_times_words() -> None:
     with Terminal(("--version",), (80, 24)) as terminal:
         at_ns = terminal.shown("sidestep", 20.0)
         assert terminal.begun_ns < terminal.first_ns <= at_ns
         assert terminal.text().startswith("sidestep")
 
 
-def test_words_that_do_not_come_are_an_error_with_what_came_instead() -> None:
+def test_missing_words_raise_an_error_with_the_screen() -> None:
     with (
         Terminal(("no-such-verb",), (80, 24)) as terminal,
         pytest.raises(RuntimeError, match="not on the screen: 'Palette'"),
@@ -33,20 +33,20 @@ def test_words_that_do_not_come_are_an_error_with_what_came_instead() -> None:
         terminal.shown("Palette", 20.0)
 
 
-def test_the_first_act_after_a_key_counts_and_none_before_it() -> None:
+def test_first_reaction_after_the_key_counts() -> None:
     seen = [(wheels(0), 10), (wheels(900), 20), (wheels(0), 40), (wheels(0), 50)]
     assert first(seen, 15, stopped) == 40
     assert first(seen, 50, stopped) is None
     assert not held(wheels(0))
 
 
-def test_memory_is_read_at_every_tenth_while_the_log_overflows() -> None:
+def test_memory_is_read_after_each_tenth() -> None:
     sizes = sizes_mb(0.1, 12_000)
     assert len(sizes) == 11
     assert sizes[-1] - sizes[1] < 40.0
 
 
-def test_every_part_can_be_measured_alone() -> None:
+def test_every_part_can_be_selected() -> None:
     parser = ArgumentParser()
     ground.add_options(parser)
     assert parser.parse_args(["--parts", "paint", "cost"]).parts == ["paint", "cost"]

@@ -1,4 +1,4 @@
-"""The benchmark of the map draws what it says it draws; how fast is not judged here."""
+"""The benchmark of the map draws the intended scenes; its speed is not checked here."""
 
 from argparse import ArgumentParser
 from functools import partial
@@ -8,44 +8,44 @@ from rich.text import Text
 
 from benchmarks.map_drawing import main as benchmark
 from benchmarks.map_drawing.plotext import PlotextMap
-from benchmarks.map_drawing.scene import drive, noted, segments, whirl
-from benchmarks.map_drawing.stage import perform
+from benchmarks.map_drawing.scene import driving_trails, moving_trails, recorded_canvas, segments
+from benchmarks.map_drawing.stage import measure_frames
 from ground.app.widgets.map import MapWidget
 
 
 def test_every_frame_has_500_segments_and_14_obstacles() -> None:
-    for scene in (*whirl(3), *drive(3)):
-        assert segments(noted(scene, *benchmark.SIZE)) >= 500
+    for scene in (*moving_trails(3), *driving_trails(3)):
+        assert segments(recorded_canvas(scene, *benchmark.SIZE)) >= 500
         assert len(scene.obstacles) == 14 + 1  # the wall around them
 
 
-def test_in_the_hard_scene_nearly_every_row_changes_and_in_a_drive_few_do() -> None:
-    for scenes, least, most in ((whirl(2), 30, 40), (drive(2), 1, 15)):
-        one, other = (noted(scene, *benchmark.SIZE) for scene in scenes)
+def test_scenes_differ_in_the_rows_that_change() -> None:
+    for scenes, least, most in ((moving_trails(2), 30, 40), (driving_trails(2), 1, 15)):
+        one, other = (recorded_canvas(scene, *benchmark.SIZE) for scene in scenes)
         assert least <= len(one.changed_rows(other)) <= most
 
 
-def test_a_frame_is_what_was_written_for_it() -> None:
+def test_frame_cost_counts_its_output() -> None:
     widget = MapWidget()
-    scenes = whirl(7)
-    cost = perform(widget, [partial(widget.show, scene) for scene in scenes], (40, 12))
+    scenes = moving_trails(7)
+    cost = measure_frames(widget, [partial(widget.show, scene) for scene in scenes], (40, 12))
     assert len(cost.cpu_ms) == len(cost.written_kb) == 2
     assert all(0.3 < kb < 5.0 for kb in cost.written_kb)
     assert all(ms > 0.0 for ms in cost.cpu_ms)
 
 
 def test_plotext_draws_the_same_lines() -> None:
-    canvas = noted(whirl(1)[0], 40, 12)
+    canvas = recorded_canvas(moving_trails(1)[0], 40, 12)
     widget = PlotextMap()
     lines = benchmark.lines_of(canvas)
-    perform(widget, [partial(widget.show, lines)] * 3, (40, 12))
+    measure_frames(widget, [partial(widget.show, lines)] * 3, (40, 12))
     text = Text.from_ansi(widget.plt.build()).plain
     theirs = sum(character not in " \n" for character in text)
     ours = sum(character != " " for character in "".join(canvas.to_rows()))
     assert 0.7 * ours < theirs < 1.3 * ours
 
 
-def test_it_reports_both_and_their_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_report_has_both_and_their_ratio(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(benchmark, "SIZE", (50, 20))
     parser = ArgumentParser()
     benchmark.add_options(parser)

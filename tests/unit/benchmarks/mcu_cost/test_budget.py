@@ -1,4 +1,4 @@
-"""The scale under the modelled cost: what it counts on code that can be counted by hand."""
+"""The operation counter agrees with counts by hand."""
 
 import ast
 from argparse import ArgumentParser
@@ -9,24 +9,24 @@ from typing import Any
 import pytest
 
 from benchmarks.mcu_cost import budget, mcu
-from benchmarks.mcu_cost.instrumentation import SCALE, Rewriting
+from benchmarks.mcu_cost.instrumentation import COUNTER, Instrumentation
 from benchmarks.mcu_cost.memory_size import heap_bytes, lengths
-from benchmarks.mcu_cost.operation_counter import Scale
+from benchmarks.mcu_cost.operation_counter import OperationCounter
 from robot.core.values import Pose
 
 
 def counted(source: str, *arguments: Any) -> tuple[Any, Counter[str]]:
-    """The result of `f` and what it cost, by operation."""
-    scale = Scale()
-    tree = Rewriting(scale, "here").visit(ast.parse(source))
-    space: dict[str, Any] = {SCALE: scale, "sin": sin, "__name__": "here"}
+    """Return the result of `f` and its cost by operation."""
+    counter = OperationCounter()
+    tree = Instrumentation(counter, "here").visit(ast.parse(source))
+    space: dict[str, Any] = {COUNTER: counter, "sin": sin, "__name__": "here"}
     exec(compile(ast.fix_missing_locations(tree), "here", "exec"), space)
-    scale.clear()
+    counter.clear()
     result = space["f"](*arguments)
-    return result, +sum(scale.by_function().values(), Counter[str]())
+    return result, +sum(counter.by_function().values(), Counter[str]())
 
 
-def test_an_addition_is_told_apart_by_its_operands() -> None:
+def test_addition_is_counted_by_its_operand_types() -> None:
     source = "def f(a, b):\n    return a + b\n"
     always = {"call": 1, "argument": 2, "local": 2}
     assert counted(source, 1, 2) == (3, Counter({**always, "int": 1}))
@@ -34,7 +34,7 @@ def test_an_addition_is_told_apart_by_its_operands() -> None:
     assert counted(source, 1, 1 << 30)[1]["long int"] == 1
 
 
-def test_only_what_is_reached_is_counted() -> None:
+def test_only_executed_operations_are_counted() -> None:
     source = "def f(a):\n    return 1.0 * a if a < 0.5 and a > 0.1 else -a\n"
     result, inside = counted(source, 0.3)
     assert (result, inside["float compare"], inside["float + - *"]) == (0.3, 2, 1)
@@ -42,14 +42,14 @@ def test_only_what_is_reached_is_counted() -> None:
     assert (result, outside["float compare"], outside["float negate"]) == (-0.7, 1, 1)
 
 
-def test_a_chain_of_comparisons_stops_where_it_fails() -> None:
+def test_comparison_chain_counts_up_to_the_first_failure() -> None:
     source = "def f(a):\n    return 0 < a + 1 <= 9\n"
     assert counted(source, -5)[1]["int compare"] == 1
     result, both = counted(source, 5)
     assert (result, both["int compare"], both["int"]) == (True, 2, 1)
 
 
-def test_a_loop_is_counted_as_often_as_it_turns() -> None:
+def test_loop_body_counts_once_per_iteration() -> None:
     source = "def f(n):\n    k = 0\n    while k < n:\n        k += 1\n    return k\n"
     result, counts = counted(source, 4)
     assert (result, counts["int compare"], counts["int"]) == (4, 5, 4)
@@ -58,19 +58,19 @@ def test_a_loop_is_counted_as_often_as_it_turns() -> None:
     assert (result, counts["range, each"], counts["int"]) == (6, 4, 4)
 
 
-def test_a_field_is_dearer_the_later_it_comes() -> None:
+def test_later_fields_cost_more() -> None:
     source = "def f(p):\n    return p.heading_rad\n"
     result, counts = counted(source, Pose(1.0, 2.0, 3.0))
     assert (result, counts["field"], counts["field, each before it"]) == (3.0, 1, 2)
 
 
 @pytest.mark.parametrize(("angle_rad", "kind"), [(0.1, "sin or cos, small"), (pi, "sin or cos")])
-def test_functions_of_math_have_their_own_rows(angle_rad: float, kind: str) -> None:
+def test_math_functions_have_their_own_cost(angle_rad: float, kind: str) -> None:
     result, counts = counted("def f(a):\n    return sin(a)\n", angle_rad)
     assert (result, counts[kind]) == (sin(angle_rad), 1)
 
 
-def test_lists_are_read_written_and_unpacked() -> None:
+def test_list_operations_are_counted() -> None:
     source = "def f(a):\n    a[1] = a[0]\n    a[0] += 2\n    x, y, z, w = a\n    return x, y\n"
     result, counts = counted(source, [1, 2, 3, 4])
     assert result == (3, 1)
@@ -78,15 +78,15 @@ def test_lists_are_read_written_and_unpacked() -> None:
     assert (counts["make tuple"], counts["make tuple, each"]) == (1, 2)
 
 
-def test_a_call_is_paid_by_the_function_called() -> None:
+def test_call_is_counted_in_the_called_function() -> None:
     source = "def g(a, b=2):\n    return a\n\ndef f():\n    return g(g(1))\n"
     result, counts = counted(source)
     assert (result, counts["call"], counts["argument"], counts["default"]) == (1, 3, 4, 2)
 
 
-def test_every_operation_that_is_counted_has_a_price() -> None:
-    weights = budget.hard_ticks("bug", 2, 20)
-    kinds = set().union(*(tick.operations for tick in weights.ticks))
+def test_every_counted_operation_has_a_cost() -> None:
+    costs = budget.worst_case_ticks("bug", 2, 20)
+    kinds = set().union(*(tick.operations for tick in costs.ticks))
     assert kinds <= set(mcu.INSTRUCTIONS)
     assert len(kinds) > 20
     assert all(price > 0 for price in mcu.INSTRUCTIONS.values())
@@ -100,10 +100,10 @@ class Thing:
 
 
 class Loose:
-    """Has a __dict__, so nobody knows what it may come to hold."""
+    """An object with a __dict__, whose size is not bounded."""
 
 
-def test_the_size_of_a_memory_is_that_of_its_blocks() -> None:
+def test_memory_size_is_that_of_its_blocks() -> None:
     assert heap_bytes(Thing(1, None)) == 32
     assert heap_bytes(Thing(1.5, 1 << 40)) == 32 + 16 + 32
     assert heap_bytes(Thing([0] * 10, bytearray(20))) == 32 + (16 + 48) + (16 + 32)
@@ -114,7 +114,7 @@ def test_the_size_of_a_memory_is_that_of_its_blocks() -> None:
         heap_bytes(Thing(Loose(), 1))
 
 
-def test_what_grows_is_longer() -> None:
+def test_lengths_grow_with_a_list() -> None:
     growing: list[int] = []
     thing = Thing(growing, [1, 2])
     assert lengths(thing) == 2
@@ -122,7 +122,7 @@ def test_what_grows_is_longer() -> None:
     assert lengths(thing) == 3
 
 
-def test_the_report_holds_each_navigator_to_its_limit() -> None:
+def test_report_compares_each_navigator_with_its_limit() -> None:
     parser = ArgumentParser()
     budget.add_options(parser)
     few = ["--worlds", "box", "--noises", "none", "--seconds", "2", "--stories", "1"]
@@ -130,10 +130,10 @@ def test_the_report_holds_each_navigator_to_its_limit() -> None:
     limits = {figure.name: figure.at_most for figure in report.figures if figure.at_most}
     assert limits == {"vgm, worst of all": 25.0, "vgm, state": 4096}
     assert report.met
-    assert any("float + - *" in note for note in report.notes)
+    assert any("float + - *" in record_tick for record_tick in report.notes)
 
 
-def test_instructions_become_time_and_a_share_of_the_period() -> None:
-    """One million instructions are 16.7 ms, a third of the period."""
+def test_instructions_convert_to_time_and_share() -> None:
+    """Convert 1 million instructions to 16.7 ms, a third of the period."""
     assert mcu.milliseconds(1_000_000) == pytest.approx(16.7, abs=0.05)
     assert mcu.share_percent(1_500_000) == pytest.approx(50.0)

@@ -1,7 +1,7 @@
-"""What a tick would cost on the LPC1768, and what the navigators' memories take, stays in bounds.
+"""Modelled cost of a tick on the LPC1768 and memory of the navigators stay within bounds.
 
-The counts depend on nothing but the source and its inputs, so they may be asserted anywhere. A
-navigator that is over its limit: `sidestep bench budget --navigators NAME --dearest` says where.
+The counts depend only on the source and its inputs, so they may be asserted on any machine. For a
+navigator over its limit, `sidestep bench budget --navigators NAME --dearest` lists the causes.
 """
 
 from collections import Counter
@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from benchmarks.mcu_cost.budget import LIMIT_PERCENT, LIMITS_PERCENT, STATE_BYTES, hard_ticks
-from benchmarks.mcu_cost.counted_core import WeighedCore
-from benchmarks.mcu_cost.hardest import Body, Carried, ShutIn, told
+from benchmarks.mcu_cost.budget import LIMIT_PERCENT, LIMITS_PERCENT, STATE_BYTES, worst_case_ticks
+from benchmarks.mcu_cost.counted_core import CountedCore
+from benchmarks.mcu_cost.hardest import Body, CarriedBody, EnclosedBody, run_scenario
 from benchmarks.mcu_cost.mcu import share_percent
 from benchmarks.mcu_cost.memory_size import lengths
 from robot.core import states
@@ -26,13 +26,13 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.values import Goal, Outputs, Pose
 from study.trial.trial import NAVIGATORS
 
-STORIES, TICKS = 4, 80
-"""With twice as many stories the worst tick costs at most 0.3 percentage points more."""
+SCENARIOS, TICKS = 4, 80
+"""Twice as many scenarios raise the cost of the worst tick by at most 0.3 percentage points."""
 AWAY = Goal(9.0, 4.0, None, 0.05, 0.05)
 
 
-class Real:
-    """The core itself where a weighed one is expected: nothing is counted."""
+class UncountedCore:
+    """The original core with the interface of a counted one."""
 
     def __getitem__(self, name: str) -> Any:
         return import_module(f"robot.core.{name}")
@@ -41,25 +41,25 @@ class Real:
         return {}
 
 
-def test_every_registered_navigator_has_a_name_and_so_a_limit() -> None:
+def test_every_registered_navigator_has_a_name() -> None:
     assert set(NAVIGATORS.values()) == set(REGISTERED)
 
 
 @pytest.mark.parametrize("name", NAVIGATORS)
-def test_the_worst_tick_and_the_memory_stay_within_their_limits(name: str) -> None:
-    weights = hard_ticks(name, STORIES, TICKS)
-    worst = weights.worst()
+def test_worst_tick_and_memory_are_within_limits(name: str) -> None:
+    costs = worst_case_ticks(name, SCENARIOS, TICKS)
+    worst = costs.worst()
     dearest = sorted(worst.functions.items(), key=lambda item: -item[1])[:8]
     assert share_percent(worst.instructions) <= LIMITS_PERCENT.get(name, LIMIT_PERCENT), dearest
-    assert weights.memory_bytes <= STATE_BYTES
+    assert costs.memory_bytes <= STATE_BYTES
 
 
-@pytest.mark.parametrize("kind", [ShutIn, Carried])
+@pytest.mark.parametrize("kind", [EnclosedBody, CarriedBody])
 @pytest.mark.parametrize("name", NAVIGATORS)
-def test_a_memory_has_its_full_length_from_the_start(name: str, kind: type[Body]) -> None:
-    """2000 ticks with one memory, whatever it decides; without a machine that would end it."""
+def test_memory_never_grows(name: str, kind: type[Body]) -> None:
+    """Run 2000 ticks with one memory, whatever it decides, without a machine that would end it."""
     number, ring = NAVIGATORS[name], rings.Ring()
-    memory, body = new_memory(number, states.LEFT), made_up(kind)
+    memory, body = new_memory(number, states.LEFT), body_of(kind)
     before = lengths(memory)
     for tick in range(2000):
         rings.update(ring, body.scan(), 50 * tick, DEFAULTS)
@@ -73,21 +73,21 @@ def test_a_memory_has_its_full_length_from_the_start(name: str, kind: type[Body]
 
 
 @pytest.mark.parametrize("name", NAVIGATORS)
-def test_the_weighed_core_does_what_the_core_does(name: str) -> None:
+def test_counted_core_behaves_like_the_core(name: str) -> None:
     params = DEFAULTS._replace(navigator=NAVIGATORS[name])
-    real, weighed = Real(), WeighedCore()
-    states_of = real["brain"].State(params), weighed["brain"].State(params)
-    drives = (
-        told(real, states_of[0], ShutIn(params, Random(5), 2)),
-        told(weighed, states_of[1], ShutIn(params, Random(5), 2)),
+    real, counted_core = UncountedCore(), CountedCore()
+    states_of = real["brain"].State(params), counted_core["brain"].State(params)
+    runs = (
+        run_scenario(real, states_of[0], EnclosedBody(params, Random(5), 2)),
+        run_scenario(counted_core, states_of[1], EnclosedBody(params, Random(5), 2)),
     )
-    for one, other in zip(*drives, strict=True):
+    for one, other in zip(*runs, strict=True):
         assert tuple(one.twist) == tuple(other.twist)
         assert tuple(one.odometry.pose) == tuple(other.odometry.pose)
         assert (one.decision and tuple(one.decision)) == (other.decision and tuple(other.decision))
     assert states_of[0].machine.serial == states_of[1].machine.serial > 0
 
 
-def made_up(kind: type[Body]) -> Body:
-    assert kind in (ShutIn, Carried)
-    return (ShutIn if kind is ShutIn else Carried)(DEFAULTS, Random(3), 3)
+def body_of(kind: type[Body]) -> Body:
+    assert kind in (EnclosedBody, CarriedBody)
+    return (EnclosedBody if kind is EnclosedBody else CarriedBody)(DEFAULTS, Random(3), 3)
