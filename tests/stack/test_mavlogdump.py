@@ -1,4 +1,4 @@
-"""pymavlink's own tool reads a black box, by the way the README gives."""
+"""pymavlink's own tool reads a black box, as docs/how-to/recordings.md describes."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""The README's table of the paper's errors, computed: what is printed, and what the core does."""
+"""The table of the paper's errors (docs/paper), computed: as printed, and in the core."""
 
 from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, remainder, sin
 

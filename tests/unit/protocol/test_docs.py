@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import sidestep
+from ground.missions import toml_file as mission_file
 from plant.world import file as world_file
 from protocol import docs
 from protocol.topics import Role, Service, Topic
@@ -20,8 +21,9 @@ from runtime.cli.verb_table import VERBS
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text()
-TOML = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
-SHELL = "\n".join(re.findall(r"```sh\n(.*?)```", README, re.DOTALL))
+DOCS = ROOT / "docs"
+PAGES = {path.relative_to(ROOT).as_posix(): path.read_text() for path in DOCS.rglob("*.md")}
+PAGES |= {path.name: path.read_text() for path in ROOT.glob("*.md")}
 DIALECT = xml.fromstring(
     """<mavlink><enums><enum name="LAMP"><description>A lamp.</description>
     <entry value="1" name="LAMP_ON"><description>On | lit.</description></entry></enum></enums>
@@ -61,19 +63,27 @@ def test_a_page_holds_each_stream_question_message_and_name() -> None:
     assert "| 1 | `ON` | On \\| lit. |" in lines
 
 
-def test_every_verb_in_the_readme_is_there_and_every_verb_there_is_in_the_readme() -> None:
-    table = re.search(r"\| verb \|.*?\n\n", README, re.DOTALL)
-    assert table
-    first_cells = [row.split("|")[1] for row in table[0].splitlines()[2:] if row]
-    in_table = {verb.split()[0] for cell in first_cells for verb in re.findall(r"`([^`]+)`", cell)}
-    assert in_table == set(VERBS)
-    in_shell = set(re.findall(r"^sidestep (\S+)", SHELL, re.MULTILINE))
-    assert in_shell <= set(VERBS)
+def toml_of(page: str) -> str:
+    """Return the first TOML block of a page."""
+    found = re.search(r"```toml\n(.*?)```", PAGES[page], re.DOTALL)
+    assert found
+    return found[1]
 
 
-def test_every_make_command_in_the_readme_has_its_target() -> None:
-    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    named = set(re.findall(r"(?:`|^)make ([a-z]+)", README, re.MULTILINE))
+def test_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 120
+
+
+def test_every_verb_in_a_command_is_there() -> None:
+    pages = [text for name, text in PAGES.items() if "evidence/" not in name]
+    named = set(re.findall(r"^(?:\$ )?sidestep ([a-z][a-z-]*)", "\n".join(pages), re.MULTILINE))
+    assert {"up", "goto", "trial"} <= named <= set(VERBS)
+
+
+def test_every_make_command_has_its_target() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    text = "\n".join(PAGES.values())
+    named = set(re.findall(r"(?:`|^|\$ )make ([a-z-]+)", text, re.MULTILINE))
     assert {"up", "test", "setup"} <= named <= targets
 
 
@@ -88,31 +98,36 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
     assert "usage:" in capsys.readouterr().out
 
 
-def test_every_link_of_the_readme_leads_somewhere() -> None:
-    links = re.findall(r"\]\(([^)#]+?)\)", README)
-    assert links
-    missing = [link for link in links if "://" not in link and not (ROOT / link).exists()]
+@pytest.mark.parametrize("page", PAGES)
+def test_every_link_leads_somewhere(page: str) -> None:
+    """The site checks its own links; this holds where the pages are read as files."""
+    text = re.sub(r"```.*?```", "", PAGES[page], flags=re.DOTALL)
+    links = [link for link in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text) if "://" not in link]
+    made = "pictures/screens/"  # by the site
+    missing = [
+        link
+        for link in links
+        if made not in link and not (ROOT / page).parent.joinpath(link).exists()
+    ]
     assert missing == []
 
 
-def test_every_folder_of_the_readme_s_tree_is_there() -> None:
-    tree = re.search(r"## What is where\n\n```\n(.*?)```", README, re.DOTALL)
-    assert tree
-    top = re.findall(r"^([a-z]\S+) ", tree[1], re.MULTILINE)
-    assert [name for name in top if not (ROOT / name).exists()] == []
-    packages = {f"{path.parent.name}/" for path in ROOT.glob("*/__init__.py")}
-    assert packages <= set(top)
+def test_every_folder_is_in_the_architecture() -> None:
+    page = PAGES["docs/concepts/architecture.md"]
+    named = set(re.findall(r"^\| `([a-z/.]+)` \|", page, re.MULTILINE))
+    assert [name for name in named if not (ROOT / name).exists()] == []
+    assert {f"{path.parent.name}/" for path in ROOT.glob("*/__init__.py")} <= named
 
 
-def test_the_world_in_the_readme_is_one_the_plant_accepts(tmp_path: Path) -> None:
-    (world,) = [text for text in TOML if "[[obstacle]]" in text]
+def test_the_plant_accepts_the_world_of_the_reference(tmp_path: Path) -> None:
+    world = toml_of("docs/reference/world-files.md")
     file = tmp_path / "door.toml"
     file.write_text(world)
     assert world_file.load(str(file)).name == "door"
 
 
-def test_the_configuration_in_the_readme_is_one_the_robot_accepts(tmp_path: Path) -> None:
-    (text,) = [text for text in TOML if "[network]" in text]
+def test_the_robot_accepts_the_configuration_of_the_reference(tmp_path: Path) -> None:
+    text = toml_of("docs/reference/configuration.md")
     file = tmp_path / "stack.toml"
     file.write_text(text)
     settings = config.load_shared(file, robot_cli.Settings)
@@ -121,16 +136,16 @@ def test_the_configuration_in_the_readme_is_one_the_robot_accepts(tmp_path: Path
     assert set(settings.parameters) <= set(SPECS)
 
 
-def test_the_readme_has_a_row_for_each_failsafe() -> None:
-    table = re.search(r"\| what happened \|.*?\n\n", README, re.DOTALL)
+def test_the_mission_of_the_reference_is_one() -> None:
+    assert (
+        len(mission_file.read_text(toml_of("docs/reference/mission-files.md"), "").waypoints) == 2
+    )
+
+
+def test_the_page_on_safety_has_a_row_for_each_failsafe() -> None:
+    page = PAGES["docs/concepts/safety.md"]
+    table = re.search(r"\| what happened \|.*?\n\n", page, re.DOTALL)
     assert table
     rows = table[0].strip().splitlines()[2:]
     the_motor_driver = 2  # stops by itself when the robot is gone, or its loop hangs
     assert len(rows) == len(failsafe.ROWS) + the_motor_driver
-
-
-def test_the_readme_sums_up_the_outcomes_as_they_were_generated() -> None:
-    outcomes = (ROOT / "docs" / "evidence" / "outcomes.md").read_text(encoding="utf-8")
-    summary = outcomes.partition("## Summary\n\n")[2].partition("\n\n")[0]
-    assert summary.startswith("| navigator |")
-    assert summary in README
