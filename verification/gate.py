@@ -1,8 +1,9 @@
 """`python -m verification.gate`: every check of the project.
 
-The steps form three lanes that run at the same time. Two lanes mostly wait in real time: tests with
-processes, and tests with containers. The third computes: static checks, and tests that own their
-time. It has the idle scheduling class, so it takes only the processor time that the others leave.
+The steps form lanes that run at the same time. One mostly waits in real time: tests with processes,
+then tests with containers. Another one builds the images for these. The third computes: static
+checks, and tests that own their time. It has the idle scheduling class, so it takes only the
+processor time that the others leave.
 Every step is run, so that one call shows all there is to mend. The exit code is 1 when a step
 failed, and the last line names it.
 """
@@ -27,8 +28,7 @@ REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
 WORKERS: Final = 2
-"""Of each lane that runs tests in parallel: more would start so many processes at once that robots
-miss their deadlines."""
+"""Of the tests with processes: more would start so many at once that robots miss deadlines."""
 
 YIELDING: Final = """
 import contextlib, ctypes, os, signal, sys
@@ -60,22 +60,21 @@ class Lane(NamedTuple):
 
 def lanes(extra: Sequence[str]) -> list[Lane]:
     """Return all steps; `extra` are options for each call of pytest."""
-    return [Lane(real_time(extra)), Lane(containers(extra)), Lane(computing(extra), is_idle=True)]
+    return [
+        Lane(real_time(extra)),
+        Lane([Step("images", (*PYTHON, "tests.support.compose.images"))]),
+        Lane(computing(extra), is_idle=True),
+    ]
 
 
 def real_time(extra: Sequence[str]) -> list[Step]:
     """Return the steps whose tests measure wall time."""
     workers = ("-n", str(WORKERS), "--dist", "loadgroup")
+    processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
     return [
-        Step(
-            "tests with processes", (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
-        )
+        Step("tests with processes", processes),
+        Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
     ]
-
-
-def containers(extra: Sequence[str]) -> list[Step]:
-    """Return the steps that need a Docker engine."""
-    return [Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))]
 
 
 def computing(extra: Sequence[str]) -> list[Step]:
