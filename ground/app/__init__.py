@@ -1,1 +1,1 @@
-"""The full-screen ground station. Textual is imported when a screen is opened, not before."""
+"""Contain the full-screen ground station. Textual is imported when a screen is opened."""

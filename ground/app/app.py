@@ -1,4 +1,4 @@
-"""The ground station on a terminal: it samples a station, draws what has changed, and asks."""
+"""Define the app: screens, keys and a timer around a station."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -46,18 +46,18 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 POLL_HZ: Final = 20.0
 SETTLED_S: Final = 0.2
-"""So long after the terminal's last change of size all of it is painted again."""
+"""The whole screen is painted again this long after the last change of the terminal's size."""
 
 
 def palette() -> "type[Provider]":
-    """Imported when it is opened."""
+    """Return the command palette's provider, imported when the palette is first opened."""
     from ground.app.commands.palette import CommandPalette
 
     return CommandPalette
 
 
 class GroundApp(App[int]):
-    """Screens, keys and a timer around a station; nothing here knows how a robot is reached."""
+    """Samples a station, draws what has changed, and passes on commands."""
 
     CSS_PATH = Path(__file__).with_name("ground.tcss")
     TITLE = "sidestep"
@@ -75,9 +75,9 @@ class GroundApp(App[int]):
         player: "Player | None" = None,
         recording: "RecordingSession | None" = None,
     ) -> None:
-        """Without a `station` it is the player's that is shown on every screen."""
-        # Textual takes colours away as the theme is at this moment, and that is not yet ours: what
-        # would be left of a terminal's own colours is black on black.
+        """Create the app; without a `station`, every screen shows that of the player."""
+        # With NO_COLOR, Textual would remove the colours of its default theme at this moment,
+        # before ours is set. With a terminal's own colours, that leaves black on black.
         super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
         self.player = player
         self.recording = recording
@@ -99,30 +99,35 @@ class GroundApp(App[int]):
         self.set_class(self.appearance.ascii_only, "-ascii")
 
     def on_mount(self) -> None:
+        """Show the replay when there is no robot, and start the timer."""
         if self._station is None:
             self.switch_mode("replay")
         if self.appearance.hz:
             self.set_interval(1.0 / POLL_HZ, self.sample)
 
-    # As screens see it (Deck).
+    # Implementation of AppInterface, for the screens.
 
     @property
     def station(self) -> Station:
+        """The station that is shown: that of the robot, else that of the recording."""
         if self._station is not None:
             return self._station
-        assert self.player is not None, "there is a robot or a recording"
+        assert self.player is not None, "needs a station or a recording"
         return self.player.station
 
     @property
     def keymap(self) -> Keymap:
+        """The keys in force."""
         return self._keymap_in_force
 
     @property
     def ascii_only(self) -> bool:
+        """True when the terminal's font has nothing but ASCII."""
         return self.appearance.ascii_only
 
     @property
     def session_info(self) -> SessionInfo:
+        """The kind of session (simulation, real robot or replay) and its recording."""
         if self._station is None:
             return SessionInfo(kind="REPLAY")
         kind = "SIM" if self._station.world is not None else "REAL"
@@ -131,49 +136,65 @@ class GroundApp(App[int]):
 
     @property
     def stack(self) -> "Stack | None":
+        """The processes that this app started, if any."""
         return self._stack
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        """Run a slow job in a thread; `done` gets its result in this thread."""
         self._jobs.begin(job, done)
 
     def run_line(self, line: str) -> None:
+        """Run a command line."""
         self._commands.run_line(line)
 
     @property
     def perform(self) -> Callable[[Operation[Outcome] | AppCommand], None]:
-        """What does a typed operation; the key calls it directly."""
+        """The function that performs a typed operation.
+
+        A property, so that keys call it directly.
+        """
         return self._commands.perform
 
     @property
     def last(self) -> str:
+        """The last command as a line for a shell."""
         return self._commands.last
 
     def is_local(self, line: str) -> bool:
+        """Return whether a line concerns only the screen."""
         return self._commands.is_local(line)
 
     @property
     def draft_items(self) -> tuple[Target, ...]:
+        """The waypoints of the mission draft."""
         return self._commands.draft_items
 
     def complete(self, text: str) -> list[str]:
+        """Return completions of a command line."""
         return self._commands.complete(text)
 
     def recall(self, text: str, step: int) -> str:
+        """Return an earlier (step -1) or later (1) command line."""
         return self._commands.recall(text, step)
 
     def begin_teleop(self) -> bool:
+        """Start teleop; return False when that is refused."""
         return self._commands.begin_teleop()
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send a teleop command."""
         self._commands.steer(speed_m_s, yaw_rate_rad_s)
 
     def end_teleop(self) -> None:
+        """Stop the robot and end teleop."""
         self._commands.end_teleop()
 
     def note(self, text: str) -> None:
+        """Add a line to the log."""
         self.station.note(text)
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+        """Let the operator choose one of a few; `done` gets the choice."""
         from ground.app.screens.choice import ChoiceScreen  # seldom needed, so not at the start
 
         def take(choice: str | None) -> None:
@@ -184,7 +205,7 @@ class GroundApp(App[int]):
         self.push_screen(ChoiceScreen(title, choices), take)
 
     def open_replay(self, path: Path) -> None:
-        """Show a recording; UserError when it cannot be played."""
+        """Show a recording. Raise UserError when it cannot be played."""
         from ground.app.playback.player import Player  # recordings are not what one comes for
 
         self.player = Player(path, WallClock())
@@ -192,37 +213,41 @@ class GroundApp(App[int]):
 
     @property
     def defect(self) -> Exception | None:
-        """What ended the app when that was none of the operator's doing."""
+        """The unexpected exception that ended the app, if any."""
         return self._exception
 
     def _fatal_error(self) -> None:
-        """Textual would draw a page of our local variables; whoever runs the app tells it."""
+        """End without Textual's page of local variables; the caller reports `defect`."""
         self._close_messages_no_wait()
 
     def clear_selection(self) -> None:
-        """From Python 3.12 on the first screen is composed before it is on Textual's stack."""
+        """Clear the selection.
+
+        From Python 3.12 on, Textual calls this before the first screen is on its stack.
+        """
         with suppress(ScreenStackError):
             super().clear_selection()
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Textual's own, and ours: robots, files and names may say anything."""
+        """Return Textual's filters and ours, because received names may hold control characters."""
         return [*super().get_line_filters(), self._printable]
 
     def get_driver_class(self) -> type[Driver]:
-        from ground.app.input.driver import with_robust_input  # not where nobody has a terminal
+        """Return a driver whose input cannot be stopped by malformed sequences."""
+        from ground.app.input.driver import with_robust_input  # needs a terminal
 
         return with_robust_input(super().get_driver_class())
 
     # The round.
 
     def sample(self) -> None:
-        """Poll, and draw when it is time to."""
+        """Poll all sources, and redraw when a frame is due."""
         if self._station is not None:
             self._station.poll()
             self._frame_rate.measure_time_factor(self._station)
         if self.player is not None:
             self.player.poll()
-        self._look_after_recording()
+        self._poll_recording()
         self._jobs.poll()
         if self._stack is not None and (news := self._stack.next_event()):
             self.station.note(news, Severity.ERROR)
@@ -231,7 +256,8 @@ class GroundApp(App[int]):
         if self._frame_rate.due(monotonic_ns()):
             self.redraw()
 
-    def _look_after_recording(self) -> None:
+    def _poll_recording(self) -> None:
+        """Log what the recorder reports."""
         if self.recording is None or self._station is None:
             return
         is_receiving = self._station.seen(HEARTBEAT).age is Age.LIVE
@@ -240,57 +266,65 @@ class GroundApp(App[int]):
             self._station.note(words, Severity.CRITICAL if loud else Severity.WARNING)
 
     def limit_frame_rate(self, terminal: Drawable) -> None:
-        """Draw no more than this takes."""
+        """Skip frames while this terminal has not taken the last one."""
         self._frame_rate.terminal = terminal
 
     def redraw(self) -> None:
+        """Redraw the base screen."""
         sheet = self.base_screen
         if sheet is not None:
             sheet.redraw()
 
     @property
     def base_screen(self) -> AppScreen | None:
-        """The screen below whatever is open above it."""
+        """The screen below any dialogs."""
         sheets = (screen for screen in reversed(self.screen_stack) if isinstance(screen, AppScreen))
         return next(sheets, None)
 
     def on_resize(self, event: events.Resize) -> None:
-        """One that was smaller for a moment has lost what was on it, and its size is as before."""
+        """Repaint everything when the size has settled.
+
+        A terminal that was smaller for a moment has lost what it showed.
+        """
         if self._settling is not None:
             self._settling.stop()
         self._settling = self.set_timer(SETTLED_S, self.refresh)
 
     def on_app_blur(self, event: events.AppBlur) -> None:
+        """Lower the frame rate while the terminal has no focus."""
         self._frame_rate.focused = False
 
     def on_app_focus(self, event: events.AppFocus) -> None:
+        """Restore the frame rate."""
         self._frame_rate.focused = True
 
     # Keys.
 
     def key_layers(self) -> tuple[Layer, ...]:
+        """Return the layers of keys that are active now."""
         sheet = self.screen
         own = sheet.key_layers() if isinstance(sheet, AppScreen) else ()
         return (Layer.ALWAYS, *own)
 
     def keys_now(self) -> list[KeyBinding]:
-        """What keys do on the screen below, for the help and the palette above it."""
+        """Return the keys of the base screen, for the help and the palette above it."""
         doable, sheet = self.doable(), self.base_screen
         layers = () if sheet is None else sheet.key_layers()
         keys = self._keymap_in_force.of(Layer.ALWAYS, *layers)
         return [key for key in keys if key.id in doable]
 
     def begin_line(self, text: str) -> None:
-        """Let a command be typed on."""
+        """Let the operator continue typing a command."""
         if self.base_screen is not None:
             self.base_screen.ask("", text, self.base_screen.interface.run_line)
 
     def doable(self) -> Mapping[str, Action]:
-        """What can be done here, by id."""
+        """Return the actions that are possible now, by id."""
         sheet = self.base_screen
         return {**self._robot_keys.actions(), **(sheet.actions() if sheet is not None else {})}
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Return whether the key of an action is active now."""
         if action != "do":
             return super().check_action(action, parameters)
         (id,) = parameters
@@ -298,5 +332,6 @@ class GroundApp(App[int]):
         return known.layer in self.key_layers() and known.id in self.doable()
 
     def action_do(self, id: str) -> None:
+        """Run the action with this id, and redraw."""
         self.doable()[id]()
         self.redraw()

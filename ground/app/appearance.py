@@ -1,4 +1,4 @@
-"""How the app is to look: what is asked for, else what the terminal seems to be able to show."""
+"""Determine the appearance of the app from its options, else from the terminal's environment."""
 
 import argparse
 import os
@@ -12,13 +12,13 @@ from ground.text.theme_names import THEMES
 FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
 LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")
 DRIVER: Final = "TEXTUAL_DRIVER"
-"""Set by what shows the app in a browser: then there is a screen without a terminal."""
+"""Set when the app is served to a browser: it has a screen without a terminal."""
 RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """`hz` 0: no timer; whoever tests calls `sample`."""
+    """Theme, character set and frame rate; with `hz` 0 there is no timer (for tests)."""
 
     theme: str = "dark"
     ascii_only: bool = False
@@ -26,7 +26,7 @@ class Appearance:
 
 
 class AppOptions(Protocol):
-    """What a verb that opens the app has read; `theme` None: the one that fits the terminal."""
+    """The options of a verb that opens the app; `theme` None selects one that fits the terminal."""
 
     theme: str | None
     ascii: bool
@@ -35,17 +35,18 @@ class AppOptions(Protocol):
 
 
 def add_appearance_options(parser: argparse.ArgumentParser) -> None:
-    """Options of whatever opens the app."""
+    """Add the options of a verb that opens the app."""
     group = parser.add_argument_group("on a terminal")
     group.add_argument("--theme", choices=THEMES, help="(dark; mono with NO_COLOR)")
     group.add_argument("--ascii", action="store_true", help="for fonts without braille")
     group.add_argument(
-        "--hz", type=float, choices=RATES_HZ, default=10.0, help="drawn so often a second (10)"
+        "--hz", type=float, choices=RATES_HZ, default=10.0, help="frames per second (10)"
     )
-    group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file with other keys")
+    group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file that changes keys")
 
 
 def appearance_of(options: AppOptions, environment: Mapping[str, str] = os.environ) -> Appearance:
+    """Return the appearance that the options and the environment ask for."""
     return Appearance(
         theme=options.theme or default_theme(environment),
         ascii_only=options.ascii or is_ascii_terminal(environment),
@@ -54,7 +55,7 @@ def appearance_of(options: AppOptions, environment: Mapping[str, str] = os.envir
 
 
 def default_theme(environment: Mapping[str, str]) -> str:
-    """What the terminal asks for: no colour at all (no-color.org), sixteen, or dark."""
+    """Return `mono` with NO_COLOR (no-color.org), `ansi` with sixteen colours, else `dark`."""
     if environment.get("NO_COLOR"):
         return "mono"
     if in_browser(environment):
@@ -63,7 +64,7 @@ def default_theme(environment: Mapping[str, str]) -> str:
 
 
 def is_ascii_terminal(environment: Mapping[str, str]) -> bool:
-    """A console without braille, or a locale that promises nothing but ASCII."""
+    """Return whether the console has no braille, or the locale promises only ASCII."""
     if in_browser(environment):
         return False
     locale = next((environment[name] for name in LOCALES if environment.get(name)), "")
@@ -71,5 +72,5 @@ def is_ascii_terminal(environment: Mapping[str, str]) -> bool:
 
 
 def in_browser(environment: Mapping[str, str]) -> bool:
-    """Whether the terminal whose variables these are is not the one that is looked at."""
+    """Return whether the app is shown in a browser instead of this terminal."""
     return bool(environment.get(DRIVER))

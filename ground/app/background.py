@@ -1,4 +1,4 @@
-"""Slow work beside the screen: in threads that nobody has to wait for, not even at the end."""
+"""Run slow jobs in daemon threads, so that neither the screen nor the exit waits for them."""
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
@@ -11,14 +11,14 @@ T = TypeVar("T")
 
 
 class BackgroundJobs:
-    """What comes of a job is handed over at `poll`, in the thread that polls."""
+    """Runs jobs in threads and hands their results over in the thread that polls."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._note = say
         self._ready: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
     def begin(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """`done` gets the result; an error that is meant for people is said instead."""
+        """Start a job. `done` gets its result; expected errors go to the log instead."""
 
         def work() -> None:
             try:
@@ -32,9 +32,10 @@ class BackgroundJobs:
         Thread(target=work, daemon=True).start()
 
     def poll(self) -> None:
+        """Hand over the results of finished jobs."""
         while True:
             try:
-                hand_over = self._ready.get_nowait()
+                callback = self._ready.get_nowait()
             except Empty:
                 return
-            hand_over()
+            callback()

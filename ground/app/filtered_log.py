@@ -1,4 +1,7 @@
-"""The lines of a log that pass a filter, as rows of one width; made anew only where they change."""
+"""Keep the lines of a log that pass a filter, wrapped to rows.
+
+Rows are computed again only when the filter changes; new lines are appended.
+"""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -9,14 +12,14 @@ from ground.station.history.event_log import Line, Log
 
 
 class LogRow(NamedTuple):
-    """One row of a line: the text's piece of that number."""
+    """One row of a wrapped line: the piece of this number."""
 
     line: Line
     number: int
 
 
 class LogFilter(NamedTuple):
-    """What is shown of which log."""
+    """The log, the least severity and the width that rows were computed for."""
 
     log: Log
     worst: int
@@ -24,7 +27,7 @@ class LogFilter(NamedTuple):
 
 
 class FilteredLog:
-    """`lines` in order, and the `parts` of them that are rows on the screen."""
+    """Filters a log: `lines` in order, and their `parts`, one for each row on the screen."""
 
     def __init__(self) -> None:
         self.lines: list[Line] = []
@@ -33,7 +36,7 @@ class FilteredLog:
         self._total = 0
 
     def update(self, log: Log, worst: int, width: int) -> None:
-        """Lines at least as bad as that; what has come since the last look, when it was alike."""
+        """Filter by severity (a lower number is worse), and wrap to a width in columns."""
         asked = LogFilter(log, worst, width)
         if asked != self._asked:
             self._asked, self._total = asked, log.total
@@ -55,12 +58,15 @@ class FilteredLog:
         return [LogRow(line, number) for number in range(len(pieces_of(line, width)))]
 
     def paint(self, part: LogRow, at: Line | None) -> Row:
-        """A row; all those of the line `at` are marked as found."""
+        """Return a row as text; the rows of the line `at` are marked as found."""
         width = 0 if self._asked is None else self._asked.width
         return log_rows(part.line, width, found=part.line is at)[part.number]
 
     def find(self, words: str, at: Line | None, step: int) -> Line | None:
-        """The next line with these words, or the one before, from `at` on and round the end."""
+        """Return the next line with these words after `at`, or the one before it.
+
+        The search wraps around the end. Return None when no line has these words.
+        """
         wanted = words.casefold()
         found = [
             number
@@ -78,5 +84,5 @@ class FilteredLog:
         return self.lines[number]
 
     def row_of(self, line: Line) -> int:
-        """Where its first row is."""
+        """Return the index of the first row of a line."""
         return next((at for at, part in enumerate(self.parts) if part.line is line), 0)

@@ -1,4 +1,4 @@
-"""How often the screen is drawn, and how fast simulated time goes."""
+"""Choose how often the screen is drawn, and measure how fast simulated time runs."""
 
 from typing import Final, Protocol
 
@@ -8,26 +8,26 @@ from runtime.units import NS_PER_S
 
 SLOW_HZ: Final = 2.0
 MAX_DIVISOR: Final = 16
-"""To one frame in 1.6 s, of ten a second."""
+"""Ten frames a second become at least one in 1.6 s."""
 RECOVERY_NS: Final = 20 * NS_PER_S
-"""So long after it was too slow a terminal is tried at twice the rate."""
+"""After this time without a late frame, the rate is doubled."""
 WINDOW_NS: Final = 2 * NS_PER_S
 SLACK_NS: Final = 25_000_000
 
 
 class Drawable(Protocol):
-    """Where the screen is drawn."""
+    """A terminal that reports whether it has taken all that was drawn."""
 
     @property
     def busy(self) -> bool:
-        """Something that was drawn has not been taken yet."""
+        """True while something that was drawn has not been taken."""
         ...
 
 
 class FrameRate:
-    """Slower while nobody looks, and where one frame is not taken before the next one is due.
+    """Lowers the frame rate while the terminal has no focus or is too slow.
 
-    What such a terminal has yet to take may be seconds of drawing: a key must not wait behind it.
+    A slow terminal may buffer seconds of drawing, and a key would wait behind that.
     """
 
     def __init__(self, hz: float) -> None:
@@ -43,31 +43,35 @@ class FrameRate:
 
     @property
     def period_ns(self) -> int:
+        """The time between two frames, in nanoseconds."""
         hz = self.hz / self.divisor
         hz = hz if self.focused else min(hz, SLOW_HZ)
         return round(NS_PER_S / hz) if hz else 0
 
     def due(self, now_ns: int) -> bool:
-        """True when it is time to draw; a little early is better than a whole round late."""
+        """Return whether to draw now.
+
+        A frame a little early is better than one that is a whole poll late.
+        """
         slack_ns = min(self.period_ns // 8, SLACK_NS)
         if self._drawn_ns is not None and now_ns - self._drawn_ns < self.period_ns - slack_ns:
             return False
         if self.terminal is not None and self.terminal.busy:
-            self._too_fast(now_ns)
+            self._halve(now_ns)
             return False
         if self.divisor > 1 and now_ns - self._changed_ns > RECOVERY_NS:
             self.divisor, self._changed_ns = self.divisor // 2, now_ns
         self._drawn_ns, self._late = now_ns, False
         return True
 
-    def _too_fast(self, now_ns: int) -> None:
-        """Once for each frame: half the rate from now on."""
+    def _halve(self, now_ns: int) -> None:
+        """Halve the rate, once for each late frame."""
         if not self._late:
             self._late, self._changed_ns = True, now_ns
             self.divisor = min(2 * self.divisor, MAX_DIVISOR)
 
     def measure_time_factor(self, station: Station) -> None:
-        """The robot's stamps against our own clock, over two seconds."""
+        """Compare the robot's time stamps with our clock, over two seconds."""
         newest = station.telemetry.latest(STATUS)
         if newest is None:
             return

@@ -1,4 +1,4 @@
-"""While the app is open nothing but the app writes to the terminal: the rest goes to a file."""
+"""Redirect all output but that of the app to a log file, while the app is open."""
 
 import os
 import sys
@@ -13,9 +13,9 @@ MOST_BYTES: Final = 1_000_000
 
 
 class TerminalText(TextIOWrapper):
-    """`busy` from a write until the flush after it is done, as a slow terminal lets it be.
+    """A text stream to the terminal that is `busy` from a write until the flush after it.
 
-    Textual writes from a thread of its own, and flushes whenever nothing else waits to be written.
+    Textual writes from its own thread, and flushes when nothing else waits to be written.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -23,20 +23,23 @@ class TerminalText(TextIOWrapper):
         self.busy = False
 
     def write(self, text: str) -> int:
+        """Write a text."""
         self.busy = True
         return super().write(text)
 
     def flush(self) -> None:
+        """Flush, which blocks until the terminal has taken everything."""
         super().flush()
         self.busy = False
 
 
 @contextmanager
 def capture_output(log: Path) -> Iterator[TerminalText]:
-    """Libraries that are not Python's write to the file descriptors: these are exchanged.
+    """Redirect standard output and error to the log, and yield the stream of the screen.
 
-    Textual draws through `sys.__stderr__` and asks `sys.__stdout__` for the terminal's size (and a
-    browser's driver writes there): they keep the terminal. What is drawn through is handed out.
+    Native libraries write to the file descriptors, so these are exchanged. Textual draws through
+    `sys.__stderr__` and asks `sys.__stdout__` for the size of the terminal (a browser's driver
+    writes there); both keep the terminal.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -62,7 +65,10 @@ def capture_output(log: Path) -> Iterator[TerminalText]:
 
 
 def open_log(log: Path) -> int:
-    """The file, begun anew when it has grown too long; nowhere, when it cannot be written."""
+    """Open the log file; delete it first when it is too long.
+
+    Open /dev/null when it cannot be written.
+    """
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         if log.exists() and log.stat().st_size > MOST_BYTES:

@@ -1,4 +1,4 @@
-"""Opens the app over a link that is there, and leaves without a trace."""
+"""Open the app over a connected link, and restore the terminal at the end."""
 
 import asyncio
 import getpass
@@ -30,7 +30,7 @@ EXIT_SIGNAL: Final = 128
 CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
 FREEZE_AFTER_S: Final = 3.0
-"""Then all is there that stays. Later a full collection would keep a key waiting for 60 ms."""
+"""By then the app has created its permanent objects. A full collection later takes 60 ms."""
 FOLDER: Final = "sidestep"
 
 
@@ -41,12 +41,14 @@ def run(
     stack: "Stack | None" = None,
     recording: "RecordingSession | None" = None,
 ) -> int:
-    """Until the operator leaves; 0. Raises ConfigError for a keymap that cannot be used.
+    """Run the app until the operator leaves, and return 0.
 
-    With a `stack` the processes are ours: they are looked after, and may be started anew.
+    Raise ConfigError for a keymap that cannot be used.
+
+    With a `stack`, the app has started the processes: it monitors them, and may restart them.
     """
     keymap, appearance = keymap_of(options), appearance_of(options)
-    # Textual is for whoever has a screen.
+    # Textual is imported only here, so that other verbs start fast.
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
     from ground.app.commands.runner import CommandRunner
@@ -70,7 +72,7 @@ def run(
 
 
 def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) -> int:
-    """The same over a recording: nothing can be commanded. UserError when it cannot be played."""
+    """Run the app over a recording, without commands. Raise UserError when it cannot be played."""
     keymap, appearance = keymap_of(options), appearance_of(options)
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
@@ -93,9 +95,9 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
 
 
 def run_app(app: "GroundApp") -> int:
-    """Until the operator leaves, or a signal ends it as it ends every verb; a defect is raised.
+    """Run the app until the operator leaves or a signal ends it; raise a defect.
 
-    A signal whose handler raises would only cancel Textual's tasks, and those go on.
+    A signal handler that raises would only cancel Textual's tasks, and Textual would go on.
     """
 
     async def shown() -> int:
@@ -114,7 +116,7 @@ def run_app(app: "GroundApp") -> int:
 
 
 def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: int) -> None:
-    """A terminal may be gone without a signal: then nobody looks, and nobody is the operator."""
+    """End the app when the terminal has disappeared without a signal."""
     try:
         termios.tcgetattr(terminal)
     except termios.error:
@@ -124,7 +126,7 @@ def watch_terminal(loop: asyncio.AbstractEventLoop, app: "GroundApp", terminal: 
 
 
 def exit_on_signal(app: "GroundApp", number: int) -> None:
-    """In order; by force when the terminal that is gone holds it up."""
+    """End the app in order; by force when a lost terminal blocks that."""
     app.exit(EXIT_SIGNAL + number)
     late = Timer(CLOSING_S, os._exit, (EXIT_SIGNAL + number,))
     late.daemon = True
@@ -132,19 +134,19 @@ def exit_on_signal(app: "GroundApp", number: int) -> None:
 
 
 def keymap_of(options: AppOptions) -> Keymap:
-    """The file that was named, or that of the user, if there is one."""
+    """Load the keymap from the named file, or from the user's file if there is one."""
     usual_place = state_folder() / "keys.toml"
     return load(options.keys or (usual_place if usual_place.exists() else None))
 
 
 def state_folder() -> Path:
-    """Where history, keys and the app's own log are kept."""
+    """Return the folder of the history, the keys and the app's own log."""
     state = os.environ.get("XDG_STATE_HOME")
     return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
 
 
 def operator_name() -> str:
-    """What others are shown while we hold the lease: at most 16 plain characters."""
+    """Return the name shown to others while we hold the lease: at most 16 ASCII characters."""
     try:
         name = getpass.getuser()
     except (KeyError, OSError):
@@ -153,14 +155,14 @@ def operator_name() -> str:
 
 
 def has_screen() -> bool:
-    """Textual reads standard input and draws on standard error."""
+    """Return whether the app can open: Textual reads standard input and draws on standard error."""
     streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
     on_terminal = all(stream is not None and stream.isatty() for stream in streams)
     return on_terminal or in_browser(os.environ)
 
 
 def run_with_timeout(close: Callable[[], None]) -> None:
-    """Done within a few seconds, or left to the end of the process: leaving never hangs."""
+    """Run `close`, but wait only a few seconds for it, so that leaving never hangs."""
     thread = Thread(target=close, daemon=True)
     thread.start()
     thread.join(CLOSING_S)

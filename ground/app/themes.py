@@ -1,4 +1,4 @@
-"""The five themes as Textual needs them; colours by role are in `ground.app.widgets.paint`."""
+"""Define the five themes for Textual; colours by role are in `ground.app.widgets.paint`."""
 
 from typing import Final
 
@@ -8,7 +8,7 @@ RULE: Final = "rule-color"
 
 
 def _native(name: str, accent: str, warning: str, error: str, success: str) -> Theme:
-    """A theme that leaves the colours to the terminal."""
+    """Return a theme that leaves the colours to the terminal."""
     plain = "ansi_default"
     return Theme(
         name=name,

@@ -1,4 +1,4 @@
-"""What there is to know of worlds: from the plant's side, and how runs in them have ended."""
+"""Read facts about worlds: from the plant, and from the outcomes of the study."""
 
 import os
 from pathlib import Path
@@ -10,20 +10,20 @@ from ground.launch.scenario import world_facts
 OUTCOMES: Final = Path(__file__).parents[2] / "docs" / "evidence" / "outcomes.md"
 NOISE: Final = "default"
 COLUMNS: Final = 10
-"""World, navigator, noise, how it ended in seven columns, and the ends of ten seeds."""
+"""World, navigator, noise, seven columns of results, and the outcomes of ten seeds."""
 
 Reached = dict[str, dict[str, int]]
 
 
 def query_worlds(*words: str) -> dict[str, Any]:
-    """What `sidestep worlds` says; UserError with its words when it refuses."""
+    """Return the JSON of `sidestep worlds`. Raise UserError with its message when it fails."""
     return world_facts(command(["worlds", *words, "--json"], os.getpid()))
 
 
 def read_reached_counts(path: Path = OUTCOMES) -> Reached:
-    """By world and navigator, how many of ten seeds reached the goal with the usual noise.
+    """Return, by world and navigator, how many of ten seeds reached the goal with default noise.
 
-    Empty where the sources, and with them what the study found, are not there.
+    Empty without a source tree, which contains the outcomes of the study.
     """
     found: Reached = {}
     try:
@@ -38,6 +38,6 @@ def read_reached_counts(path: Path = OUTCOMES) -> Reached:
 
 
 def reached_count(ends: str) -> int:
-    """`7 reached, 3 stuck` is 7."""
+    """Return 7 for `7 reached, 3 stuck`."""
     counts = (end.partition(" ") for end in ends.split(", "))
     return sum(int(count) for count, _, how in counts if how == "reached")

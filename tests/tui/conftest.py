@@ -1,4 +1,4 @@
-"""`--update-screens` writes the pictures of the screens anew."""
+"""Define fixtures for the screens; `--update-screens` writes their pictures again."""
 
 from typing import Any
 
@@ -14,12 +14,12 @@ def update_screens(request: pytest.FixtureRequest) -> bool:
 
 @pytest.fixture
 def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The plant's side is not asked, and the study has found this."""
+    """Replace the plant and the outcomes of the study by fixed answers."""
 
     def ask(*words: str) -> dict[str, Any]:
         if words == ("list",):
-            says = {"box": "One box across the straight way.", "wall": "A wall, and a walker."}
-            return {"worlds": [{"name": name, "says": what} for name, what in says.items()]}
+            texts = {"box": "One box across the straight way.", "wall": "A wall, and a walker."}
+            return {"worlds": [{"name": name, "says": text} for name, text in texts.items()]}
         return FAULTS if words == ("faults",) else {**WORLD, "name": words[1]}
 
     monkeypatch.setattr("ground.app.screens.worlds.query_worlds", ask)

@@ -1,4 +1,4 @@
-"""Slow work beside the screen, and a terminal that belongs to the app alone."""
+"""Test background jobs, and that only the app writes to the terminal."""
 
 import os
 import sys
@@ -18,10 +18,10 @@ def polled(aside: BackgroundJobs, done: Event) -> None:
         aside.poll()
         return done.is_set()
 
-    until(is_done, what="what comes of it")
+    until(is_done, what="the result of the job")
 
 
-def test_what_comes_of_a_job_is_handed_over_when_it_is_polled_for() -> None:
+def test_result_of_a_job_is_handed_over_by_poll() -> None:
     found: list[int] = []
     there = Event()
     aside = BackgroundJobs(found_nothing)
@@ -39,7 +39,7 @@ def found_nothing(words: str) -> None:
     raise AssertionError(words)
 
 
-def test_an_error_that_is_meant_for_people_is_said() -> None:
+def test_expected_error_of_a_job_is_noted() -> None:
     said: list[str] = []
     there = Event()
 
@@ -56,7 +56,7 @@ def test_an_error_that_is_meant_for_people_is_said() -> None:
     assert said == ["no such world"]
 
 
-def test_what_others_write_goes_to_a_file_and_the_terminal_comes_back(
+def test_other_output_goes_to_the_log_file(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "sub" / "ground.log"
@@ -74,9 +74,7 @@ def test_what_others_write_goes_to_a_file_and_the_terminal_comes_back(
     assert log.read_text() == "from a library\npanicked at src/lib.rs\n"
 
 
-def test_a_log_that_cannot_be_written_is_no_reason_to_fail(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_unwritable_log_file_is_ignored(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("")
     with capture_output(tmp_path / "file" / "ground.log"):
         os.write(2, b"lost")

@@ -1,4 +1,4 @@
-"""How often the screen is drawn: never faster than the terminal takes it."""
+"""Test that the screen is never drawn faster than the terminal accepts it."""
 
 import os
 from threading import Thread
@@ -11,29 +11,29 @@ MS = 1_000_000
 ROUND_NS = 50 * MS
 
 
-class Line:
-    """A terminal that a test makes wait."""
+class StubTerminal:
+    """A terminal that the test makes busy."""
 
     busy = False
 
 
 def drawn(pace: FrameRate, from_ns: int, rounds: int) -> int:
-    """How many frames in so many rounds of 50 ms."""
+    """Return the number of frames in so many rounds of 50 ms."""
     return sum(pace.due(from_ns + number * ROUND_NS) for number in range(rounds))
 
 
-def paced() -> tuple[FrameRate, Line]:
-    pace, line = FrameRate(10.0), Line()
+def paced() -> tuple[FrameRate, StubTerminal]:
+    pace, line = FrameRate(10.0), StubTerminal()
     pace.terminal = line
     return pace, line
 
 
-def test_ten_frames_a_second_while_the_terminal_takes_them() -> None:
+def test_full_rate_while_the_terminal_keeps_up() -> None:
     pace, _ = paced()
     assert drawn(pace, 0, 40) == 20
 
 
-def test_nothing_is_drawn_before_the_last_frame_was_taken() -> None:
+def test_no_frame_before_the_last_was_taken() -> None:
     pace, line = paced()
     assert pace.due(0)
     line.busy = True
@@ -42,7 +42,7 @@ def test_nothing_is_drawn_before_the_last_frame_was_taken() -> None:
     assert pace.due(101 * ROUND_NS)
 
 
-def test_a_late_frame_halves_the_rate_once_however_late_it_is() -> None:
+def test_a_late_frame_halves_the_rate_once() -> None:
     pace, line = paced()
     pace.due(0)
     line.busy = True
@@ -52,7 +52,7 @@ def test_a_late_frame_halves_the_rate_once_however_late_it_is() -> None:
     assert drawn(pace, 101 * ROUND_NS, 40) == 10
 
 
-def test_it_does_not_fall_below_a_frame_now_and_then() -> None:
+def test_rate_has_a_lower_limit() -> None:
     pace, line = paced()
     at_ns = 0
     for _ in range(20):
@@ -66,7 +66,7 @@ def test_it_does_not_fall_below_a_frame_now_and_then() -> None:
     assert drawn(pace, at_ns, 32) >= 1
 
 
-def test_a_terminal_that_keeps_up_is_trusted_again_step_by_step() -> None:
+def test_rate_recovers_when_the_terminal_keeps_up() -> None:
     pace, line = paced()
     pace.due(0)
     line.busy = True
@@ -76,7 +76,7 @@ def test_a_terminal_that_keeps_up_is_trusted_again_step_by_step() -> None:
     assert pace.divisor == 1
 
 
-def test_text_is_busy_until_somebody_has_read_it() -> None:
+def test_text_is_busy_until_the_terminal_has_read_it() -> None:
     reading, writing = os.pipe()
     with TerminalText(writing) as text, os.fdopen(reading, "rb") as end:
         text.write("x" * 1000)

@@ -1,4 +1,4 @@
-"""What robots, files and names hold never commands the terminal, on any screen of the app."""
+"""Test that received text, files and names never control the terminal, on any screen."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ SCREENS = {
     "palette": ("ctrl+p",), "robots": ("o",), "completion": ("colon", "g"),
 }  # fmt: skip
 SHOWS = ("drive", "params", "log", "links", "worlds", "faults", "completion")
-"""Screens on which the hostile text is to be seen, so that a blank one does not pass."""
+"""Screens that must show the hostile text, so that a blank screen does not pass."""
 
 
 def hostile() -> FakeStation:
@@ -40,7 +40,7 @@ def hostile() -> FakeStation:
 
 
 def screen_of(stage: Stage) -> str:
-    """Everything that is on the terminal, widgets of Textual's own included."""
+    """Return all text on the terminal, including Textual's own widgets."""
     strips = stage.app.screen._compositor.render_strips()
     return "\n".join("".join(segment.text for segment in strip) for strip in strips)
 
@@ -74,8 +74,8 @@ def test_no_screen_shows_a_control_character(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("letter", LETTERS)
-def test_a_row_keeps_its_width(letter: str) -> None:
-    """Its cells were counted before: a character more would break the line."""
+def test_replacing_characters_keeps_the_width_of_a_row(letter: str) -> None:
+    """Textual has counted the cells already, so that one more would break the line."""
     before = [Segment(f"a{letter}b"), Segment("c")]
     after = Printable().apply(before, Color(0, 0, 0))
     assert raw_in("".join(segment.text for segment in after)) == []

@@ -1,4 +1,4 @@
-"""Small terminals, storms of sizes, garbage, no colours: the screen stays, and goes on."""
+"""Test small terminals, many resizes, garbage input and missing colours."""
 
 import pytest
 from textual import events
@@ -33,7 +33,7 @@ async def resize(stage: Stage, width: int, height: int) -> None:
 
 
 @pytest.mark.parametrize("size", TINY, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_it_runs_in_a_terminal_of_any_size(size: tuple[int, int]) -> None:
+def test_app_runs_in_a_terminal_of_any_size(size: tuple[int, int]) -> None:
     async def story() -> None:
         async with staged(size) as stage:
             await stage.press("G", "right", "escape", "?", "escape", "colon", "x", "escape", "f12")
@@ -53,18 +53,18 @@ def test_every_screen_runs_in_one_cell(name: str) -> None:
     play(story)
 
 
-def test_below_sixty_by_eighteen_there_are_numbers_and_a_hint() -> None:
+def test_small_terminal_shows_values_and_a_hint() -> None:
     async def story() -> None:
         async with staged((50, 30)) as stage:
             assert not stage.app.screen.query_one("#map").display
-            assert "60 columns and 18 rows show the map" in stage.words("hint")
+            assert "the map needs 60 columns and 18 rows" in stage.words("hint")
             await resize(stage, 80, 24)
             assert stage.app.screen.query_one("#map").display
 
     play(story)
 
 
-def test_a_storm_of_sizes_ends_with_the_right_picture() -> None:
+def test_many_resizes_end_with_the_right_picture() -> None:
     async def story() -> None:
         async with staged() as stage:
             for step in range(60):
@@ -80,7 +80,7 @@ def test_a_storm_of_sizes_ends_with_the_right_picture() -> None:
 
 
 @pytest.mark.parametrize("text", GARBAGE, ids=range(len(GARBAGE)))
-def test_garbage_that_is_pasted_is_plain_text_and_does_nothing(text: str) -> None:
+def test_pasted_garbage_is_plain_text(text: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("colon")
@@ -97,7 +97,7 @@ def test_garbage_that_is_pasted_is_plain_text_and_does_nothing(text: str) -> Non
     play(story)
 
 
-def test_a_paste_on_the_map_presses_no_keys() -> None:
+def test_paste_on_the_map_presses_no_keys() -> None:
     async def story() -> None:
         async with staged() as stage:
             stage.app.post_message(events.Paste("h x R 5"))
@@ -107,14 +107,14 @@ def test_a_paste_on_the_map_presses_no_keys() -> None:
     play(story)
 
 
-def test_what_is_pasted_is_its_first_line_that_says_something() -> None:
+def test_paste_is_reduced_to_its_first_line() -> None:
     assert printable("\n  \n goal 1 2 \n estop") == "goal 1 2"
     assert printable("\x1b[31mx\x00") == "[31mx"
     assert printable("") == ""
 
 
 @pytest.mark.parametrize("theme", ["dark", "mono", "ansi"])
-def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_color_removes_all_colours(theme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
 
     async def story() -> None:
@@ -126,7 +126,7 @@ def test_without_colours_nothing_has_any(theme: str, monkeypatch: pytest.MonkeyP
     play(story)
 
 
-def test_the_terminal_chooses_theme_and_letters() -> None:
+def test_terminal_determines_theme_and_characters() -> None:
     assert default_theme({"NO_COLOR": "1", "TERM": "xterm-256color"}) == "mono"
     assert default_theme({"NO_COLOR": "", "TERM": "xterm-256color"}) == "dark"
     assert default_theme({"TERM": "linux"}) == "ansi"
@@ -136,7 +136,7 @@ def test_the_terminal_chooses_theme_and_letters() -> None:
     assert not is_ascii_terminal({})
 
 
-def test_in_ascii_not_one_letter_is_anything_else() -> None:
+def test_ascii_screens_have_ascii_only() -> None:
     async def story() -> None:
         async with staged((160, 50), theme="ansi", ascii_only=True) as stage:
             for key in ("1", "2", "3", "4", "5"):
@@ -148,7 +148,7 @@ def test_in_ascii_not_one_letter_is_anything_else() -> None:
     play(story)
 
 
-def test_a_hundred_thousand_lines_are_shown_found_and_filtered() -> None:
+def test_log_of_many_lines_is_searched_and_filtered() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         for number in range(100_000):
@@ -163,19 +163,19 @@ def test_a_hundred_thousand_lines_are_shown_found_and_filtered() -> None:
             await stage.type("line 95000")
             await stage.press("enter")
             assert "line 95000" in stage.words("lines")
-            assert "stays" in stage.words("heading")
+            assert "paused" in stage.words("heading")
             await stage.press("f")
             assert "line 99999" in stage.words("lines")
 
     play(story)
 
 
-def test_a_defect_is_raised_to_whoever_runs_the_app_and_no_page_is_drawn(
+def test_defect_is_raised_to_the_caller_of_the_app(
     capfd: pytest.CaptureFixture[str],
 ) -> None:
     async def story() -> None:
         async with staged() as stage:
-            stage.app.call_later(stumble)
+            stage.app.call_later(raise_defect)
             await stage.pilot.pause()
 
     with pytest.raises(ZeroDivisionError):
@@ -183,5 +183,5 @@ def test_a_defect_is_raised_to_whoever_runs_the_app_and_no_page_is_drawn(
     assert "Traceback" not in capfd.readouterr().err
 
 
-def stumble() -> None:
-    raise ZeroDivisionError("stumbled")
+def raise_defect() -> None:
+    raise ZeroDivisionError("defect")

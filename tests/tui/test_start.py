@@ -1,4 +1,4 @@
-"""The app is kept in time once all is there that stays."""
+"""Test that an open app freezes the heap."""
 
 import asyncio
 from typing import cast
@@ -9,8 +9,8 @@ from ground.app import start
 from ground.app.app import GroundApp
 
 
-class Shown:
-    """An app that is open until somebody has frozen the heap."""
+class StubApp:
+    """An app that is open until the heap is frozen."""
 
     defect = None
 
@@ -22,8 +22,8 @@ class Shown:
         return 0
 
 
-def test_no_full_collection_stalls_an_app_that_is_open(monkeypatch: pytest.MonkeyPatch) -> None:
-    app = Shown()
+def test_open_app_freezes_the_heap(monkeypatch: pytest.MonkeyPatch) -> None:
+    app = StubApp()
     monkeypatch.setattr(start, "FREEZE_AFTER_S", 0.0)
     monkeypatch.setattr(start, "freeze_heap", app.frozen.set)
     assert start.run_app(cast(GroundApp, app)) == 0

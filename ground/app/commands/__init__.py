@@ -1,1 +1,1 @@
-"""From actions to commands, of the robot and of the app."""
+"""Turn actions into commands, to the robot and to the app."""

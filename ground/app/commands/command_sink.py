@@ -1,4 +1,4 @@
-"""What the app needs of the object that does its commands."""
+"""Define what the app needs of the object that runs its commands."""
 
 from typing import Protocol
 
@@ -9,36 +9,36 @@ from ground.map import Target
 
 
 class CommandSink(Protocol):
-    """Does typed operations and typed lines, and remembers them."""
+    """Runs typed operations and command lines, and remembers them."""
 
     @property
     def last(self) -> str:
-        """The last line as a command for a shell; empty when there was none."""
+        """The last command as a line for a shell; empty when there was none."""
 
     @property
     def draft_items(self) -> tuple[Target, ...]:
-        """The waypoints of the mission that is being made."""
+        """The waypoints of the mission draft."""
 
     def run_line(self, line: str) -> None:
-        """Do it off this thread; refusals and outcomes are lines in the log."""
+        """Run a line in another thread; refusals and outcomes go to the log."""
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        """Do what a key or a choice means, in the same way."""
+        """Perform a typed operation, in the same way."""
 
     def is_local(self, line: str) -> bool:
-        """Whether it concerns the screen, and no robot."""
+        """Return whether a line concerns only the screen."""
 
     def complete(self, text: str) -> list[str]:
-        """How the line could go on."""
+        """Return completions of the line."""
 
     def recall(self, text: str, step: int) -> str:
-        """An earlier command line (step -1) or a later one (1)."""
+        """Return an earlier (step -1) or later (1) command line."""
 
     def begin_teleop(self) -> bool:
-        """Begin to drive by hand; False, with the reason in the log, when that may not be."""
+        """Start teleop. Return False, with the reason in the log, when it is refused."""
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Drive like this for a moment."""
+        """Send a teleop command."""
 
     def end_teleop(self) -> None:
-        """Stand, and hold."""
+        """Stop the robot and switch to HOLD."""

@@ -1,4 +1,4 @@
-"""LocalCommands of the command line that concern the screen: done by the app, at once."""
+"""Perform commands that concern only the screen."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -29,17 +29,21 @@ if TYPE_CHECKING:
     from ground.app.app import GroundApp
     from ground.app.screens.drive import DriveScreen
 
-NO_MAP: Final = "that is for the map: go to the Drive screen with 1"
+UNAVAILABLE: Final = "not available on this screen"
+NO_MAP: Final = "this command needs the map: press 1 for the Drive screen"
 
 
 class LocalCommands:
-    """Does each at once and returns what there is to say."""
+    """Performs commands of the command line for the screen."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
 
     def do_command(self, command: AppCommand) -> str:
-        """UserError when it cannot be done here."""
+        """Perform a command and return its message.
+
+        Raise UserError when it is not possible on this screen.
+        """
         match command:
             case Quit():
                 self._app.exit(0)
@@ -58,7 +62,7 @@ class LocalCommands:
             case FollowRobot():
                 self.do("follow")
             case FindText(text):
-                # On the screen of the log, once that is there.
+                # Searches after the log screen has been shown.
                 self._app.switch_mode("log")
                 self._app.call_later(self.find_there, text)
             case SelectRobot(robot):
@@ -74,10 +78,11 @@ class LocalCommands:
             case ShowGhost(navigator):
                 self.ghost(navigator)
             case _:
-                raise UserError("that is not there on this screen")
+                raise UserError(UNAVAILABLE)
         return ""
 
     def theme(self, name: str | None) -> str:
+        """Set the theme, or list the themes."""
         if name is None:
             return f"themes: {', '.join(THEMES)}; now {self._app.theme}"
         if name not in THEMES:
@@ -86,6 +91,7 @@ class LocalCommands:
         return ""
 
     def snap(self, path: Path | None) -> str:
+        """Save the screen as an SVG file."""
         if path is None:
             self.do("shot")
             return ""
@@ -96,6 +102,7 @@ class LocalCommands:
         return f"saved {path}"
 
     def layers(self, names: tuple[str, ...]) -> None:
+        """Show or hide layers of the map, or let the operator choose them."""
         if not names:
             self.do("layers")
         for name in names:
@@ -104,36 +111,38 @@ class LocalCommands:
             self.map_screen().switch_layer(name)
 
     def record(self, *, begin: bool) -> str:
+        """Start or end a recording."""
         recording = self._app.recording
         if recording is None:
-            raise UserError("there is no robot here to record")
+            raise UserError("nothing to record: this app shows no robot")
         if begin:
             recording.begin()
             return "recording"
         return f"recorded: {recording.end()}"
 
     def ghost(self, navigator: str | None) -> None:
-        """Of that navigator, or of one that is chosen."""
+        """Simulate this navigator, or let the operator choose one."""
         if navigator is None:
             self.do("ghost")
         else:
             self.map_screen().start_ghost(navigator.lower())
 
     def find_there(self, words: str) -> None:
+        """Find words on the log screen."""
         from ground.app.screens.log import LogScreen  # imported when it is first shown
 
         if isinstance(self._app.base_screen, LogScreen):
             self._app.base_screen.find(words)
 
     def do(self, id: str) -> None:
-        """What a key does, when it does anything here."""
+        """Run the action of a key, by id. Raise UserError when it is not possible here."""
         action = self._app.doable().get(id)
         if action is None:
             raise UserError(NO_MAP)
         action()
 
     def map_screen(self) -> "DriveScreen":
-        """The screen that is shown, when it has a map; UserError when it has none."""
+        """Return the screen that is shown, if it has a map. Raise UserError otherwise."""
         from ground.app.screens.drive import DriveScreen  # imported when it is first shown
 
         if not isinstance(self._app.base_screen, DriveScreen):

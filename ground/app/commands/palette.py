@@ -1,4 +1,4 @@
-"""The command palette: what keys do at this moment, themes, and every word of the command line."""
+"""Define the command palette: active keys, themes, and all words of the command line."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -16,30 +16,35 @@ if TYPE_CHECKING:
 
 
 class PaletteEntry(NamedTuple):
+    """A row of the palette."""
+
     text: str
-    does: Callable[[], object]
+    action: Callable[[], object]
     help: str
 
 
 class CommandPalette(Provider):
-    """Lists only what can be done here and now."""
+    """Lists only what is possible now."""
 
     async def search(self, query: str) -> Hits:
+        """Yield the entries that match a query."""
         matcher = self.matcher(query)
         for entry in self.entries():
             score = matcher.match(f"{entry.text} {entry.help}")
             if score > 0:
-                yield Hit(score, matcher.highlight(entry.text), entry.does, help=entry.help)
+                yield Hit(score, matcher.highlight(entry.text), entry.action, help=entry.help)
 
     async def discover(self) -> Hits:
+        """Yield all entries."""
         for entry in self.entries():
-            yield DiscoveryHit(entry.text, entry.does, help=entry.help)
+            yield DiscoveryHit(entry.text, entry.action, help=entry.help)
 
     def entries(self) -> Iterator[PaletteEntry]:
+        """Return all entries."""
         app = ground_app(self.app)
         for key in app.keys_now():
             if key.id != "palette":
-                yield PaletteEntry(key.says, partial(app.action_do, key.id), shown(key.keys))
+                yield PaletteEntry(key.description, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
             yield PaletteEntry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
         for word, says in says_of().items():
@@ -47,7 +52,8 @@ class CommandPalette(Provider):
 
 
 def ground_app(app: object) -> "GroundApp":
+    """Return the app with its own type."""
     from ground.app.app import GroundApp
 
-    assert isinstance(app, GroundApp), "the palette is that of the ground station"
+    assert isinstance(app, GroundApp), "the palette needs the ground station's app"
     return app

@@ -1,4 +1,4 @@
-"""What keys do on every screen: commands to the robot, and going from screen to screen."""
+"""Define the actions that every screen has: commands to the robot, and changes of the screen."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -41,17 +41,18 @@ PLAIN: Final[tuple[Operation[Outcome], ...]] = (
     Disarm(),
     ReturnHome(),
 )
-"""Operations whose key is named after their verb."""
+"""Operations whose key has the verb as its id."""
 
 
 class RobotKeys:
-    """Acts on the app; what it asks of the robot are typed operations."""
+    """Performs the actions of keys on the app."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
         self._clear_asked_s = -inf
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions by id."""
         app = self._app
         screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
         return {
@@ -64,19 +65,19 @@ class RobotKeys:
             "side": self.choose_side,
             "missions": partial(app.perform, FetchMission()),
             "lease": self.take_or_release,
-            "robot-before": partial(self.turn_to, -1),
-            "robot-next": partial(self.turn_to, 1),
+            "robot-before": partial(self.select_by, -1),
+            "robot-next": partial(self.select_by, 1),
             "jump": self.choose_screen,
             "palette": app.action_command_palette,
             "help": self.help,
             "copy": self.copy,
-            "shot": self.shoot,
+            "shot": self.save_screenshot,
             "theme": self.next_theme,
             "quit": partial(app.exit, 0),
         }
 
     def clear_estop(self) -> None:
-        """One press asks for the second."""
+        """Release the emergency stop at the second press within two seconds."""
         now_s = self._app.station.time_s
         if now_s - self._clear_asked_s <= AGAIN_S:
             self._clear_asked_s = -inf
@@ -86,6 +87,7 @@ class RobotKeys:
         self._app.note("press again to release the emergency stop")
 
     def choose_mode(self) -> None:
+        """Let the operator choose the mode."""
         modes = {mode.name.lower(): mode for mode in Mode}
 
         def take(name: str) -> None:
@@ -94,12 +96,15 @@ class RobotKeys:
         self._app.choose("mode", list(modes), take)
 
     def choose_navigator(self) -> None:
+        """Let the operator choose the navigator."""
+
         def take(name: str) -> None:
             self._app.perform(SetNavigator(navigator=NAVIGATORS[name]))
 
         self._app.choose("navigator", list(NAVIGATORS), take)
 
     def choose_side(self) -> None:
+        """Let the operator choose the side on which to pass obstacles."""
         newest = self._app.station.telemetry.latest(STATUS)
         number = -1 if newest is None else newest[0].navigator
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
@@ -107,17 +112,18 @@ class RobotKeys:
         def pass_on(side: str) -> None:
             self._app.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
 
-        self._app.choose("pass obstacles on the", list(SIDES), pass_on)
+        self._app.choose("side to pass on", list(SIDES), pass_on)
 
     def take_or_release(self) -> None:
+        """Take the lease, or release it."""
         station = self._app.station
         if station.lease.ours:
             station.release_lease()
         else:
             station.take_lease()
 
-    def turn_to(self, step: int) -> None:
-        """Another robot."""
+    def select_by(self, step: int) -> None:
+        """Select the robot that is `step` places further in the list."""
         station = self._app.station
         robots = station.robots()
         if len(robots) < 2:
@@ -129,26 +135,30 @@ class RobotKeys:
     # The ground station itself.
 
     def go(self, screen: str) -> None:
+        """Show a screen."""
         self._app.switch_mode(screen)
 
     def choose_screen(self) -> None:
+        """Let the operator choose a screen."""
         names = [f"{number} {name}" for name, number in SCREENS.items()]
         self._app.choose("screen", names, lambda choice: self.go(choice.split()[1]))
 
     def help(self) -> None:
+        """Show the active keys."""
         from ground.app.screens.help import HelpScreen  # seldom needed, so not at the start
 
         self._app.push_screen(HelpScreen(self._app.keys_now()))
 
     def copy(self) -> None:
+        """Copy the last command to the clipboard, as a line for a shell."""
         line = self._app.last
         if line:
             self._app.copy_to_clipboard(line)
-        self._app.note(f"copied: {line}" if line else "nothing has been asked yet")
+        self._app.note(f"copied: {line}" if line else "no command to copy yet")
 
-    def shoot(self) -> None:
-        """An SVG in the working directory."""
-        path = next(path for path in shots() if not path.exists())
+    def save_screenshot(self) -> None:
+        """Save the screen as an SVG file in the working directory."""
+        path = next(path for path in screenshot_names() if not path.exists())
         try:
             path.write_text(self._app.export_screenshot(), encoding="utf-8")
         except OSError as error:
@@ -157,9 +167,11 @@ class RobotKeys:
         self._app.note(f"saved {path}")
 
     def next_theme(self) -> None:
+        """Switch to the next theme."""
         at = THEMES.index(self._app.theme) if self._app.theme in THEMES else -1
         self._app.theme = THEMES[(at + 1) % len(THEMES)]
 
 
-def shots() -> Iterator[Path]:
+def screenshot_names() -> Iterator[Path]:
+    """Yield file names for screenshots."""
     return (Path(f"sidestep-{number}.svg") for number in count(1))

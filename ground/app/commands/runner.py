@@ -1,4 +1,4 @@
-"""Commands of the app: typed operations from keys and from typed lines, off the UI thread."""
+"""Run the commands of the app, from keys and from typed lines, outside of the UI thread."""
 
 import shlex
 from collections.abc import Callable
@@ -19,18 +19,21 @@ from ground.map import Target
 from ground.missions.draft import Draft, Edit
 from ground.station import JobResult, Station
 from ground.station.robot.mission_items import target_of
+from ground.station.station import REPLAYED
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.wire.enums import LeaseAction, Mode, Severity
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 
-REPLAYED: Final = "this is a replay: nothing can be commanded"
 MAX_SHOWN: Final = 40
 
 
 class CommandRunner:
-    """`local` does what concerns the screen, at once, and returns what there is to say."""
+    """Runs commands of keys and typed lines.
+
+    `local` performs commands for the screen and returns their message.
+    """
 
     def __init__(
         self,
@@ -40,7 +43,7 @@ class CommandRunner:
         clock: Clock,
         history: History,
     ) -> None:
-        """`station` is asked each time; without a `bus` there is no robot to be commanded."""
+        """Create a runner. `station` is called each time; without a `bus` there is no robot."""
         self._station_now = station
         self._bus, self._common, self._clock = bus, common, clock
         self._history = history
@@ -54,7 +57,7 @@ class CommandRunner:
         return self._station_now()
 
     def run_line(self, line: str) -> None:
-        """Do what a line that was typed means."""
+        """Run a line that was typed."""
         if not line:
             return
         try:
@@ -66,7 +69,7 @@ class CommandRunner:
         self.perform(command, line)
 
     def perform(self, command: Operation[Outcome] | AppCommand, line: str = "") -> None:
-        """Do what a key, a choice or a typed line means; `line` as it was typed."""
+        """Perform a command; `line` is the line as it was typed, if it was."""
         line = line or line_of(command)
         self._history.add(line)
         self.last = self._for_a_shell(line)
@@ -83,26 +86,30 @@ class CommandRunner:
                 self._station.submit(line, partial(self._done, command), moves=command.moves)
 
     def is_local(self, line: str) -> bool:
+        """Return whether a line concerns only the screen."""
         try:
             return isinstance(read(line), AppCommand)
         except UserError:
-            return True  # it is only said to be wrong
+            return True  # a wrong line only causes a message
 
     @property
     def draft_items(self) -> tuple[Target, ...]:
+        """The waypoints of the mission draft."""
         return tuple(map(target_of, self.draft.mission.waypoints))
 
     def complete(self, text: str) -> list[str]:
+        """Return completions of a line."""
         names = [parameter.name for parameter in self._station.parameters or ()]
         return complete(text, names)
 
     def recall(self, text: str, step: int) -> str:
+        """Return an earlier (step -1) or later (1) line."""
         return self._history.previous(text) if step < 0 else self._history.next(text)
 
-    # By hand.
+    # Teleop.
 
     def begin_teleop(self) -> bool:
-        """MANUAL first; only what the robot then hears moves it."""
+        """Switch to MANUAL, then send teleop commands. Return False when refused."""
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
@@ -119,35 +126,40 @@ class CommandRunner:
         return begun
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send a teleop command."""
         if self._stick is not None:
             self._stick.drive(speed_m_s, yaw_rate_rad_s)
 
     def end_teleop(self) -> None:
+        """Stop the robot and switch to HOLD."""
         self.steer(0.0, 0.0)
         self._stick = None
         self.perform(SetMode(mode=Mode.HOLD))
 
     def _done(self, operation: Operation[Outcome]) -> JobResult:
-        """In a thread of its own, over a link of its own: request ids are never shared."""
+        """Perform an operation in another thread.
+
+        It has its own link, so that request ids are unique.
+        """
         outcome = operation.perform(Session(self._link(), attended=True))
         return JobResult(outcome.ok, outcome.text)
 
     def _locally(self, command: AppCommand) -> None:
         severity = Severity.INFO
         try:
-            said = self._said(command)
+            message = self._message_of(command)
         except (UserError, RemoteError) as error:
-            said, severity = str(error), Severity.WARNING
-        for text in said.splitlines():
+            message, severity = str(error), Severity.WARNING
+        for text in message.splitlines():
             self._station.note(text, severity)
 
-    def _said(self, command: AppCommand) -> str:
+    def _message_of(self, command: AppCommand) -> str:
         if isinstance(command, ShowHelp):
             return help_text(command.word)
         return self.draft.apply(command) if isinstance(command, Edit) else self.local(command)
 
     def _link(self) -> Link:
-        """To the robot that is shown now."""
+        """Return a link to the robot that is shown now."""
         if self._bus is None:
             raise UserError(REPLAYED)
         common = replace(self._common, robot=self._station.robot)
@@ -163,4 +175,5 @@ class CommandRunner:
 
 
 def refuse(command: AppCommand) -> str:
-    raise UserError("that is not there on this screen")
+    """Refuse a command for the screen."""
+    raise UserError("not available on this screen")

@@ -1,1 +1,1 @@
-"""From bytes of a terminal to actions."""
+"""Turn bytes from a terminal into actions."""

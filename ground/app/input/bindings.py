@@ -1,5 +1,8 @@
-"""The keymap as Textual's bindings: all of them the app's own, so that keys are handled in the
-order in which they were pressed, each after what the one before has done to the focus."""
+"""Turn the keymap into Textual's bindings.
+
+All bindings belong to the app, so that each key is handled after the one before has changed the
+focus.
+"""
 
 from collections.abc import Iterable
 from typing import Final
@@ -10,14 +13,15 @@ from ground.app.input.key_table import Layer
 from ground.app.input.keymap import Keymap
 
 NAMES: Final = {",": ("comma",), "ctrl+space": ("ctrl+space", "ctrl+@")}
-"""A comma separates keys; and most terminals send the second for the first."""
+"""Textual's names of keys: a comma separates keys there, and most terminals send ctrl+@ for
+ctrl+space."""
 
 
 def bindings_of(keymap: Keymap) -> BindingsMap:
-    """The more special layer first, for the first that counts is done."""
+    """Return the bindings, the most special layer first; the first active one is used."""
     return BindingsMap(
         [
-            Binding(word, f"do('{key.id}')", key.says, show=False, priority=True, id=key.id)
+            Binding(word, f"do('{key.id}')", key.description, show=False, priority=True, id=key.id)
             for layer in Layer
             for key in keymap.keys
             if key.layer is layer
@@ -27,4 +31,5 @@ def bindings_of(keymap: Keymap) -> BindingsMap:
 
 
 def names_of(words: Iterable[str]) -> list[str]:
+    """Return Textual's names of keys."""
     return [name for word in words for name in NAMES.get(word, (word,))]

@@ -1,4 +1,4 @@
-"""Textual's driver of a browser, with the ears of ours."""
+"""Define Textual's driver for a browser, with our input parser."""
 
 from textual.drivers._byte_stream import ByteStream
 from textual.drivers.web_driver import WebDriver, _ExitInput
@@ -9,10 +9,10 @@ TYPED = "D"
 
 
 class BrowserDriver(WebDriver):
-    """What the server sends is in packets: what was typed or pasted, or news of the window."""
+    """Reads packets from the server: typed or pasted text, or news of the window."""
 
     def run_input_thread(self) -> None:
-        """Until the server says that it is over."""
+        """Read until the server sends the end."""
         reader, stream = InputReader(self.process_message), ByteStream()
         try:
             for data in self._input_reader:

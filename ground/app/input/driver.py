@@ -1,4 +1,4 @@
-"""Textual's drivers of a terminal and of a browser, with ears that nothing they hear can stop."""
+"""Define Textual's drivers with a parser that no malformed input can stop."""
 
 import os
 from codecs import getincrementaldecoder
@@ -21,17 +21,17 @@ MOST_AT_ONCE: Final = 16 * AT_ONCE
 TICK_S: Final = 0.1
 WEB: Final = "WebDriver"
 CHORD: Final = 2
-"""Escape, or escape and a letter, is a key even where Textual knows no name for it."""
+"""A key is escape, or escape and a letter, even if Textual has no name for it."""
 LONGEST_KNOWN: Final = 32
-"""Textual takes a longer sequence apart, and one with an escape in it."""
+"""Textual splits a longer sequence, and one that contains an escape, into letters."""
 KEPT: Final = ("last_x", "last_y", "mouse_pixels", "terminal_size", "terminal_pixel_size")
 
 
 class TerminalDriver(LinuxDriver):
-    """Reads as its parent does, and goes on where that would wait for ever or end the app."""
+    """Reads as its parent does, but goes on where that would block for ever or end the app."""
 
     def run_input_thread(self) -> None:
-        """Until the app ends, or the terminal is gone."""
+        """Read until the app ends or the terminal is closed."""
         reader = InputReader(self.process_message)
         while not self.exit_event.is_set():
             if select([self.fileno], [], [], TICK_S)[0]:
@@ -43,7 +43,7 @@ class TerminalDriver(LinuxDriver):
 
 
 class InputReader:
-    """Bytes come in, and messages go to the app."""
+    """Decodes bytes, and passes messages to the app."""
 
     def __init__(self, process: Callable[[Message], None]) -> None:
         self._process = process
@@ -51,19 +51,20 @@ class InputReader:
         self._decode = getincrementaldecoder("utf-8")("replace").decode
 
     def feed(self, data: bytes) -> None:
-        self._hand_on(self._parser.feed(self._decode(data), monotonic()))
+        """Parse these bytes."""
+        self._pass_on(self._parser.feed(self._decode(data), monotonic()))
 
     def tick(self) -> None:
-        """What has waited long enough for more."""
-        self._hand_on(self._parser.tick(monotonic()))
+        """Parse what has waited too long for the rest of a sequence."""
+        self._pass_on(self._parser.tick(monotonic()))
 
-    def _hand_on(self, messages: Iterable[Message]) -> None:
+    def _pass_on(self, messages: Iterable[Message]) -> None:
         for message in messages:
             self._process(message)
 
 
 def read(descriptor: int) -> bytes:
-    """What is there now, as far as it goes together; nothing when nobody writes any more."""
+    """Read what is available, up to a limit; return b"" when the terminal is closed."""
     data = b""
     try:
         while len(data) < MOST_AT_ONCE and (more := os.read(descriptor, AT_ONCE)):
@@ -76,7 +77,7 @@ def read(descriptor: int) -> bytes:
 
 
 def with_robust_input(driver: type[Driver]) -> type[Driver]:
-    """Ours in the place of Textual's, where that reads a terminal or a browser."""
+    """Replace Textual's driver of a terminal or a browser by ours."""
     if driver.__name__ == WEB:
         from ground.app.input.browser_driver import BrowserDriver  # only where there is one
 
@@ -85,17 +86,18 @@ def with_robust_input(driver: type[Driver]) -> type[Driver]:
 
 
 class InputParser:
-    """Textual's parser, given one key at a time: it keeps nothing from one to the next."""
+    """Gives Textual's parser one key at a time, so that it keeps nothing from one to the next."""
 
     def __init__(self) -> None:
         self._pastes = PasteParser()
         self._parser = XTermParser()
 
     def feed(self, text: str, now_s: float) -> Iterator[Message]:
+        """Return the messages of a text."""
         return self._messages(self._pastes.feed(text, now_s))
 
     def tick(self, now_s: float) -> Iterator[Message]:
-        """What has waited long enough for more."""
+        """Return the messages of what has waited too long for the rest of a sequence."""
         return self._messages(self._pastes.due(now_s))
 
     def _messages(self, pieces: Iterable[InputPiece]) -> Iterator[Message]:
@@ -107,7 +109,7 @@ class InputParser:
                     yield from self._parsed(key)
 
     def _parsed(self, key: str) -> list[Message]:
-        """Nothing for a sequence that Textual does not know, or stumbles over."""
+        """Return nothing for a sequence that Textual does not know or fails on."""
         if not key.startswith(ESCAPE):
             return list(self._parser.feed(key))
         found: list[Message] = []
@@ -119,7 +121,7 @@ class InputParser:
                     found = list(self._parser.tick())
             except Exception:
                 found = []
-        if not found:  # it waits for more, or has ended
+        if not found:  # the parser waits for more, or has ended
             before, self._parser = self._parser, XTermParser()
             for name in KEPT:
                 setattr(self._parser, name, getattr(before, name))

@@ -1,6 +1,6 @@
-"""What is typed, in single keys: a text, or one escape sequence, whole (ECMA-48, and XTerm's own).
+"""Split input into text and whole escape sequences (ECMA-48, and XTerm's own).
 
-Textual's parser takes what it does not know apart into letters, which would be keys of the app.
+Textual's parser splits unknown sequences into letters, which would be keys of the app.
 """
 
 import re
@@ -9,7 +9,7 @@ from typing import Final
 
 ESCAPE: Final = "\x1b"
 LONGEST: Final = 256
-"""Of so many characters at most a sequence is waited for: what terminals answer is shorter."""
+"""The most characters of an unfinished sequence; replies of terminals are shorter."""
 
 _CSI: Final = r"\[[0-?]*[!-/]*"
 _OPENS: Final = r"(?:\][0-9]|P[0-9!$+=>])"
@@ -30,13 +30,13 @@ _TEXT = re.compile(r"[^\x1b]+")
 
 
 def begun(text: str) -> int:
-    """Where the sequence begins that may go on after the text; its length when there is none."""
+    """Return where an unfinished sequence begins at the end of the text, else its length."""
     found = _BEGUN.search(text)
     return len(text) if found is None or len(found[0]) > LONGEST else found.start()
 
 
 def single(text: str) -> Iterator[str]:
-    """Runs of characters, and sequences; one that broke off is the part there is of it."""
+    """Yield runs of characters, and escape sequences; of a broken one, the part there is."""
     at = 0
     while at < len(text):
         for pattern in (_TEXT, _KEY, _BROKEN):

@@ -1,11 +1,14 @@
-"""The table of keys: an id that never changes, the keys it has by default, and where it counts."""
+"""Define the table of keys: a stable id, default keys, and the layer where they are active."""
 
 from enum import Enum
 from typing import Final, NamedTuple
 
 
 class Layer(Enum):
-    """Where a key counts. Of those that count at a moment the first named here comes first."""
+    """The place where a key is active.
+
+    When several layers are active, the first one here takes the key.
+    """
 
     ALWAYS = "everywhere"
     STOP = "while nothing is typed"
@@ -25,11 +28,11 @@ class Layer(Enum):
 
 
 class KeyBinding(NamedTuple):
-    """`short`: how the key bar calls it, when it is to be there."""
+    """A row of the table; `short` is the name on the key bar, if the key is shown there."""
 
     id: str
     keys: tuple[str, ...]
-    says: str
+    description: str
     layer: Layer
     short: str = ""
 
@@ -59,8 +62,8 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     *_keys(
         Layer.TYPING,
         ("complete", "tab", "complete the word", "Complete"),
-        ("history-back", "up", "the command before", "Before"),
-        ("history-on", "down", "the command after", ""),
+        ("history-back", "up", "previous command", "Previous"),
+        ("history-on", "down", "next command", ""),
         ("leave-line", "escape", "back to the map", "Back"),
     ),
     *_keys(
@@ -75,10 +78,10 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("cursor-right-far", "shift+right L", "ten steps right", ""),
         ("cursor-turn-left", "<", "turn the goal's heading left", ""),
         ("cursor-turn-right", ">", "turn the goal's heading right", "Heading"),
-        ("cursor-heading-free", "backspace", "any heading will do", ""),
+        ("cursor-heading-free", "backspace", "accept any heading", ""),
         ("goal-at-cursor", "enter", "drive to the cursor", "Go"),
         ("waypoint", "w", "add a waypoint at the cursor", "Waypoint"),
-        ("leave-cursor", "escape", "put the cursor away", "Away"),
+        ("leave-cursor", "escape", "remove the cursor", "Close"),
     ),
     *_keys(
         Layer.LIST,
@@ -92,76 +95,76 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.DRIVE,
-        ("cursor", "G up down left right", "a goal cursor on the map", "Cursor"),
-        ("zoom-in", "+ =", "nearer", ""),
-        ("zoom-out", "-", "farther", ""),
-        ("fit", "0", "the whole world", ""),
-        ("centre", "c", "the robot in the middle", ""),
-        ("follow", "f", "keep the robot in the middle, or not", ""),
-        ("layers", "z", "what the map shows", ""),
-        ("explain", "e", "why did it turn?", "Why"),
-        ("explain-before", "E", "and the time before that?", ""),
-        ("ghost", "n", "another navigator from here, as a ghost", ""),
-        ("teleop", "t", "drive by hand", "Teleop"),
+        ("cursor", "G up down left right", "place a goal cursor on the map", "Cursor"),
+        ("zoom-in", "+ =", "zoom in", ""),
+        ("zoom-out", "-", "zoom out", ""),
+        ("fit", "0", "show the whole world", ""),
+        ("centre", "c", "centre the map on the robot", ""),
+        ("follow", "f", "follow the robot, or stop following", ""),
+        ("layers", "z", "choose the layers of the map", ""),
+        ("explain", "e", "explain the last turn", "Why"),
+        ("explain-before", "E", "explain the turn before", ""),
+        ("ghost", "n", "simulate another navigator from here", ""),
+        ("teleop", "t", "drive by keys", "Teleop"),
     ),
     *_keys(
         Layer.REPLAY,
         ("replay-back", ",", "one step back", ""),
-        ("replay-on", ".", "one step on", "Step"),
+        ("replay-on", ".", "one step forward", "Step"),
         ("replay-play", "p", "play or pause", "Play"),
         ("replay-slower", "<", "half the speed", ""),
         ("replay-faster", ">", "twice the speed", ""),
         ("replay-mark", "M", "to the next mark", "Mark"),
         ("replay-jump-back", "pageup", "ten seconds back", ""),
-        ("replay-jump-on", "pagedown", "ten seconds on", ""),
+        ("replay-jump-on", "pagedown", "ten seconds forward", ""),
         ("replay-begin", "home", "to the beginning", ""),
         ("replay-open", "o", "open a recording", "Open"),
         ("replay-end", "end", "to the end", ""),
     ),
     *_keys(
         Layer.PLOTS,
-        ("plot-shorter", "+ =", "half the time", "Shorter"),
-        ("plot-longer", "-", "twice the time", "Longer"),
+        ("plot-shorter", "+ =", "show half the time span", "Shorter"),
+        ("plot-longer", "-", "show twice the time span", "Longer"),
     ),
     *_keys(
         Layer.PARAMS,
         ("param-edit", "e", "change the value", "Edit"),
         ("param-default", "d", "back to the default", "Default"),
-        ("param-diff", "f", "only what differs from its default", "Differs"),
-        ("param-read", "u", "read them again", "Read"),
+        ("param-diff", "f", "show only changed values", "Changed"),
+        ("param-read", "u", "read all parameters again", "Read"),
     ),
     *_keys(
         Layer.LOG,
-        ("log-follow", "f", "follow the newest line, or stay", "Follow"),
-        ("log-severity", "s", "only warnings, only errors, all", "Severity"),
-        ("find-next", "n", "the next find", "Next"),
-        ("find-before", "N", "the find before", ""),
+        ("log-follow", "f", "follow the newest line, or pause", "Follow"),
+        ("log-severity", "s", "show warnings, errors, or everything", "Severity"),
+        ("find-next", "n", "next match", "Next"),
+        ("find-before", "N", "previous match", ""),
     ),
     *_keys(
         Layer.WORLDS,
-        ("world-start", "s", "end what runs, and start this world", "Start"),
+        ("world-start", "s", "stop the processes and start this world", "Start"),
     ),
     *_keys(
         Layer.FAULTS,
-        ("fault-begin", "s", "let this go wrong", "Begin"),
+        ("fault-begin", "s", "inject this fault", "Inject"),
     ),
     *_keys(
         Layer.ROBOT,
         ("clear-estop", "D", "release the emergency stop: press twice", ""),
-        ("hold", "h", "stand still, keep the goal", "Hold"),
-        ("resume", "r", "go on to the goal", "Resume"),
-        ("abort", "x", "drop the goal or mission, stand still", "Abort"),
+        ("hold", "h", "stop, keep the goal", "Hold"),
+        ("resume", "r", "drive on to the goal", "Resume"),
+        ("abort", "x", "stop, drop the goal or mission", "Abort"),
         ("goal", "g", "type a goal", "Goal"),
-        ("missions", "W", "the mission: list, load, start", "Mission"),
-        ("arm", "a", "let the wheels turn", "Arm"),
-        ("disarm", "A", "do not let the wheels turn", ""),
+        ("missions", "W", "list the mission", "Mission"),
+        ("arm", "a", "enable the wheels", "Arm"),
+        ("disarm", "A", "disable the wheels", ""),
         ("mode", "m", "choose the mode", "Mode"),
         ("navigator", "v", "choose the navigator", "Algo"),
-        ("side", "b", "on which side obstacles are passed", ""),
-        ("rtl", "R", "back along the robot's own trail", "RTL"),
-        ("lease", "L", "take or release the command", ""),
-        ("robot-before", "[", "the robot before", ""),
-        ("robot-next", "]", "the next robot", ""),
+        ("side", "b", "choose the side to pass obstacles on", ""),
+        ("rtl", "R", "return along the robot's trail", "RTL"),
+        ("lease", "L", "take or release the lease", ""),
+        ("robot-before", "[", "previous robot", ""),
+        ("robot-next", "]", "next robot", ""),
     ),
     *_keys(
         Layer.STATION,
@@ -174,14 +177,14 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("screen-7", "7", "Faults", ""),
         ("screen-8", "8", "Replay", ""),
         ("jump", "ctrl+o", "jump to a screen", ""),
-        ("next-panel", "tab", "the next panel", ""),
-        ("panel-before", "shift+tab", "the panel before", ""),
+        ("next-panel", "tab", "next panel", ""),
+        ("panel-before", "shift+tab", "previous panel", ""),
         ("command", ":", "type a command", "Command"),
         ("find", "/", "find", ""),
-        ("palette", "ctrl+p", "everything by name", "Palette"),
-        ("help", "? f1", "the keys that count now", "Help"),
+        ("palette", "ctrl+p", "command palette", "Palette"),
+        ("help", "? f1", "keys that are active now", "Help"),
         ("copy", "y", "copy the last action as a command line", ""),
         ("shot", "Y", "save the screen as an SVG", ""),
-        ("theme", "T", "the next theme", ""),
+        ("theme", "T", "next theme", ""),
     ),
 )

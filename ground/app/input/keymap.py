@@ -1,4 +1,4 @@
-"""Which key does what, after the user's own file has been read: ids are stable, keys are not."""
+"""Combine the table of keys with the user's file: ids are stable, keys can be changed."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -33,8 +33,8 @@ TOGETHER: Final = (
         for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS, Layer.FAULTS)
     ),
 )
-"""Layers that count at the same time. The cursor and teleop hide what is below them: they are
-entered on purpose, and left with one key."""
+"""Layers that are active at the same time. The cursor and teleop hide the layers below them: the
+operator enters them on purpose, and leaves them with one key."""
 
 
 class Keymap:
@@ -49,12 +49,15 @@ class Keymap:
         return self._by_id[id]
 
     def of(self, *layers: Layer) -> list[KeyBinding]:
-        """The keys that count when these layers do, the first layer first, each key once."""
+        """Return the keys that are active with these layers, the first layer first.
+
+        Each key appears once.
+        """
         if layers not in self._found:
-            self._found[layers] = tuple(self._of(layers))
+            self._found[layers] = tuple(self._active(layers))
         return list(self._found[layers])
 
-    def _of(self, layers: Iterable[Layer]) -> list[KeyBinding]:
+    def _active(self, layers: Iterable[Layer]) -> list[KeyBinding]:
         taken: set[str] = set()
         found: list[KeyBinding] = []
         for layer in layers:
@@ -67,18 +70,18 @@ class Keymap:
 
 
 def load(path: Path | None) -> Keymap:
-    """The user's file over the defaults; ConfigError names what is wrong in it, and why."""
+    """Return the keymap with the user's file. Raise ConfigError when the file is wrong."""
     return Keymap() if path is None else keymap_of(read_toml(path), file=str(path))
 
 
 def keymap_of(table: Mapping[str, Any], *, file: str) -> Keymap:
-    """`[keys]` with `id = "key"` or `id = ["key", "other"]`; an empty list takes a key away."""
+    """Read `[keys]` with `id = "key"` or `id = ["key", "other"]`; an empty list removes a key."""
     for name in table:
         if name != TABLE:
             raise unknown_key(name, name, [TABLE], file=file)
     chosen = table.get(TABLE, {})
     if not isinstance(chosen, Mapping):
-        raise ConfigError(file=file, key=TABLE, reason="is no table", fix="write [keys]")
+        raise ConfigError(file=file, key=TABLE, reason="not a table", fix="write [keys]")
     known = [key.id for key in KEYS]
     for id in chosen:
         if id not in known:
@@ -88,7 +91,7 @@ def keymap_of(table: Mapping[str, Any], *, file: str) -> Keymap:
         for key in KEYS
     ]
     keymap = Keymap(keys)
-    _judge(keymap, chosen, file)
+    _check(keymap, chosen, file)
     return keymap
 
 
@@ -96,26 +99,27 @@ def _words(value: object, id: str, file: str) -> tuple[str, ...]:
     words = [value] if isinstance(value, str) else value
     if not isinstance(words, list) or not all(isinstance(word, str) and word for word in words):
         fix = 'write "x" or ["x", "f2"]'
-        raise ConfigError(file=file, key=f"{TABLE}.{id}", reason="is no key", fix=fix)
+        raise ConfigError(file=file, key=f"{TABLE}.{id}", reason="not a key", fix=fix)
     return tuple("space" if word == " " else word for word in words)
 
 
-def _judge(keymap: Keymap, chosen: Iterable[str], file: str) -> None:
-    """No key twice where both count, and always a way to stop while something is typed."""
+def _check(keymap: Keymap, chosen: Iterable[str], file: str) -> None:
+    """Raise ConfigError for a key used twice, or an e-stop that cannot be pressed while typing."""
     if not any(len(word) > 1 for word in keymap["estop"].keys):
         fix = "keep one that types no character, such as f12"
-        raise ConfigError(file=file, key=f"{TABLE}.estop", reason="could not be pressed", fix=fix)
+        reason = "every key types a character, so it cannot be used on the command line"
+        raise ConfigError(file=file, key=f"{TABLE}.estop", reason=reason, fix=fix)
     chosen = set(chosen)
     for first, second, word in clashes(keymap):
         if {first.id, second.id} & chosen:
             mine, other = (first, second) if first.id in chosen else (second, first)
-            reason = f"{word!r} is {other.id} already"
+            reason = f"{word!r} is already used by {other.id}"
             fix = f"give {other.id} another key"
             raise ConfigError(file=file, key=f"{TABLE}.{mine.id}", reason=reason, fix=fix)
 
 
 def clashes(keymap: Keymap) -> list[tuple[KeyBinding, KeyBinding, str]]:
-    """Pairs of ids that share a key while both count."""
+    """Return pairs of ids that share a key while both are active."""
     found: dict[tuple[KeyBinding, KeyBinding, str], None] = {}
     for layers in TOGETHER:
         owners: dict[str, KeyBinding] = {}
@@ -128,16 +132,16 @@ def clashes(keymap: Keymap) -> list[tuple[KeyBinding, KeyBinding, str]]:
 
 
 def shown(words: Sequence[str]) -> str:
-    """Keys as a person reads them."""
+    """Return keys as they are shown to the operator."""
     return " ".join(SHOWN.get(word, word) for word in words)
 
 
 def as_toml(keymap: Keymap) -> str:
-    """A file with every id, its keys, and what it does: for whoever wants to change some."""
-    lines = ["# Ids and their keys; what is left out stays as it is."]
+    """Return a file with every id, its keys and its description, as a template for users."""
+    lines = ["# Ids and their keys; an id that is left out keeps its keys."]
     for layer in Layer:
         lines += ["", f"# {layer.value}"]
         for key in (key for key in keymap.keys if key.layer is layer):
             words = ", ".join(json.dumps(word) for word in key.keys)
-            lines.append(f"{key.id} = [{words}]  # {key.says}")
+            lines.append(f"{key.id} = [{words}]  # {key.description}")
     return "\n".join(["[keys]", *lines])

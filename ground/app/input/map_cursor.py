@@ -1,4 +1,4 @@
-"""The goal cursor on a map, driven by keys: moved, turned, and made a goal or a waypoint."""
+"""Move, turn and use the goal cursor on the map by keys."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,62 +22,69 @@ STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 
 @dataclass(frozen=True, slots=True)
 class Cursor:
-    """Metres; degrees, for it becomes a line that a person reads. None: any heading will do."""
+    """A position in metres and a heading in degrees; a heading of None accepts any."""
 
     x_m: float
     y_m: float
     heading_deg: float | None = None
 
     def moved(self, right: float, up: float, step_m: float) -> "Cursor":
-        """By so many steps, onto the grid of the steps."""
+        """Return the cursor moved by steps, onto the grid of the steps."""
         x_m = round(self.x_m / step_m + right) * step_m
         y_m = round(self.y_m / step_m + up) * step_m
         return replace(self, x_m=round(x_m, 6), y_m=round(y_m, 6))
 
     def turned(self, times: int) -> "Cursor":
-        """Counter-clockwise; the first turn makes the heading one at all."""
+        """Return the cursor turned counter-clockwise; the first turn only sets a heading."""
         start_deg = 0.0 if self.heading_deg is None else self.heading_deg + times * TURN_DEG
         return replace(self, heading_deg=(start_deg + 180.0) % 360.0 - 180.0)
 
     def goal(self) -> Destination:
-        """UserError when no robot could be sent there."""
+        """Return the destination. Raise UserError when it is not valid."""
         heading = [] if self.heading_deg is None else [self.heading_deg]
         return destination([self.x_m, self.y_m, *heading])
 
     def words(self) -> str:
-        """As the command line takes it."""
+        """Return the cursor as words of a command line."""
         place = f"{self.x_m:g} {self.y_m:g}"
         return place if self.heading_deg is None else f"{place} {self.heading_deg:g}"
 
 
 def step_of(m_per_cell: float) -> float:
-    """The least of 1, 2 and 5 times a power of ten, in metres, that is seen to move."""
+    """Return the least of 1, 2 and 5 times a power of ten, in metres, that moves a cell."""
     power = 10.0 ** floor(log10(max(m_per_cell, 1e-3)))
     return next(step * power for step in STEPS if step * power >= m_per_cell * 0.999)
 
 
 class MapCursor:
-    """`tell` gets the words of the goal that Enter would send, or none; `perform` sends it."""
+    """Handles the cursor's keys.
+
+    `show_goal` gets the command that Enter would send, or ""; `perform` sends it.
+    """
 
     def __init__(
         self,
         view: Callable[[], View],
         robot: Callable[[], tuple[float, float] | None],
         perform: Callable[[Goto | AddWaypoint], None],
-        tell: Callable[[str], None],
+        show_goal: Callable[[str], None],
     ) -> None:
-        self._view, self._robot, self._perform, self._tell = view, robot, perform, tell
+        self._view, self._robot, self._perform = view, robot, perform
+        self._show_goal = show_goal
         self.cursor: Cursor | None = None
 
     @property
     def place(self) -> tuple[float, float] | None:
+        """The position of the cursor in metres, if there is one."""
         return None if self.cursor is None else (self.cursor.x_m, self.cursor.y_m)
 
     @property
     def step_m(self) -> float:
+        """The length of a step in metres."""
         return step_of(self._view().m_per_dot * DOTS_WIDE)
 
     def actions(self) -> Mapping[str, Callable[[], None]]:
+        """Return the actions of the cursor by id."""
         moves = {
             f"cursor-{way}{far}": partial(self.move, *by, times)
             for way, by in WAYS.items()
@@ -95,40 +102,45 @@ class MapCursor:
         }
 
     def show(self) -> None:
-        """Where the robot is, or in the middle of the map."""
+        """Place the cursor at the robot, or in the middle of the map."""
         view = self._view()
         self.point(*(self._robot() or (view.centre_x_m, view.centre_y_m)))
 
     def point(self, x_m: float, y_m: float) -> None:
-        """There, on the grid of its steps."""
+        """Place the cursor at a position, on the grid of its steps."""
         self._set(Cursor(x_m, y_m).moved(0, 0, self.step_m))
 
     def hide(self) -> None:
+        """Remove the cursor."""
         self._set(None)
 
     def move(self, right: int, up: int, times: float) -> None:
+        """Move the cursor by steps."""
         if self.cursor is not None:
             self._set(self.cursor.moved(right * times, up * times, self.step_m))
 
     def turn(self, times: int) -> None:
+        """Turn the cursor counter-clockwise by steps."""
         if self.cursor is not None:
             self._set(self.cursor.turned(times))
 
     def free(self) -> None:
-        """Any heading will do."""
+        """Accept any heading."""
         if self.cursor is not None:
             self._set(replace(self.cursor, heading_deg=None))
 
     def send(self) -> None:
+        """Drive to the cursor."""
         if self.cursor is not None:
             self._perform(Goto(goal=self.cursor.goal()))
             self.hide()
 
     def waypoint(self) -> None:
+        """Add a waypoint at the cursor to the draft."""
         if self.cursor is not None:
             at = self.cursor
             self._perform(AddWaypoint(waypoint_at(at.x_m, at.y_m, at.heading_deg, 0.0)))
 
     def _set(self, cursor: Cursor | None) -> None:
         self.cursor = cursor
-        self._tell("" if cursor is None else f"goal {cursor.words()}")
+        self._show_goal("" if cursor is None else f"goal {cursor.words()}")

@@ -1,4 +1,4 @@
-"""Teleop from keys: MANUAL is asked for, keys are held and let go; who takes it away wins."""
+"""Drive by keys in MANUAL mode: hold keys to drive, release them to stop."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -12,21 +12,21 @@ from protocol.wire.enums import Mode
 from runtime.units import NS_PER_MS
 
 SETTLE_NS: Final = 1_500_000_000
-"""So long the robot may take to be in MANUAL."""
+"""The time that the robot may take to enter MANUAL."""
 FIRST_NS: Final = 600 * NS_PER_MS
-"""A keyboard begins to repeat after 250 to 500 ms: the first press lasts longer than that."""
+"""The first press lasts longer than the 250 to 500 ms before a keyboard repeats."""
 AGAIN_NS: Final = 200 * NS_PER_MS
-"""A repeated press comes every 30 to 50 ms."""
+"""A keyboard repeats a press every 30 to 50 ms."""
 FAST: Final = (0.25, 1.2)
 SLOW: Final = (0.08, 0.5)
-"""m/s and rad/s."""
+"""Speed in m/s and yaw rate in rad/s."""
 WAYS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
     {"forward": (1, 0), "back": (-1, 0), "left": (0, 1), "right": (0, -1)}
 )
 
 
 class TeleopKeys:
-    """`held` while keys drive."""
+    """Sends teleop commands while `held` is True."""
 
     def __init__(self, interface: AppInterface) -> None:
         self._interface = interface
@@ -35,6 +35,7 @@ class TeleopKeys:
         self.held = False
 
     def actions(self) -> Mapping[str, Callable[[], None]]:
+        """Return the actions of teleop by id."""
         return {
             f"teleop-{way}{end}": partial(self.push, way, slow=slow)
             for way in WAYS
@@ -42,29 +43,34 @@ class TeleopKeys:
         }
 
     def take(self) -> bool:
-        """False, with the reason in the log, when it may not be."""
+        """Start teleop. Return False, with the reason in the log, when it is refused."""
         self.held = self._interface.begin_teleop()
         self._keys, self._since_ns = DeadManSwitch(), self._interface.station.now_ns
         return self.held
 
     def push(self, way: str, *, slow: bool) -> None:
+        """Handle a press of a direction key."""
         if self.held:
             self._keys.press(way, self._interface.station.now_ns, slow=slow)
 
     def poll(self) -> bool:
-        """Steer for a moment; False when that is over."""
-        if self._taken_away():
+        """Send the present command; return False when teleop has ended."""
+        if self._is_preempted():
             self.drop()
         if self.held:
             self._interface.steer(*self._keys.twist(self._interface.station.now_ns))
         return self.held
 
     def drop(self) -> None:
+        """Stop the robot and end teleop."""
         self.held = False
         self._interface.end_teleop()
 
-    def _taken_away(self) -> bool:
-        """The robot does something else: stopped, disarmed, or commanded by somebody else."""
+    def _is_preempted(self) -> bool:
+        """Return whether the robot has left MANUAL.
+
+        It was stopped or disarmed, or another client commanded it.
+        """
         station = self._interface.station
         status = live(station.seen(STATUS))
         settled = station.now_ns - self._since_ns > SETTLE_NS
@@ -72,6 +78,8 @@ class TeleopKeys:
 
 
 class Twist(NamedTuple):
+    """A speed in m/s and a yaw rate in rad/s."""
+
     speed_m_s: float
     yaw_rate_rad_s: float
 
@@ -80,7 +88,7 @@ STILL: Final = Twist(0.0, 0.0)
 
 
 class DeadManSwitch:
-    """Holds one way for speed and one for turning, each until its time is out."""
+    """Holds one direction for speed and one for turning, each until its time is over."""
 
     def __init__(self) -> None:
         self._until_ns = [0, 0]
@@ -88,7 +96,7 @@ class DeadManSwitch:
         self._slow = False
 
     def press(self, way: str, now_ns: int, *, slow: bool = False) -> None:
-        """A key was pressed, or has repeated; the opposite one stops at once."""
+        """Handle a press or its repetition; the opposite direction replaces the old one at once."""
         self._slow = slow
         for axis, sign in enumerate(WAYS[way]):
             if not sign:
@@ -99,14 +107,10 @@ class DeadManSwitch:
             self._until_ns[axis] = max(end_ns, self._until_ns[axis]) if held else end_ns
 
     def twist(self, now_ns: int) -> Twist:
-        """What to drive now; still when nothing is held."""
+        """Return the present command; zero when no key is held."""
         speed, turn = SLOW if self._slow else FAST
         ahead, round = (
             sign if now_ns < until_ns else 0
             for sign, until_ns in zip(self._signs, self._until_ns, strict=True)
         )
         return Twist(ahead * speed, round * turn)
-
-    def release(self) -> None:
-        """Still, at once."""
-        self._until_ns = [0, 0]

@@ -1,1 +1,1 @@
-"""What each panel says, as rows of text made from a station: no terminal is needed for it."""
+"""Make the rows of text of each panel from a station; no terminal is needed."""

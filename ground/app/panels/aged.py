@@ -1,4 +1,4 @@
-"""A value with its age: live as it is, fading when it is late, and then only how old it is."""
+"""Show a value with its age: normal while live, faint when late, then only its age."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -12,7 +12,7 @@ MISSING: Final = "--"
 
 
 def aged(seen: AgedMessage, words: Callable[[Any], str], role: str = "text") -> Span:
-    """The words of the newest message, in the role while it is live."""
+    """Return the words of the newest message, in the role while it is live."""
     if seen.message is None or seen.age_ns is None:
         return Span(MISSING, "faint")
     if seen.age is Age.GONE:
@@ -21,14 +21,15 @@ def aged(seen: AgedMessage, words: Callable[[Any], str], role: str = "text") -> 
 
 
 def live(seen: AgedMessage) -> Any:
-    """The message unless it is too old to be shown; None then."""
+    """Return the message, or None when it is too old to be shown."""
     return None if seen.age is Age.GONE else seen.message
 
 
 def role_of(seen: AgedMessage, role: str = "text") -> str:
+    """Return the role while the message is live, else `faint`."""
     return role if seen.age is Age.LIVE else "faint"
 
 
 def number(value: float | None, form: str = ".2f", none: str = MISSING) -> str:
-    """A value that is not finite is missing."""
+    """Format a value; one that is not finite is missing."""
     return none if value is None or not isfinite(value) else format(value, form)

@@ -1,4 +1,4 @@
-"""Lines of the log as rows: when, how bad as a letter, who, what; as many as it takes."""
+"""Make rows from lines of the log: time, severity as a letter, source, text."""
 
 from textwrap import wrap
 from typing import Final
@@ -8,13 +8,13 @@ from ground.station.history.event_log import Line, Log
 
 ROLES: Final = {"E": "danger", "W": "caution", "I": "text", "D": "faint"}
 LEAST: Final = 20
-"""Columns of text, in however narrow a panel: there rows are cut rather than very many."""
+"""The least columns of text. A narrower panel cuts rows instead of making many."""
 MOST_LATELY: Final = 3
-"""Rows of a line where only the last ones are shown."""
+"""The most rows for one line where only the last lines are shown."""
 
 
 def log_rows(line: Line, width: int, *, found: bool = False, most: int | None = None) -> list[Row]:
-    """What does not fit goes on below where the text begins, in at most so many rows."""
+    """Wrap a line to at most `most` rows; further rows are indented to where the text begins."""
     lead = lead_of(line)
     role = "reverse" if found else ROLES[line.letter]
     pieces = pieces_of(line, width, most)
@@ -26,6 +26,7 @@ def log_rows(line: Line, width: int, *, found: bool = False, most: int | None = 
 
 
 def lead_of(line: Line) -> Row:
+    """Return time, severity and source of a line."""
     return row(
         faint(f"{line.time_s:8.1f} "),
         Span(line.letter, ROLES[line.letter]),
@@ -34,7 +35,7 @@ def lead_of(line: Line) -> Row:
 
 
 def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
-    """The text, wrapped only when it must be: there may be ten thousand lines."""
+    """Wrap the text of a line, only if needed: there may be ten thousand lines."""
     room = max(LEAST, width - width_of(lead_of(line)))
     if len(line.text) <= room:
         return [line.text]
@@ -43,7 +44,7 @@ def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
 
 
 def latest_rows(log: Log, height: int, width: int) -> list[Row]:
-    """The end of the log, in so many rows; of a long line only its beginning."""
+    """Return the end of the log in `height` rows; a long line shows only its beginning."""
     rows: list[Row] = []
     for line in reversed(log.last(height)):
         room = min(MOST_LATELY, height - len(rows))

@@ -1,4 +1,4 @@
-"""How far the mission is, and that there is a draft of one."""
+"""Show the progress of the mission, and the draft of a mission."""
 
 from math import degrees
 from typing import Final
@@ -16,7 +16,7 @@ MOST: Final = 6
 
 
 def mission_rows(station: Station) -> list[Row]:
-    """How it stands, and the items around the current one; nothing while there is none."""
+    """Return the state and the items around the current one; no rows without a mission."""
     seen = station.seen(MISSION)
     status = seen.message
     if not isinstance(status, MissionStatus) or status.state == MissionState.NONE:
@@ -30,13 +30,16 @@ def mission_rows(station: Station) -> list[Row]:
 
 
 def draft_rows(count: int) -> list[Row]:
-    """How many waypoints wait to be sent; nothing when none does."""
+    """Return how many waypoints wait to be sent; no rows when there are none."""
     waypoints = f"{count} waypoint{'' if count == 1 else 's'}"
     return [row(head("draft   "), Span(f"{waypoints}; send: wp upload", "draft"))] if count else []
 
 
 def item_row(number: int, item: Target, current: int) -> Row:
-    """Counted from 1; those behind us are faint, the one under way has a mark."""
+    """Return the row of an item, counted from 1.
+
+    Completed items are faint, the current one is marked.
+    """
     heading = item.heading_rad
     deg = "any" if heading is None else f"{degrees(heading):.0f}°"
     words = f"{number + 1:>3}  {item.x_m:6.2f} {item.y_m:6.2f}  {deg:>5}"
@@ -45,6 +48,7 @@ def item_row(number: int, item: Target, current: int) -> Row:
 
 
 def mission_words(status: MissionStatus) -> str:
+    """Return state, current item, hold time and reason as text."""
     known = status.state in list(MissionState)
     state = MissionState(status.state).name if known else f"state {status.state}"
     hold = f", holds {status.hold_left_ms / 1000:.0f} s" if status.hold_left_ms else ""

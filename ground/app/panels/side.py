@@ -1,4 +1,4 @@
-"""The side panel: where it is, where it goes, what it does, what the sonars hear, what it costs."""
+"""Make the side panel: pose, goal, state, sonars, and the cost of the control cycle."""
 
 from math import degrees, inf, isfinite
 from typing import Final
@@ -29,7 +29,10 @@ STAGES: Final = "rongw"
 
 
 def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
-    """Blank rows only where there is room for them; where there is little, sonars side by side."""
+    """Return the rows of all parts, separated by blank rows if there is space.
+
+    With little space, sonars are shown as numbers only.
+    """
     cycle = cycle_rows(station.seen(CYCLE), station.dearest_cycle)
     parts = [place_rows(station), sonar_rows(station), cycle]
     if height < sum(map(len, parts)):
@@ -45,6 +48,7 @@ def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
 
 
 def place_rows(station: Station) -> list[Row]:
+    """Return pose, goal, distance, speed, state and the reason for it."""
     odometry, status = station.seen(ODOMETRY), station.seen(STATUS)
     pose = aged(odometry, pose_words)
     why = why_words(live(status))
@@ -60,16 +64,18 @@ def place_rows(station: Station) -> list[Row]:
 
 
 def pose_words(odometry: PlanarOdometry) -> str:
+    """Return x, y and heading as text."""
     deg = whole(degrees(odometry.heading_rad))
     return f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}  {number(deg, '4.0f')}°"
 
 
 def whole(deg: float) -> float:
-    """Zero is never written as minus zero."""
+    """Round to whole degrees, without a minus zero."""
     return round(deg) + 0.0 if isfinite(deg) else deg
 
 
 def goal_words(status: NavigatorStatus) -> str:
+    """Return the goal as text."""
     if status.goal == GoalState.NONE:
         return "none"
     heading = number(whole(degrees(status.goal_heading_rad)), "4.0f", " any")
@@ -78,20 +84,23 @@ def goal_words(status: NavigatorStatus) -> str:
 
 
 def distance_words(status: NavigatorStatus) -> str:
+    """Return the distance to the goal as text."""
     return f"{number(status.goal_distance_m, '6.2f')} m"
 
 
 def speed_words(odometry: PlanarOdometry) -> str:
+    """Return the speed as text."""
     return f"{number(odometry.speed_m_s, '.2f')} m/s"
 
 
 def why_words(status: NavigatorStatus | None) -> str:
+    """Return the reason of the vehicle's or the goal's state, or ""."""
     reason = 0 if status is None else status.vehicle_reason or status.goal_reason
     return reason_text(reason) if reason else ""
 
 
 def state_spans(status: AgedMessage, decision: AgedMessage) -> list[Span]:
-    """The state as a word, and by how much the way is turned from that to the goal."""
+    """Return the state, and the angle γ between the chosen direction and the goal."""
     turned: AvoidanceDecision | None = live(decision)
     spans = [aged(status, lambda status: f"{doing(status).upper():<10}", state_role(status))]
     if turned is not None and isfinite(turned.rotation_rad):
@@ -101,6 +110,7 @@ def state_spans(status: AgedMessage, decision: AgedMessage) -> list[Span]:
 
 
 def state_role(seen: AgedMessage) -> str:
+    """Return the role of the state's colour."""
     status: NavigatorStatus | None = live(seen)
     if status is None:
         return "faint"
@@ -110,7 +120,10 @@ def state_role(seen: AgedMessage) -> str:
 
 
 def sonar_rows(station: Station) -> list[Row]:
-    """From left to right as the robot looks, `!` within its zone, `!!` where the guard stops it."""
+    """Return a row for each sonar from left to right.
+
+    `!` marks an echo within the zone, `!!` one within the distance at which the guard stops.
+    """
     seen = station.seen(SONAR)
     scan: SonarScan | None = live(seen)
     decision: AvoidanceDecision | None = live(station.seen(DECISION))
@@ -128,7 +141,7 @@ def sonar_rows(station: Station) -> list[Row]:
 
 
 def dense_sonar_rows(station: Station) -> list[Row]:
-    """Numbers only, the left four above the right four, both from the outside in."""
+    """Return two rows of ranges: the left and the right sonars, each from the outside in."""
     every = [
         row(*(Span(span.text.strip(BARS), span.role) for span in one))
         for one in sonar_rows(station)
@@ -141,7 +154,7 @@ def dense_sonar_rows(station: Station) -> list[Row]:
 
 
 def range_of(scan: SonarScan, index: int) -> float | None:
-    """In metres; infinite without an echo, None when the sonar is missing."""
+    """Return a range in metres: inf without an echo, None when the sonar is missing."""
     bit = 1 << index
     if not scan.valid & bit:
         return None
@@ -151,6 +164,7 @@ def range_of(scan: SonarScan, index: int) -> float | None:
 def echo_spans(
     range_m: float | None, zone_m: float, stop_m: float, longest_m: float, seen: AgedMessage
 ) -> list[Span]:
+    """Return a bar and the range of one sonar."""
     if range_m is None:
         return [faint("·" * BAR), faint(f"   {MISSING}")]
     if range_m == inf:
@@ -165,6 +179,7 @@ def echo_spans(
 
 
 def parameter(station: Station, name: str, otherwise: float) -> float:
+    """Return the value of a parameter, or `otherwise` when it is unknown."""
     for one in station.parameters or ():
         if one.name == name:
             return float(one.value)
@@ -172,8 +187,10 @@ def parameter(station: Station, name: str, otherwise: float) -> float:
 
 
 def cycle_rows(seen: AgedMessage, report: CycleReport | None) -> list[Row]:
-    """What the dearest control cycle of the last second cost against its budget, and each stage's
-    share in microseconds."""
+    """Return the most expensive control cycle of the last second, and its stages.
+
+    The cost is compared with the budget; stages are in microseconds.
+    """
     if live(seen) is None or report is None:
         return [row(head("cycle "), aged(seen, lambda _: "")), ()]
     spent, budget = sum(report.stage_us), report.budget_us

@@ -1,4 +1,4 @@
-"""The status line: the most important first, for what does not fit is cut from the right."""
+"""Make the status line: the most important parts first, because the last ones are cut off."""
 
 from typing import Final, NamedTuple
 
@@ -20,7 +20,7 @@ SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.item
 
 
 class SessionInfo(NamedTuple):
-    """What the status line says beside the robot's own words."""
+    """The facts that the status line shows besides the robot's state."""
 
     kind: str = "REAL"
     factor: float | None = None
@@ -28,7 +28,7 @@ class SessionInfo(NamedTuple):
 
 
 def status_row(station: Station, session: SessionInfo, width: int) -> Row:
-    """With less between the parts, and then without the last ones, until it fits."""
+    """Return the status line; narrow the gaps, then drop the last parts, until it fits."""
     parts = [part for part in parts_of(station, session) if width_of(part)]
     gap = GAP
     if _wide(parts, gap) > width:
@@ -46,6 +46,7 @@ def _wide(parts: list[Row], gap: Span) -> int:
 
 
 def parts_of(station: Station, session: SessionInfo) -> list[Row]:
+    """Return the parts of the status line, the most important first."""
     status = station.seen(STATUS)
     return [
         row(presence(station), Span(f" {station.robot}", "accent")),
@@ -59,7 +60,7 @@ def parts_of(station: Station, session: SessionInfo) -> list[Row]:
 
 
 def state_parts(status: AgedMessage) -> list[Row]:
-    """Mode, vehicle and navigator; of what is too old its age, once."""
+    """Return mode, vehicle and navigator, or only the age when they are too old."""
     if live(status) is None:
         return [row(aged(status, mode_words))]
     return [
@@ -70,7 +71,7 @@ def state_parts(status: AgedMessage) -> list[Row]:
 
 
 def lease_part(station: Station) -> Row:
-    """Whose the robot is; of a recording it does not matter."""
+    """Return the holder of the lease; nothing for a recording."""
     if not station.live:
         return ()
     return row(
@@ -79,7 +80,7 @@ def lease_part(station: Station) -> Row:
 
 
 def presence(station: Station) -> Span:
-    """Full while its heart beats; the words of a loss are in the banner."""
+    """Return a filled circle while heartbeats arrive."""
     seen = station.seen(HEARTBEAT)
     if seen.age is Age.GONE:
         return Span("○", "danger")
@@ -87,27 +88,32 @@ def presence(station: Station) -> Span:
 
 
 def mode_words(status: NavigatorStatus) -> str:
+    """Return the mode as text."""
     return name_of(Mode, status.mode)
 
 
 def vehicle_words(status: NavigatorStatus) -> str:
+    """Return the vehicle's state as text."""
     words = {Vehicle.ACTIVE: "ARMED", Vehicle.STANDBY: "DISARMED", Vehicle.EMERGENCY_STOP: "E-STOP"}
     known = status.vehicle in list(words)
     return words[Vehicle(status.vehicle)] if known else name_of(Vehicle, status.vehicle)
 
 
 def vehicle_role(status: NavigatorStatus | None) -> str:
+    """Return the role of the vehicle's colour."""
     if status is None or status.vehicle == Vehicle.STANDBY:
         return "text"
     return "ok" if status.vehicle == Vehicle.ACTIVE else "danger"
 
 
 def navigator_words(status: NavigatorStatus) -> str:
+    """Return navigator and side as text."""
     name = NAMES.get(status.navigator, f"navigator {status.navigator}")
     return f"{name}/{SIDE_NAMES.get(status.side, 'auto')}"
 
 
 def link_part(station: Station) -> Row:
+    """Return received frames in percent, round-trip time and rate; nothing for a recording."""
     percent, trip_ms = station.link_percent, station.round_trip_ms
     if not station.live:
         return ()
@@ -121,6 +127,7 @@ def link_part(station: Station) -> Row:
 
 
 def driven_words(status: NavigatorStatus) -> str:
+    """Return how long the goal has been driven to."""
     if not status.goal_id:
         return MISSING
     until_ns = status.goal_ended_ns or status.time_ns
@@ -128,7 +135,7 @@ def driven_words(status: NavigatorStatus) -> str:
 
 
 def kind_part(session: SessionInfo) -> Row:
-    """Whether all this is real is a word, not a colour."""
+    """Return simulation, real or replay as a word, not only as a colour."""
     if session.kind == "SIM":
         factor = "" if session.factor is None else f" {session.factor:.1f}x"
         return row(Span(f"SIM{factor}", "accent"))

@@ -1,4 +1,4 @@
-"""What arrives, how often, how old and how much of it is lost."""
+"""Show the rate, age and loss of each received topic."""
 
 from typing import Final
 
@@ -13,12 +13,13 @@ ROLES: Final = {Age.LIVE: "text", Age.DIM: "faint", Age.GONE: "faint"}
 
 
 def stream_rows(station: Station) -> list[Row]:
-    """One line each, for the third column; topics of which nothing ever came are left out."""
+    """Return one row for each topic that was ever received, for the third column."""
     lines = [line for line in station.streams() if line.received]
     return [row(head("stream           Hz    age lost")), *map(short, lines)]
 
 
 def short(line: StreamRow) -> Row:
+    """Return the short row of a topic."""
     lost = f"{line.lost_percent:4.0f}%"
     return row(
         head(f"{line.topic.path:<14.14}"),
@@ -29,14 +30,17 @@ def short(line: StreamRow) -> Row:
 
 
 def rate(line: StreamRow) -> str:
-    """An event has no rate."""
+    """Return the rate in Hz as text, or "event" for a topic without a fixed rate."""
     if not line.topic.rate_hz:
         return "event"
     return MISSING if line.age is Age.GONE else number(line.rate_hz, ".0f")
 
 
 def age(line: StreamRow) -> str:
-    """A word while it is live: a figure that changes with every look cannot be read."""
+    """Return the age as text.
+
+    A live topic has a word, because a number that changes with every frame is unreadable.
+    """
     if line.age_ns is None:
         return MISSING
     if not line.topic.rate_hz:
@@ -45,13 +49,13 @@ def age(line: StreamRow) -> str:
 
 
 def long_head() -> Span:
-    """What stands above the columns of `long`."""
-    first = f"{'stream':<16}{'wants':>6}{'Hz':>7}{'age':>9}"
+    """Return the column names of `long`."""
+    first = f"{'stream':<16}{'expect':>6}{'Hz':>7}{'age':>9}"
     return head(f"{first}{'frames':>9}{'lost':>7}{'lost%':>7}  refused")
 
 
 def long(line: StreamRow) -> Row:
-    """For the Links screen: with what was expected, counted and refused."""
+    """Return the row of a topic for the Links screen, with expected rate, counts and rejections."""
     expected = f"{line.topic.rate_hz:g}" if line.topic.rate_hz else MISSING
     rejected = f"{line.rejected} {line.last_rejection}" if line.rejected else "0"
     return row(

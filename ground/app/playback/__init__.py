@@ -1,1 +1,1 @@
-"""The app over a recording."""
+"""Connect the app with a recording."""

@@ -1,4 +1,4 @@
-"""What screens ask of the app around them, so that they can be shown by another one in tests."""
+"""Define what screens need of the app, so that tests and the replay can provide another one."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -15,27 +15,32 @@ T = TypeVar("T")
 
 
 class AppInterface(CommandSink, Protocol):
-    """The app, as its screens see it: it takes command lines, too."""
+    """The app as its screens see it."""
 
     @property
-    def station(self) -> Station: ...
+    def station(self) -> Station:
+        """The station that is shown."""
+
     def keys_now(self) -> list[KeyBinding]:
-        """What keys do at this moment."""
+        """Return the keys that are active now."""
 
     @property
-    def session_info(self) -> SessionInfo: ...
+    def session_info(self) -> SessionInfo:
+        """The facts that the status line shows besides the robot's state."""
+
     @property
-    def ascii_only(self) -> bool: ...
+    def ascii_only(self) -> bool:
+        """True when the terminal's font has nothing but ASCII."""
 
     @property
     def stack(self) -> "Stack | None":
-        """The processes that are ours, when they are."""
+        """The processes that this app started, if any."""
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """Do something slow in a thread; `done` gets the result, an error goes to the log."""
+        """Run a slow job in a thread; `done` gets the result, an error goes to the log."""
 
     def note(self, text: str) -> None:
-        """A line in the log."""
+        """Add a line to the log."""
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
-        """Let the operator pick one."""
+        """Let the operator choose one of a few."""

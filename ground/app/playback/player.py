@@ -1,4 +1,4 @@
-"""A recording with a station that looks at it: it plays, steps and seeks, also backwards."""
+"""Play a recording to a station: it plays, steps and seeks, also backwards."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +13,10 @@ from runtime.units import NS_PER_S
 
 
 class Player:
-    """`station` is another one after every way back: what was seen later is not known yet."""
+    """Plays a recording.
+
+    Seeking backwards replaces `station`, because the old one already knows the future.
+    """
 
     def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
         """UserError when there is nothing to play."""
@@ -27,31 +30,36 @@ class Player:
 
     @property
     def position_s(self) -> float:
+        """The position in seconds from the beginning."""
         return self.bus.timeline.position_s
 
     @property
     def duration_s(self) -> float:
+        """The duration in seconds."""
         return self.bus.timeline.duration_ns / NS_PER_S
 
     @property
     def playing(self) -> bool:
+        """True while it plays."""
         return self.bus.timeline.playing
 
     @property
     def speed(self) -> float:
+        """The speed as a factor of real time."""
         return self.bus.timeline.speed
 
     def note(self, text: str) -> None:
+        """Add a line to the station's log."""
         self.station.note(text)
 
     def poll(self) -> None:
-        """Hand on what has become due."""
+        """Publish what has become due."""
         if self.playing:
             self.bus.advance()
             self.station.poll()
 
     def play_or_pause(self) -> None:
-        """From the end it plays from the beginning."""
+        """Pause, or play; from the end, play from the beginning."""
         if self.playing:
             self.bus.timeline.pause()
             self.poll_once()
@@ -61,10 +69,12 @@ class Player:
         self.bus.timeline.play()
 
     def poll_once(self) -> None:
+        """Publish what is due, also when paused."""
         self.bus.advance()
         self.station.poll()
 
     def faster(self, factor: float) -> None:
+        """Multiply the speed."""
         timeline = self.bus.timeline
         playing = timeline.playing
         timeline.play(timeline.speed * factor)
@@ -72,23 +82,24 @@ class Player:
             timeline.pause()
 
     def step(self, ticks: int) -> None:
-        """One control period on or back, standing."""
+        """Pause, and move by control periods, forward or back."""
         self.bus.timeline.pause()
         self.seek(self.bus.tick_after(self.position_s, ticks))
 
     def jump(self, seconds: float) -> None:
+        """Move by seconds, forward or back."""
         self.seek(self.position_s + seconds)
 
     def to_mark(self) -> str:
-        """To the next mark, or from the last one to the first; what it says."""
+        """Move to the next mark, or from the last to the first; return its text."""
         mark = self.bus.next_mark(self.position_s) or self.bus.next_mark(-1.0)
         if mark is None:
-            return "there are no marks"
+            return "the recording has no marks"
         self.seek(mark.time_s)
         return f"{mark.time_s:.1f} s: {mark.text}"
 
     def seek(self, time_s: float) -> None:
-        """To that instant, playing on if it played."""
+        """Move to a time; keep playing if it was."""
         time_s = max(0.0, min(self.duration_s, time_s))
         playing = self.playing
         if time_s < self.position_s:
@@ -104,7 +115,7 @@ class Player:
 
 
 def world_in_recording(bus: ReplayBus) -> WorldFacts | None:
-    """None when it holds none, or none that can be read."""
+    """Return the world of a recording, or None when it has none that can be read."""
     with suppress(RemoteError):
         answer = bus.ask(WORLD)
         if isinstance(answer, bytes):

@@ -1,4 +1,4 @@
-"""The app as the replay screen sees it: everything is as it was, and nothing can be commanded."""
+"""Give the replay screen an app without commands to the robot."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
@@ -18,50 +18,57 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
-REFUSED: Final = "this is a replay: the map of the robot itself is on 1"
+REFUSED: Final = "this is a replay: press 1 to command the robot"
 
 
 class ReadOnlyApp:
-    """Hands on what does not concern the robot; without a recording it shows the app's station."""
+    """Passes on what does not concern the robot. Without a recording it shows the app's station."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
 
     @property
     def player(self) -> Player | None:
+        """The player, if a recording is open."""
         return self._app.player
 
     @property
     def station(self) -> Station:
+        """The station of the recording, else that of the robot."""
         return self._app.station if self.player is None else self.player.station
 
     def keys_now(self) -> list[KeyBinding]:
+        """Return the keys that are active now."""
         return self._app.keys_now()
 
     @property
     def session_info(self) -> SessionInfo:
+        """The facts that the status line shows besides the robot's state."""
         return self._app.session_info if self.player is None else SessionInfo(kind="REPLAY")
 
     @property
     def ascii_only(self) -> bool:
+        """True when the terminal's font has nothing but ASCII."""
         return self._app.ascii_only
 
     @property
     def stack(self) -> Stack | None:
+        """The processes that this app started, if any."""
         return self._app.stack
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
+        """Run a slow job in a thread."""
         self._app.run_in_background(job, done)
 
     def run_line(self, line: str) -> None:
-        """Words of the app are done, and what stops the robot that is there; nothing else is."""
+        """Run a line for the screen, or one that stops the robot; refuse all others."""
         if line and not (self._app.is_local(line) or line.split()[0] in STOPS):
             self.note(REFUSED)
             return
         self._app.run_line(line)
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        """The same for what a key means."""
+        """Perform a command for the screen, or one that stops the robot; refuse all others."""
         if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
             self._app.perform(command)
         else:
@@ -69,33 +76,41 @@ class ReadOnlyApp:
 
     @property
     def last(self) -> str:
+        """The last command as a line for a shell."""
         return self._app.last
 
     def is_local(self, line: str) -> bool:
+        """Return whether a line concerns only the screen."""
         return self._app.is_local(line)
 
     @property
     def draft_items(self) -> tuple[Target, ...]:
+        """The waypoints of the mission draft."""
         return self._app.draft_items
 
     def complete(self, text: str) -> list[str]:
+        """Return completions of a command line."""
         return self._app.complete(text)
 
     def recall(self, text: str, step: int) -> str:
+        """Return an earlier (step -1) or later (1) command line."""
         return self._app.recall(text, step)
 
     def begin_teleop(self) -> bool:
+        """Refuse."""
         self.note(REFUSED)
         return False
 
     def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Nobody is there."""
+        """Do nothing."""
 
     def end_teleop(self) -> None:
-        """Nobody is there."""
+        """Do nothing."""
 
     def note(self, text: str) -> None:
+        """Add a line to the log."""
         self.station.note(text)
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+        """Let the operator choose one of a few."""
         self._app.choose(title, choices, done)

@@ -1,4 +1,4 @@
-"""The screens of the ground station, one per file; each is imported when it is first shown."""
+"""Contain the screens of the ground station, each imported when it is first shown."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -21,11 +21,11 @@ SCREENS: Final[Mapping[str, int]] = MappingProxyType(
         "replay": 8,
     }
 )
-"""By name, with the number of its key."""
+"""The names of the screens, and the numbers of their keys."""
 
 
 def screen_of(name: str, interface: "AppInterface") -> "AppScreen":
-    """The screen of that name: `params` is ParamsScreen in its own module."""
+    """Return a new screen by its name: `params` is ParamsScreen in the module params."""
     module = import_module(f"ground.app.screens.{name}")
-    sheet: AppScreen = getattr(module, f"{name.capitalize()}Screen")(interface)
-    return sheet
+    screen: AppScreen = getattr(module, f"{name.capitalize()}Screen")(interface)
+    return screen

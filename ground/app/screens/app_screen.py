@@ -1,4 +1,4 @@
-"""What every screen has: status and alarm above, the command line and the keys below."""
+"""Define what all screens share: status, alarm, command line and key bar."""
 
 from collections.abc import Callable, Mapping, Sequence
 from textwrap import wrap
@@ -21,7 +21,7 @@ from ground.station.station import Station
 Action = Callable[[], object]
 WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
 HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
-"""Classes of a screen, by the least columns and rows for each."""
+"""The style classes of a screen, with the least columns and rows of each."""
 MOST_ROWS: Final = 2
 STOPS: Final = ("estop-here",)
 LAST: Final = ("palette", "help")
@@ -29,11 +29,11 @@ ORDER: Final = (
     *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),
     *("explain", "abort", "missions", "rtl"),
 )
-"""What every screen has; what only the present one has comes before it."""
+"""The order of keys that all screens have, behind the keys of the present screen."""
 
 
 class AppScreen(Screen[None]):
-    """`key_layers` and `actions` say what keys do here now; `look` draws what has changed."""
+    """A screen; `key_layers` and `actions` define its keys, `draw` its content."""
 
     AUTO_FOCUS: ClassVar[str | None] = ""
     focus_first: ClassVar[str] = "#middle"
@@ -48,6 +48,7 @@ class AppScreen(Screen[None]):
         self._then: Callable[[str], None] = interface.run_line
 
     def compose(self) -> ComposeResult:
+        """Compose status, alarm, content, command line and key bar."""
         yield Lines(id="status")
         yield Lines(id="alarm")
         with Container(id="middle"):
@@ -58,28 +59,30 @@ class AppScreen(Screen[None]):
         yield Lines(id="keybar")
 
     def compose_content(self) -> ComposeResult:
-        """What is between the alarm and the command line."""
+        """Compose what is between the alarm and the command line."""
         yield from ()
 
     def draw(self) -> None:
-        """Show the middle as it is now."""
+        """Draw the content."""
 
     def poll(self) -> None:
-        """At every round, also when nothing is drawn."""
+        """Do what is due at every poll, also when no frame is."""
 
     def on_mount(self) -> None:
+        """Show an empty prompt and focus the content."""
         self.prompt("", self.interface.run_line)
         self.home()
 
     def home(self) -> None:
-        """Nothing is typed: keys are keys."""
+        """Focus the content, so that keys are actions again."""
         self.set_focus(next(iter(self.query(self.focus_first)), None))
 
     def on_screen_resume(self) -> None:
+        """Redraw."""
         self.redraw()
 
     def redraw(self) -> None:
-        """Draw what has changed since the last look."""
+        """Draw what has changed."""
         if not self.is_mounted or not self.size:
             return
         station, width = self.interface.station, self.size.width
@@ -93,24 +96,28 @@ class AppScreen(Screen[None]):
         self.lines("keybar").show([keybar_row(self.interface.keys_now(), width)])
 
     def lines(self, id: str) -> Lines:
+        """Return the panel with this id."""
         return self.query_one(f"#{id}", Lines)
 
     @property
     def command_line(self) -> CommandLine:
+        """The command line."""
         return self.query_one(CommandLine)
 
     @property
     def typing(self) -> bool:
+        """True while the command line has the focus."""
         return self.focused is self.command_line
 
     def key_layers(self) -> tuple[Layer, ...]:
-        """Which keys count now."""
+        """Return the layers of keys that are active now."""
         if self.typing:
             return (Layer.TYPING, Layer.STATION)
         own = () if self.key_layer is None else (self.key_layer,)
         return (Layer.STOP, *own, Layer.ROBOT, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         line = self.command_line
         return {
             "complete": line.complete,
@@ -123,30 +130,33 @@ class AppScreen(Screen[None]):
             "panel-before": self.focus_previous,
         }
 
-    # Typing.
+    # The command line.
 
     def ask(self, prompt: str, text: str, then: Callable[[str], None]) -> None:
-        """Let the operator type a line that begins with `text`."""
+        """Let the operator type a line that begins with `text`; `then` gets it."""
         self.prompt(prompt, then)
         self.command_line.begin(text)
 
     def prompt(self, words: str, then: Callable[[str], None]) -> None:
-        """Before the line: what is asked for, or the robot that a command would go to."""
+        """Show what to type; without `words`, the robot that gets the command."""
         self._prompt, self._then = words, then
         self.draw_prompt()
 
     def draw_prompt(self) -> None:
+        """Draw the prompt."""
         shown = self._prompt or self.interface.station.robot
         panel = self.lines("prompt")
         panel.show([row(Span(f"{shown}:", "accent"))])
         panel.styles.width = len(shown) + 2
 
     def leave_line(self) -> None:
+        """Clear the command line and focus the content."""
         self.command_line.value = ""
         self.prompt("", self.interface.run_line)
         self.home()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Pass on the line that was typed."""
         event.stop()
         then, text = self._then, event.value.strip()
         self.leave_line()
@@ -155,7 +165,7 @@ class AppScreen(Screen[None]):
 
 
 def alarm_rows(station: Station, width: int) -> list[Row]:
-    """The e-stop first; nothing when there is nothing to say."""
+    """Return the most urgent alarm, an emergency stop first; no rows without an alarm."""
     if station.stopping:
         return across(station.stopping, "alarm", width)
     loss = station.loss()
@@ -164,20 +174,20 @@ def alarm_rows(station: Station, width: int) -> list[Row]:
         last = f"; last command: {station.last_command}" if station.last_command else ""
         return across(f"{words}{last}", "alarm", width)
     if station.live and not station.ready:
-        words = f"reading {station.waiting_for} before commands are taken"
+        words = f"reading {station.waiting_for}, commands are refused until then"
         return across(words, "caution", width)
     return across(station.restarted, "caution", width) if station.restarted else []
 
 
 def across(words: str, role: str, width: int) -> list[Row]:
-    """From edge to edge, in two rows at the most."""
+    """Return a coloured text across the whole width, in two rows at most."""
     room = max(1, width - 2)
     lines = wrap(words, room, max_lines=MOST_ROWS, placeholder="…")
     return [cut(row(Span(f" {line}".ljust(width), role)), width) for line in lines]
 
 
 def keybar_row(keys: Sequence[KeyBinding], width: int) -> Row:
-    """As many as there is room for; the way to all the others keeps its place at the end."""
+    """Return as many keys as fit; the palette and the help keep their place at the end."""
     named = sorted((key for key in keys if key.short and key.keys), key=place)
     tail = [span for key in named if key.id in LAST for span in button(key)]
     room = width - width_of(tuple(tail))
@@ -193,11 +203,13 @@ def keybar_row(keys: Sequence[KeyBinding], width: int) -> Row:
 
 
 def place(key: KeyBinding) -> int:
+    """Return the position of a key on the key bar."""
     if key.id in STOPS:
         return -2
     return ORDER.index(key.id) if key.id in ORDER else -1
 
 
 def button(key: KeyBinding) -> Row:
+    """Return a key and its short name."""
     role = "alarm" if key.id in STOPS else "key"
     return row(" ", Span(shown(key.keys[:1]), role), Span(f" {key.short} "))

@@ -1,4 +1,4 @@
-"""Picking one of a few: arrows and Enter, or its number."""
+"""Let the operator choose one of a few, by arrows and Enter or by its number."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from ground.app.widgets.rows import Row, Span, faint, row
 
 
 class ChoiceScreen(ModalScreen[str]):
-    """Ends with the choice, or with nothing after Escape. Space is the e-stop here, too."""
+    """A dialog that returns the choice, or "" after Escape. Space is the e-stop here, too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "move(-1)"),
@@ -29,18 +29,22 @@ class ChoiceScreen(ModalScreen[str]):
         self._at = 0
 
     def compose(self) -> ComposeResult:
+        """Compose the list of choices."""
         yield Lines(id="choices", classes="box")
 
     def on_mount(self) -> None:
+        """Fit the box to the choices."""
         box = self.query_one(Lines)
         box.styles.width = max(24, *(len(choice) + 8 for choice in [*self._choices, self._title]))
         box.styles.height = len(self._choices) + 4
         self.show()
 
     def show(self) -> None:
+        """Draw the choices."""
         self.query_one(Lines).show([row(Span(f" {self._title}", "accent")), *self.rows()])
 
     def rows(self) -> list[Row]:
+        """Return one row for each choice."""
         return [
             row(faint(f" {number} " if number < 10 else "   "), Span(f" {choice} ", role))
             for number, choice in enumerate(self._choices, start=1)
@@ -48,17 +52,21 @@ class ChoiceScreen(ModalScreen[str]):
         ]
 
     def action_move(self, step: int) -> None:
+        """Move the selection by a step, around the ends."""
         self._at = (self._at + step) % len(self._choices)
         self.show()
 
     def action_take(self) -> None:
+        """Return the selected choice."""
         self.dismiss(self._choices[self._at])
 
     def key_by_number(self, number: int) -> None:
+        """Return the choice with this number."""
         if 1 <= number <= len(self._choices):
             self.dismiss(self._choices[number - 1])
 
     def on_key(self, event: events.Key) -> None:
+        """Choose by a digit."""
         if event.key.isdigit():
             event.stop()
             self.key_by_number(int(event.key))

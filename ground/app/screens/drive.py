@@ -1,4 +1,4 @@
-"""Drive: the map, the numbers beside it, what happened, and a goal by cursor, line or hand."""
+"""Show the Drive screen: map, values, log, and goals by cursor, command line or teleop."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -31,10 +31,12 @@ if TYPE_CHECKING:
     from ground.ghost.ghost_thread import GhostRunner
 
 ZOOM: Final = 1.25
-HINT: Final = "60 columns and 18 rows show the map"
+HINT: Final = "the map needs 60 columns and 18 rows"
 
 
 class DriveScreen(AppScreen):
+    """The map with the values beside it and the log below it."""
+
     key_layer = Layer.DRIVE
     focus_first: ClassVar[str] = "#map"
 
@@ -45,12 +47,13 @@ class DriveScreen(AppScreen):
         self.why = Why()
         self.teleop = TeleopKeys(interface)
         self.map_cursor = MapCursor(
-            lambda: self.map.view, self.robot_place, interface.perform, self.tell
+            lambda: self.map.view, self.robot_place, interface.perform, self.show_goal
         )
         self._ghost_runner: GhostRunner | None = None
         self._station = interface.station
 
     def compose_content(self) -> ComposeResult:
+        """Compose the map, two columns of panels, and the log."""
         with Horizontal(id="upper"):
             yield MapWidget(ascii_only=self.interface.ascii_only, id="map")
             with Vertical(id="second"):
@@ -67,19 +70,23 @@ class DriveScreen(AppScreen):
             yield Lines(id="why-below")
 
     def on_mount(self) -> None:
+        """Let the map take the focus, and show the hint for small terminals."""
         self.map.can_focus = True
         self.lines("hint").show([row(faint(HINT))])
         super().on_mount()
 
     def on_unmount(self) -> None:
+        """End the ghosts."""
         if self._ghost_runner is not None:
             self._ghost_runner.clear()
 
     @property
     def map(self) -> MapWidget:
+        """The large map."""
         return self.query_one("#map", MapWidget)
 
     def draw(self) -> None:
+        """Draw the maps and panels."""
         for one in self.query(MapWidget):
             one.paint(self.app.theme)
         self.follow_station()
@@ -96,6 +103,7 @@ class DriveScreen(AppScreen):
             self.draw_third()
 
     def draw_maps(self) -> None:
+        """Draw the scene on the map and on the inset."""
         ghosts = () if self._ghost_runner is None else self._ghost_runner.trails()
         scene = replace(self.interface.station.scene(), ghosts=ghosts, draft=self.draft())
         self.map.show(replace(scene, cursor=self.map_cursor.place))
@@ -104,12 +112,12 @@ class DriveScreen(AppScreen):
             inset.show(scene)
 
     def draft(self) -> tuple[Target, ...]:
-        """The mission that is being made, until it is what the robot has."""
+        """Return the mission draft, until the robot has it."""
         draft_items = self.interface.draft_items
         return () if draft_items == self.interface.station.mission_items else draft_items
 
     def draw_why(self) -> None:
-        """Where there is room the decision of now, and on demand the last one that changed it."""
+        """Draw the present decision where there is space, and on demand the last turn."""
         station = self.interface.station
         self.why.look(station)
         now, below = self.lines("why"), self.lines("why-below")
@@ -119,6 +127,7 @@ class DriveScreen(AppScreen):
             below.show(turn_rows(self.why, self.back, station, below.size.width))
 
     def draw_third(self) -> None:
+        """Draw the third column."""
         station = self.interface.station
         sparks = self.lines("sparks")
         sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
@@ -129,18 +138,20 @@ class DriveScreen(AppScreen):
         self.lines("streams").show(stream_rows(station))
 
     def follow_station(self) -> None:
-        """What was learned from another station is not true of this one."""
+        """Forget explanations when the station has been replaced."""
         if self._station is not self.interface.station:
             self._station = self.interface.station
             self.why = Why()
 
     def key_layers(self) -> tuple[Layer, ...]:
+        """Return the layers of keys that are active now."""
         if self.teleop.held:
             return (Layer.STOP, Layer.TELEOP)
         above = super().key_layers()
         return above if self.map_cursor.cursor is None or self.typing else (Layer.CURSOR, *above)
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         return {
             **super().actions(),
             **self.map_cursor.actions(),
@@ -158,11 +169,12 @@ class DriveScreen(AppScreen):
         }
 
     def explain(self) -> None:
-        """Why did it turn? The last time it did."""
+        """Show or hide the explanation of the last turn."""
         self.back = 0
         self.toggle_class("-explaining")
 
     def look_back(self, step: int) -> None:
+        """Explain an earlier turn."""
         self.back = min(self.back + step, max(0, len(self.why.points) - 1))
         self.add_class("-explaining")
 
@@ -170,7 +182,7 @@ class DriveScreen(AppScreen):
 
     @property
     def ghost_runner(self) -> "GhostRunner":
-        """The ghosts on this map; begun when the first is wanted."""
+        """The runner of ghosts, created when it is first needed."""
         if self._ghost_runner is None:
             from ground.ghost.ghost_thread import GhostRunner  # with its recordings, and trials
 
@@ -178,33 +190,37 @@ class DriveScreen(AppScreen):
         return self._ghost_runner
 
     def choose_ghost(self) -> None:
+        """Let the operator choose a navigator to simulate."""
         from ground.ghost.ghost_thread import CHOICES  # seldom needed, so not at the start
 
-        self.interface.choose("a ghost from here on", list(CHOICES), self.try_ghost)
+        self.interface.choose("navigator to simulate", list(CHOICES), self.try_ghost)
 
     def try_ghost(self, navigator: str) -> None:
+        """Start a ghost; an error goes to the log."""
         try:
             self.start_ghost(navigator)
         except UserError as error:
             self.interface.note(f"no ghost: {error}")
 
     def start_ghost(self, navigator: str) -> None:
-        """Another navigator from this instant on; UserError when it cannot be."""
+        """Simulate another navigator from now on. Raise UserError when that is not possible."""
         self.ghost_runner.begin(navigator)
 
-    # By hand.
+    # Teleop.
 
     def begin_teleop(self) -> None:
-        """From now on keys drive, and any key that does not ends it."""
+        """Start teleop by keys; any other key ends it."""
         if self.teleop.take():
             self.map_cursor.hide()
-            self.prompt("by hand, any other key ends it", self.interface.run_line)
+            self.prompt("teleop, any other key ends it", self.interface.run_line)
 
     def poll(self) -> None:
+        """Send the teleop command."""
         if self.teleop.held and not self.teleop.poll():
             self.prompt("", self.interface.run_line)
 
     def on_key(self, event: events.Key) -> None:
+        """End teleop at any other key."""
         if self.teleop.held:
             event.stop()
             self.teleop.drop()
@@ -212,38 +228,45 @@ class DriveScreen(AppScreen):
 
     # The map.
 
-    def tell(self, words: str) -> None:
-        """What Enter would send, where the prompt is; a map that shows a part goes there."""
+    def show_goal(self, words: str) -> None:
+        """Show the command that Enter would send; move a zoomed map to the cursor."""
         self.prompt(words, self.interface.run_line)
         if self.map_cursor.place is not None:
             self.map.reveal(*self.map_cursor.place)
 
     def centre(self) -> None:
+        """Centre the map on the robot."""
         place = self.robot_place()
         if place is not None:
             self.map.centre(*place)
 
     def follow(self) -> None:
+        """Follow the robot, or stop following."""
         self.map.following = not self.map.following
         self.interface.note("the map follows the robot" if self.map.following else "the map stays")
 
     def choose_layer(self) -> None:
+        """Let the operator choose a layer to show or hide."""
         shown = self.map.shown_layers
         choices = [f"{'hide' if name in shown else 'show'} {name}" for name in LAYERS]
-        self.interface.choose("the map", choices, self.switch_layer)
+        self.interface.choose("layers of the map", choices, self.switch_layer)
 
     def switch_layer(self, choice: str) -> None:
+        """Show or hide the layer that ends the choice."""
         name = choice.split()[-1]
         self.map.shown_layers = set(self.map.shown_layers) ^ {name}
 
     def on_map_widget_pointed(self, event: MapWidget.Pointed) -> None:
+        """Place the cursor where the map was clicked."""
         self.home()
         self.map_cursor.point(event.x_m, event.y_m)
         self.redraw()
 
     def on_map_widget_zoomed(self, event: MapWidget.Zoomed) -> None:
+        """Zoom about the mouse."""
         self.map.zoom(event.factor, (event.x_m, event.y_m))
 
     def robot_place(self) -> tuple[float, float] | None:
+        """Return the position of the robot in metres, if known."""
         robot = self.map.scene.robot
         return None if robot is None else (robot.x_m, robot.y_m)

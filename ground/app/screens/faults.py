@@ -1,4 +1,4 @@
-"""Faults: what can be made to go wrong with processes that are ours, and in their world."""
+"""Show the Faults screen: inject faults into our processes and their world."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -14,7 +14,7 @@ from ground.launch.launcher import PROCESS_FAULTS
 from ground.launch.scenario import Scenario
 from runtime.errors import UserError
 
-USUAL_START_S: Final = 3.0
+DEFAULT_START_S: Final = 3.0
 
 
 HOW: Final = "TARGET [VALUE] [FROM_S]"
@@ -25,10 +25,10 @@ NOT_OURS: Final = (
 
 
 class InjectableFault(NamedTuple):
-    """`kind` of the plant, or what happens to the process of a `role`."""
+    """A fault of the plant with a `kind`, or a fault of the process with a `role`."""
 
     name: str
-    says: str
+    description: str
     role: str = ""
     kind: str = ""
     targets: tuple[str, ...] = ()
@@ -36,35 +36,37 @@ class InjectableFault(NamedTuple):
 
 
 def heading_row(ours: bool) -> Row:
+    """Return the heading."""
     if not ours:
-        return row(" what can go wrong", faint("   these are not ours: sidestep up has its own"))
-    return row(
-        " what can go wrong",
-        faint("   now: at once   anew: ends what runs, starts the world with it"),
-    )
+        return row(" faults", faint("   not available: this app did not start the processes"))
+    return row(" faults", faint("   now: at once   restart: restarts the world with the fault"))
 
 
-def trouble_row(one: InjectableFault, chosen: bool) -> Row:
-    when = "now  " if one.role else "anew "
+def fault_row(one: InjectableFault, chosen: bool) -> Row:
+    """Return the row of a fault."""
+    when = "now     " if one.role else "restart "
     name = Span(f"{one.name:<18}", "reverse" if chosen else "text")
-    return row(faint(f" {when}"), name, f" {one.says}")
+    return row(faint(f" {when}"), name, f" {one.description}")
 
 
 def about_rows(one: InjectableFault | None) -> list[Row]:
+    """Return the details of a fault."""
     if one is None:
         return [row(faint(" reading ..."))]
-    first = row(Span(f" {one.name}", "accent"), f"  {one.says}")
+    first = row(Span(f" {one.name}", "accent"), f"  {one.description}")
     if one.role:
-        return [first, row(faint(" s does it now"))]
+        return [first, row(faint(" s injects it now"))]
     targets = ", ".join(one.targets) or "no target"
     return [
         first,
         row(head(" targets "), targets, head("   value in "), one.unit or "no unit"),
-        row(faint(f" s asks for {HOW}; then what runs ends, and the world starts anew with it")),
+        row(faint(f" s asks for {HOW} and restarts the world with the fault")),
     ]
 
 
 class FaultsScreen(ListScreen):
+    """The list of faults."""
+
     key_layer = Layer.FAULTS
 
     def __init__(self, interface: AppInterface) -> None:
@@ -72,11 +74,13 @@ class FaultsScreen(ListScreen):
         self._kinds: list[InjectableFault] = []
 
     def on_mount(self) -> None:
+        """Query the faults of the plant."""
         self.lines("about").styles.height = 4
         self.interface.run_in_background(partial(query_worlds, "faults"), self.take_kinds)
         super().on_mount()
 
     def take_kinds(self, found: dict[str, Any]) -> None:
+        """Show the faults of the plant."""
         self._kinds = [
             InjectableFault(
                 one["kind"], one["says"], kind=one["kind"], targets=tuple(one["targets"]),
@@ -86,8 +90,8 @@ class FaultsScreen(ListScreen):
         ]  # fmt: skip
         self.redraw()
 
-    def troubles(self) -> list[InjectableFault]:
-        """Those of our processes first: they happen at once."""
+    def faults(self) -> list[InjectableFault]:
+        """Return all faults; those of processes, which happen at once, come first."""
         roles = self.interface.stack.roles() if self.interface.stack else []
         ours = [
             InjectableFault(f"{what} {role}", says, role=role)
@@ -98,18 +102,22 @@ class FaultsScreen(ListScreen):
 
     @property
     def chosen(self) -> InjectableFault | None:
-        found = self.troubles()
+        """The chosen fault, if any."""
+        found = self.faults()
         return found[self.list_view.at] if self.list_view.at < len(found) else None
 
     def draw(self) -> None:
+        """Draw the list and the details of the chosen fault."""
         self.lines("heading").show([heading_row(self.interface.stack is not None)])
-        self.list_view.window(self.troubles(), trouble_row)
+        self.list_view.window(self.faults(), fault_row)
         self.lines("about").show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:
-        return {**super().actions(), "fault-begin": self.let}
+        """Return the actions that are possible now, by id."""
+        return {**super().actions(), "fault-begin": self.inject}
 
-    def let(self) -> None:
+    def inject(self) -> None:
+        """Inject the chosen fault, or let the operator type its details."""
         one = self.chosen
         if one is None:
             return
@@ -121,7 +129,7 @@ class FaultsScreen(ListScreen):
             self.ask(f"{one.kind} {HOW}", f"{one.targets[0]} ".lstrip(), partial(self.begin, one))
 
     def begin(self, one: InjectableFault, words: str) -> None:
-        """The same world with this fault in it, started anew."""
+        """Read the same world with this fault, to start it."""
         stack = self.interface.stack
         if stack is None:
             return
@@ -135,18 +143,19 @@ class FaultsScreen(ListScreen):
         )
 
     def start(self, scenario: Scenario) -> None:
+        """Restart the processes with a scenario."""
         if self.interface.stack is not None:
-            self.interface.note(f"{scenario.name}: started anew with the fault")
+            self.interface.note(f"{scenario.name}: restarting with the fault")
             self.interface.stack.restarted(scenario)
 
 
 def fault_of(one: InjectableFault, words: list[str]) -> dict[str, object]:
-    """The table of a world file; UserError names what is wrong."""
+    """Return a fault as in a world file. Raise UserError when the words are wrong."""
     target = words.pop(0) if one.targets != ("",) and words else ""
     if target not in one.targets:
-        raise UserError(f"{target!r} is none of {', '.join(one.targets)}")
+        raise UserError(f"unknown target {target!r}; known: {', '.join(one.targets)}")
     try:
-        value, start_s = [*map(float, words), *(0.0, USUAL_START_S)[len(words) :]]
+        value, start_s = [*map(float, words), *(0.0, DEFAULT_START_S)[len(words) :]]
     except ValueError:
-        raise UserError(f"write {HOW}, in numbers") from None
+        raise UserError(f"write {HOW}: VALUE and FROM_S are numbers") from None
     return {"kind": one.kind, "target": target, "value": value, "start_s": start_s}

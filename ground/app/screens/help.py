@@ -1,4 +1,4 @@
-"""The keys that count at this moment, and nothing else."""
+"""Show the keys that are active now."""
 
 from collections.abc import Sequence
 from typing import ClassVar, Final
@@ -16,7 +16,7 @@ WIDTH: Final = 72
 
 
 class HelpScreen(ModalScreen[None]):
-    """Any of its own keys, arrows aside, closes it. Space is the e-stop here, too."""
+    """A dialog that scrolls by arrows; Escape, q, ?, F1 and Enter close it. Space is the e-stop."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "move(-1)"),
@@ -34,28 +34,33 @@ class HelpScreen(ModalScreen[None]):
         self._top = 0
 
     def compose(self) -> ComposeResult:
+        """Compose the list of keys."""
         yield Lines(id="help", classes="box")
 
     def on_mount(self) -> None:
+        """Draw the list."""
         self.show()
 
     def on_resize(self) -> None:
+        """Draw the list in the new size."""
         self.show()
 
     def show(self) -> None:
+        """Draw the rows that fit."""
         box = self.query_one(Lines)
         box.styles.height = min(len(self._rows) + 2, max(3, self.size.height - 2))
         box.styles.width = min(WIDTH, max(10, self.size.width - 2))
         self.query_one(Lines).show(self._rows[self._top :])
 
     def action_move(self, step: int) -> None:
+        """Scroll by rows."""
         last = max(0, len(self._rows) - self.query_one(Lines).size.height)
         self._top = max(0, min(last, self._top + step))
         self.show()
 
 
 def help_rows(keys: Sequence[KeyBinding]) -> list[Row]:
-    """Grouped by where they count; the arrows scroll."""
+    """Return the keys, grouped by layer."""
     rows: list[Row] = []
     layer = None
     for key in keys:
@@ -66,5 +71,5 @@ def help_rows(keys: Sequence[KeyBinding]) -> list[Row]:
                 if rows
                 else [row(Span(f" {layer.value}", "accent"), faint("   arrows scroll, esc closes"))]
             )
-        rows.append(row(Span(f" {shown(key.keys):>18}", "key"), Span(f"  {key.says}")))
+        rows.append(row(Span(f" {shown(key.keys):>18}", "key"), Span(f"  {key.description}")))
     return rows

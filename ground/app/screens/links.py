@@ -1,4 +1,4 @@
-"""Links: processes, streams, rates, loss, round trip, restarts, and who holds the lease."""
+"""Show the Links screen: processes, streams, rates, loss, round trip, restarts, and the lease."""
 
 from typing import ClassVar
 
@@ -14,28 +14,31 @@ from protocol.topics import Role
 
 
 class LinksScreen(ScrolledScreen):
+    """The state of all connections, in lines that scroll."""
+
     focus_first: ClassVar[str] = "#lines"
 
     def compose_content(self) -> ComposeResult:
+        """Compose the lines."""
         yield LogView(id="lines")
 
     def on_mount(self) -> None:
+        """Show the first line first."""
         self.list_view.following = False
         super().on_mount()
 
     @property
     def list_view(self) -> LogView:
+        """The lines."""
         return self.query_one(LogView)
 
     def draw(self) -> None:
-        self.list_view.window(link_rows(self.interface.station), as_it_is)
-
-
-def as_it_is(one: Row) -> Row:
-    return one
+        """Draw the lines in sight."""
+        self.list_view.window(link_rows(self.interface.station), lambda row: row)
 
 
 def link_rows(station: Station) -> list[Row]:
+    """Return all rows."""
     streams = [line for line in station.streams() if line.received]
     silent = [line.topic.path for line in station.streams() if not line.received]
     return [
@@ -50,13 +53,14 @@ def link_rows(station: Station) -> list[Row]:
 
 
 def process_rows(station: Station) -> list[Row]:
+    """Return a row for each process of the robot, and the other robots."""
     crew, robot = station.crew, station.robot
     rows: list[Row] = []
     for role in (Role.ROBOT, Role.PLANT, Role.GROUND):
         there = crew.has(robot, role)
-        mark = Span("● there ", "ok") if there else Span("○ gone  ", "danger")
+        mark = Span("● present  ", "ok") if there else Span("○ missing  ", "danger")
         rows.append(
-            row(head(f" {role.value:<8}"), mark, Span(again_words(station, role), "caution"))
+            row(head(f" {role.value:<8}"), mark, Span(restart_words(station, role), "caution"))
         )
     others = [name for name in station.robots() if name != robot]
     if others:
@@ -64,8 +68,8 @@ def process_rows(station: Station) -> list[Row]:
     return rows
 
 
-def again_words(station: Station, role: Role) -> str:
-    """How often it was restarted, and why it was the last time; nothing when it was not."""
+def restart_words(station: Station, role: Role) -> str:
+    """Return how often a process was restarted, and the cause of the last restart."""
     times = station.restarts(role)
     words = [f"restarted {times} {'time' if times == 1 else 'times'}"] if times else []
     if role is Role.ROBOT and station.restart_cause:
@@ -74,13 +78,14 @@ def again_words(station: Station, role: Role) -> str:
 
 
 def link_lines(station: Station) -> list[Row]:
+    """Return loss, received frames, round trip, lease and the last command."""
     loss, lease = station.loss(), station.lease
-    lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("nothing", "ok")
-    left = f", lapses in {lease.lapses_s:.1f} s without a beat" if lease.held else ""
+    lost = Span(loss.banner(station.now_ns), "danger") if loss else Span("none", "ok")
+    left = f", expires after {lease.lapses_s:.1f} s without a heartbeat" if lease.held else ""
     return [
-        row(head(" lost    "), lost),
-        row(head(" arrive  "), f"{number(station.link_percent, '.1f')} % of the robot's frames"),
-        row(head(" answer  "), f"{number(station.round_trip_ms, '.0f')} ms round trip"),
+        row(head(" loss    "), lost),
+        row(head(" received"), f" {number(station.link_percent, '.1f')} % of the robot's frames"),
+        row(head(" ping    "), f"{number(station.round_trip_ms, '.0f')} ms round trip"),
         row(
             head(" lease   "), Span(lease.words, "caution" if lease.others else "text"), faint(left)
         ),

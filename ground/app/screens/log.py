@@ -1,4 +1,4 @@
-"""Log: everything that was said, found by words, filtered by how bad it is."""
+"""Show the Log screen: all events, searched by words and filtered by severity."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -25,6 +25,8 @@ WORST: Final = (
 
 
 class LogScreen(ScrolledScreen):
+    """The log, in lines that scroll."""
+
     key_layer = Layer.LOG
     focus_first: ClassVar[str] = "#lines"
 
@@ -36,61 +38,69 @@ class LogScreen(ScrolledScreen):
         self._at: Line | None = None
 
     def compose_content(self) -> ComposeResult:
+        """Compose heading and lines."""
         yield Lines(id="heading")
         yield LogView(id="lines")
 
     @property
     def list_view(self) -> LogView:
+        """The lines."""
         return self.query_one(LogView)
 
     def draw(self) -> None:
-        self.read()
+        """Draw the lines in sight."""
+        self.filter_log()
         self.lines("heading").show([self.heading()])
         self.list_view.window(
             self._filtered.parts, lambda part: self._filtered.paint(part, self._at)
         )
 
-    def read(self) -> None:
+    def filter_log(self) -> None:
+        """Update the filtered log."""
         self._filtered.update(
             self.interface.station.log, WORST[self._worst][0], self.list_view.size.width
         )
 
     def heading(self) -> Row:
-        follows = Span("following", "ok") if self.list_view.following else Span("stays", "caution")
+        """Return the number of lines, the filter and the search."""
+        follows = Span("following", "ok") if self.list_view.following else Span("paused", "caution")
         found = f"   find {self._words!r}" if self._words else ""
         counts = f" {len(self._filtered.lines)} lines, {WORST[self._worst][1]}   "
         return row(faint(counts), follows, Span(found, "accent"))
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         return {
             **super().actions(),
             "log-follow": self.follow,
-            "log-severity": self.filter,
+            "log-severity": self.next_severity,
             "find": partial(self.ask, "find", self._words, self.find),
             "find-next": partial(self.step, 1),
             "find-before": partial(self.step, -1),
         }
 
     def follow(self) -> None:
+        """Follow the newest line, or pause."""
         self.list_view.following = not self.list_view.following
 
-    def filter(self) -> None:
+    def next_severity(self) -> None:
+        """Switch to the next least severity."""
         self._worst = (self._worst + 1) % len(WORST)
 
     def find(self, words: str) -> None:
-        """The last line with these words; `n` goes on from there."""
+        """Find the last line with these words; `n` continues from there."""
         self._words, self._at = words, None
-        self.read()
+        self.filter_log()
         self.step(-1)
 
     def step(self, step: int) -> None:
-        """To the next find, round the end."""
+        """Move to the next match (1) or the one before (-1), around the end."""
         if not self._words:
-            self.interface.note("find what? press /")
+            self.interface.note("no words to find: press / to enter some")
             return
         self._at = self._filtered.find(self._words, self._at, step)
         if self._at is None:
-            self.interface.note(f"nothing found: {self._words!r}")
+            self.interface.note(f"no line contains {self._words!r}")
             return
         self.list_view.go(self._filtered.row_of(self._at))
         self.redraw()

@@ -1,4 +1,4 @@
-"""Params: all of the robot's parameters or none, found by name, changed, compared with defaults."""
+"""Show the Params screen: find, compare and change the robot's parameters."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -19,6 +19,8 @@ ABOUT_ROWS: Final = 3
 
 
 class ParamsScreen(ListScreen):
+    """The list of all parameters; an incomplete list is not shown."""
+
     key_layer = Layer.PARAMS
 
     def __init__(self, interface: AppInterface) -> None:
@@ -27,7 +29,7 @@ class ParamsScreen(ListScreen):
         self._only_different = False
 
     def found(self) -> list[Parameter]:
-        """Those that are searched for."""
+        """Return the parameters that match the search."""
         wanted = self._words.casefold()
         return [
             one
@@ -38,10 +40,12 @@ class ParamsScreen(ListScreen):
 
     @property
     def chosen(self) -> Parameter | None:
+        """The chosen parameter, if any."""
         found = self.found()
         return found[self.list_view.at] if self.list_view.at < len(found) else None
 
     def draw(self) -> None:
+        """Draw the list and the details of the chosen parameter."""
         station, found = self.interface.station, self.found()
         heading = heading_row(station, len(found), self._words, self._only_different)
         self.lines("heading").show([heading])
@@ -51,6 +55,7 @@ class ParamsScreen(ListScreen):
         about.show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         return {
             **super().actions(),
             "find": partial(self.ask, "find", self._words, self.find),
@@ -61,31 +66,35 @@ class ParamsScreen(ListScreen):
         }
 
     def find(self, words: str) -> None:
-        """An empty search is one for all."""
+        """Show parameters with these words; empty words show all."""
         self._words = words.strip()
         self.list_view.at = 0
 
     def differing(self) -> None:
+        """Show only changed parameters, or all."""
         self._only_different = not self._only_different
         self.list_view.at = 0
 
     def change(self) -> None:
+        """Let the operator type a value for the chosen parameter."""
         one = self.chosen
         if one is not None:
             self.ask(f"set {one.name}", "", partial(self.set, one.name))
 
     def set(self, name: str, value: str) -> None:
+        """Set a parameter to the value that was typed."""
         if value:
             self.interface.run_line(f"set {name} {value}")
 
     def reset(self) -> None:
+        """Set the chosen parameter to its default."""
         one = self.chosen
         if one is not None and one.default is not None:
             self.interface.perform(SetParameter(name=one.name, value=one.default))
 
 
 def heading_row(station: Station, shown: int, words: str, only_different: bool) -> Row:
-    """How many there are, or that they are missing: part of a list is never shown as the list."""
+    """Return the number of parameters, or that the list is incomplete."""
     if station.parameters is None:
         return row(Span(f" {station.parameters_words}", "caution"))
     different = sum(map(differs, station.parameters))
@@ -101,13 +110,14 @@ def heading_row(station: Station, shown: int, words: str, only_different: bool) 
 
 
 def differs(one: Parameter) -> bool:
+    """Return whether a parameter differs from its default."""
     return one.default is not None and not isclose(
         one.value, one.default, rel_tol=1e-6, abs_tol=1e-12
     )
 
 
 def parameter_row(one: Parameter, chosen: bool) -> Row:
-    """A changed one has a mark, not only a colour."""
+    """Return the row of a parameter; a changed one has a mark, not only a colour."""
     changed = differs(one)
     name = Span(f" {one.name:<16}", "reverse" if chosen else "text")
     return row(
@@ -121,12 +131,14 @@ def parameter_row(one: Parameter, chosen: bool) -> Row:
 
 
 def shown(value: float | None) -> str:
+    """Format a value."""
     return str(value) if value is None else number(value, ".6g")
 
 
 def about_rows(one: Parameter | None) -> list[Row]:
+    """Return the details of a parameter."""
     if one is None:
-        return [row(faint(" nothing is chosen"))]
+        return [row(faint(" no parameter is chosen"))]
     limits = f"{shown(one.minimum)} to {shown(one.maximum)} {one.unit}"
     whole = ", whole numbers" if one.integer else ""
     kept = "survives a restart" if one.saved else "until the robot restarts"

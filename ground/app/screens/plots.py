@@ -1,4 +1,4 @@
-"""Plots: speed, way to go, nearest echo, cost and uncertainty over the last minutes."""
+"""Show the Plots screen: speed, distance, nearest echo, cost and uncertainty over time."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
@@ -25,6 +25,8 @@ Point = tuple[float, float]
 
 
 class PlotsScreen(AppScreen):
+    """One plot for each figure."""
+
     key_layer = Layer.PLOTS
 
     def __init__(self, interface: AppInterface) -> None:
@@ -33,13 +35,14 @@ class PlotsScreen(AppScreen):
         self._drawn: tuple[object, ...] = ()
 
     def compose_content(self) -> ComposeResult:
+        """Compose heading and plots."""
         yield Lines(id="heading")
         with Grid(id="plots"):
             for figure in SPARKLINES:
                 yield Lines(id=f"plot-{figure.series.replace('_', '-')}")
 
     def draw(self) -> None:
-        """A few times a second: all of it moves, and nobody reads faster."""
+        """Draw at most a few times a second, because every plot changes each time."""
         station, window_s = self.interface.station, WINDOWS_S[self._window]
         panels = [(figure, self.panel(figure)) for figure in SPARKLINES]
         moment = int(station.time_s * DRAWN_HZ)
@@ -52,9 +55,11 @@ class PlotsScreen(AppScreen):
             panel.show(plot_rows(station, figure, panel.size, window_s, self.interface.ascii_only))
 
     def panel(self, figure: Sparkline) -> Lines:
+        """Return the panel of a figure."""
         return self.lines(f"plot-{figure.series.replace('_', '-')}")
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         return {
             **super().actions(),
             "plot-shorter": partial(self.widen, -1),
@@ -62,22 +67,23 @@ class PlotsScreen(AppScreen):
         }
 
     def widen(self, steps: int) -> None:
+        """Change the time span by steps."""
         self._window = max(0, min(len(WINDOWS_S) - 1, self._window + steps))
 
 
 def plot_rows(
     station: Station, figure: Sparkline, size: tuple[int, int], window_s: float, ascii_only: bool
 ) -> list[Row]:
-    """`size` in columns and rows, of which the first is the title."""
+    """Return a plot of `size` columns and rows; the first row is the title."""
     columns, rows = size
     now_s = station.time_s
     points = station.history[figure.series].points(now_s - window_s)
     values = [(time_s, value * figure.factor) for time_s, value in points]
-    low, high = ends(value for _, value in values)
+    low, high = limits(value for _, value in values)
     canvas = Canvas(max(0, columns - LABEL), max(0, rows - 1), ascii_only)
     draw(canvas, figure.role, values, (now_s - window_s, now_s), (low, high))
     title = title_row(figure, values, now_s)
-    labels = labelled(canvas.rows, low, high, figure.form if values else "")
+    labels = axis_labels(canvas.rows, low, high, figure.form if values else "")
     return [
         title,
         *(
@@ -88,17 +94,18 @@ def plot_rows(
 
 
 def title_row(figure: Sparkline, values: Sequence[Point], now_s: float) -> Row:
+    """Return the title with the newest value."""
     last = values[-1] if values else None
     fresh = last is not None and now_s - last[0] <= FRESH_S
     words = number(last[1], figure.form) if last is not None and fresh else MISSING
     return row(
-        head(f" {figure.says:<9}"),
+        head(f" {figure.label:<9}"),
         Span(f"{words} {figure.unit}", figure.role if fresh else "faint"),
     )
 
 
-def ends(values: Iterable[float]) -> tuple[float, float]:
-    """From zero, unless it goes below: a curve that hides its zero misleads."""
+def limits(values: Iterable[float]) -> tuple[float, float]:
+    """Return the limits of the axis; it includes zero, because a curve without zero misleads."""
     there = [value for value in values if isfinite(value)]
     if not there:
         return 0.0, 1.0
@@ -106,8 +113,8 @@ def ends(values: Iterable[float]) -> tuple[float, float]:
     return low, high if high > low else low + 1.0
 
 
-def labelled(rows: int, low: float, high: float, form: str) -> list[str]:
-    """The greatest value at the top and the least at the bottom."""
+def axis_labels(rows: int, low: float, high: float, form: str) -> list[str]:
+    """Return the labels of all rows: the greatest value at the top, the least at the bottom."""
     words = [""] * rows
     if rows and form:
         words[0], words[-1] = format(high, form), format(low, form) if rows > 1 else words[0]
@@ -115,7 +122,7 @@ def labelled(rows: int, low: float, high: float, form: str) -> list[str]:
 
 
 def draw(canvas: Canvas, role: str, values: Sequence[Point], time: Point, value: Point) -> None:
-    """Lines between neighbours; nothing is drawn across a gap."""
+    """Draw lines between neighbouring values, interrupted at gaps."""
     before: tuple[int, int] | None = None
     across = (canvas.width - 1) / (time[1] - time[0])
     up = (canvas.height - 1) / (value[1] - value[0])

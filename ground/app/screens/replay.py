@@ -1,4 +1,4 @@
-"""Replay: the Drive screen over a recording, with its timeline."""
+"""Show the Replay screen: the Drive screen over a recording, with its timeline."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -21,12 +21,14 @@ if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
 FAR_S: Final = 10.0
-NONE: Final = " no recording is open: replay FILE, or o for those in this folder and below"
+NO_RECORDING: Final = " no recording is open: press o to choose one, or type: replay FILE"
 ENDS: Final = (".mcap", ".tlog")
-MOST: Final = 18
+MAX_LISTED: Final = 18
 
 
 class ReplayScreen(DriveScreen):
+    """The Drive screen over a recording."""
+
     key_layer = Layer.REPLAY
 
     def __init__(self, app: "GroundApp") -> None:
@@ -34,29 +36,33 @@ class ReplayScreen(DriveScreen):
         self._app_below = app
 
     def compose_content(self) -> ComposeResult:
+        """Compose the Drive screen and the timeline."""
         yield from super().compose_content()
         yield Lines(id="timeline")
 
     @property
     def player(self) -> Player | None:
+        """The player, if a recording is open."""
         return self._app_below.player
 
     def draw(self) -> None:
+        """Draw the Drive screen and the timeline."""
         super().draw()
         panel = self.lines("timeline")
         if self.player is None:
-            panel.show([row(faint(NONE))])
+            panel.show([row(faint(NO_RECORDING))])
         else:
             panel.show(timeline_rows(self.player, panel.size.width))
 
     def key_layers(self) -> tuple[Layer, ...]:
-        """Those of the map, but none that would command the robot of the recording."""
+        """Return the layers of the map, without those that command a robot."""
         if self.typing:
             return super().key_layers()
         cursor = () if self.map_cursor.cursor is None else (Layer.CURSOR,)
         return (Layer.STOP, *cursor, Layer.DRIVE, Layer.REPLAY, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         found: dict[str, Action] = {**super().actions(), "replay-open": self.choose_recording}
         player = self.player
         if player is None:
@@ -76,17 +82,20 @@ class ReplayScreen(DriveScreen):
         }
 
     def to_mark(self) -> None:
+        """Move to the next mark and log its text."""
         if self.player is not None:
             self.interface.note(self.player.to_mark())
 
     def choose_recording(self) -> None:
+        """Let the operator choose a recording."""
         found = recordings(Path())
         if found:
-            self.interface.choose("a recording", found, self.open)
+            self.interface.choose("recording", found, self.open)
         else:
-            self.interface.note("there is no .mcap or .tlog in this folder; type: replay FILE")
+            self.interface.note("no .mcap or .tlog in this folder or below; type: replay FILE")
 
     def open(self, name: str) -> None:
+        """Open a recording; an error goes to the log."""
         try:
             self._app_below.open_replay(Path(name))
         except UserError as error:
@@ -94,7 +103,7 @@ class ReplayScreen(DriveScreen):
 
 
 def recordings(folder: Path) -> list[str]:
-    """The newest ones here and one folder below, each once."""
+    """Return the newest recordings in a folder and one level below, each once."""
     found = [
         path
         for pattern in ("*", "*/*")
@@ -104,24 +113,26 @@ def recordings(folder: Path) -> list[str]:
     whole = [path for path in found if path.suffix == ENDS[0]]
     names = {path.with_suffix("") for path in whole}
     every = [*whole, *(path for path in found if path.with_suffix("") not in names)]
-    return [str(path) for path in sorted(every, key=lambda path: -path.stat().st_mtime)[:MOST]]
+    return [
+        str(path) for path in sorted(every, key=lambda path: -path.stat().st_mtime)[:MAX_LISTED]
+    ]
 
 
 def timeline_rows(player: Player, width: int) -> list[Row]:
-    """A line with its marks, and what the last of them says."""
+    """Return the timeline with its marks, and the text of the last mark."""
     where = f"{player.position_s:7.2f} / {player.duration_s:.2f} s "
     state = "▶  " if player.playing else "|| "
     line = line_spans(player, max(4, width - len(where) - 12))
     passed = [mark for mark in player.bus.marks if mark.time_s <= player.position_s]
-    said = f" {passed[-1].time_s:.1f} s {passed[-1].kind}: {passed[-1].text}" if passed else ""
+    text = f" {passed[-1].time_s:.1f} s {passed[-1].kind}: {passed[-1].text}" if passed else ""
     return [
         cut(row(Span(f" {state}{player.speed:g}x ", "accent"), where, *line), width),
-        cut(row(head(" mark"), Span(said or " none yet", "text" if said else "faint")), width),
+        cut(row(head(" mark"), Span(text or " none yet", "text" if text else "faint")), width),
     ]
 
 
 def line_spans(player: Player, cells: int) -> list[Span]:
-    """Gone by, here, still to come; a mark is a stroke through it."""
+    """Return the timeline: the part played, the position, the rest; marks are strokes."""
     share = player.position_s / player.duration_s if player.duration_s else 1.0
     here = min(cells - 1, int(share * cells))
     strokes = marked(player.bus.marks, player.duration_s, cells)
@@ -130,6 +141,7 @@ def line_spans(player: Player, cells: int) -> list[Span]:
 
 
 def marked(marks: Sequence[Mark], duration_s: float, cells: int) -> set[int]:
+    """Return the cells of the timeline that have a mark."""
     if duration_s <= 0.0:
         return set()
     return {min(cells - 1, int(mark.time_s / duration_s * cells)) for mark in marks}

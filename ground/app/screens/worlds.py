@@ -1,4 +1,4 @@
-"""Worlds: those that come with the program; when the processes are ours, another one is started."""
+"""Show the Worlds screen: preview a world, and start it if this app started the processes."""
 
 import json
 from collections.abc import Mapping
@@ -25,10 +25,13 @@ from ground.station.scene import preview_of
 from ground.station.world import world_in
 
 REACHED: Final = "reached of 10 seeds: "
-NOT_OURS: Final = "these are not ours to end"
+RESTARTS: Final = "s stops the processes and starts a world"
+NOT_OURS: Final = "this app did not start the processes, so it cannot restart them"
 
 
 class WorldsScreen(ListScreen):
+    """The list of worlds, with a preview and facts of the chosen one."""
+
     key_layer = Layer.WORLDS
 
     def __init__(self, interface: AppInterface) -> None:
@@ -40,6 +43,7 @@ class WorldsScreen(ListScreen):
         self._reached: Reached = {}
 
     def compose_content(self) -> ComposeResult:
+        """Compose heading, list, preview and facts."""
         yield Lines(id="heading")
         with Horizontal(id="worlds"):
             yield ListView(id="rows")
@@ -47,38 +51,44 @@ class WorldsScreen(ListScreen):
         yield Lines(id="about")
 
     def on_mount(self) -> None:
+        """Query the list of worlds and the outcomes of the study."""
         self.interface.run_in_background(partial(query_worlds, "list"), self.take_list)
         self.interface.run_in_background(read_reached_counts, self.take_reached)
         super().on_mount()
 
     def take_list(self, found: dict[str, Any]) -> None:
+        """Show the list of worlds."""
         self._worlds = found["worlds"]
         self.redraw()
 
     def take_reached(self, reached: Reached) -> None:
+        """Show the outcomes of the study."""
         self._reached = reached
         self.redraw()
 
     def take_world(self, found: tuple[dict[str, Any], Scene]) -> None:
+        """Show facts and map of a world."""
         facts, scene = found
         self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
         self.redraw()
 
     @property
     def chosen(self) -> dict[str, str]:
-        """Its name and what it is, both empty while no world is known."""
+        """Name and description of the chosen world; empty while no world is known."""
         return self._worlds[self.list_view.at] if self._worlds else {"name": "", "says": ""}
 
     def draw(self) -> None:
+        """Draw the list and the chosen world."""
         world = self.interface.station.world
         here = "" if world is None else world.name
-        own = "s ends what runs and starts one" if self.interface.stack else NOT_OURS
-        self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {own}"))])
+        hint = RESTARTS if self.interface.stack else NOT_OURS
+        self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {hint}"))])
         self.list_view.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
-        self.inquire()
+        self.query_chosen()
         self.draw_chosen()
 
     def draw_chosen(self) -> None:
+        """Draw preview and facts of the chosen world."""
         name, about, preview = self.chosen["name"], self.lines("about"), self.preview
         preview.paint(self.app.theme)
         preview.show(self._scenes.get(name, Scene()))
@@ -89,48 +99,52 @@ class WorldsScreen(ListScreen):
 
     @property
     def preview(self) -> MapWidget:
+        """The map of the chosen world."""
         return self.query_one("#preview", MapWidget)
 
-    def inquire(self) -> None:
-        """The facts of the chosen one, once."""
+    def query_chosen(self) -> None:
+        """Query the facts of the chosen world, once."""
         name = self.chosen["name"]
         if name and name not in self._asked:
             self._asked.add(name)
             self.interface.run_in_background(partial(looked_up, name), self.take_world)
 
     def actions(self) -> Mapping[str, Action]:
+        """Return the actions that are possible now, by id."""
         return {**super().actions(), "world-start": self.begin}
 
     def begin(self) -> None:
+        """Read the chosen world, to start it."""
         stack, name = self.interface.stack, self.chosen["name"]
         if stack is None:
-            self.interface.note(f"not ours to end; in another terminal: sidestep up --world {name}")
+            self.interface.note(f"{NOT_OURS}; in another terminal: sidestep up --world {name}")
         elif name:
-            self.interface.note(f"{name}: being read")
+            self.interface.note(f"reading world {name}")
             self.interface.run_in_background(partial(stack.scenario_in, name), self.start)
 
     def start(self, scenario: Scenario) -> None:
+        """Restart the processes with a scenario."""
         stack = self.interface.stack
         if stack is not None:
-            self.interface.note(f"{scenario.name}: the processes are started anew")
+            self.interface.note(f"{scenario.name}: restarting the processes")
             stack.restarted(scenario)
 
 
 def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
-    """The facts of a world, and how it looks; UserError or RemoteError when it cannot be read."""
+    """Return facts and map of a world. Raise UserError or RemoteError when it cannot be read."""
     facts = query_worlds("show", name)
     return facts, preview_of(world_in(json.dumps(facts)))
 
 
 def world_row(world: Mapping[str, str], here: str, chosen: bool) -> Row:
-    """The one that is in force has a mark."""
+    """Return the row of a world; the one in use has a mark."""
     mark = Span("● " if world["name"] == here else "  ", "ok")
     name = Span(f"{world['name']:<15}", "reverse" if chosen else "text")
     return row(" ", mark, name, f" {world['says']}")
 
 
 def fact_rows(facts: Mapping[str, Any] | None, says: str) -> list[Row]:
-    """What it is, how large, from where to where, and what goes wrong in it."""
+    """Return description, size, start, goal and faults of a world."""
     if facts is None:
         return [row(faint(" reading ..."))]
     width_m, height_m = facts["size_m"]
@@ -155,7 +169,7 @@ def fact_rows(facts: Mapping[str, Any] | None, says: str) -> list[Row]:
 
 
 def ends_rows(reached: Mapping[str, int] | None, width: int) -> list[Row]:
-    """How runs of each navigator in this world have ended; nothing when that is not known."""
+    """Return how many runs of each navigator reached the goal in the study; no rows if unknown."""
     if not reached:
         return []
     words = ", ".join(f"{navigator} {count}" for navigator, count in reached.items())

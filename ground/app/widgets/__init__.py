@@ -1,1 +1,1 @@
-"""What the app puts on the screen, one widget per file."""
+"""Contain the widgets of the app, and the rows of text that they show."""

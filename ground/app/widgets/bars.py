@@ -1,4 +1,4 @@
-"""Bars and sparklines in eighths of a cell."""
+"""Draw bars and sparklines in eighths of a cell."""
 
 from collections.abc import Iterable, Sequence
 from math import isfinite, nan
@@ -10,7 +10,10 @@ GAP: Final = " "
 
 
 def bar(share: float, cells: int) -> str:
-    """As much of so many cells; the rest is dotted. Anything above a whole is a whole."""
+    """Return a bar of `cells` cells with this share filled.
+
+    Shares above 1 fill the whole bar; a share that is not finite fills nothing.
+    """
     if not isfinite(share):
         return "·" * cells
     eighths = round(max(0.0, min(1.0, share)) * cells * 8)
@@ -20,7 +23,10 @@ def bar(share: float, cells: int) -> str:
 
 
 def spark(values: Sequence[float], cells: int) -> str:
-    """One character for each value, scaled to their own range, right-aligned; gaps stay gaps."""
+    """Return one character for each value, scaled to their range; NaN is a gap.
+
+    The result is right-aligned.
+    """
     values = list(values)[-cells:] if cells > 0 else []
     there = [value for value in values if isfinite(value)]
     low, high = (min(there), max(there)) if there else (0.0, 0.0)
@@ -30,6 +36,7 @@ def spark(values: Sequence[float], cells: int) -> str:
 
 
 def height(value: float, low: float, span: float) -> str:
+    """Return the character for a value."""
     if not isfinite(value):
         return GAP
     if span <= 0.0:
@@ -45,10 +52,11 @@ def binned(
     *,
     peak: bool = False,
 ) -> list[float]:
-    """The newest value (`peak`: the greatest) of each of so many equal times up to now, NaN where
-    there is none.
+    """Return the newest value (`peak`: the greatest) of each of `cells` bins up to now.
 
-    The times are on a fixed grid, so that a value stays in its bin while the window moves on.
+    Empty bins have NaN.
+
+    The bins are on a fixed time grid, so that a value stays in its bin while the window moves.
     """
     step_s = window_s / max(1, cells)
     newest = int(now_s // step_s)

@@ -1,4 +1,4 @@
-"""One line to type into: it keeps its prefix, completes, and takes any garbage as plain text."""
+"""Define the command line: it completes words, and takes pasted text as plain text."""
 
 from collections.abc import Callable
 
@@ -8,19 +8,20 @@ from textual.widgets import Input
 
 
 class Completion(Suggester):
-    """What the first completion would make of the text, shown faintly behind the cursor."""
+    """Suggests the first completion, shown faintly behind the cursor."""
 
     def __init__(self, complete: Callable[[str], list[str]]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
         self._complete = complete
 
     async def get_suggestion(self, value: str) -> str | None:
+        """Return the first completion, unless it is the text itself."""
         found = self._complete(value)
         return found[0] if found and found[0] != value else None
 
 
 class CommandLine(Input):
-    """Tells with `Submitted` what was typed; the app's keys complete it, and leave it."""
+    """A line of input; it sends `Submitted` when Enter is pressed."""
 
     def __init__(self, complete: Callable[[str], list[str]]) -> None:
         super().__init__(
@@ -30,13 +31,13 @@ class CommandLine(Input):
         self._found: list[str] = []
 
     def begin(self, text: str) -> None:
-        """With this text, the cursor behind it."""
+        """Start with this text, the cursor behind it, and take the focus."""
         self.value = text
         self.cursor_position = len(text)
         self.screen.set_focus(self)
 
     def complete(self) -> None:
-        """The next completion; the first press takes the first, further ones go round."""
+        """Insert the next completion; further calls go through all of them."""
         if self.value in self._found:
             after = self._found.index(self.value) + 1
             self.value = self._found[after % len(self._found)]
@@ -46,14 +47,14 @@ class CommandLine(Input):
         self.cursor_position = len(self.value)
 
     def _on_paste(self, event: events.Paste) -> None:
-        """One line of it, without what could steer a terminal."""
+        """Insert one line of pasted text without control characters."""
         event.prevent_default()
         event.stop()
         self.insert_text_at_cursor(printable(event.text))
 
 
 def printable(text: str) -> str:
-    """The first line that says anything, at most 400 characters, without control characters."""
+    """Return the first line that is not blank, at most 400 characters, all printable."""
     lines = (line.strip() for line in text.splitlines())
     line = next((line for line in lines if line), "")
     return "".join(mark for mark in line if mark.isprintable())[:400]

@@ -1,4 +1,4 @@
-"""Rows of text on the screen; only those that have changed are drawn again."""
+"""Show rows of text, and draw only those that have changed."""
 
 from collections.abc import Iterable
 from itertools import zip_longest
@@ -14,26 +14,27 @@ from ground.app.widgets.rows import Row, in_ascii
 
 
 class Lines(Widget):
-    """A panel. `drawn` counts the rows that were drawn, for whoever measures.
+    """A panel of rows; `drawn` counts the rows drawn, for measurements.
 
-    Without a border or padding its strips need nothing more from Textual: they are kept here,
-    which costs a third of what the general way does.
+    Without border and padding, strips are cached here. That takes a third of the time of Textual's
+    general way.
     """
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
         self._rows: tuple[Row, ...] = ()
         self._strips: dict[int, Strip] = {}
-        self._looks: tuple[object, ...] = ()
+        self._appearance: tuple[object, ...] = ()
         self._ground = Style.null()
         self.drawn = 0
 
     @property
     def rows(self) -> tuple[Row, ...]:
+        """The rows that are shown."""
         return self._rows
 
     def show(self, rows: Iterable[Row]) -> None:
-        """From the top; what is below the last row is empty."""
+        """Show these rows, the first at the top; the space below the last is empty."""
         before, self._rows = self._rows, tuple(rows)
         if before == self._rows:
             return
@@ -47,10 +48,11 @@ class Lines(Widget):
             self.refresh(*regions)
 
     def render_lines(self, crop: Region) -> list[Strip]:
+        """Return the strips of a region, from the cache when there is no border."""
         if any(self.styles.gutter):
             return super().render_lines(crop)
         width = self.size.width
-        self._dress()
+        self._restyle()
         strips = [self.render_line(y) for y in crop.line_range]
         filters, background = self.get_line_filters(), self.background_colors[1]
         for line_filter in filters:
@@ -59,17 +61,18 @@ class Lines(Widget):
         return strips if (x1, x2) == (0, width) else [strip.crop(x1, x2) for strip in strips]
 
     def render_line(self, y: int) -> Strip:
+        """Return one strip, drawn if it has changed."""
         strip = self._strips.get(y)
         if strip is None:
-            self._dress()
+            self._restyle()
             strip = self._strips[y] = self._strip(y)
         return strip
 
-    def _dress(self) -> None:
-        """Everything is drawn again in another theme or width."""
-        looks = (self.app.theme, self.app.has_class("-ascii"), self.size.width)
-        if looks != self._looks:
-            self._looks, self._ground = looks, self.rich_style
+    def _restyle(self) -> None:
+        """Clear the cache when the theme, the character set or the width has changed."""
+        appearance = (self.app.theme, self.app.has_class("-ascii"), self.size.width)
+        if appearance != self._appearance:
+            self._appearance, self._ground = appearance, self.rich_style
             self._strips.clear()
 
     def _strip(self, y: int) -> Strip:
@@ -83,7 +86,7 @@ class Lines(Widget):
 
 
 def strip_of(row: Row, theme: str, ground: Style, *, ascii_only: bool) -> Strip:
-    """A row in the colours of a theme."""
+    """Return a row in the colours of a theme."""
     styles = styles_of(theme)
     return Strip(
         [

@@ -1,4 +1,4 @@
-"""A list with one row chosen; only the rows in sight are made."""
+"""Show a list with one chosen row; only the rows in sight are drawn."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class ListView(Lines, can_focus=True):
-    """`at` is the chosen row. What is chosen stays in sight, and in the list."""
+    """A list; `at` is the index of the chosen row, which stays in sight."""
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
@@ -21,7 +21,7 @@ class ListView(Lines, can_focus=True):
         self._count = 0
 
     def window(self, items: Sequence[T], paint: Callable[[T, bool], Row]) -> None:
-        """Draw the part of the list that is in sight now."""
+        """Draw the part of the list in sight."""
         self._count = len(items)
         self.move(0)
         height = max(1, self.size.height)
@@ -32,17 +32,20 @@ class ListView(Lines, can_focus=True):
         self.show(cut(paint(item, number == self.at), width) for number, item in shown)
 
     def move(self, rows: int) -> None:
-        """Up or down; it stops at the ends."""
+        """Move the choice by rows, up to the ends."""
         self.at = max(0, min(self._count - 1, self.at + rows))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Move the choice up."""
         event.stop()
         self.move(-1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Move the choice down."""
         event.stop()
         self.move(1)
 
     def on_click(self, event: events.Click) -> None:
+        """Choose the row that was clicked."""
         self.at = self._top + event.y
         self.move(0)

@@ -1,4 +1,4 @@
-"""A window on a long list of lines that grows: it follows the newest, or stays where it is."""
+"""Show a part of a long list of lines that grows."""
 
 from collections.abc import Callable, Sequence
 from typing import TypeVar
@@ -12,7 +12,10 @@ T = TypeVar("T")
 
 
 class LogView(Lines, can_focus=True):
-    """Shows a part of what `window` is given; only that part is ever turned into rows."""
+    """Shows the newest lines while `following`, else the part that was scrolled to.
+
+    Only the lines in sight are turned into rows.
+    """
 
     def __init__(self, *, id: str | None = None) -> None:
         super().__init__(id=id)
@@ -22,30 +25,33 @@ class LogView(Lines, can_focus=True):
 
     @property
     def top(self) -> int:
+        """The index of the first line in sight."""
         return self._top
 
     def window(self, lines: Sequence[T], paint: Callable[[T], Row]) -> None:
-        """Draw the lines that are in sight now."""
+        """Draw the lines in sight."""
         self._count = len(lines)
         last_top = max(0, self._count - self.size.height)
         self._top = last_top if self.following else max(0, min(self._top, last_top))
         self.show(map(paint, lines[self._top : self._top + self.size.height]))
 
     def move(self, rows: int) -> None:
-        """Up or down; at the end it follows again."""
+        """Scroll by rows; at the end, follow the newest line again."""
         last_top = max(0, self._count - self.size.height)
         self._top = max(0, min(last_top, self._top + rows))
         self.following = self._top >= last_top
 
     def go(self, line: int) -> None:
-        """So that this line is in the middle."""
+        """Scroll so that this line is in the middle."""
         self._top = max(0, line - self.size.height // 2)
         self.following = False
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Scroll up."""
         event.stop()
         self.move(-3)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Scroll down."""
         event.stop()
         self.move(3)

@@ -1,4 +1,4 @@
-"""The map on the screen. Drawn when a scene is shown; only rows that changed are repainted."""
+"""Show the map as a widget; only rows that have changed are repainted."""
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
@@ -16,25 +16,25 @@ from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_sta
 from ground.map.view import Point
 
 WHEEL_FACTOR = 1.25
-PAPER = ""
+BLANK = ""
 
 
 class MapWidget(Widget):
-    """Draws the scene last shown. `styles_by_role` colours ink; paper is the widget's own.
+    """Draws the last scene shown; `styles_by_role` are the styles of what is drawn.
 
-    While it is `fitted` all of the scene is on the map; zooming and centring end that.
-    While it is `following` the robot is kept well inside. The keys are the app's.
+    While `fitted`, all of the scene is on the map; zooming and centring end that. While
+    `following`, the robot is kept away from the edge. The app handles the keys.
     """
 
     class Pointed(Message):
-        """A click: here is where the cursor is wanted."""
+        """A click at a position in metres."""
 
         def __init__(self, x_m: float, y_m: float) -> None:
             super().__init__()
             self.x_m, self.y_m = x_m, y_m
 
     class Zoomed(Message):
-        """A turn of the wheel above a place; the map has not acted on it."""
+        """A turn of the wheel above a position in metres; the app decides what to do."""
 
         def __init__(self, factor: float, x_m: float, y_m: float) -> None:
             super().__init__()
@@ -63,6 +63,7 @@ class MapWidget(Widget):
 
     @property
     def view(self) -> View:
+        """The view; setting it ends `fitted`."""
         return self._view
 
     @view.setter
@@ -72,10 +73,12 @@ class MapWidget(Widget):
 
     @property
     def fitted(self) -> bool:
+        """True while all of the scene is kept on the map."""
         return self._fitted
 
     @property
     def following(self) -> bool:
+        """True while the map follows the robot."""
         return self._following
 
     @following.setter
@@ -86,7 +89,7 @@ class MapWidget(Widget):
 
     @property
     def shown_layers(self) -> Collection[str]:
-        """The names of what is drawn (see `ground.map.LAYERS`)."""
+        """The names of the layers that are drawn (see `ground.map.LAYERS`)."""
         return self._shown
 
     @shown_layers.setter
@@ -96,6 +99,7 @@ class MapWidget(Widget):
 
     @property
     def ascii_only(self) -> bool:
+        """True when the map is drawn without braille."""
         return self._ascii_only
 
     @ascii_only.setter
@@ -104,20 +108,20 @@ class MapWidget(Widget):
         self._draw()
 
     def paint(self, theme: str) -> None:
-        """In the colours of a theme, when it is another one."""
+        """Use the colours of a theme."""
         if theme != self._theme:
-            self._theme, paper = theme, self.rich_style
+            self._theme, blank = theme, self.rich_style
             inks = styles_of(theme).items()
-            self.colour({PAPER: paper, **{role: paper + style for role, style in inks}})
+            self.colour({BLANK: blank, **{role: blank + style for role, style in inks}})
 
     def colour(self, styles_by_role: Mapping[str, Style]) -> None:
-        """Another theme."""
+        """Use these styles."""
         self._ink, self._dim_ink = inks(styles_by_role)
         self._strips.clear()
         self.refresh()
 
     def show(self, scene: Scene) -> None:
-        """Draw this from now on. What looks as before costs the terminal nothing."""
+        """Draw a scene from now on; an equal scene costs nothing."""
         if scene == self.scene:
             return
         went_stale = scene.live != self.scene.live
@@ -128,39 +132,45 @@ class MapWidget(Widget):
             self.refresh()
 
     def fit(self) -> None:
-        """All of the scene on the map, and so it stays."""
+        """Keep all of the scene on the map."""
         self._fitted, self._following, self._fitted_for = True, False, ()
         self._draw()
 
     def zoom(self, factor: float, about: Point | None = None) -> None:
-        """Larger by a factor about a place, or about the middle."""
+        """Zoom by a factor about a position, or about the centre."""
         self.view = self._view.zoomed(factor, about)
 
     def centre(self, x_m: float, y_m: float) -> None:
+        """Centre the map on a position."""
         self.view = self._view.centred(x_m, y_m)
 
     def reveal(self, x_m: float, y_m: float) -> None:
-        """Go there when it is near the edge or beyond, unless the map goes by something else."""
+        """Move to a position near or beyond the edge, unless the map is fitted or following."""
         if not (self._fitted or self._following):
             self.view = self._view.following(x_m, y_m)
 
     def render_line(self, y: int) -> Strip:
+        """Return one strip, drawn if it has changed."""
         strip = self._strips.get(y)
         if strip is None:
             self._strips[y] = strip = self._strip(y)
         return strip
 
     def on_resize(self, event: events.Resize) -> None:
+        """Draw in the new size."""
         self._view = self._view.resized(*self.size)
         self._draw()
 
     def on_click(self, event: events.Click) -> None:
+        """Send the position of a click."""
         self.post_message(self.Pointed(*self._view.middle_of(event.x, event.y)))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
+        """Send a request to zoom in."""
         self._wheel(event, WHEEL_FACTOR)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
+        """Send a request to zoom out."""
         self._wheel(event, 1.0 / WHEEL_FACTOR)
 
     def _wheel(self, event: events.MouseEvent, factor: float) -> None:
@@ -172,8 +182,8 @@ class MapWidget(Widget):
         runs = self._canvas.strip(row)
         return Strip([Segment(text, ink[role]) for role, text in runs], self._canvas.columns)
 
-    def _look(self) -> None:
-        """Where the view has to be for this scene."""
+    def _adjust_view(self) -> None:
+        """Move the view to where this scene needs it."""
         robot = self.scene.robot
         if self._fitted:
             self._view = self._whole()
@@ -181,7 +191,7 @@ class MapWidget(Widget):
             self._view = self._view.following(robot.x_m, robot.y_m)
 
     def _whole(self) -> View:
-        """As it is while all is on the map; where no floor bounds what there is, with some room."""
+        """Return the view of the whole scene; the present view while it shows everything."""
         scene, box = self.scene, self.scene.box()
         fitted_for = (self.size, scene.size_m, box is None)
         if fitted_for == self._fitted_for and (box is None or self._view.shows(box)):
@@ -190,7 +200,7 @@ class MapWidget(Widget):
         return View.fit(box, *self.size, bounded=scene.size_m is not None)
 
     def _draw(self) -> None:
-        self._look()
+        self._adjust_view()
         before, scene, view = self._canvas, self.scene, self._view
         drawn = (view, self._shown, self._ascii_only, *static_parts(scene))
         if drawn != self._drawn:
@@ -216,13 +226,16 @@ class MapWidget(Widget):
 
 
 def inks(styles_by_role: Mapping[str, Style]) -> tuple[dict[str, Style], dict[str, Style]]:
-    """A style for every role, as it is and dim. Never none: Textual cannot filter what is not."""
-    plain = {role: styles_by_role.get(role, Style.null()) for role in (PAPER, *ROLES)}
+    """Return a style for each role, normal and dim. Never None, which Textual cannot filter."""
+    plain = {role: styles_by_role.get(role, Style.null()) for role in (BLANK, *ROLES)}
     return plain, {role: style + Style(dim=True) for role, style in plain.items()}
 
 
 def bands(rows: Sequence[int], columns: int) -> list[Region]:
-    """Rows in order, neighbours in one region: Textual's work grows with their number."""
+    """Return the rows as regions, with neighbours joined.
+
+    Textual's work grows with the number of regions.
+    """
     firsts = [row for before, row in pairwise((-2, *rows)) if row != before + 1]
     lasts = [row for row, after in pairwise((*rows, rows[-1] + 2)) if after != row + 1]
     return [Region(0, a, columns, b - a + 1) for a, b in zip(firsts, lasts, strict=True)]

@@ -1,4 +1,7 @@
-"""The colours of every role in every theme. Meaning is never carried by colour alone."""
+"""Define the colours of every role in every theme.
+
+No meaning is carried by colour alone.
+"""
 
 from collections.abc import Mapping
 from functools import cache
@@ -53,13 +56,13 @@ PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         ),
     }
 )  # fmt: skip
-"""By role, its style in each of the themes."""
+"""The styles of each role in the five themes."""
 
 ROLES: Final = tuple(PAINTS)
 
 
 @cache
 def styles_of(theme: str) -> Mapping[str, Style]:
-    """A style for each role; a theme of somebody else's is painted as the dark one."""
+    """Return a style for each role; an unknown theme gets the styles of the dark one."""
     column = THEMES.index(theme) if theme in THEMES else 0
     return MappingProxyType({role: Style.parse(words[column]) for role, words in PAINTS.items()})

@@ -1,4 +1,4 @@
-"""The last thing that is done to a row before a terminal gets it: no control character stays."""
+"""Remove control characters from every row before the terminal gets it."""
 
 from rich.cells import cell_len
 from rich.segment import Segment
@@ -9,16 +9,18 @@ from runtime.cli.terminal import REPLACEMENT
 
 
 class Printable(LineFilter):
-    """Replaces what is not printable, in as many cells as it was counted to take.
+    """Replaces each unprintable character by as many cells as Textual counted for it.
 
-    Textual passes the rows of all widgets, its own included, through the filters of the app.
+    Textual passes the rows of all widgets, its own included, through this filter.
     """
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        """Return the segments without control characters."""
         if all(segment.text.isprintable() for segment in segments):
             return segments
         return [Segment(cleaned(text), style, control) for text, style, control in segments]
 
 
 def cleaned(text: str) -> str:
+    """Return the text without control characters."""
     return "".join(one if one.isprintable() else REPLACEMENT * cell_len(one) for one in text)

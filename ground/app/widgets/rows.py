@@ -1,4 +1,4 @@
-"""Rows of text as values: what a panel shows, before there is a terminal."""
+"""Define rows of text as values, independent of a terminal."""
 
 from typing import Final, NamedTuple, TypeAlias
 
@@ -12,11 +12,11 @@ ASCII: Final = str.maketrans(
         "↻": "@", "≥": ">", "≤": "<", "×": "x", "∞": "-", "²": "2", "₀": "0",
     }
 )  # fmt: skip
-"""One character for one, so that columns stay where they are."""
+"""Each character has one replacement, so that columns keep their places."""
 
 
 class Span(NamedTuple):
-    """Some text in one role; roles are the names of colours in `ground.app.widgets.paint`."""
+    """A text in one role; roles are the names of colours in `ground.app.widgets.paint`."""
 
     text: str
     role: str = "text"
@@ -26,30 +26,32 @@ Row: TypeAlias = tuple[Span, ...]
 
 
 def row(*pieces: str | Span) -> Row:
-    """Plain strings are in the role `text`."""
+    """Return a row; plain strings get the role `text`."""
     return tuple(Span(piece) if isinstance(piece, str) else piece for piece in pieces)
 
 
 def head(text: str) -> Span:
-    """The name of a value."""
+    """Return the name of a value."""
     return Span(text, "head")
 
 
 def faint(text: str) -> Span:
+    """Return a faint text."""
     return Span(text, "faint")
 
 
 def width_of(row: Row) -> int:
-    """In characters: panels use none that are two cells wide."""
+    """Return the width in characters; panels use no wide characters."""
     return sum(len(span.text) for span in row)
 
 
 def words_of(row: Row) -> str:
+    """Return the text of a row."""
     return "".join(span.text for span in row)
 
 
 def cut(row: Row, width: int) -> Row:
-    """No wider than that; what does not fit is cut off, with a mark."""
+    """Return the row cut to a width; an ellipsis marks the cut."""
     if width_of(row) <= width:
         return row
     kept: list[Span] = []
@@ -63,5 +65,5 @@ def cut(row: Row, width: int) -> Row:
 
 
 def in_ascii(text: str) -> str:
-    """For fonts without anything else; what has no likeness becomes a question mark."""
+    """Replace characters by ASCII ones; unknown characters become a question mark."""
     return text.translate(ASCII).encode("ascii", "replace").decode()

@@ -1,4 +1,4 @@
-"""The third column: the last minute as sparklines, each with its present value and its range."""
+"""Show the last minute as sparklines, each with its present value and its range."""
 
 from math import inf, isfinite, nan
 from typing import Final, NamedTuple
@@ -14,13 +14,13 @@ FRESH_S: Final = 1.0
 
 
 class Sparkline(NamedTuple):
-    """A series of the history, its name for people, its unit and its colour.
+    """A series of the history, with its label, unit and colour.
 
-    `peak`: of what is told together the greatest is shown, so that it does not change each time.
+    With `peak`, the greatest of the values in a bin is shown, so that the value is readable.
     """
 
     series: str
-    says: str
+    label: str
     unit: str
     role: str
     form: str = ".2f"
@@ -39,10 +39,12 @@ SPARKLINES: Final = (
 
 
 def spark_rows(station: Station, width: int = WIDTH) -> list[Row]:
+    """Return the rows of all sparklines."""
     return [one for figure in SPARKLINES for one in figure_rows(station, figure, width)]
 
 
 def figure_rows(station: Station, figure: Sparkline, width: int) -> list[Row]:
+    """Return a title with value and range, and the sparkline."""
     series, now_s = station.history[figure.series], station.time_s
     points = series.points(now_s - WINDOW_S)
     values = binned(points, width, now_s, WINDOW_S, peak=figure.peak)
@@ -54,8 +56,8 @@ def figure_rows(station: Station, figure: Sparkline, width: int) -> list[Row]:
     ends = f"{min(there):{figure.form}}..{max(there):{figure.form}}" if there else MISSING
     words = f"{number(value, figure.form)} {figure.unit}"
     role = figure.role if fresh else "faint"
-    says = f"{figure.says}≤" if figure.peak else figure.says
+    label = f"{figure.label}≤" if figure.peak else figure.label
     return [
-        row(head(f"{says:<8}"), Span(f"{words:<12}", role), faint(f"{ends:>{width - 20}}")),
+        row(head(f"{label:<8}"), Span(f"{words:<12}", role), faint(f"{ends:>{width - 20}}")),
         row(Span(spark(values, width), role)),
     ]

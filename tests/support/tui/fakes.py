@@ -1,4 +1,4 @@
-"""A station that a test fills, and a taker of command lines that only remembers them."""
+"""Define a station that a test fills, and a command sink that only records commands."""
 
 from collections.abc import Callable
 from typing import Any
@@ -41,7 +41,7 @@ S = 1_000 * MS
 
 
 class FakeStation(Station):
-    """Everything is an attribute; requests are done at once and kept in `asked`."""
+    """A station whose attributes are public; requests run at once and are kept in `asked`."""
 
     def __init__(self, clock: ManualClock | None = None) -> None:
         self.clock = clock or ManualClock(100 * S)
@@ -227,7 +227,7 @@ class FakeStation(Station):
 
 
 class FakeCommandSink:
-    """Remembers what was given."""
+    """Records the commands that it was given."""
 
     def __init__(self) -> None:
         self.given: list[str] = []

@@ -1,4 +1,4 @@
-"""An app over a fake station, driven by keys; no timer runs but the test."""
+"""Run an app over a fake station, driven by keys; only the test makes time pass."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 
 class Stage:
-    """The app with what it stands on."""
+    """The app, its pilot, its station and its command sink."""
 
     def __init__(
         self, app: GroundApp, pilot: Pilot[int], station: FakeStation, commands: FakeCommandSink
@@ -32,7 +32,7 @@ class Stage:
         await self.redraw()
 
     async def redraw(self) -> None:
-        """Draw, and let Textual do what that brings about."""
+        """Draw, and let Textual handle the consequences."""
         await self.pilot.pause()
         self.app.redraw()
         await self.pilot.pause()
@@ -47,7 +47,7 @@ class Stage:
         await self.pilot.press(*(NAMES.get(letter, letter) for letter in text))
 
     def words(self, id: str) -> str:
-        """What a panel says."""
+        """Return the text of a panel."""
         rows = self.app.screen.query_one(f"#{id}", Lines).rows
         return "\n".join(words_of(row) for row in rows)
 
@@ -67,7 +67,7 @@ async def staged(
     ascii_only: bool = False,
     keymap: Keymap | None = None,
 ) -> AsyncIterator[Stage]:
-    """With a robot on its way, unless a station is given."""
+    """Open the app, with a robot on its way unless a station is given."""
     station = station or driving(FakeStation())
     commands = FakeCommandSink()
     app = GroundApp(
@@ -82,7 +82,7 @@ async def staged(
 def play(story: Callable[[], Awaitable[T]]) -> T:
     """Run an asynchronous test."""
 
-    async def told() -> T:
+    async def run() -> T:
         return await story()
 
-    return asyncio.run(told())
+    return asyncio.run(run())

@@ -1,4 +1,4 @@
-"""Worlds and faults without a plant, and processes of ours that are none."""
+"""Provide worlds and faults without a plant, and a stack without processes."""
 
 import argparse
 from collections.abc import Callable
@@ -39,7 +39,7 @@ FAULTS = {
 
 
 class FakeStack(Stack):
-    """Starts nothing and remembers what it was told."""
+    """Starts no processes and records its calls."""
 
     def __init__(self) -> None:
         super().__init__(argparse.Namespace(), self.scenario_of("box"), "", ManualClock())
@@ -56,7 +56,7 @@ class FakeStack(Stack):
         return ["robot r1", "plant"]
 
     def check(self) -> None:
-        """All is well."""
+        """Report no problems."""
 
     def restarted(self, scenario: Scenario) -> None:
         self.begun.append(scenario.name)
@@ -69,8 +69,8 @@ class FakeStack(Stack):
         return f"{what} {role}"
 
 
-class Prompt(GroundApp):
-    """Slow work is done at once, and the plant's side is this test."""
+class SynchronousApp(GroundApp):
+    """Runs background jobs at once."""
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         done(job())
@@ -78,7 +78,7 @@ class Prompt(GroundApp):
 
 async def on(screen: str, stack: Stack | None, story: Callable[[Stage], Any]) -> None:
     station, commands = driving(FakeStation()), FakeCommandSink()
-    app = Prompt(station, commands, appearance=Appearance(hz=0.0), stack=stack)
+    app = SynchronousApp(station, commands, appearance=Appearance(hz=0.0), stack=stack)
     async with app.run_test(size=(100, 28)) as pilot:
         stage = Stage(app, pilot, station, commands)
         await stage.press(screen)

@@ -1,4 +1,4 @@
-"""A short recording of a robot that drives along x, as a .tlog."""
+"""Make a short recording, as a .tlog, of a robot that drives along x."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ PERIOD_MS = 50
 
 
 def recorded(folder: Path, seconds: float = 4.0) -> Path:
-    """The file; a tick every 50 ms ends with a wheel command."""
+    """Write the file; each tick of 50 ms ends with a wheel command."""
     path = folder / "20231114T221320Z-r1.tlog"
     encoders = {role: Encoder(*sender_of(role, "r1")) for role in Role}
     with path.open("wb") as file:

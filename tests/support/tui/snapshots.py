@@ -1,4 +1,4 @@
-"""Screens as SVG files: compared with those that are committed, written anew when asked for."""
+"""Compare screens as SVG files with the committed ones, or write them again."""
 
 import re
 from pathlib import Path
@@ -10,16 +10,19 @@ ACTUAL: Final = ".actual.svg"
 
 
 def normalised(svg: str) -> str:
-    """Rich names its styles and clips after a checksum of the whole: that is nobody's concern."""
+    """Remove the checksum by which Rich names its styles and clips."""
     lines = TERMINAL_ID.sub("terminal-", svg).splitlines()
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def compare(svg: str, name: str, *, update: bool, folder: Path = FOLDER) -> str:
-    """Empty when it is as committed; else what to do about it. The actual one is left beside."""
+    """Return "" when the screen is as committed, else what to do.
+
+    The actual screen is saved beside the committed one.
+    """
     actual, committed = normalised(svg), folder / f"{name}.svg"
     beside = folder / f"{name}{ACTUAL}"
-    if beside.exists():  # the tree may be one that nobody can write to
+    if beside.exists():  # the tree may be read-only
         beside.unlink()
     if update:
         folder.mkdir(exist_ok=True)

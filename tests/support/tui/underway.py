@@ -1,4 +1,4 @@
-"""A robot on its way round an obstacle: what it says, and the map of it."""
+"""Define the messages and the scene of a robot on its way round an obstacle."""
 
 from math import radians
 from typing import Any
@@ -22,7 +22,7 @@ from tests.support.tui.fakes import MS, FakeStation, S
 
 
 def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
-    """A robot on its way round an obstacle, heard of at `at_s` after the beginning."""
+    """Fill a station with a robot on its way round an obstacle, `at_s` after the beginning."""
     now_ns = station.clock.now_ns() + round(at_s * S)
     for topic, message in drive_messages(now_ns).items():
         station.air.put(topic, message, now_ns)

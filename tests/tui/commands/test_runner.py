@@ -1,4 +1,4 @@
-"""Command lines of the app: done off the screen's thread, refused with reasons, copied as shell."""
+"""Test the command runner: threads, refusals, and lines for a shell."""
 
 from math import pi
 from pathlib import Path
@@ -21,7 +21,7 @@ from tests.support.tui.underway import driving
 ELSEWHERE = "tcp/10.0.0.7:7447"
 
 
-def commands(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
+def command_runner(endpoint: str = DEFAULT_ENDPOINT) -> tuple[CommandRunner, FakeStation]:
     station = driving(FakeStation())
     common = Common(network=Network(mode="client", connect=(endpoint,)), robot="r1")
     return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
@@ -47,43 +47,43 @@ def log(station: FakeStation) -> str:
         ("mission list", False),
     ],
 )
-def test_what_can_move_the_robot_needs_it_to_be_ours(line: str, moving: bool) -> None:
+def test_operations_that_move_the_robot_are_marked(line: str, moving: bool) -> None:
     operation = read(line)
     assert not isinstance(operation, AppCommand)
     assert operation.moves is moving
 
 
-def test_the_stop_goes_its_own_way() -> None:
-    taker, station = commands()
-    taker.run_line("estop")
-    taker.run_line("stop")
+def test_stop_bypasses_the_request_queue() -> None:
+    runner, station = command_runner()
+    runner.run_line("estop")
+    runner.run_line("stop")
     assert (station.stops, station.asked) == (2, [])
 
 
-def test_a_word_that_is_none_is_said_to_be_wrong_with_a_hint() -> None:
-    taker, station = commands()
-    taker.run_line("holdd")
+def test_unknown_word_gets_a_hint() -> None:
+    runner, station = command_runner()
+    runner.run_line("holdd")
     assert "did you mean 'hold'" in log(station)
     assert station.asked == []
 
 
-def test_an_empty_line_is_nothing() -> None:
-    taker, station = commands()
-    taker.run_line("")
+def test_empty_line_does_nothing() -> None:
+    runner, station = command_runner()
+    runner.run_line("")
     assert len(station.log) == 0
 
 
-def test_the_last_line_is_a_command_for_a_shell() -> None:
-    taker, station = commands(ELSEWHERE)
+def test_last_line_is_a_command_for_a_shell() -> None:
+    runner, station = command_runner(ELSEWHERE)
     station.ready_now = False
     station.robot_now = "r2"
-    taker.run_line("goal 9 7 90")
-    assert taker.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
+    runner.run_line("goal 9 7 90")
+    assert runner.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
     assert "nothing is heard of r1" in log(station)
 
 
-def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
-    taker, station = commands()
+def test_commands_for_the_screen_and_help_run_at_once() -> None:
+    runner, station = command_runner()
     done: list[AppCommand] = []
 
     def local(command: AppCommand) -> str:
@@ -92,50 +92,50 @@ def test_words_of_the_app_are_done_at_once_and_help_is_there() -> None:
         done.append(command)
         return "light it is"
 
-    taker.local = local
-    taker.run_line("theme light")
-    taker.run_line("help hold")
-    taker.run_line("zoom in")
+    runner.local = local
+    runner.run_line("theme light")
+    runner.run_line("help hold")
+    runner.run_line("zoom in")
     assert done == [SetTheme("light")]
     assert "light it is" in log(station)
     assert "hold" in log(station)
-    assert "is not there on this screen" in log(station)
+    assert "not available on this screen" in log(station)
 
 
-def test_a_draft_of_a_mission_is_made_line_by_line(tmp_path: Path) -> None:
-    taker, station = commands()
+def test_mission_draft_is_made_by_lines(tmp_path: Path) -> None:
+    runner, station = command_runner()
     for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
-        taker.run_line(line)
-    assert taker.draft_items == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
+        runner.run_line(line)
+    assert runner.draft_items == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()
 
 
-def test_lines_are_remembered_and_completed() -> None:
-    taker, _ = commands()
+def test_lines_are_recalled_and_completed() -> None:
+    runner, _ = command_runner()
     for line in ("help goto", "theme"):
-        taker.run_line(line)
-    assert taker.recall("", -1) == "theme"
-    assert taker.recall("theme", -1) == "help goto"
-    assert taker.recall("help goto", 1) == "theme"
-    assert "set guard_stop_m" in taker.complete("set gu")
-    assert taker.is_local("theme dark")
-    assert not taker.is_local("hold")
+        runner.run_line(line)
+    assert runner.recall("", -1) == "theme"
+    assert runner.recall("theme", -1) == "help goto"
+    assert runner.recall("help goto", 1) == "theme"
+    assert "set guard_stop_m" in runner.complete("set gu")
+    assert runner.is_local("theme dark")
+    assert not runner.is_local("hold")
 
 
-def test_over_a_recording_nothing_can_be_taken_by_hand() -> None:
-    taker, station = commands()
-    taker.steer(1.0, 1.0)
-    assert not taker.begin_teleop()
+def test_teleop_is_refused_in_a_replay() -> None:
+    runner, station = command_runner()
+    runner.steer(1.0, 1.0)
+    assert not runner.begin_teleop()
     assert "this is a replay" in log(station)
 
 
-def test_what_a_key_means_is_remembered_as_a_line() -> None:
-    taker, station = commands(ELSEWHERE)
-    taker.perform(StopNow())
+def test_command_of_a_key_is_recalled_as_a_line() -> None:
+    runner, station = command_runner(ELSEWHERE)
+    runner.perform(StopNow())
     assert station.stops == 1
     station.ready_now = False
-    taker.perform(Goto(goal=destination([9.0, 7.0, 90.0])))
+    runner.perform(Goto(goal=destination([9.0, 7.0, 90.0])))
     assert station.asked == ["goal 9 7 90"]
-    assert taker.last == f"sidestep goto 9 7 90 --connect {ELSEWHERE}"
-    assert taker.recall("", -1) == "goal 9 7 90"
+    assert runner.last == f"sidestep goto 9 7 90 --connect {ELSEWHERE}"
+    assert runner.recall("", -1) == "goal 9 7 90"

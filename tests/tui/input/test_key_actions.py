@@ -1,4 +1,4 @@
-"""Every id does what it says, wherever it counts; the e-stop counts everywhere."""
+"""Test that each key id runs its action on the screens where it is active."""
 
 import pytest
 from textual.command import CommandList
@@ -34,7 +34,7 @@ def key_of(id: str) -> str:
 
 
 @pytest.mark.parametrize("id", LINES)
-def test_a_key_is_its_command_line(id: str) -> None:
+def test_key_runs_its_command_line(id: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press(key_of(id))
@@ -44,7 +44,7 @@ def test_a_key_is_its_command_line(id: str) -> None:
 
 
 @pytest.mark.parametrize("id", CHOICES)
-def test_a_key_that_asks_gives_what_was_chosen(id: str) -> None:
+def test_key_with_a_dialog_runs_the_choice(id: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             choice, line = CHOICES[id]
@@ -68,7 +68,7 @@ def drive_of(stage: Stage) -> DriveScreen:
     return stage.app.screen
 
 
-def test_the_map_is_zoomed_fitted_centred_and_followed_by_keys() -> None:
+def test_keys_move_the_map() -> None:
     async def story() -> None:
         async with staged() as stage:
             shown = drive_of(stage).map
@@ -89,7 +89,7 @@ def test_the_map_is_zoomed_fitted_centred_and_followed_by_keys() -> None:
     play(story)
 
 
-def test_why_opens_where_the_log_is() -> None:
+def test_explanation_replaces_the_log() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("e")
@@ -101,7 +101,7 @@ def test_why_opens_where_the_log_is() -> None:
     play(story)
 
 
-def test_robots_are_turned_to_one_after_the_other() -> None:
+def test_keys_select_the_robots_in_turn() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         station.robots_now = ["r1", "r2", "r3"]
@@ -115,7 +115,7 @@ def test_robots_are_turned_to_one_after_the_other() -> None:
     play(story)
 
 
-def test_the_lease_is_taken_and_given_back() -> None:
+def test_key_takes_and_releases_the_lease() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("L")
@@ -126,18 +126,18 @@ def test_the_lease_is_taken_and_given_back() -> None:
     play(story)
 
 
-def test_the_last_command_is_copied_for_a_shell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_command_is_copied_for_a_shell(monkeypatch: pytest.MonkeyPatch) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("y")
-            assert "nothing has been asked yet" in stage.log()
+            assert "no command to copy yet" in stage.log()
             await stage.press("h", "y")
             assert stage.app.clipboard == "sidestep hold"
 
     play(story)
 
 
-def test_the_screen_is_saved_as_a_picture(
+def test_screen_is_saved_as_a_picture(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path_factory.mktemp("shots")
@@ -152,7 +152,7 @@ def test_the_screen_is_saved_as_a_picture(
     assert "<svg" in (folder / "sidestep-1.svg").read_text(encoding="utf-8")
 
 
-def test_themes_follow_each_other() -> None:
+def test_key_switches_through_the_themes() -> None:
     async def story() -> None:
         async with staged() as stage:
             seen = []
@@ -164,12 +164,12 @@ def test_themes_follow_each_other() -> None:
     play(story)
 
 
-def test_help_lists_only_what_counts_now() -> None:
+def test_help_lists_only_active_keys() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("?")
             everywhere = stage.words("help")
-            assert "h  stand still, keep the goal" in everywhere
+            assert "h  stop, keep the goal" in everywhere
             assert "cursor left" not in everywhere
             await stage.press("escape", "G", "?")
             assert "cursor left" in stage.words("help")
@@ -177,7 +177,7 @@ def test_help_lists_only_what_counts_now() -> None:
     play(story)
 
 
-def test_keys_of_a_users_file_are_in_force_and_shown() -> None:
+def test_keys_of_the_users_file_are_active_and_shown() -> None:
     async def story() -> None:
         keymap = keymap_of({"keys": {"hold": ["P"], "goal": []}}, file="x")
         async with staged((110, 30), keymap=keymap) as stage:
@@ -190,8 +190,8 @@ def test_keys_of_a_users_file_are_in_force_and_shown() -> None:
     play(story)
 
 
-def test_every_id_can_be_done_somewhere() -> None:
-    """An id that no screen knows would be a key that does nothing."""
+def test_each_id_has_an_action_on_some_screen() -> None:
+    """Without an action, the key would do nothing."""
 
     async def story() -> None:
         async with staged() as stage:
@@ -206,17 +206,17 @@ def test_every_id_can_be_done_somewhere() -> None:
 
 
 def first_of(results: CommandList) -> str:
-    """The words of the result that Enter chooses; empty while there is none."""
+    """Return the text of the result that Enter chooses; empty while there is none."""
     return str(results.get_option_at_index(0).prompt) if results.highlighted == 0 else ""
 
 
-def test_the_palette_lists_what_counts_now_and_does_it() -> None:
+def test_palette_runs_an_active_key() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("ctrl+p")
-            await stage.type("stand still")
+            await stage.type("stop, keep")
             results = stage.app.screen.query_one(CommandList)
-            await stage.until(lambda: first_of(results).startswith("stand still"))
+            await stage.until(lambda: first_of(results).startswith("stop, keep the goal"))
             await stage.press("enter")
             await stage.until(lambda: stage.commands.given)
             assert stage.commands.given == ["hold"]
@@ -224,7 +224,7 @@ def test_the_palette_lists_what_counts_now_and_does_it() -> None:
     play(story)
 
 
-def test_a_word_from_the_palette_is_begun_on_the_command_line() -> None:
+def test_palette_word_starts_a_command_line() -> None:
     async def story() -> None:
         async with staged() as stage:
             stage.app.begin_line("param ")

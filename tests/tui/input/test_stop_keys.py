@@ -1,4 +1,4 @@
-"""The robot is stopped from everywhere, and what is driven by hand stops by itself."""
+"""Test that the robot can be stopped everywhere, and that teleop ends without keys."""
 
 import pytest
 from textual import events
@@ -17,7 +17,7 @@ def drive_of(stage: Stage) -> DriveScreen:
 
 
 @pytest.mark.parametrize("name", SCREENS)
-def test_every_screen_has_its_number_and_stops_the_robot(name: str) -> None:
+def test_stop_keys_work_on_every_screen(name: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press(SCREEN_KEYS[name])
@@ -35,7 +35,7 @@ def test_every_screen_has_its_number_and_stops_the_robot(name: str) -> None:
     ("name", "opening"),
     [*((name, "colon") for name in SCREENS), *(("drive", key) for key in ("?", "m", "ctrl+p"))],
 )
-def test_the_robot_is_stopped_from_whatever_is_open(name: str, opening: str) -> None:
+def test_stop_keys_work_in_dialogs_and_command_lines(name: str, opening: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press(SCREEN_KEYS[name])
@@ -49,7 +49,7 @@ def test_the_robot_is_stopped_from_whatever_is_open(name: str, opening: str) -> 
 
 
 @pytest.mark.parametrize("opening", ["?", "m"])
-def test_space_stops_the_robot_from_where_nothing_is_typed(opening: str) -> None:
+def test_space_stops_the_robot_in_dialogs(opening: str) -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press(opening, "space")
@@ -58,7 +58,7 @@ def test_space_stops_the_robot_from_where_nothing_is_typed(opening: str) -> None
     play(story)
 
 
-def test_the_stop_is_released_by_two_presses_only() -> None:
+def test_stop_is_released_by_two_presses_only() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("D")
@@ -72,7 +72,7 @@ def test_the_stop_is_released_by_two_presses_only() -> None:
     play(story)
 
 
-def test_teleop_steers_while_keys_repeat_and_ends_with_any_other() -> None:
+def test_teleop_lasts_until_any_other_key() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("t", "up")
@@ -91,7 +91,7 @@ def test_teleop_steers_while_keys_repeat_and_ends_with_any_other() -> None:
     play(story)
 
 
-def test_teleop_ends_when_the_robot_is_in_another_mode() -> None:
+def test_teleop_ends_in_another_mode() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("t")
@@ -103,7 +103,7 @@ def test_teleop_ends_when_the_robot_is_in_another_mode() -> None:
     play(story)
 
 
-def test_space_stops_the_robot_while_it_is_driven_by_hand() -> None:
+def test_space_stops_the_robot_during_teleop() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("t", "up", "space")

@@ -1,4 +1,4 @@
-"""The dead man's handle of key repeats, the goal cursor, and how often the screen is drawn."""
+"""Test teleop by key repeats, the goal cursor, and the frame rate."""
 
 import pytest
 from hypothesis import given
@@ -11,14 +11,14 @@ from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.underway import driving
 
 
-def test_one_press_lasts_until_a_keyboard_would_repeat_and_no_longer() -> None:
+def test_one_press_lasts_until_a_keyboard_repeats() -> None:
     keys = DeadManSwitch()
     keys.press("forward", 0)
     assert keys.twist(FIRST_NS - 1) == (FAST[0], 0.0)
     assert keys.twist(FIRST_NS) == (0.0, 0.0)
 
 
-def test_repeats_hold_it_and_their_end_ends_it_soon() -> None:
+def test_repeated_presses_hold_the_speed() -> None:
     keys = DeadManSwitch()
     keys.press("forward", 0)
     for at_ms in range(500, 2000, 33):
@@ -28,14 +28,14 @@ def test_repeats_hold_it_and_their_end_ends_it_soon() -> None:
     assert keys.twist(last_ns + AGAIN_NS).speed_m_s == 0.0
 
 
-def test_the_opposite_key_turns_it_round_at_once() -> None:
+def test_opposite_key_reverses_at_once() -> None:
     keys = DeadManSwitch()
     keys.press("left", 0)
     keys.press("right", 10 * MS)
     assert keys.twist(11 * MS).yaw_rate_rad_s == -FAST[1]
 
 
-def test_speed_and_turn_are_held_each_for_itself() -> None:
+def test_speed_and_yaw_rate_are_held_separately() -> None:
     keys = DeadManSwitch()
     keys.press("forward", 0)
     keys.press("left", 300 * MS, slow=True)
@@ -44,7 +44,7 @@ def test_speed_and_turn_are_held_each_for_itself() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from(["forward", "back", "left", "right"]), st.booleans())))
-def test_whatever_was_pressed_it_stands_after_a_while(
+def test_robot_stops_after_any_presses(
     presses: list[tuple[str, bool]],
 ) -> None:
     keys = DeadManSwitch()
@@ -58,24 +58,24 @@ def test_whatever_was_pressed_it_stands_after_a_while(
 @pytest.mark.parametrize(
     ("cell_m", "step_m"), [(0.0, 0.001), (0.03, 0.05), (0.05, 0.05), (0.11, 0.2), (7.0, 10.0)]
 )
-def test_a_step_is_a_round_length_that_can_be_seen(cell_m: float, step_m: float) -> None:
+def test_cursor_step_is_round_and_visible(cell_m: float, step_m: float) -> None:
     assert step_of(cell_m) == pytest.approx(step_m)
 
 
-def test_a_cursor_moves_on_the_grid_of_its_steps() -> None:
+def test_cursor_moves_on_the_grid_of_its_steps() -> None:
     cursor = Cursor(1.03, 0.98).moved(1, -1, 0.05)
     assert (cursor.x_m, cursor.y_m) == (1.1, 0.95)
     assert cursor.words() == "1.1 0.95"
 
 
-def test_the_first_turn_makes_the_heading_one_and_further_ones_go_round() -> None:
+def test_cursor_heading_starts_at_zero_and_wraps() -> None:
     cursor = Cursor(1.0, 2.0).turned(1)
     assert cursor.words() == "1 2 0"
     assert cursor.turned(-1).words() == "1 2 -15"
     assert cursor.turned(13).heading_deg == pytest.approx(-165.0)
 
 
-def test_it_is_drawn_less_often_while_nobody_looks() -> None:
+def test_frame_rate_falls_without_focus() -> None:
     pace = FrameRate(10.0)
     drawn = sum(pace.due(k * 50 * MS) for k in range(40))
     assert drawn == 20
@@ -83,7 +83,7 @@ def test_it_is_drawn_less_often_while_nobody_looks() -> None:
     assert sum(pace.due(2 * S + k * 50 * MS) for k in range(40)) == 4
 
 
-def test_how_fast_time_goes_is_seen_from_the_robots_stamps() -> None:
+def test_time_factor_comes_from_the_robots_stamps() -> None:
     station, pace = FakeStation(), FrameRate(10.0)
     for _ in range(50):
         driving(station)

@@ -1,4 +1,4 @@
-"""The log: filtered, found in, and told in full however narrow the screen is."""
+"""Test the log: wrapped, filtered and searched."""
 
 import pytest
 from hypothesis import given
@@ -28,11 +28,11 @@ def filled(*texts: str, size: int = 10_000) -> Log:
     return log
 
 
-def test_a_short_line_is_one_row() -> None:
+def test_short_line_is_one_row() -> None:
     assert list(map(words_of, log_rows(line("on  its way"), 60))) == ["     1.0 I r1 on  its way"]
 
 
-def test_a_long_line_goes_on_below_where_its_text_begins() -> None:
+def test_long_line_is_wrapped_below_its_text() -> None:
     rows = list(map(words_of, log_rows(line(REFUSAL.strip()), 60)))
     assert len(rows) > 3
     assert all(len(one) <= 60 for one in rows)
@@ -41,9 +41,7 @@ def test_a_long_line_goes_on_below_where_its_text_begins() -> None:
 
 
 @given(st.lists(WORDS, max_size=12), st.integers(0, 90))
-def test_rows_are_the_same_whether_lines_come_at_once_or_one_by_one(
-    texts: list[str], width: int
-) -> None:
+def test_incremental_update_equals_a_full_one(texts: list[str], width: int) -> None:
     log, slowly, at_once = Log(5), FilteredLog(), FilteredLog()
     for text in texts:
         log.add(line(text))
@@ -53,7 +51,7 @@ def test_rows_are_the_same_whether_lines_come_at_once_or_one_by_one(
     assert slowly.lines == list(log)
 
 
-def test_only_what_is_bad_enough_is_there() -> None:
+def test_log_is_filtered_by_severity() -> None:
     log = filled("well")
     log.add(line("bad", Severity.WARNING))
     log.add(line("worse", Severity.CRITICAL))
@@ -64,7 +62,7 @@ def test_only_what_is_bad_enough_is_there() -> None:
     assert [one.text for one in filtered.lines] == ["worse"]
 
 
-def test_a_find_goes_round_and_all_rows_of_the_line_are_marked() -> None:
+def test_search_wraps_around_and_marks_all_rows() -> None:
     log, filtered = filled("one echo", "nothing", f"two Echo {REFUSAL}", "three"), FilteredLog()
     filtered.update(log, Severity.DEBUG, 40)
     first, _, second, _ = log
@@ -81,7 +79,7 @@ def test_a_find_goes_round_and_all_rows_of_the_line_are_marked() -> None:
     assert len(marked) > 3
 
 
-def test_of_two_lines_alike_the_one_that_was_found_is_meant() -> None:
+def test_search_distinguishes_equal_lines() -> None:
     log, filtered = Log(), FilteredLog()
     for _ in range(3):
         log.add(line("the same"))
@@ -92,7 +90,7 @@ def test_of_two_lines_alike_the_one_that_was_found_is_meant() -> None:
 
 
 @pytest.mark.parametrize("height", [0, 1, 2, 4, 9])
-def test_the_newest_lines_fit_below_the_map_and_the_last_is_not_crowded_out(height: int) -> None:
+def test_latest_rows_fit_and_show_the_last_line(height: int) -> None:
     log = filled("first", REFUSAL * 9, "last")
     rows = list(map(words_of, latest_rows(log, height, 60)))
     assert len(rows) == min(height, 2 + MOST_LATELY)
@@ -103,7 +101,7 @@ def test_the_newest_lines_fit_below_the_map_and_the_last_is_not_crowded_out(heig
         assert rows[-2].endswith("…")
 
 
-def test_a_long_refusal_is_read_in_full_on_the_screen_of_the_log() -> None:
+def test_log_screen_shows_a_long_line_in_full() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         station.note(REFUSAL, Severity.WARNING)

@@ -1,4 +1,4 @@
-"""Panels as rows: what they say of a robot that is heard, heard late, or not any more."""
+"""Test the rows of the panels for values that are live, late or missing."""
 
 from math import inf, nan
 
@@ -25,7 +25,7 @@ def side(station: FakeStation, height: int = 16) -> str:
     return "\n".join(map(words_of, side_rows(station, height, 30)))
 
 
-def test_a_value_fades_when_it_is_late_and_then_is_only_an_age() -> None:
+def test_late_value_fades_and_then_shows_its_age() -> None:
     station = driving(FakeStation())
     roles = []
     for _ in range(3):
@@ -35,19 +35,19 @@ def test_a_value_fades_when_it_is_late_and_then_is_only_an_age() -> None:
     assert roles == [("text", False), ("faint", False), ("faint", True)]
 
 
-def test_nothing_that_was_never_heard_is_zero() -> None:
+def test_missing_values_are_not_zero() -> None:
     text = side(FakeStation())
     assert "0.0" not in text
     assert text.count("--") >= 5
 
 
-def test_a_missing_sonar_is_no_echo_of_nothing() -> None:
+def test_missing_sonar_differs_from_no_echo() -> None:
     text = side(driving(FakeStation()))
     assert "R56 ·············   --" in text
     assert "R79 █████████████  none" in text
 
 
-def test_in_little_room_the_sonars_stand_side_by_side() -> None:
+def test_sonars_are_side_by_side_in_a_low_panel() -> None:
     rows = side_rows(driving(FakeStation()), 7, 38)
     assert len(rows) <= 7
     assert "0.08 !!" in words_of(rows[4])
@@ -55,7 +55,7 @@ def test_in_little_room_the_sonars_stand_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
-def test_the_status_line_fits_and_loses_what_matters_least(width: int) -> None:
+def test_status_line_drops_the_least_important_parts(width: int) -> None:
     shown = status_row(driving(FakeStation()), SessionInfo(kind="SIM", factor=1.0), width)
     assert width_of(shown) <= width
     if width >= 80:
@@ -63,7 +63,7 @@ def test_the_status_line_fits_and_loses_what_matters_least(width: int) -> None:
 
 
 @pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
-def test_the_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
+def test_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
     keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.STATION)
     shown = keybar_row(keys, width)
     assert width_of(shown) <= width
@@ -76,34 +76,34 @@ def test_the_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
     ("share", "text"),
     [(0.0, "····"), (0.5, "██··"), (1.0, "████"), (9.0, "████"), (-1.0, "····"), (0.125, "▌···")],
 )
-def test_a_bar_is_exact_to_an_eighth_and_never_too_long(share: float, text: str) -> None:
+def test_bar_is_exact_to_an_eighth_of_a_cell(share: float, text: str) -> None:
     assert bar(share, 4) == text
 
 
 @pytest.mark.parametrize("share", [nan, inf, -inf])
-def test_a_bar_of_what_is_no_number_is_empty(share: float) -> None:
+def test_bar_of_an_infinite_or_nan_share_is_empty(share: float) -> None:
     assert bar(share, 4) == "····"
 
 
-def test_a_sparkline_keeps_gaps_and_is_right_aligned() -> None:
+def test_sparkline_keeps_gaps_and_is_right_aligned() -> None:
     assert spark([0.0, nan, 7.0], 5) == "  ▁ █"
     assert spark([], 3) == "   "
     assert spark([2.0, 2.0], 2) == "▁▁"
 
 
-def test_values_stay_in_their_bin_while_the_window_moves_on() -> None:
+def test_values_stay_in_their_bin_while_time_passes() -> None:
     points = [(1.0, 1.0), (2.0, 2.0)]
     assert binned(points, 4, 3.9, 4.0)[1:3] == [1.0, 2.0]
     assert binned(points, 4, 4.0, 4.0)[0:2] == [1.0, 2.0]
 
 
-def test_of_what_is_told_as_a_peak_each_bin_keeps_the_greatest() -> None:
+def test_peak_bins_keep_the_greatest_value() -> None:
     points = [(0.2, 3.0), (0.4, 9.0), (0.6, 5.0), (1.5, 4.0)]
     assert binned(points, 2, 1.9, 2.0, peak=True) == [9.0, 4.0]
     assert binned(points, 2, 1.9, 2.0) == [5.0, 4.0]
 
 
-def test_the_cost_of_a_standing_robot_is_not_drawn_anew_with_each_cycle() -> None:
+def test_peak_figure_is_stable_between_cycles() -> None:
     station = driving(FakeStation())
     spent_us = (300.0, 412.0, 280.0, 350.0, 411.0)
     cost = next(figure for figure in SPARKLINES if figure.series == "cycle_us")
@@ -115,19 +115,19 @@ def test_the_cost_of_a_standing_robot_is_not_drawn_anew_with_each_cycle() -> Non
     assert [rows[0].split("us")[0] for rows in shown[1:]] == [shown[1][0].split("us")[0]] * 4
 
 
-def test_a_row_is_cut_with_a_mark() -> None:
+def test_cut_row_ends_with_an_ellipsis() -> None:
     assert words_of(cut(row("abcdef"), 4)) == "abc…"
     assert words_of(cut(row("abc"), 3)) == "abc"
     assert cut(row("abc"), 0) == ()
 
 
-def test_everything_has_a_likeness_in_ascii() -> None:
+def test_all_panel_characters_have_an_ascii_form() -> None:
     text = in_ascii(side(driving(FakeStation())))
     assert text.isascii()
     assert "?" not in text
 
 
-def test_a_mission_is_listed_around_the_item_under_way() -> None:
+def test_mission_is_listed_around_the_current_item() -> None:
     station = driving(FakeStation())
     assert mission_rows(station) == []
     station.items_now = tuple(Target(float(k), 1.0, None if k else 0.0) for k in range(12))

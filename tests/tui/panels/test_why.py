@@ -1,4 +1,4 @@
-"""One key answers why it turned, another goes back to the time before."""
+"""Test the keys that explain the last turn and earlier ones."""
 
 from protocol.wire.enums import Branch
 from tests.support.ground.explain.told import decided
@@ -10,7 +10,7 @@ TURNS = (Branch.TO_GOAL, Branch.PASS_RIGHT, Branch.PASS_LEFT)
 
 
 def turned(ago_ns: int = 2 * S) -> FakeStation:
-    """It went for its goal, passed on the right and, `ago_ns` before now, on the left."""
+    """Return a station whose robot passed on the right, and `ago_ns` before now on the left."""
     station = driving(FakeStation())
     last_ns = station.now_ns - ago_ns
     station.decisions_now = [
@@ -20,20 +20,20 @@ def turned(ago_ns: int = 2 * S) -> FakeStation:
     return station
 
 
-def test_the_key_tells_of_the_last_turn_and_closes_again() -> None:
+def test_key_explains_the_last_turn_and_closes_again() -> None:
     async def story() -> None:
         async with staged((110, 30), station=turned()) as stage:
             await stage.press("e")
-            said = stage.words("why-below")
-            assert "2.0 s ago: changes the side: passes on the right" in said
-            assert "so it passes on the left" in " ".join(said.split())
+            text = stage.words("why-below")
+            assert "2.0 s ago: changes the side: passes on the right" in text
+            assert "so it passes on the left" in " ".join(text.split())
             await stage.press("e")
             assert not stage.app.screen.has_class("-explaining")
 
     play(story)
 
 
-def test_the_other_key_goes_back_to_the_turn_before_and_no_farther() -> None:
+def test_other_key_explains_earlier_turns() -> None:
     async def story() -> None:
         async with staged((110, 30), station=turned()) as stage:
             for _ in range(4):
@@ -43,16 +43,16 @@ def test_the_other_key_goes_back_to_the_turn_before_and_no_farther() -> None:
     play(story)
 
 
-def test_a_robot_that_has_not_turned_is_said_not_to_have() -> None:
+def test_robot_without_turns_has_no_explanation() -> None:
     async def story() -> None:
         async with staged((110, 30)) as stage:
             await stage.press("e")
-            assert "it has not turned yet" in stage.words("why-below")
+            assert "the robot has not turned yet" in stage.words("why-below")
 
     play(story)
 
 
-def test_turns_on_another_screen_are_told_on_the_return() -> None:
+def test_turns_are_collected_on_other_screens() -> None:
     async def story() -> None:
         station = turned()
         async with staged((110, 30), station=station) as stage:

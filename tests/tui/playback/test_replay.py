@@ -1,4 +1,4 @@
-"""A recording on the screen: it plays, steps and seeks, and nothing can be commanded."""
+"""Test the player and the replay screen: they play, step and seek, without commands."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def player(folder: Path) -> tuple[Player, ManualClock]:
     return Player(recorded(folder), clock), clock
 
 
-def test_it_plays_at_its_own_speed_and_stands_at_the_end(tmp_path: Path) -> None:
+def test_player_has_a_speed_and_stops_at_the_end(tmp_path: Path) -> None:
     shown, clock = player(tmp_path)
     shown.play_or_pause()
     clock.advance(1 * S)
@@ -36,7 +36,7 @@ def test_it_plays_at_its_own_speed_and_stands_at_the_end(tmp_path: Path) -> None
     assert (shown.position_s, shown.playing) == (shown.duration_s, False)
 
 
-def test_a_step_is_one_control_period_in_both_directions(tmp_path: Path) -> None:
+def test_a_step_is_one_control_period(tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     shown.seek(2.0)
     shown.step(1)
@@ -47,7 +47,7 @@ def test_a_step_is_one_control_period_in_both_directions(tmp_path: Path) -> None
     assert shown.position_s == pytest.approx(one)
 
 
-def test_on_the_way_back_what_was_seen_later_is_forgotten(tmp_path: Path) -> None:
+def test_seeking_back_forgets_later_messages(tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     shown.seek(3.0)
     later = len(shown.station.trail)
@@ -56,19 +56,19 @@ def test_on_the_way_back_what_was_seen_later_is_forgotten(tmp_path: Path) -> Non
     assert not shown.playing
 
 
-def test_nothing_can_be_commanded(tmp_path: Path) -> None:
+def test_replay_refuses_commands(tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     assert "replay" in shown.station.refusal(moves=False)
 
 
-def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.tlog").write_bytes(b"nothing of the sort")
     with pytest.raises(UserError):
         Player(tmp_path / "x.tlog", ManualClock(), "r1")
 
 
 @pytest.mark.parametrize("width", [0, 1, 20, 80, 200])
-def test_the_timeline_fits(width: int, tmp_path: Path) -> None:
+def test_timeline_fits_its_width(width: int, tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     shown.seek(1.0)
     rows = timeline_rows(shown, width)
@@ -77,7 +77,7 @@ def test_the_timeline_fits(width: int, tmp_path: Path) -> None:
         assert "1.00 /" in words_of(rows[0])
 
 
-def test_recordings_are_found_here_and_one_folder_below(tmp_path: Path) -> None:
+def test_recordings_are_found_one_folder_deep(tmp_path: Path) -> None:
     for name in ("a.mcap", "a.tlog", "sub/b.tlog", "sub/deep/c.tlog", "d.txt"):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -85,7 +85,7 @@ def test_recordings_are_found_here_and_one_folder_below(tmp_path: Path) -> None:
     assert {Path(one).name for one in recordings(tmp_path)} == {"a.mcap", "b.tlog"}
 
 
-def test_the_screen_is_driven_by_keys(tmp_path: Path) -> None:
+def test_keys_control_the_replay(tmp_path: Path) -> None:
     async def story() -> None:
         shown, _ = player(tmp_path)
         commands = FakeCommandSink()

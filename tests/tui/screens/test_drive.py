@@ -1,4 +1,4 @@
-"""The Drive screen, by keys alone."""
+"""Test the Drive screen by keys."""
 
 import pytest
 from textual import events
@@ -18,7 +18,7 @@ def drive_of(stage: Stage) -> DriveScreen:
     return stage.app.screen
 
 
-def test_the_first_screen_shows_where_the_robot_is_and_what_it_does() -> None:
+def test_drive_screen_shows_pose_and_state() -> None:
     async def story() -> None:
         async with staged() as stage:
             side = stage.words("side")
@@ -33,7 +33,7 @@ def test_the_first_screen_shows_where_the_robot_is_and_what_it_does() -> None:
     play(story)
 
 
-def test_typing_a_goal_triggers_nothing_and_keeps_its_beginning() -> None:
+def test_typing_a_goal_triggers_no_other_key() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("g")
@@ -46,7 +46,7 @@ def test_typing_a_goal_triggers_nothing_and_keeps_its_beginning() -> None:
     play(story)
 
 
-def test_keys_of_one_burst_go_where_the_key_before_has_led() -> None:
+def test_keys_of_a_burst_follow_the_focus() -> None:
     async def story() -> None:
         async with staged() as stage:
             for letter in "g9 7":
@@ -59,7 +59,7 @@ def test_keys_of_one_burst_go_where_the_key_before_has_led() -> None:
     play(story)
 
 
-def test_the_cursor_is_moved_turned_and_becomes_a_goal() -> None:
+def test_cursor_becomes_a_goal() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G")
@@ -76,7 +76,7 @@ def test_the_cursor_is_moved_turned_and_becomes_a_goal() -> None:
     play(story)
 
 
-def test_with_the_cursor_h_is_left_and_without_it_h_holds() -> None:
+def test_h_moves_the_cursor_or_holds() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G", "h")
@@ -87,7 +87,7 @@ def test_with_the_cursor_h_is_left_and_without_it_h_holds() -> None:
     play(story)
 
 
-def test_a_draft_of_a_mission_is_on_the_map_until_it_is_what_the_robot_has() -> None:
+def test_draft_is_shown_until_the_robot_has_it() -> None:
     async def story() -> None:
         ways = (Target(1.0, 2.0), Target(3.0, 4.0, 0.0))
         async with staged((110, 30)) as stage:
@@ -104,7 +104,7 @@ def test_a_draft_of_a_mission_is_on_the_map_until_it_is_what_the_robot_has() -> 
     play(story)
 
 
-def test_a_map_that_is_zoomed_goes_with_the_cursor() -> None:
+def test_zoomed_map_follows_the_cursor() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("+", "+", "+", "+", "+", "+", "+", "G", "L", "L")
@@ -118,7 +118,7 @@ def test_a_map_that_is_zoomed_goes_with_the_cursor() -> None:
     play(story)
 
 
-def test_space_stops_the_robot_also_beside_the_cursor() -> None:
+def test_space_stops_the_robot_with_the_cursor() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("space")
@@ -128,7 +128,7 @@ def test_space_stops_the_robot_also_beside_the_cursor() -> None:
     play(story)
 
 
-def test_a_loss_is_named_in_a_line_and_old_values_become_ages() -> None:
+def test_loss_is_an_alarm_and_old_values_show_ages() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         async with staged(station=station) as stage:
@@ -146,7 +146,7 @@ def test_a_loss_is_named_in_a_line_and_old_values_become_ages() -> None:
     play(story)
 
 
-def test_nothing_is_drawn_again_when_nothing_has_changed() -> None:
+def test_unchanged_rows_are_not_drawn_again() -> None:
     async def story() -> None:
         async with staged((160, 50)) as stage:
             await stage.redraw()
@@ -159,7 +159,7 @@ def test_nothing_is_drawn_again_when_nothing_has_changed() -> None:
     play(story)
 
 
-def test_a_restart_is_told_below_the_status_and_a_loss_comes_first() -> None:
+def test_restart_is_an_alarm_unless_there_is_a_loss() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         async with staged(station=station) as stage:

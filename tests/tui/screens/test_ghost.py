@@ -1,4 +1,4 @@
-"""A key begins a ghost, the map shows its way, the log how it came out."""
+"""Test ghosts on the map: started by a key or a command, with the outcome in the log."""
 
 import json
 from threading import Event
@@ -45,7 +45,7 @@ async def ended(stage: Stage) -> None:
     raise AssertionError("still driving")
 
 
-def test_a_key_and_a_choice_lay_another_navigators_way_on_the_map() -> None:
+def test_chosen_ghost_is_drawn_on_the_map() -> None:
     async def story() -> None:
         async with staged((110, 30), station=simulated()) as stage:
             await stage.press("n")
@@ -60,7 +60,7 @@ def test_a_key_and_a_choice_lay_another_navigators_way_on_the_map() -> None:
     play(story)
 
 
-def test_a_ghost_that_cannot_be_says_why_in_the_log() -> None:
+def test_refused_ghost_is_explained_in_the_log() -> None:
     async def story() -> None:
         station = driving(FakeStation())
         station.world_now = None
@@ -72,7 +72,7 @@ def test_a_ghost_that_cannot_be_says_why_in_the_log() -> None:
     play(story)
 
 
-def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None:
+def test_ghost_command_checks_the_navigator() -> None:
     async def story() -> None:
         async with staged(station=simulated()) as stage:
             words = LocalCommands(stage.app)
@@ -94,7 +94,7 @@ def test_the_typed_word_does_the_same_and_refuses_what_is_no_navigator() -> None
     play(story)
 
 
-def test_nobody_is_left_driving_when_the_app_is_left() -> None:
+def test_ghosts_end_with_the_app() -> None:
     async def story() -> None:
         async with staged(station=simulated()) as stage:
             screen = drive_of(stage)

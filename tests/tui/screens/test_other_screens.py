@@ -1,4 +1,4 @@
-"""Params, Plots, Links, Worlds and Faults, by keys."""
+"""Test the screens Params, Plots, Links, Worlds and Faults by keys."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def with_parameters() -> FakeStation:
     return station
 
 
-def test_parameters_are_all_there_or_their_absence_is_told() -> None:
+def test_incomplete_parameters_are_not_listed() -> None:
     async def story() -> None:
         station = with_parameters()
         async with staged(station=station) as stage:
@@ -48,7 +48,7 @@ def test_parameters_are_all_there_or_their_absence_is_told() -> None:
     play(story)
 
 
-def test_a_parameter_is_found_changed_and_set_back() -> None:
+def test_parameter_is_found_changed_and_reset() -> None:
     async def story() -> None:
         async with staged(station=with_parameters()) as stage:
             await stage.press("3", "slash")
@@ -66,7 +66,7 @@ def test_a_parameter_is_found_changed_and_set_back() -> None:
     play(story)
 
 
-def test_only_those_that_differ_from_their_defaults_are_shown_on_demand() -> None:
+def test_changed_parameters_are_shown_on_demand() -> None:
     async def story() -> None:
         async with staged(station=with_parameters()) as stage:
             await stage.press("3", "f")
@@ -79,7 +79,7 @@ def test_only_those_that_differ_from_their_defaults_are_shown_on_demand() -> Non
     play(story)
 
 
-def test_nothing_typed_changes_no_parameter() -> None:
+def test_empty_value_changes_no_parameter() -> None:
     async def story() -> None:
         async with staged(station=with_parameters()) as stage:
             await stage.press("3", "e", "enter")
@@ -88,7 +88,7 @@ def test_nothing_typed_changes_no_parameter() -> None:
     play(story)
 
 
-def test_plots_show_a_longer_or_a_shorter_time() -> None:
+def test_time_span_of_plots_can_be_changed() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("2")
@@ -101,19 +101,19 @@ def test_plots_show_a_longer_or_a_shorter_time() -> None:
     play(story)
 
 
-def test_links_tell_who_is_there_and_what_arrives() -> None:
+def test_links_show_processes_and_streams() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
             words = stage.words("lines")
-            assert "robot   ● there" in words
+            assert "robot   ● present" in words
             assert "100.0 % of the robot's frames" in words
             assert "tlm/status" in words
 
     play(story)
 
 
-def test_links_tell_a_restart_and_its_cause() -> None:
+def test_links_show_restarts_and_their_cause() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
@@ -128,7 +128,7 @@ def test_links_tell_a_restart_and_its_cause() -> None:
     play(story)
 
 
-def test_columns_of_the_links_stand_below_their_names() -> None:
+def test_columns_of_links_are_below_their_names() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
@@ -146,7 +146,7 @@ def test_columns_of_the_links_stand_below_their_names() -> None:
     play(story)
 
 
-def test_on_a_low_screen_the_links_are_rolled_to_their_end_and_back() -> None:
+def test_links_scroll_on_a_low_screen() -> None:
     async def story() -> None:
         async with staged((80, 12)) as stage:
             await stage.press("5")
@@ -154,13 +154,13 @@ def test_on_a_low_screen_the_links_are_rolled_to_their_end_and_back() -> None:
             await stage.press("end")
             assert "silent" in stage.words("lines")
             await stage.press("home")
-            assert "robot   ● there" in stage.words("lines")
+            assert "robot   ● present" in stage.words("lines")
 
     play(story)
 
 
 @pytest.mark.usefixtures("worlds")
-def test_another_world_is_started_when_the_processes_are_ours() -> None:
+def test_another_world_starts_with_own_processes() -> None:
     stack = FakeStack()
 
     async def story(stage: Stage) -> None:
@@ -178,7 +178,7 @@ def test_another_world_is_started_when_the_processes_are_ours() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_a_world_is_seen_on_the_map_before_it_is_started() -> None:
+def test_world_is_previewed_before_its_start() -> None:
     async def story(stage: Stage) -> None:
         shown = stage.app.screen.query_one("#preview", MapWidget)
         assert shown.scene.size_m == (6.0, 4.0)
@@ -191,14 +191,14 @@ def test_a_world_is_seen_on_the_map_before_it_is_started() -> None:
     play(lambda: on("6", None, story))
 
 
-def test_the_plant_tells_its_worlds_as_they_are_previewed() -> None:
+def test_preview_matches_the_plant() -> None:
     facts, scene = looked_up("corridor")
     assert scene.size_m == tuple(facts["size_m"])
     assert scene.goal is not None
     assert scene.goal.x_m == facts["goal"]["x_m"]
 
 
-def test_the_study_has_an_end_for_every_world_and_navigator() -> None:
+def test_study_has_outcomes_of_all_worlds() -> None:
     reached = read_reached_counts()
     assert {one["name"] for one in query_worlds("list")["worlds"]} == set(reached)
     assert {len(ends) for ends in reached.values()} == {7}
@@ -210,16 +210,16 @@ def test_the_study_has_an_end_for_every_world_and_navigator() -> None:
     ("ends", "count"),
     [("10 reached", 10), ("6 reached, 4 stuck", 6), ("9 stuck, 1 timeout", 0), ("-", 0)],
 )
-def test_of_the_ends_those_at_the_goal_are_counted(ends: str, count: int) -> None:
+def test_outcomes_at_the_goal_are_counted(ends: str, count: int) -> None:
     assert reached_count(ends) == count
 
 
-def test_where_the_study_is_not_there_nothing_is_told_of_it(tmp_path: Path) -> None:
+def test_missing_study_gives_no_outcomes(tmp_path: Path) -> None:
     assert read_reached_counts(tmp_path / "outcomes.md") == {}
 
 
 @pytest.mark.usefixtures("worlds")
-def test_the_processes_of_others_are_left_alone() -> None:
+def test_processes_started_elsewhere_are_not_stopped() -> None:
     async def story(stage: Stage) -> None:
         await stage.press("s")
         assert "sidestep up --world box" in stage.log()
@@ -228,7 +228,7 @@ def test_the_processes_of_others_are_left_alone() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_a_process_of_ours_is_hung_by_a_key() -> None:
+def test_key_suspends_an_own_process() -> None:
     stack = FakeStack()
 
     async def story(stage: Stage) -> None:
@@ -242,18 +242,18 @@ def test_a_process_of_ours_is_hung_by_a_key() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-def test_a_fault_of_the_world_is_started_anew() -> None:
+def test_fault_restarts_the_world() -> None:
     stack = FakeStack()
 
     async def story(stage: Stage) -> None:
         await stage.press("end", "up")
-        assert "what runs ends, and the world starts anew" in stage.words("about")
+        assert "restarts the world with the fault" in stage.words("about")
         await stage.press("s")
         assert stage.words("prompt").startswith("sonar_frozen")
         await stage.press("ctrl+u")
         await stage.type("9")
         await stage.press("enter")
-        assert "'9' is none of 0, 1, all" in stage.log()
+        assert "unknown target '9'; known: 0, 1, all" in stage.log()
         await stage.press("s", "enter")
         assert stack.begun == ["box sonar_frozen"]
 
@@ -263,21 +263,21 @@ def test_a_fault_of_the_world_is_started_anew() -> None:
 @pytest.mark.parametrize(
     ("words", "value", "start_s"), [("0", 0.0, 3.0), ("all 0.5", 0.5, 3.0), ("1 0.5 9", 0.5, 9.0)]
 )
-def test_a_fault_is_a_target_a_value_and_a_time(words: str, value: float, start_s: float) -> None:
+def test_fault_has_target_value_and_start_time(words: str, value: float, start_s: float) -> None:
     one = InjectableFault("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1", "all"))
     found = fault_of(one, words.split())
     assert (found["target"], found["value"], found["start_s"]) == (words.split()[0], value, start_s)
 
 
 @pytest.mark.parametrize("words", ["", "x", "0 y", "0 1 2 3"])
-def test_what_is_no_fault_is_refused(words: str) -> None:
+def test_malformed_fault_is_refused(words: str) -> None:
     one = InjectableFault("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
     with pytest.raises(UserError):
         fault_of(one, words.split())
 
 
-def test_a_field_that_is_made_before_there_is_a_screen_ends_nothing() -> None:
+def test_clearing_the_selection_needs_no_screen() -> None:
     app = GroundApp(FakeStation(), FakeCommandSink())
     with pytest.raises(ScreenStackError):
         _ = app.screen
-    app.clear_selection()  # as Textual's Input calls it, from Python 3.12 on before there is one
+    app.clear_selection()  # Textual calls this before there is a screen (Python >= 3.12)

@@ -1,4 +1,4 @@
-"""Every screen as it is drawn: in the usual sizes, dark, light and without any colour."""
+"""Compare every screen with its committed picture, in several sizes and themes."""
 
 from dataclasses import replace
 from math import sin
@@ -25,8 +25,8 @@ THEMES = ("dark", "light", "mono")
 OTHERS = {"plots": "2", "params": "3", "log": "4", "links": "5"}
 
 
-def lived() -> FakeStation:
-    """Twenty seconds of a drive, with figures and lines in the log."""
+def station_after_drive() -> FakeStation:
+    """Return a station after twenty seconds of a drive, with series and a log."""
     station = FakeStation()
     station.note("robot r1 is there")
     station.note("r1: state, lease and 41 parameters read: ready")
@@ -41,7 +41,7 @@ def lived() -> FakeStation:
 
 
 def figures_at(time_s: float) -> dict[str, float]:
-    """As on the way to where `driving` has the robot: it sets off at 11 s, and turns at 18 s."""
+    """Return values that match `driving`: the robot starts at 11 s and turns at 18 s."""
     driven_s = max(0.0, time_s - 11.1)
     wiggle = sin(3.0 * time_s)
     return {
@@ -61,18 +61,18 @@ def check(stage: Stage, name: str, *, update: bool) -> None:
 
 @pytest.mark.parametrize("theme", THEMES)
 @pytest.mark.parametrize("size", SIZES, ids=lambda size: f"{size[0]}x{size[1]}")
-def test_the_drive_screen(size: tuple[int, int], theme: str, update_screens: bool) -> None:
+def test_drive_screen(size: tuple[int, int], theme: str, update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(size, station=lived(), theme=theme) as stage:
+        async with staged(size, station=station_after_drive(), theme=theme) as stage:
             check(stage, f"drive-{size[0]}x{size[1]}-{theme}", update=update_screens)
 
     play(story)
 
 
 @pytest.mark.parametrize("theme", ["ansi", "contrast"])
-def test_the_other_themes(theme: str, update_screens: bool) -> None:
+def test_other_themes(theme: str, update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(station=lived(), theme=theme) as stage:
+        async with staged(station=station_after_drive(), theme=theme) as stage:
             check(stage, f"drive-80x24-{theme}", update=update_screens)
 
     play(story)
@@ -80,9 +80,9 @@ def test_the_other_themes(theme: str, update_screens: bool) -> None:
 
 @pytest.mark.parametrize("screen", OTHERS)
 @pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
-def test_the_other_screens(screen: str, size: tuple[int, int], update_screens: bool) -> None:
+def test_other_screens(screen: str, size: tuple[int, int], update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(size, station=lived()) as stage:
+        async with staged(size, station=station_after_drive()) as stage:
             await stage.press(OTHERS[screen])
             await stage.redraw()
             check(stage, f"{screen}-{size[0]}x{size[1]}", update=update_screens)
@@ -90,9 +90,9 @@ def test_the_other_screens(screen: str, size: tuple[int, int], update_screens: b
     play(story)
 
 
-def test_a_loss(update_screens: bool) -> None:
+def test_loss(update_screens: bool) -> None:
     async def story() -> None:
-        station = lived()
+        station = station_after_drive()
         station.clock.advance(3 * S)
         since_ns = station.now_ns - 2_900 * MS
         station.scene_now = replace(station.scene_now, live=False)
@@ -103,9 +103,9 @@ def test_a_loss(update_screens: bool) -> None:
     play(story)
 
 
-def test_a_draft_of_a_mission(update_screens: bool) -> None:
+def test_mission_draft(update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(station=lived(), theme="mono") as stage:
+        async with staged(station=station_after_drive(), theme="mono") as stage:
             stage.commands.draft_items = (Target(2.0, 6.5), Target(7.5, 6.0, 0.0), Target(7.0, 1.5))
             await stage.redraw()
             check(stage, "draft", update=update_screens)
@@ -113,18 +113,18 @@ def test_a_draft_of_a_mission(update_screens: bool) -> None:
     play(story)
 
 
-def test_in_ascii(update_screens: bool) -> None:
+def test_ascii(update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(station=lived(), theme="ansi", ascii_only=True) as stage:
+        async with staged(station=station_after_drive(), theme="ansi", ascii_only=True) as stage:
             check(stage, "drive-ascii", update=update_screens)
 
     play(story)
 
 
 @pytest.mark.parametrize(("name", "keys"), [("help", "?"), ("choose", "v"), ("cursor", "G")])
-def test_what_opens_above_it(name: str, keys: str, update_screens: bool) -> None:
+def test_dialogs_and_cursor(name: str, keys: str, update_screens: bool) -> None:
     async def story() -> None:
-        async with staged(station=lived()) as stage:
+        async with staged(station=station_after_drive()) as stage:
             await stage.press(keys)
             check(stage, name, update=update_screens)
 
@@ -133,7 +133,7 @@ def test_what_opens_above_it(name: str, keys: str, update_screens: bool) -> None
 
 @pytest.mark.usefixtures("worlds")
 @pytest.mark.parametrize(("name", "key"), [("worlds", "6"), ("faults", "7")])
-def test_what_can_be_started(name: str, key: str, update_screens: bool) -> None:
+def test_worlds_and_faults(name: str, key: str, update_screens: bool) -> None:
     async def story(stage: Stage) -> None:
         await stage.press("down")
         check(stage, name, update=update_screens)
@@ -141,7 +141,7 @@ def test_what_can_be_started(name: str, key: str, update_screens: bool) -> None:
     play(lambda: on(key, FakeStack(), story))
 
 
-def test_a_recording(tmp_path: Path, update_screens: bool) -> None:
+def test_replay(tmp_path: Path, update_screens: bool) -> None:
     async def story() -> None:
         player = Player(recorded(tmp_path), ManualClock())
         player.seek(2.0)
@@ -155,7 +155,7 @@ def test_a_recording(tmp_path: Path, update_screens: bool) -> None:
     play(story)
 
 
-def test_a_screen_that_differs_is_left_beside_the_committed_one(tmp_path: Path) -> None:
+def test_differing_screen_is_saved_beside_the_committed_one(tmp_path: Path) -> None:
     assert compare("<svg terminal-12-x/>", "one", update=True, folder=tmp_path) == ""
     assert compare("<svg terminal-99-x/>", "one", update=False, folder=tmp_path) == ""
     wrong = compare("<svg other/>", "one", update=False, folder=tmp_path)

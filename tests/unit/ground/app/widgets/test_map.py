@@ -1,4 +1,4 @@
-"""The map on a screen that a test owns: what is painted again, and what the mouse says."""
+"""Test the map widget: what it repaints, and its messages of the mouse."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -18,8 +18,8 @@ STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white
 ROOM = Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 0.0), goal=Target(5.0, 3.0))
 
 
-class Watched(MapWidget):
-    """Counts what it was asked to paint again."""
+class CountingMap(MapWidget):
+    """Counts the regions that it was asked to paint again."""
 
     def __init__(self) -> None:
         super().__init__(STYLES)
@@ -42,7 +42,7 @@ class Watched(MapWidget):
 class MapApp(App[None]):
     def __init__(self) -> None:
         super().__init__()
-        self.map = Watched()
+        self.map = CountingMap()
         self.pointed: list[tuple[float, float]] = []
         self.zoomed: list[float] = []
 
@@ -59,7 +59,7 @@ class MapApp(App[None]):
 def on_screen(
     story: Callable[[MapApp, Pilot[None]], Awaitable[None]], size: tuple[int, int] = (50, 16)
 ) -> None:
-    async def told() -> None:
+    async def run() -> None:
         app = MapApp()
         async with app.run_test(size=size) as pilot:
             app.map.show(ROOM)
@@ -68,14 +68,14 @@ def on_screen(
             app.map.whole = 0
             await story(app, pilot)
 
-    asyncio.run(told())
+    asyncio.run(run())
 
 
 def screen(app: MapApp) -> list[str]:
     return [strip.text for strip in app.screen._compositor.render_strips()]
 
 
-def test_a_scene_that_looks_the_same_paints_nothing() -> None:
+def test_equal_picture_paints_nothing() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 1e-9), goal=Target(5.0, 3.0)))
         assert (app.map.regions, app.map.whole) == ([], 0)
@@ -83,7 +83,7 @@ def test_a_scene_that_looks_the_same_paints_nothing() -> None:
     on_screen(story)
 
 
-def test_only_rows_that_changed_are_painted_again() -> None:
+def test_only_changed_rows_are_painted_again() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.5, 2.0, 0.0), goal=Target(5.0, 3.0)))
         assert app.map.whole == 0
@@ -93,7 +93,7 @@ def test_only_rows_that_changed_are_painted_again() -> None:
     on_screen(story)
 
 
-def test_what_is_on_the_screen_is_what_was_drawn_anew() -> None:
+def test_partial_painting_equals_full_painting() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         for x_m in (2.5, 3.0, 3.5):
             app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(x_m, 2.0, 0.0)))
@@ -107,7 +107,7 @@ def test_what_is_on_the_screen_is_what_was_drawn_anew() -> None:
     on_screen(story)
 
 
-def test_colours_come_from_outside_and_go_dim_when_the_robot_is_not_heard() -> None:
+def test_map_is_dim_when_the_robot_is_not_live() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         def styles() -> list[Style]:
             rows = [app.map.render_line(row) for row in range(16)]
@@ -121,18 +121,18 @@ def test_colours_come_from_outside_and_go_dim_when_the_robot_is_not_heard() -> N
     on_screen(story)
 
 
-def test_a_click_says_where_in_metres_and_the_wheel_how_much() -> None:
+def test_click_and_wheel_send_messages() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         view = app.map.view
-        await pilot.click(Watched, offset=(10, 5))
-        await pilot._post_mouse_events([events.MouseScrollUp], Watched)
+        await pilot.click(CountingMap, offset=(10, 5))
+        await pilot._post_mouse_events([events.MouseScrollUp], CountingMap)
         assert app.pointed == [view.middle_of(10, 5)]
         assert app.zoomed == [1.25]
 
     on_screen(story)
 
 
-def test_zooming_ends_the_fit_and_fitting_ends_the_zoom() -> None:
+def test_zooming_and_fitting_replace_each_other() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         fitted = app.map.view
         app.map.zoom(2.0, (2.0, 2.0))
@@ -158,7 +158,7 @@ def test_following_keeps_the_robot_on_the_map() -> None:
     on_screen(story)
 
 
-def test_any_size_will_do() -> None:
+def test_map_takes_any_size() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         for size in ((1, 1), (20, 5), (300, 90), (3, 40), (50, 16)):
             await pilot.resize_terminal(*size)
@@ -178,7 +178,7 @@ def test_layers_are_switched_by_name() -> None:
     on_screen(story)
 
 
-def test_without_colour_and_without_braille_it_is_still_painted() -> None:
+def test_map_is_painted_without_colour_and_braille() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         app.map.colour({})
         app.map.ascii_only = True
@@ -198,7 +198,7 @@ def test_neighbouring_rows_are_one_region() -> None:
     ]
 
 
-def test_in_an_unknown_place_the_map_is_fitted_now_and_then_and_not_with_every_step() -> None:
+def test_unbounded_map_is_not_fitted_at_every_step() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         views = []
         for step in range(200):
@@ -220,7 +220,7 @@ def test_another_world_is_fitted_at_once() -> None:
     on_screen(story)
 
 
-def test_a_terminal_without_colour_is_painted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_map_is_painted_with_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
 
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
