@@ -57,7 +57,7 @@ def measure(options: argparse.Namespace) -> Report:
             arrivals = [
                 arrive(seed, noise, options.navigator, parameters) for seed in range(options.poses)
             ]
-            figures += figures_of(f"{label}{noise}", arrivals, judged=not label)
+            figures += figures_of(f"{label}{noise}", arrivals, with_limits=not label)
     notes = (
         f"{options.poses} starts and goals {MIN_DISTANCE_M:g} to {MAX_DISTANCE_M:g} m apart,"
         f" {options.navigator}",
@@ -125,7 +125,7 @@ def arrive(
     )
 
 
-def figures_of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator[Figure]:
+def figures_of(label: str, arrivals: list[Arrival], *, with_limits: bool) -> Iterator[Figure]:
     """Yield the figures; only the robot's own controller is compared with the thresholds."""
     turned = [one.turned_deg for one in arrivals]
     ratios = [one.ratio for one in arrivals]
@@ -134,7 +134,7 @@ def figures_of(label: str, arrivals: list[Arrival], *, judged: bool) -> Iterator
     mean_s = sum(one.time_s for one in arrivals) / len(arrivals)
 
     def figure(name: str, unit: str, value: float, most: float | None = None) -> Figure:
-        at_most = most if judged else None
+        at_most = most if with_limits else None
         return Figure(name=f"{label}: {name}", unit=unit, values=(value,), at_most=at_most)
 
     yield figure("not reached", "%", percent([not one.reached for one in arrivals]), 0.0)

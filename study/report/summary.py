@@ -59,30 +59,31 @@ def summaries(trials: Trials) -> list[Summary]:
 
 def summary(trials: Trials, label: str, noise: str) -> Summary:
     """Summarise the trials of one navigator at one noise level."""
-    open_, shut = trials.where(trials.possible), trials.where(~trials.possible)
-    there, seen = open_.where(open_.arrived), shut.where(shut.recognised)
+    reachable, unreachable = trials.where(trials.possible), trials.where(~trials.possible)
+    arrivals = reachable.where(reachable.arrived)
+    recognised = unreachable.where(unreachable.recognised)
     touched = trials.numbers("contacts") > 0.0
-    known = there.where(np.isfinite(there.numbers("mahalanobis2")))
-    error_m, turned = there.numbers("position_error_m"), there.numbers("heading_error_rad")
-    clearance_m, changes = there.numbers("min_clearance_m"), trials.numbers("side_changes")
+    known = arrivals.where(np.isfinite(arrivals.numbers("mahalanobis2")))
+    error_m, turned = arrivals.numbers("position_error_m"), arrivals.numbers("heading_error_rad")
+    clearance_m, changes = arrivals.numbers("min_clearance_m"), trials.numbers("side_changes")
     return Summary(
         label=label,
         noise=noise,
         worlds=len(set(trials.texts("world_digest").tolist())),
-        success=Share(len(there), len(open_)),
+        success=Share(len(arrivals), len(reachable)),
         touched=Share(trials.count(touched), len(trials)),
         contacts=_total(trials.numbers("contacts")),
         own_contacts=_total(trials.numbers("own_contacts")),
         error_m=(quantile(error_m, 0.5), quantile(error_m, 0.95), quantile(error_m, 1.0)),
         heading_deg=(quantile(np.degrees(turned), 0.5), quantile(np.degrees(turned), 0.95)),
         inside=Share(known.count(known.inside), len(known)),
-        ratio=(quantile(there.ratio, 0.5), quantile(there.ratio, 0.9)),
-        time_s=quantile(there.numbers("time_s"), 0.5),
+        ratio=(quantile(arrivals.ratio, 0.5), quantile(arrivals.ratio, 0.9)),
+        time_s=quantile(arrivals.numbers("time_s"), 0.5),
         clearance_m=(quantile(clearance_m, 0.0), quantile(clearance_m, 0.5)),
         side_changes=(quantile(changes, 0.5), quantile(changes, 1.0)),
-        recognised=Share(len(seen), len(shut)),
-        recognised_s=quantile(seen.numbers("time_s"), 0.5),
-        wronged=Share(open_.count(open_.gave_up), len(open_)),
+        recognised=Share(len(recognised), len(unreachable)),
+        recognised_s=quantile(recognised.numbers("time_s"), 0.5),
+        wronged=Share(reachable.count(reachable.gave_up), len(reachable)),
     )
 
 
@@ -92,14 +93,14 @@ def _total(values: Floats) -> int:
 
 def cells(found: Summary) -> tuple[str, ...]:
     """Return the cells of a summary, in the order of HEAD."""
-    shut, wronged = found.recognised, found.wronged
+    unreachable, wronged = found.recognised, found.wronged
     return (
-        *(found.label, found.noise, count(found.worlds), count(found.success.of + shut.of)),
+        *(found.label, found.noise, count(found.worlds), count(found.success.of + unreachable.of)),
         *(share(found.success), percent(found.touched.rate, 2)),
         f"{number(found.error_m[0], 3)} / {number(found.error_m[1], 3)}",
         percent(found.inside.rate),
         f"{number(found.ratio[0])} ({number(found.ratio[1])})",
-        f"{percent(shut.rate)} of {shut.of}" if shut.of else DASH,
+        f"{percent(unreachable.rate)} of {unreachable.of}" if unreachable.of else DASH,
         percent(wronged.rate, 2),
     )
 

@@ -44,17 +44,17 @@ class StudyContext:
     worlds: Sequence[World]
 
 
-def trial_of(asked: TrialTask | TrialRow, world: World) -> Trial:
+def trial_of(source: TrialTask | TrialRow, world: World) -> Trial:
     """Return the trial of a task, or that of a row to repeat it."""
     return Trial(
         world=world,
-        navigator=asked.navigator,
-        side=asked.side,
-        seed=asked.seed,
-        noise=asked.noise,
-        timeout_s=asked.timeout_s,
-        parameters=json.loads(asked.parameters),
-        calibrated=asked.calibrated,
+        navigator=source.navigator,
+        side=source.side,
+        seed=source.seed,
+        noise=source.noise,
+        timeout_s=source.timeout_s,
+        parameters=json.loads(source.parameters),
+        calibrated=source.calibrated,
     )
 
 

@@ -44,22 +44,22 @@ class WorldSelection(NamedTuple):
     corpus_seed: int
 
 
-def listed(wanted: WorldSelection) -> list[ListedWorld]:
+def listed(selection: WorldSelection) -> list[ListedWorld]:
     """Return each selected world once.
 
     Raises UserError for an unknown name, WorldError with all problems of all bad files.
     """
     found: list[ListedWorld] = []
     problems: list[Problem] = []
-    for place in wanted.places:
-        for source, file in _sources(place, wanted):
+    for place in selection.places:
+        for source, file in _sources(place, selection):
             try:
                 found.append(_known(source, file))
             except WorldError as error:
                 problems += error.problems
     if problems:
         raise _all_problems(problems)
-    return _distinct(_of_families(found, wanted.families))
+    return _distinct(_of_families(found, selection.families))
 
 
 def world_of(source: str, directory: Path) -> World:
@@ -98,14 +98,14 @@ def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
                 opened.write(one.text.encode())
 
 
-def _sources(place: str, wanted: WorldSelection) -> Iterator[tuple[str, Path | None]]:
+def _sources(place: str, selection: WorldSelection) -> Iterator[tuple[str, Path | None]]:
     """Yield the sources that one word of --worlds selects, with the path of given files."""
     path = Path(place)
     if place == CORPUS:
-        for family in wanted.families or FAMILIES:
+        for family in selection.families or FAMILIES:
             _check(family, FAMILIES)
-            for index in range(wanted.per_family):
-                yield f"corpus:{family}:{wanted.corpus_seed}:{index}", None
+            for index in range(selection.per_family):
+                yield f"corpus:{family}:{selection.corpus_seed}:{index}", None
     elif place == FIXED:
         yield from ((f"fixed:{file.stem}", None) for file in sorted(FIXED_DIR.glob("*.toml")))
     elif place == SHIPPED:

@@ -146,8 +146,8 @@ class RecordedDrive:
 
     def senses(self, inputs: TickInputs) -> tuple[WheelTicks | None, SonarScan | None]:
         """Return the samples used in a tick; None for a stale or missing sample."""
-        there = inputs.flags & INPUT_WHEELS
-        wheels = self._wheels.get(inputs.wheels_seq) if there else None
+        is_used = inputs.flags & INPUT_WHEELS
+        wheels = self._wheels.get(inputs.wheels_seq) if is_used else None
         scan = self._scans.get(inputs.scan_seq) if inputs.flags & INPUT_SCAN else None
         return wheels, scan
 

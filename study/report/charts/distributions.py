@@ -87,9 +87,9 @@ def ratio_figure(trials: Trials) -> PageFigure:
 
 
 def _panels(trials: Trials, values: Callable[[Trials], Floats]) -> dict[str, dict[str, Floats]]:
-    there = trials.where(trials.arrived & trials.possible)
+    arrivals = trials.where(trials.arrived & trials.possible)
     return {
-        noise: {label: values(there.of(noise=noise, label=label)) for label in trials.labels()}
+        noise: {label: values(arrivals.of(noise=noise, label=label)) for label in trials.labels()}
         for noise in trials.values("noise")
     }
 
@@ -100,9 +100,9 @@ def error_table(trials: Trials) -> PageTable:
     for label in trials.labels():
         for noise in trials.values("noise"):
             some = trials.of(label=label, noise=noise)
-            there = some.where(some.arrived & some.possible)
-            if len(there):
-                rows.append((label, noise, str(len(there)), *_errors(there)))
+            arrivals = some.where(some.arrived & some.possible)
+            if len(arrivals):
+                rows.append((label, noise, str(len(arrivals)), *_errors(arrivals)))
     head = (
         *("navigator", "noise", "arrivals", "position error m: 50 %", "90 %", "99 %", "100 %"),
         *("heading error deg: 50 %", "95 %"),
@@ -115,12 +115,12 @@ def error_table(trials: Trials) -> PageTable:
     return PageTable(caption, head, tuple(rows), names=2)
 
 
-def _errors(there: Trials) -> tuple[str, ...]:
-    error_m = there.numbers("position_error_m")
-    heading_deg = np.degrees(there.numbers("heading_error_rad"))
-    squared = there.numbers("mahalanobis2")
+def _errors(arrivals: Trials) -> tuple[str, ...]:
+    error_m = arrivals.numbers("position_error_m")
+    heading_deg = np.degrees(arrivals.numbers("heading_error_rad"))
+    squared = arrivals.numbers("mahalanobis2")
     squared = squared[np.isfinite(squared)]
-    known = there.where(np.isfinite(there.numbers("mahalanobis2")))
+    known = arrivals.where(np.isfinite(arrivals.numbers("mahalanobis2")))
     return (
         *(number(quantile(error_m, at), 3) for at in (0.5, 0.9, 0.99, 1.0)),
         *(number(quantile(heading_deg, at), 1) for at in (0.5, 0.95)),

@@ -43,7 +43,7 @@ class WorldMap:
         self.drawing.polyline(map(self.at, simplified(drive.true)), kind)
         if belief:
             self.drawing.polyline(map(self.at, simplified(drive.believed)), "believed")
-            self._doubt(drive)
+            self._ellipse(drive)
         if not faint:
             self._end(drive, colour(label))
 
@@ -106,7 +106,7 @@ class WorldMap:
         ends = (at[0] + near * dx, at[1] + near * dy), (at[0] + far * dx, at[1] + far * dy)
         self.drawing.line(*ends, "goal")
 
-    def _doubt(self, drive: DrivenTrial) -> None:
+    def _ellipse(self, drive: DrivenTrial) -> None:
         """Draw the confidence ellipse around the last estimated position."""
         long_m, short_m, turn_rad = ellipse(drive.covariance)
         x_m, y_m, _ = drive.believed[-1]
@@ -150,9 +150,9 @@ def simplified(poses: Sequence[Pose]) -> list[Point]:
     points = np.array(poses, dtype=np.float64)[:, :2]
     kept = np.zeros(len(points), dtype=np.bool_)
     kept[[0, -1]] = True
-    open_ = [(0, len(points) - 1)]
-    while open_:
-        first, last = open_.pop()
+    pending = [(0, len(points) - 1)]
+    while pending:
+        first, last = pending.pop()
         if last - first < 2:
             continue
         away_m = _away_m(points[first + 1 : last], points[first], points[last])
@@ -160,7 +160,7 @@ def simplified(poses: Sequence[Pose]) -> list[Point]:
         if away_m[worst] > STRAIGHT_M:
             middle = first + 1 + worst
             kept[middle] = True
-            open_ += [(first, middle), (middle, last)]
+            pending += [(first, middle), (middle, last)]
     return [(x_m, y_m) for x_m, y_m in points[kept].tolist()]
 
 

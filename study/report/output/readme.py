@@ -54,13 +54,13 @@ def lines_of(rows: Rows) -> str:
 
 def block(summary: Mapping[str, Any]) -> str:
     """Return the text between the markers."""
-    says = (
+    note = (
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
         f"families; in brackets {CONFIDENT} intervals.\nSuccess: reached the goal by its own "
         "estimate and touched nothing, in worlds with a path.\nRecognised: reported `unreachable` "
         "in worlds without one."
     )
-    return f"{lines_of(summary['rows'])}\n\n{says}"
+    return f"{lines_of(summary['rows'])}\n\n{note}"
 
 
 def with_block(readme: str, text: str, file: str = "README.md") -> str:

@@ -260,11 +260,11 @@ def _shown(pool: Evidence, kind: ClaimMeasure, good: bool) -> list[str]:
 
 def _dominant(trials: Trials) -> Claim:
     """Compare vgm with both sides of bug on the same worlds, noise and seeds."""
-    open_ = trials.where(trials.possible)
-    vgm = "vgm", runs_by_pair(open_.of(navigator="vgm"))
+    reachable = trials.where(trials.possible)
+    vgm = "vgm", runs_by_pair(reachable.of(navigator="vgm"))
     texts, verdicts = [], []
     for side in ("left", "right"):
-        bug = f"bug, {side}", runs_by_pair(open_.of(navigator="bug", side=side))
+        bug = f"bug, {side}", runs_by_pair(reachable.of(navigator="bug", side=side))
         found = comparison("", vgm, bug)
         lead = found.worlds_first - found.worlds_second
         sure = found.p_worlds < LEVEL

@@ -130,14 +130,14 @@ def _runs_table(runs: PaperRuns) -> PageTable:
 
 
 def _measures(drives: list[DrivenTrial]) -> tuple[str, ...]:
-    there = [drive for drive in drives if drive.outcome.reached]
+    arrivals = [drive for drive in drives if drive.outcome.reached]
     ratios = [
         drive.outcome.path_m / drive.outcome.shortest_path_m
-        for drive in there
+        for drive in arrivals
         if drive.outcome.shortest_path_m
     ]
-    left = [value for drive in there if (value := remaining_deviation(drive)) is not None]
-    turns = [value for drive in there if (value := remaining_turn_deg(drive)) is not None]
+    left = [value for drive in arrivals if (value := remaining_deviation(drive)) is not None]
+    turns = [value for drive in arrivals if (value := remaining_turn_deg(drive)) is not None]
     return (
         share(Share(sum(map(arrived_untouched, drives)), len(drives)), 0),
         number(quantile(ratios, 0.5)),

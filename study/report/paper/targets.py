@@ -100,20 +100,20 @@ def _corpus(own: Trials) -> Iterator[StudyTarget]:
 
 
 def _arrivals(trials: Trials, noise: str) -> StudyTarget:
-    open_ = trials.where(trials.possible)
-    found = Share(open_.count(open_.arrived), len(open_))
+    reachable = trials.where(trials.possible)
+    found = Share(reachable.count(reachable.arrived), len(reachable))
     return at_least("arrives by its own estimate, touches nothing", noise, found, ARRIVALS[noise])
 
 
 def _error(trials: Trials, noise: str, most_m: float, rate: float) -> StudyTarget:
-    there = trials.where(trials.arrived & trials.possible)
-    found = Share(there.count(there.numbers("position_error_m") <= most_m), len(there))
+    arrivals = trials.where(trials.arrived & trials.possible)
+    found = Share(arrivals.count(arrivals.numbers("position_error_m") <= most_m), len(arrivals))
     return at_least(f"of these, true position error ≤ {most_m:.2f} m", noise, found, rate)
 
 
 def _ellipse(trials: Trials, noise: str) -> StudyTarget:
-    there = trials.where(trials.arrived & trials.possible)
-    found = Share(there.count(there.inside), len(there))
+    arrivals = trials.where(trials.arrived & trials.possible)
+    found = Share(arrivals.count(arrivals.inside), len(arrivals))
     low, high = ELLIPSE
     wanted = f"{percent(low, 0)} to {percent(high, 0)} %"
     what = f"of these, true position inside its own {CONFIDENT} ellipse"
@@ -171,12 +171,14 @@ def _at_most(what: str, noise: str, values: Floats, at: float, most: float) -> S
 
 
 def _unreachable(trials: Trials, noise: str) -> Iterator[StudyTarget]:
-    open_, shut = trials.where(trials.possible), trials.where(~trials.possible)
-    seen = shut.where(shut.recognised)
-    yield at_least("unreachable goals recognised", noise, Share(len(seen), len(shut)), 1.0)
-    time_s = seen.numbers("time_s")
+    reachable, unreachable = trials.where(trials.possible), trials.where(~trials.possible)
+    recognised = unreachable.where(unreachable.recognised)
+    yield at_least(
+        "unreachable goals recognised", noise, Share(len(recognised), len(unreachable)), 1.0
+    )
+    time_s = recognised.numbers("time_s")
     yield _at_most("time to recognise it, median, s", noise, time_s, 0.5, UNREACHABLE_S)
-    wronged = Share(open_.count(open_.gave_up), len(open_))
+    wronged = Share(reachable.count(reachable.gave_up), len(reachable))
     what = "reachable goals called unreachable"
     yield _of_share(what, noise, "0", wronged, wronged.count == 0)
 
@@ -189,8 +191,8 @@ def _changes(trials: Trials, noise: str) -> Iterator[StudyTarget]:
 
 def _grids(grids: Trials) -> Iterator[StudyTarget]:
     trials = grids.of(noise="none")
-    open_ = trials.where(trials.possible)
-    found = Share(open_.count(open_.arrived), len(open_))
+    reachable = trials.where(trials.possible)
+    found = Share(reachable.count(reachable.arrived), len(reachable))
     yield at_least("arrives in grid mazes, rooms and random maps", "none", found, GRID_RATE)
 
 
