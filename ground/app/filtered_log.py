@@ -8,20 +8,20 @@ from typing import NamedTuple
 
 from ground.app.panels.log import log_rows, pieces_of
 from ground.app.widgets.rows import Row
-from ground.station.history.event_log import Line, Log
+from ground.station.history.event_log import EventLog, LogLine
 
 
 class LogRow(NamedTuple):
     """One row of a wrapped line: the piece of this number."""
 
-    line: Line
+    line: LogLine
     number: int
 
 
 class LogFilter(NamedTuple):
     """The log, the least severity and the width that rows were computed for."""
 
-    log: Log
+    log: EventLog
     worst: int
     width: int
 
@@ -30,12 +30,12 @@ class FilteredLog:
     """Filters a log: `lines` in order, and their `parts`, one for each row on the screen."""
 
     def __init__(self) -> None:
-        self.lines: list[Line] = []
+        self.lines: list[LogLine] = []
         self.parts: list[LogRow] = []
         self._asked: LogFilter | None = None
         self._total = 0
 
-    def update(self, log: Log, worst: int, width: int) -> None:
+    def update(self, log: EventLog, worst: int, width: int) -> None:
         """Filter by severity (a lower number is worse), and wrap to a width in columns."""
         asked = LogFilter(log, worst, width)
         if asked != self._asked:
@@ -46,7 +46,7 @@ class FilteredLog:
             fresh, self._total = log.since(self._total), log.total
             self._add(fresh, asked)
 
-    def _add(self, lines: Iterable[Line], asked: LogFilter) -> None:
+    def _add(self, lines: Iterable[LogLine], asked: LogFilter) -> None:
         new = [line for line in lines if line.severity <= asked.worst]
         self.lines += new
         self.parts += [part for line in new for part in self._parts(line, asked.width)]
@@ -54,15 +54,15 @@ class FilteredLog:
         gone = sum(len(self._parts(line, asked.width)) for line in self.lines[:surplus])
         del self.lines[:surplus], self.parts[:gone]
 
-    def _parts(self, line: Line, width: int) -> list[LogRow]:
+    def _parts(self, line: LogLine, width: int) -> list[LogRow]:
         return [LogRow(line, number) for number in range(len(pieces_of(line, width)))]
 
-    def paint(self, part: LogRow, at: Line | None) -> Row:
+    def paint(self, part: LogRow, at: LogLine | None) -> Row:
         """Return a row as text; the rows of the line `at` are marked as found."""
         width = 0 if self._asked is None else self._asked.width
         return log_rows(part.line, width, found=part.line is at)[part.number]
 
-    def find(self, words: str, at: Line | None, step: int) -> Line | None:
+    def find(self, words: str, at: LogLine | None, step: int) -> LogLine | None:
         """Return the next line with these words after `at`, or the one before it.
 
         The search wraps around the end. Return None when no line has these words.
@@ -83,6 +83,6 @@ class FilteredLog:
         number = (later or found)[0] if step > 0 else (before or found)[-1]
         return self.lines[number]
 
-    def row_of(self, line: Line) -> int:
+    def row_of(self, line: LogLine) -> int:
         """Return the index of the first row of a line."""
         return next((at for at, part in enumerate(self.parts) if part.line is line), 0)

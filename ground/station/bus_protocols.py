@@ -1,4 +1,4 @@
-"""What a station needs of a bus: to look it must hear, to command it must also speak."""
+"""Describe what a station needs of a bus: receiving to show a robot, publishing to command it."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -15,18 +15,26 @@ M = TypeVar("M", bound=Message)
 
 
 class Token(Protocol):
-    """Somebody's liveliness token."""
+    """A liveliness token of a process."""
 
     @property
-    def robot(self) -> str: ...
+    def robot(self) -> str:
+        """Name of the robot it belongs to."""
+        ...
+
     @property
-    def role(self) -> str: ...
+    def role(self) -> str:
+        """Role of the process."""
+        ...
+
     @property
-    def zid(self) -> str: ...
+    def zid(self) -> str:
+        """Zenoh identity of the process."""
+        ...
 
 
 class ReadableBus(ServiceCaller, Protocol):
-    """A bus that can be listened to: a live one, or one that plays a log."""
+    """A bus that receives: a live one, or a recording that is played."""
 
     def mailbox(
         self,
@@ -35,20 +43,43 @@ class ReadableBus(ServiceCaller, Protocol):
         notify: Callable[[int], None] | None = None,
         *,
         take: FrameHandler | None = None,
-    ) -> Mailbox[M]: ...
-    def present(self) -> Iterable[Token]: ...
+    ) -> Mailbox[M]:
+        """Return a mailbox that receives a topic."""
+        ...
+
+    def present(self) -> Iterable[Token]:
+        """Return the tokens of all present processes."""
+        ...
 
 
 @runtime_checkable
 class LiveBus(ReadableBus, Protocol):
-    """A live bus: who has it can be an operator."""
+    """A live bus, with which an operator can command."""
 
     @property
-    def zid(self) -> str: ...
+    def zid(self) -> str:
+        """Zenoh identity of the process."""
+        ...
+
     @property
-    def operator(self) -> str | None: ...
-    def publisher(self, topic: Topic[M], robot: str | None = None) -> MessagePublisher[M]: ...
-    def announce(self, robot: str | None = None) -> None: ...
-    def watch(self, handler: Callable[[Any, bool], None]) -> None: ...
-    def hub(self) -> Hub: ...
-    def kept_out(self) -> str: ...
+    def operator(self) -> str | None:
+        """Identity of the operator, if any."""
+        ...
+
+    def publisher(self, topic: Topic[M], robot: str | None = None) -> MessagePublisher[M]:
+        """Return a publisher for a topic."""
+        ...
+
+    def announce(self, robot: str | None = None) -> None:
+        """Publish a liveliness token of this process."""
+
+    def watch(self, handler: Callable[[Any, bool], None]) -> None:
+        """Call the handler for tokens that appear and disappear."""
+
+    def hub(self) -> Hub:
+        """Check the state of the hub; may block for a while."""
+        ...
+
+    def kept_out(self) -> str:
+        """Return why the peer rejects this client, or an empty text."""
+        ...

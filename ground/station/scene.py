@@ -1,4 +1,4 @@
-"""What the station knows of one robot and its surroundings, as the map shows it."""
+"""Compose the map of one robot and its surroundings."""
 
 from collections.abc import Iterable
 from math import isfinite, sqrt
@@ -17,21 +17,24 @@ from protocol.wire.messages import AvoidanceDecision, NavigatorStatus, PlanarOdo
 from runtime.units import NS_PER_S
 
 STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5
-"""A robot that lost its operator has stopped by then: it brakes within half a second."""
+"""Time after which a robot without operator has stopped; braking takes up to half a second."""
 FARTHEST_S: Final = 30.0
 
 
 def scene_of(
-    watched: RobotModel,
+    model: RobotModel,
     world: WorldFacts | None,
     now_ns: int,
     *,
     lost: bool,
     others: Iterable[RobotModel] = (),
 ) -> Scene:
-    """What is stale is left out, save the pose: the map marks that it is not live, and `covariance`
-    grows with what it may have done since."""
-    telemetry, figures = watched.telemetry, watched.figures
+    """Return the scene; stale data are left out, except the pose.
+
+    The map marks a pose that is not live, and `covariance` grows with what the robot may have
+    driven.
+    """
+    telemetry, figures = model.telemetry, model.figures
     odometry = telemetry.latest(ODOMETRY)
     status = telemetry.live(STATUS, now_ns)
     decision = telemetry.live(DECISION, now_ns)
@@ -42,28 +45,28 @@ def scene_of(
     return Scene(
         size_m=None if world is None else world.size_m,
         obstacles=() if world is None else world.obstacles,
-        movers=() if world is None else tuple(m.at(_time_s(watched)) for m in world.movers),
+        movers=() if world is None else tuple(m.at(_time_s(model)) for m in world.movers),
         truth=True,
         seen=figures.echoes.points(),
         trail=figures.trail.points(),
         robot=None if pose is None else robot_of(pose, figures.radius_m),
         live=live,
-        covariance=None if odometry is None else grown(odometry, now_ns, status_of(watched)),
+        covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
         ranges_m=() if scan is None else tuple(ranges_m(scan)),
         zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,
         goal=None if status is None else goal_of(status),
         virtual_goal=None if decision is None else virtual_of(decision),
         hits=tuple(figures.marks.hit),
         leaves=tuple(figures.marks.leave),
-        fence=watched.charts.fence,
-        mission=watched.charts.mission,
+        fence=model.mission_items.fence,
+        mission=model.mission_items.mission,
         current=running.current if running is not None and running.count else None,
         others=tuple(found for other in others if (found := other_of(other, now_ns)) is not None),
     )
 
 
 def preview_of(world: WorldFacts) -> Scene:
-    """A world in which nobody drives yet: its robot at the start."""
+    """Return the scene of a world without a run: its robot at the start."""
     x_m, y_m, heading_rad = world.start
     return Scene(
         size_m=world.size_m,
@@ -74,12 +77,12 @@ def preview_of(world: WorldFacts) -> Scene:
     )
 
 
-def grown(
+def enlarged(
     odometry: tuple[PlanarOdometry, int], now_ns: int, status: NavigatorStatus | None
 ) -> tuple[float, float, float]:
-    """The ellipse of when it was last heard, as drawn wider by how far it may have gone since.
+    """Return the covariance, enlarged by the distance that a silent robot may have driven.
 
-    A robot that needs its operator stops by itself soon after it loses him.
+    A robot that needs its operator stops soon after the operator's heartbeat ends.
     """
     pose, arrived_ns = odometry
     age_ns = now_ns - arrived_ns
@@ -91,23 +94,25 @@ def grown(
     return pose.cov_xx_m2 + gone_m**2, pose.cov_xy_m2, pose.cov_yy_m2 + gone_m**2
 
 
-def status_of(watched: RobotModel) -> NavigatorStatus | None:
-    """The last one heard, however old."""
-    newest = watched.telemetry.latest(STATUS)
+def status_of(model: RobotModel) -> NavigatorStatus | None:
+    """Return the last status, however old."""
+    newest = model.telemetry.latest(STATUS)
     return None if newest is None else newest[0]
 
 
 def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> Robot:
+    """Return a pose as a robot on the map."""
     return Robot(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
 
 
-def other_of(watched: RobotModel, now_ns: int) -> Robot | None:
-    pose = watched.telemetry.live(ODOMETRY, now_ns)
-    return None if pose is None else robot_of(pose, watched.figures.radius_m, watched.robot)
+def other_of(model: RobotModel, now_ns: int) -> Robot | None:
+    """Return another robot on the map; None without a live pose."""
+    pose = model.telemetry.live(ODOMETRY, now_ns)
+    return None if pose is None else robot_of(pose, model.figures.radius_m, model.robot)
 
 
 def goal_of(status: NavigatorStatus) -> Target | None:
-    """The goal under way or last come to; None when there is none."""
+    """Return the present or last goal; None without one."""
     if not status.goal_id or not (isfinite(status.goal_x_m) and isfinite(status.goal_y_m)):
         return None
     heading_rad = status.goal_heading_rad
@@ -115,15 +120,16 @@ def goal_of(status: NavigatorStatus) -> Target | None:
 
 
 def virtual_of(decision: AvoidanceDecision) -> tuple[float, float] | None:
+    """Return the virtual goal, or None without one."""
     point = decision.virtual_x_m, decision.virtual_y_m
     return point if all(map(isfinite, point)) else None
 
 
-def _time_s(watched: RobotModel) -> float:
-    """The simulation's time, as far as it was heard."""
+def _time_s(model: RobotModel) -> float:
+    """Return the newest time of the simulation that was received, in s."""
     stamps_ns = [
         newest[0].time_ns
-        for newest in (watched.telemetry.latest(TRUTH), watched.telemetry.latest(SONAR))
+        for newest in (model.telemetry.latest(TRUTH), model.telemetry.latest(SONAR))
         if newest is not None
     ]
     return max(stamps_ns, default=0) / NS_PER_S

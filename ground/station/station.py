@@ -1,4 +1,4 @@
-"""The ground station without its screen: it is polled, and then everything can be looked at."""
+"""Run a ground station without a screen: poll it, then read its state."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -8,13 +8,13 @@ from typing import Final
 from ground.client.parameter import parameters_in
 from ground.client.presence import present_processes
 from ground.station.bus_protocols import LiveBus, ReadableBus
-from ground.station.history.event_log import Line, Log
+from ground.station.history.event_log import EventLog, LogLine
 from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
 from ground.station.robot.command_queue import CommandQueue
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.view import StationView
-from ground.station.world import WorldFacts, world_in
+from ground.station.world import WorldFacts, parse_world
 from protocol.topics import PARAMETERS, WORLD, robot_name
 from protocol.wire.enums import LeaseAction, Severity
 from runtime.cli.terminal import printable
@@ -23,16 +23,15 @@ from runtime.errors import RemoteError
 from runtime.units import NS_PER_S
 
 CLOSING_S: Final = 2.0
-REPLAYED: Final = "this is a replay: nothing can be commanded"
+REPLAYED: Final = "a replay accepts no commands"
 
 
 class Station(StationView):
-    """All that one operator sees of one or several robots, and the way to command them.
+    """Everything an operator sees of one or several robots, with the operations to command them.
 
-    Nothing here waits: questions go out in threads of their own, and what comes of them is in the
-    log after a later `poll`. Every method is called from one thread, that of who shows it.
-    A bus that only hears (a played log) makes a station that only looks; its time goes on, and who
-    turns the log back makes another one.
+    No method waits: requests run in threads, and their results are in the log after a later `poll`.
+    All methods are called from one thread. With a bus that only receives (a played recording) the
+    station only shows; after a jump back in the recording, create a new station.
     """
 
     def __init__(
@@ -43,156 +42,152 @@ class Station(StationView):
         world: WorldFacts | None = None,
         *,
         name: str = "operator",
-        lanes: Callable[[str], RequestWorker] = RequestThread,
+        workers: Callable[[str], RequestWorker] = RequestThread,
     ) -> None:
-        """`name` is what others are shown while this station holds a lease."""
+        """Create a station; `name` is shown to others while it holds a lease."""
         super().__init__(robot, clock.now_ns(), world)
-        self.log = Log()
+        self.log = EventLog()
         self._bus = bus
-        self._speaks = bus if isinstance(bus, LiveBus) else None
+        self._live_bus = bus if isinstance(bus, LiveBus) else None
         self._clock = clock
-        self._lanes = lanes
-        self._lane = lanes("requests")
-        self._commanding = CommandQueue(bus, clock, self._lane, self.note, name)
-        if self._speaks is not None:
-            self._speaks.watch(lambda _who, _came: None)
+        self._workers = workers
+        self._worker = workers("requests")
+        self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
+        if self._live_bus is not None:
+            self._live_bus.watch(lambda _who, _came: None)
         self.select(robot)
 
-    # The round.
-
     def poll(self) -> None:
-        """Look at everything once, and beat while the lease is ours; at most 20 times a second.
+        """Process everything once, and send heartbeats while the lease is held.
 
-        The operator's heart beats here and nowhere else: an app that hangs is no operator.
+        Call it at most 20 times a second. Heartbeats are sent here only: an app that hangs stops
+        being the operator.
         """
         self._now_ns = now_ns = self._clock.now_ns()
         present = tuple(self._bus.present())
-        self._crew = present_processes(present)
-        for robot, watched in self._watched.items():
-            again = watched.poll(now_ns, present)
-            if robot in self._operated:
-                self._operated[robot].poll(now_ns, again)
+        self._present = present_processes(present)
+        for robot, model in self._models.items():
+            restarted_roles = model.poll(now_ns, present)
+            if robot in self._sessions:
+                self._sessions[robot].poll(now_ns, restarted_roles)
         self._commanding.poll(now_ns)
-        for operated in self._operated.values():
-            operated.beat(now_ns)
+        for session in self._sessions.values():
+            session.beat(now_ns)
 
     def close(self) -> None:
         """Release the lease and end the threads, within 2 s; call it in a thread."""
         deadline_s = monotonic() + CLOSING_S
-        self._lane.close(deadline_s - CLOSING_S / 2)
-        for robot, operated in self._operated.items():
-            if operated.tenure.ours:
-                self._commanding.last_release(robot, operated.tenure)
-            operated.close(deadline_s)
-
-    # Which robot.
+        self._worker.close(deadline_s - CLOSING_S / 2)
+        for robot, session in self._sessions.items():
+            if session.holding.ours:
+                self._commanding.last_release(robot, session.holding)
+            session.close(deadline_s)
 
     @property
     def robot(self) -> str:
-        """The robot that is shown and commanded."""
+        """Name of the robot that is shown and commanded."""
         return self._robot
 
     def robots(self) -> list[str]:
-        """All that are there or were chosen, by name."""
-        return sorted({*self._watched, *self._crew.robots()})
+        """Return the names of all robots that are present or were selected."""
+        return sorted({*self._models, *self._present.robots()})
 
     def select(self, robot: str) -> None:
-        """Show and command another; UserError when it cannot be a name.
+        """Show and command another robot; UserError for a malformed name.
 
-        A lease that is held is kept, and its heart beaten, until it is released.
+        A lease that is held is kept, with its heartbeat, until it is released.
         """
         self._robot = robot_name(robot)
-        if robot in self._watched:
+        if robot in self._models:
             return
-        own = "" if self._speaks is None else self._speaks.zid
-        watched = RobotModel(self._bus, robot, self._clock.now_ns(), self._tell, own)
-        self._watched[robot] = watched
-        if self._speaks is None:
-            self._read_recorded(watched)
+        own = "" if self._live_bus is None else self._live_bus.zid
+        model = RobotModel(self._bus, robot, self._clock.now_ns(), self._add_line, own)
+        self._models[robot] = model
+        if self._live_bus is None:
+            self._read_recorded(model)
         else:
-            self._operated[robot] = RobotSession(
-                self._speaks, watched, self._clock, self._lanes, self._tell
+            self._sessions[robot] = RobotSession(
+                self._live_bus, model, self._clock, self._workers, self._add_line
             )
 
-    def _read_recorded(self, watched: RobotModel) -> None:
-        """A recording is asked at once: it answers from memory, or has nothing to say."""
+    def _read_recorded(self, model: RobotModel) -> None:
+        """Read parameters and world of a recording at once: it answers from memory."""
         for service in (PARAMETERS, WORLD):
             with suppress(RemoteError):
-                answer = self._bus.ask(service, robot=watched.robot)
+                answer = self._bus.ask(service, robot=model.robot)
                 if not isinstance(answer, bytes):
                     continue
                 if service is PARAMETERS:
-                    watched.parameters.read(tuple(parameters_in(answer)))
+                    model.parameters.read(tuple(parameters_in(answer)))
                 elif self._given_world is None:
-                    self._given_world = world_in(answer)
-
-    # What can be done.
+                    self._given_world = parse_world(answer)
 
     def note(self, text: str, severity: int = Severity.INFO) -> None:
-        """A line of the ground's own in the log."""
-        self._tell("ground", text, severity)
+        """Add a line of the ground station to the log."""
+        self._add_line("ground", text, severity)
 
-    def _tell(self, source: str, text: str, severity: int) -> None:
+    def _add_line(self, source: str, text: str, severity: int) -> None:
         time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S
-        self.log.add(Line(time_s, severity, source, printable(text)))
+        self.log.add(LogLine(time_s, severity, source, printable(text)))
 
     def refusal(self, *, moves: bool = True) -> str:
-        """Why a request may not be made now; empty when it may. `moves`: it can move something."""
-        if self._own is None:
+        """Return why a request is rejected now; `moves`: it moves the robot. Empty if allowed."""
+        if self._session is None:
             return REPLAYED
-        return self._own.refusal() if moves else ""
+        return self._session.refusal() if moves else ""
 
     def submit(self, words: str, job: Job, *, moves: bool = True) -> bool:
-        """Have a request done off this thread; False, with the reason in the log, when it may not.
+        """Run a request in a thread; return False with the reason in the log if it is rejected.
 
-        Only one is under way at a time. One that `moves` takes the lease first. What comes of it is
-        a line in the log.
+        One request is pending at a time. A request that `moves` the robot takes the lease first.
+        The result is a line in the log.
         """
         why = self.refusal(moves=moves)
-        if why or self._own is None:
+        if why or self._session is None:
             self.note(f"refused: {words}: {why}", Severity.WARNING)
             return False
-        return self._commanding.submit(words, self._robot, self._own.tenure, job, moves=moves)
+        return self._commanding.submit(words, self._robot, self._session.holding, job, moves=moves)
 
     @property
     def busy(self) -> str:
-        """The words of the request under way."""
+        """Words of the pending request."""
         return self._commanding.busy
 
     @property
     def last_command(self) -> str:
-        """What was last asked and what came of it."""
+        """The last request and its result."""
         return self._commanding.last
 
     def estop(self) -> None:
-        """Stop the robot: repeated until its status shows it, or given up loudly after 30 s.
+        """Stop the robot: repeated until its status confirms it, or until an alarm after 30 s.
 
-        It has a thread to itself, needs no lease and is refused by nothing.
+        The e-stop has its own thread, needs no lease, and is never rejected.
         """
-        if self._own is None:
+        if self._session is None:
             self.note(REPLAYED, Severity.WARNING)
         else:
-            self._own.estop()
+            self._session.estop()
 
     @property
     def stopping(self) -> str:
-        """How it stands with an e-stop that is not acknowledged yet; empty when there is none."""
-        return "" if self._own is None else self._own.stopping
+        """State of an unacknowledged e-stop in words; empty without one."""
+        return "" if self._session is None else self._session.stopping
 
     def take_lease(self, *, seize: bool = False) -> None:
-        """Become the robot's operator; `seize` takes it from another, loudly."""
+        """Become the robot's operator; `seize` takes the lease from another operator."""
         self._lease_action(LeaseAction.SEIZE if seize else LeaseAction.TAKE)
 
     def release_lease(self) -> None:
+        """Release the lease."""
         self._lease_action(LeaseAction.RELEASE)
 
     def _lease_action(self, action: LeaseAction) -> None:
-        if self._own is None:
+        if self._session is None:
             self.note(REPLAYED, Severity.WARNING)
         else:
-            self._commanding.lease(self._robot, self._own.tenure, action)
+            self._commanding.lease(self._robot, self._session.holding, action)
 
     def reread(self) -> None:
         """Read state, parameters and lease again, as after a loss."""
-        if self._own is not None:
-            self._own.vigil.reread(self._clock.now_ns())
+        if self._session is not None:
+            self._session.link_monitor.reread(self._clock.now_ns())

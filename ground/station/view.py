@@ -1,4 +1,4 @@
-"""Everything of the shown robot that can be looked at, as it was at the last poll."""
+"""Show the state of the selected robot at the last poll."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ from ground.client.presence import PresentProcesses
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map import Scene, Shape, Target
 from ground.station.history.decision_history import Moment
-from ground.station.history.time_series import History
+from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
-from ground.station.robot.lease_state import UNKNOWN, Lease, lease_in
+from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.scene import scene_of
@@ -23,163 +23,168 @@ Point = tuple[float, float]
 
 
 class StationView:
-    """Of one robot at a time; which one is the station's to choose."""
+    """View of the selected robot; the station selects it."""
 
     def __init__(self, robot: str, now_ns: int, world: WorldFacts | None) -> None:
         self._robot = robot
         self._given_world = world
         self._began_ns = self._now_ns = now_ns
-        self._crew = PresentProcesses(frozenset())
-        self._watched: dict[str, RobotModel] = {}
-        self._operated: dict[str, RobotSession] = {}
+        self._present = PresentProcesses(frozenset())
+        self._models: dict[str, RobotModel] = {}
+        self._sessions: dict[str, RobotSession] = {}
 
     @property
-    def _shown(self) -> RobotModel:
-        return self._watched[self._robot]
+    def _model(self) -> RobotModel:
+        return self._models[self._robot]
 
     @property
-    def _own(self) -> RobotSession | None:
-        return self._operated.get(self._robot)
-
-    # What is seen. Ages are taken at the last poll.
+    def _session(self) -> RobotSession | None:
+        return self._sessions.get(self._robot)
 
     @property
     def live(self) -> bool:
-        """False over a played log: nothing can be commanded."""
-        return bool(self._operated)
+        """True if the robot can be commanded; False for a played recording."""
+        return bool(self._sessions)
 
     @property
     def now_ns(self) -> int:
-        """When the last poll was, by the station's clock."""
+        """Time of the last poll, by the station's clock."""
         return self._now_ns
 
     @property
     def time_s(self) -> float:
-        """The same, since the station began."""
+        """Time of the last poll since the start of the station, in s."""
         return (self._now_ns - self._began_ns) / NS_PER_S
 
     @property
     def telemetry(self) -> Telemetry:
-        return self._shown.telemetry
+        """Telemetry of the robot."""
+        return self._model.telemetry
 
     def seen(self, topic: Topic[Any]) -> AgedMessage:
-        """The newest message with its age: show it, dim it, or show `--` and the age."""
+        """Return the newest message with its age, by which it is shown, dimmed or hidden."""
         return self.telemetry.seen(topic, self._now_ns)
 
     @property
-    def crew(self) -> PresentProcesses:
-        return self._crew
+    def present(self) -> PresentProcesses:
+        """Processes that are present."""
+        return self._present
 
     def streams(self) -> list[StreamRow]:
-        return self._shown.streams.rows(self.telemetry, self._now_ns)
+        """Return rate and loss of each topic."""
+        return self._model.streams.rows(self.telemetry, self._now_ns)
 
     def restarts(self, role: Role) -> int:
-        """How often the robot or its plant has been restarted under our eyes."""
-        return self._shown.restarts[role].count if role in self._shown.restarts else 0
+        """Return how often the robot or its plant was restarted while watched."""
+        return self._model.restarts[role].count if role in self._model.restarts else 0
 
     @property
     def restarted(self) -> str:
-        """A restart that is news, and its cause as far as it is known; empty when there is none."""
-        return self._shown.again.words(self._now_ns)
+        """A recent restart with its cause if known; empty without one."""
+        return self._model.restart_notice.words(self._now_ns)
 
     @property
     def restart_cause(self) -> str:
-        """What the robot last told of how the one before it ended; empty when it told nothing."""
-        return self._shown.again.cause
+        """Cause of the robot's last restart, as it reported; empty without a report."""
+        return self._model.restart_notice.cause
 
     @property
     def round_trip_ms(self) -> float | None:
-        """Of a small question to the robot's loop, asked each second; None: not answered."""
-        took_ns = None if self._own is None else self._own.vigil.round_trip_ns
+        """Round trip of a request to the robot's loop, sent each second; None if unanswered."""
+        took_ns = None if self._session is None else self._session.link_monitor.round_trip_ns
         return None if took_ns is None else took_ns / 1e6
 
     @property
     def link_percent(self) -> float | None:
-        """Frames of the robot that arrived in the last seconds, of those it sent."""
-        return self._shown.streams.percent(self._now_ns)
+        """Percentage of the robot's recent frames that arrived."""
+        return self._model.streams.percent(self._now_ns)
 
     def loss(self) -> Loss | None:
-        return None if self._own is None else self._own.vigil.loss()
+        """Return the present loss, or None."""
+        return None if self._session is None else self._session.link_monitor.loss()
 
     @property
     def ready(self) -> bool:
-        """False after a loss until state, parameters and lease were read again."""
-        return self._own is not None and self._own.vigil.contact.ready
+        """True if state, parameters and lease were read since the last loss."""
+        return self._session is not None and self._session.link_monitor.contact.ready
 
     @property
     def waiting_for(self) -> str:
-        """What is still to be read before `ready`, in words; empty when nothing is."""
-        return "" if self._own is None else self._own.vigil.waiting_for
+        """Items still to be read before `ready`, in words; empty when nothing is."""
+        return "" if self._session is None else self._session.link_monitor.waiting_for
 
     @property
-    def lease(self) -> Lease:
-        """Who commands the robot, as long as that has been heard lately."""
+    def lease(self) -> LeaseView:
+        """The lease, if its status is recent."""
         seen = self.seen(LEASE)
         if not isinstance(seen.message, LeaseStatus) or seen.age is Age.GONE:
             return UNKNOWN
-        if self._own is not None:
-            return self._own.tenure.lease
-        return lease_in(seen.message, seen.age_ns or 0, own="")
+        if self._session is not None:
+            return self._session.holding.lease
+        return lease_from(seen.message, seen.age_ns or 0, own="")
 
     @property
     def mission(self) -> MissionStatus | None:
-        """How far the mission is; None when that is too old to be shown."""
+        """Progress of the mission; None when it is stale."""
         return self.telemetry.live(MISSION, self._now_ns)
 
     @property
     def mission_items(self) -> tuple[Target, ...]:
-        """The robot's mission, as downloaded or as uploaded in our hearing."""
-        return self._shown.charts.mission
+        """The robot's mission, as downloaded or as uploaded by any operator."""
+        return self._model.mission_items.mission
 
     @property
     def fence(self) -> Shape | None:
-        return self._shown.charts.fence
+        """The robot's fence, or None."""
+        return self._model.mission_items.fence
 
     @property
     def parameters(self) -> tuple[Parameter, ...] | None:
-        """All of them, or None: never a part. Keys as in the robot's own list."""
-        return self._shown.parameters.rows
+        """All parameters in the order of the robot's list, or None: never a part of them."""
+        return self._model.parameters.rows
 
     @property
     def parameters_words(self) -> str:
-        """How many there are; or that they are missing, how often they were asked for, and why."""
-        if self._own is not None:
-            return self._own.parameters_words
-        return "a log without a list" if self.parameters is None else f"{len(self.parameters)}"
+        """Number of parameters; or how often they were requested and why they are missing."""
+        if self._session is not None:
+            return self._session.parameters_words
+        return "not in the recording" if self.parameters is None else f"{len(self.parameters)}"
 
     @property
     def world(self) -> WorldFacts | None:
-        """What the plant says; before that, what the station was given."""
-        told = None if self._own is None else self._own.vigil.world
-        return told or self._given_world
+        """World of the plant; before it is read, the world given to the station."""
+        world = None if self._session is None else self._session.link_monitor.world
+        return world or self._given_world
 
     @property
-    def history(self) -> History:
-        return self._shown.figures.history
+    def history(self) -> SeriesTable:
+        """Series of values over time."""
+        return self._model.figures.history
 
     @property
-    def dearest_cycle(self) -> CycleReport | None:
-        """Of the last second; how old the newest one is, is told by `seen`."""
-        return self._shown.figures.dearest.cycle
+    def worst_cycle(self) -> CycleReport | None:
+        """Most expensive control cycle of the last second."""
+        return self._model.figures.worst_cycle.cycle
 
     @property
     def trail(self) -> tuple[Point, ...]:
-        return self._shown.figures.trail.points()
+        """Path of the robot."""
+        return self._model.figures.trail.points()
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
-        """What was decided at an instant of the station's clock (now, unless given) and around."""
-        return self._shown.moments.at(self._now_ns if time_ns is None else time_ns)
+        """Return the decision at an instant (default: now) with its context."""
+        return self._model.decision_history.at(self._now_ns if time_ns is None else time_ns)
 
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
-        """What was decided after an instant of the station's clock, and when; the oldest first."""
-        return self._shown.moments.decisions(after_ns)
+        """Return the decisions after an instant of this clock with their times, oldest first."""
+        return self._model.decision_history.decisions(after_ns)
 
     def scene(self) -> Scene:
-        """Everything the map shows; without ghosts and cursor, which are not the robot's."""
+        """Return everything the map shows, except ghosts and cursor."""
         return scene_of(
-            self._shown,
+            self._model,
             self.world,
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
-            others=[one for name, one in self._watched.items() if name != self._robot],
+            others=[one for name, one in self._models.items() if name != self._robot],
         )

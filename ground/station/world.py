@@ -1,4 +1,4 @@
-"""The world as the plant describes it: simulation truth, for the map only."""
+"""Parse the plant's description of its world: simulated truth, for the map only."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,7 +13,7 @@ from runtime.json_reader import value_in
 Point = tuple[float, float]
 RADIUS_M = 0.12
 MAX_NUMBER: Final = 1e6
-"""Of metres, degrees and m/s: beyond, nothing could be drawn."""
+"""Limit for metres, degrees and m/s; larger values cannot be drawn."""
 
 MAX_NAME: Final = 64
 MAX_OBSTACLES: Final = 4000
@@ -21,14 +21,14 @@ MAX_POINTS: Final = 100_000
 
 
 class Mover(NamedTuple):
-    """A disc that goes to and fro along its waypoints."""
+    """A disc that moves back and forth along its waypoints."""
 
     radius_m: float
     speed_m_s: float
     path_m: tuple[Point, ...]
 
     def at(self, time_s: float) -> Disc:
-        """Where it is at this time of the simulation."""
+        """Return its position at this simulated time."""
         lengths_m = [dist(a, b) for a, b in pairwise(self.path_m)]
         whole_m = sum(lengths_m)
         if whole_m <= 0.0:
@@ -46,7 +46,7 @@ class Mover(NamedTuple):
 
 
 class WorldFacts(NamedTuple):
-    """Metres and radians. `text` is the plant's own JSON, for who runs a trial in this world."""
+    """A world in metres and radians; `text` is the plant's JSON, for trials in this world."""
 
     name: str
     size_m: Point
@@ -58,8 +58,8 @@ class WorldFacts(NamedTuple):
     text: str
 
 
-def world_in(answer: bytes | str) -> WorldFacts:
-    """Reads the answer of the WORLD service; RemoteError when it cannot be read."""
+def parse_world(answer: bytes | str) -> WorldFacts:
+    """Parse the answer of the WORLD service; RemoteError when it is malformed."""
     text = answer.decode(errors="replace") if isinstance(answer, bytes) else answer
     try:
         found = value_in(text)
@@ -71,7 +71,7 @@ def world_in(answer: bytes | str) -> WorldFacts:
 def _facts(found: dict[str, Any], text: str) -> WorldFacts:
     width_m, height_m = map(_number, found["size_m"])
     obstacles = found["obstacles"]
-    _judge_size(obstacles)
+    _check_size(obstacles)
     moving = [one for one in obstacles if "path_m" in one]
     shapes = [_shape(one) for one in obstacles if "path_m" not in one]
     if found.get("walls", True):
@@ -91,15 +91,15 @@ def _facts(found: dict[str, Any], text: str) -> WorldFacts:
     )
 
 
-def _judge_size(obstacles: list[dict[str, Any]]) -> None:
-    """ValueError when there are more of them, or of their points, than can be drawn."""
+def _check_size(obstacles: list[dict[str, Any]]) -> None:
+    """Raise ValueError for more obstacles or points than can be drawn."""
     lists = [one.get(key, ()) for one in obstacles for key in ("polygon_m", "wall_m", "path_m")]
     if len(obstacles) > MAX_OBSTACLES or sum(map(len, lists)) > MAX_POINTS:
         raise ValueError("too many obstacles or points")
 
 
 def _number(value: Any) -> float:
-    """ValueError unless it is a number that can be drawn."""
+    """Return a number; ValueError when it cannot be drawn."""
     number = float(value)
     if not abs(number) <= MAX_NUMBER:
         raise ValueError(f"{number} is out of range")

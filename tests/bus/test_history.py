@@ -9,7 +9,7 @@ from typing import Final, Literal
 
 import pytest
 
-from ground.station.link.streams import Counter
+from ground.station.link.streams import StreamCounter
 from ground.text.statustext import aged
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Mode, Network
@@ -47,7 +47,7 @@ class Heard:
         self.words: list[str] = []
         self.ages_s: list[float] = []
         self.others = 0
-        self.counter = Counter(TEXT)
+        self.counter = StreamCounter(TEXT)
         bus.stream_all(self._take)
 
     def _take(self, _key: str, frame: bytes, told_ns: int) -> None:

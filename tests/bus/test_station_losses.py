@@ -47,7 +47,7 @@ def test_a_loop_that_stands_is_hung_while_its_token_lives(router: bool) -> None:
         seen.until_ready()
         stack.hung = True
         seen.until_lost(LossKind.HUNG)
-        assert seen.station.crew.has("r1", Role.ROBOT)
+        assert seen.station.present.has("r1", Role.ROBOT)
         stack.hung = False
         seen.until_ready()
         assert seen.kinds() == ["ROBOT HUNG"]
@@ -71,7 +71,7 @@ def test_a_plant_that_stops_leaves_the_robot_without_senses() -> None:
         seen.until_lost(LossKind.SENSES_STALE)
         loss = seen.station.loss()
         assert loss is not None
-        assert "no plant" in loss.what
+        assert "no plant" in loss.cause
         with stack.halted():
             stack.start("plant")
         seen.until_ready()

@@ -8,7 +8,7 @@ from textual.color import Color
 
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
-from ground.station import Lease, Loss, LossKind, StreamRow
+from ground.station import LeaseView, Loss, LossKind, StreamRow
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
@@ -29,7 +29,7 @@ def hostile() -> FakeStation:
     station = driving(FakeStation())
     station.parameters_now = (replace(parameter(f"p{TEXT}", 0.3, 0.4, f"doc {TEXT}"), unit=TEXT),)
     station.streams_now = [StreamRow(HEARTBEAT, 1.0, MS, Age.LIVE, 1, 0, 0.0, 3, f"no {TEXT}")]
-    station.lease_now = Lease(held=True, holder=TEXT, name=TEXT)
+    station.lease_now = LeaseView(held=True, holder=TEXT, name=TEXT)
     station.robots_now = ["r1", f"r{TEXT}"]
     station.last_now = station.cause_now = station.restarted_now = TEXT
     station.restarts_now = {Role.ROBOT: 2}

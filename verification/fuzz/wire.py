@@ -9,7 +9,7 @@ from typing import Any, Final
 from ground.client.operations.parameters import table
 from ground.client.parameter import parameters_in
 from ground.missions.wire import fence_of, waypoints_of
-from ground.station.world import world_in
+from ground.station.world import parse_world
 from plant.world.file import load
 from plant.world.to_json import as_json
 from protocol.bus.mailbox import Mailbox, Sample
@@ -234,7 +234,7 @@ WIRE: Final = (
     Target(
         name="world_facts",
         samples=world_texts,
-        run=lambda data, _: world_in(data),
+        run=lambda data, _: parse_world(data),
         bombs=deep,
     ),
 )

@@ -4,7 +4,7 @@ from textwrap import wrap
 from typing import Final
 
 from ground.app.widgets.rows import Row, Span, faint, head, row, width_of
-from ground.station.history.event_log import Line, Log
+from ground.station.history.event_log import EventLog, LogLine
 
 ROLES: Final = {"E": "danger", "W": "caution", "I": "text", "D": "faint"}
 LEAST: Final = 20
@@ -13,7 +13,9 @@ MOST_LATELY: Final = 3
 """The most rows for one line where only the last lines are shown."""
 
 
-def log_rows(line: Line, width: int, *, found: bool = False, most: int | None = None) -> list[Row]:
+def log_rows(
+    line: LogLine, width: int, *, found: bool = False, most: int | None = None
+) -> list[Row]:
     """Wrap a line to at most `most` rows; further rows are indented to where the text begins."""
     lead = lead_of(line)
     role = "reverse" if found else ROLES[line.letter]
@@ -25,7 +27,7 @@ def log_rows(line: Line, width: int, *, found: bool = False, most: int | None = 
     ]
 
 
-def lead_of(line: Line) -> Row:
+def lead_of(line: LogLine) -> Row:
     """Return time, severity and source of a line."""
     return row(
         faint(f"{line.time_s:8.1f} "),
@@ -34,7 +36,7 @@ def lead_of(line: Line) -> Row:
     )
 
 
-def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
+def pieces_of(line: LogLine, width: int, most: int | None = None) -> list[str]:
     """Wrap the text of a line, only if needed: there may be ten thousand lines."""
     room = max(LEAST, width - width_of(lead_of(line)))
     if len(line.text) <= room:
@@ -43,7 +45,7 @@ def pieces_of(line: Line, width: int, most: int | None = None) -> list[str]:
     return pieces or [""]
 
 
-def latest_rows(log: Log, height: int, width: int) -> list[Row]:
+def latest_rows(log: EventLog, height: int, width: int) -> list[Row]:
     """Return the end of the log in `height` rows; a long line shows only its beginning."""
     rows: list[Row] = []
     for line in reversed(log.last(height)):

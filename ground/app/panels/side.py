@@ -33,7 +33,7 @@ def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
 
     With little space, sonars are shown as numbers only.
     """
-    cycle = cycle_rows(station.seen(CYCLE), station.dearest_cycle)
+    cycle = cycle_rows(station.seen(CYCLE), station.worst_cycle)
     parts = [place_rows(station), sonar_rows(station), cycle]
     if height < sum(map(len, parts)):
         parts = [place_rows(station)[:4], dense_sonar_rows(station), cycle[:1]]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.station import Station
-from ground.station.world import WorldFacts, world_in
+from ground.station.world import WorldFacts, parse_world
 from protocol.topics import WORLD
 from runtime.clock import Clock
 from runtime.errors import RemoteError
@@ -119,5 +119,5 @@ def world_in_recording(bus: ReplayBus) -> WorldFacts | None:
     with suppress(RemoteError):
         answer = bus.ask(WORLD)
         if isinstance(answer, bytes):
-            return world_in(answer)
+            return parse_world(answer)
     return None

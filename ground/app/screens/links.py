@@ -54,10 +54,10 @@ def link_rows(station: Station) -> list[Row]:
 
 def process_rows(station: Station) -> list[Row]:
     """Return a row for each process of the robot, and the other robots."""
-    crew, robot = station.crew, station.robot
+    present, robot = station.present, station.robot
     rows: list[Row] = []
     for role in (Role.ROBOT, Role.PLANT, Role.GROUND):
-        there = crew.has(robot, role)
+        there = present.has(robot, role)
         mark = Span("● present  ", "ok") if there else Span("○ missing  ", "danger")
         rows.append(
             row(head(f" {role.value:<8}"), mark, Span(restart_words(station, role), "caution"))

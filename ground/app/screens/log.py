@@ -14,7 +14,7 @@ from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
 from ground.app.widgets.rows import Row, Span, faint, row
-from ground.station.history.event_log import Line
+from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity
 
 WORST: Final = (
@@ -35,7 +35,7 @@ class LogScreen(ScrolledScreen):
         self._filtered = FilteredLog()
         self._worst = 0
         self._words = ""
-        self._at: Line | None = None
+        self._at: LogLine | None = None
 
     def compose_content(self) -> ComposeResult:
         """Compose heading and lines."""

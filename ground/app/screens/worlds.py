@@ -22,7 +22,7 @@ from ground.app.worlds import Reached, query_worlds, read_reached_counts
 from ground.launch.scenario import Scenario
 from ground.map import Scene
 from ground.station.scene import preview_of
-from ground.station.world import world_in
+from ground.station.world import parse_world
 
 REACHED: Final = "reached of 10 seeds: "
 RESTARTS: Final = "s stops the processes and starts a world"
@@ -133,7 +133,7 @@ class WorldsScreen(ListScreen):
 def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
     """Return facts and map of a world. Raise UserError or RemoteError when it cannot be read."""
     facts = query_worlds("show", name)
-    return facts, preview_of(world_in(json.dumps(facts)))
+    return facts, preview_of(parse_world(json.dumps(facts)))
 
 
 def world_row(world: Mapping[str, str], here: str, chosen: bool) -> Row:

@@ -1,1 +1,1 @@
-"""What is kept of the past minutes."""
+"""Keep what arrived in the past minutes."""

@@ -1,4 +1,4 @@
-"""The robot's decisions of the last minutes, so that any instant can be asked why."""
+"""Keep the robot's decisions of the last minutes, to explain any instant."""
 
 from bisect import bisect_right
 from collections import deque
@@ -7,7 +7,7 @@ from contextlib import suppress
 from itertools import islice, takewhile
 from typing import Final, NamedTuple, TypeVar
 
-from ground.station.history.inbox import Arrival
+from ground.station.history.inbox import ReceivedFrame
 from protocol.topics import CYCLE, DECISION, ODOMETRY, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
@@ -19,18 +19,18 @@ from protocol.wire.messages import (
 )
 from runtime.errors import RemoteError
 
-KEPT: Final = 12_000
+MAX_FRAMES: Final = 12_000
 """Ten minutes at 20 Hz."""
 NEAR_NS: Final = 1_000_000_000
 FAR_NS: Final = 1 << 63
 AT_ONCE: Final = 2_400
-"""Decisions that are decoded in one go: two minutes, in a few hundredths of a second."""
+"""Most decisions decoded in one call: two minutes, which takes a few hundredths of a second."""
 
 M = TypeVar("M", bound=Message)
 
 
 class Moment(NamedTuple):
-    """One instant: what was decided, by a robot in which state and where, and what before it."""
+    """A decision, the one before it, and the robot's state at that time."""
 
     time_ns: int
     decision: AvoidanceDecision
@@ -41,52 +41,54 @@ class Moment(NamedTuple):
 
 
 class Frames:
-    """Frames of one topic with their arrival, decoded only when somebody looks back."""
+    """Frames of one topic with their times of arrival, decoded only on request."""
 
-    def __init__(self, size: int = KEPT) -> None:
+    def __init__(self, size: int = MAX_FRAMES) -> None:
         self._kept: deque[tuple[int, bytes]] = deque(maxlen=size)
 
     def add(self, frame: bytes, arrived_ns: int) -> None:
+        """Append a frame."""
         self._kept.append((arrived_ns, frame))
 
     def __len__(self) -> int:
         return len(self._kept)
 
     def until(self, time_ns: int) -> Iterator[tuple[int, Message]]:
-        """What had arrived by then, the newest first; what cannot be read is left out."""
+        """Yield the messages that had arrived by then, newest first; skip malformed ones."""
         end = bisect_right(self._kept, time_ns, key=lambda pair: pair[0])
         for arrived_ns, frame in islice(reversed(self._kept), len(self._kept) - end, None):
             with suppress(RemoteError):
                 yield arrived_ns, decode(frame).message
 
     def at(self, time_ns: int, kind: type[M]) -> M | None:
-        """The newest one of then; None when the one there is had already been old."""
+        """Return the newest message at that time; None when it was more than 1 s old."""
         arrived_ns, message = next(self.until(time_ns), (time_ns, None))
         near = time_ns - arrived_ns <= NEAR_NS
         return message if near and isinstance(message, kind) else None
 
 
-class Moments:
-    """The frames that together tell what was decided."""
+class DecisionHistory:
+    """The frames that describe decisions: decisions, status, cycle reports, odometry."""
 
-    def __init__(self, size: int = KEPT) -> None:
+    def __init__(self, size: int = MAX_FRAMES) -> None:
         topics = (DECISION, STATUS, CYCLE, ODOMETRY)
         self._frames = {topic.path: Frames(size) for topic in topics}
 
-    def take(self, arrival: Arrival) -> None:
+    def take(self, arrival: ReceivedFrame) -> None:
+        """Keep a frame if its topic describes decisions."""
         frames = self._frames.get(arrival.path)
         if frames is not None:
             frames.add(arrival.frame, arrival.arrived_ns)
 
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
-        """Those that arrived later, with when they did, the oldest first; at most `AT_ONCE`."""
+        """Return decisions that arrived later with their times, oldest first; at most `AT_ONCE`."""
         kept = islice(self._frames[DECISION.path].until(FAR_NS), AT_ONCE)
         newer = takewhile(lambda pair: pair[0] > after_ns, kept)
         found = [(at_ns, one) for at_ns, one in newer if isinstance(one, AvoidanceDecision)]
         return found[::-1]
 
     def at(self, time_ns: int) -> Moment | None:
-        """The decision in force at that instant; None when none is kept from then."""
+        """Return the decision in force at that instant, or None when it is not kept."""
         found = islice(self._frames[DECISION.path].until(time_ns), 2)
         decisions = [
             (arrived_ns, message)

@@ -1,4 +1,4 @@
-"""What has happened, in lines: a bounded ring that can be searched."""
+"""Log events as lines in a bounded, searchable ring."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -9,10 +9,10 @@ from protocol.wire.enums import Severity
 
 LINES: Final = 10_000
 LETTERS: Final = "EEEEWIID"
-"""E, W, I or D for each severity, the worst first."""
+"""The letter E, W, I or D of each severity, the worst first."""
 
 
-class Line(NamedTuple):
+class LogLine(NamedTuple):
     """`time_s` counts from the start of the station; `source` is the robot's name or `ground`."""
 
     time_s: float
@@ -22,36 +22,39 @@ class Line(NamedTuple):
 
     @property
     def letter(self) -> str:
+        """Letter of the severity."""
         return LETTERS[max(0, min(self.severity, Severity.DEBUG))]
 
 
-class Log:
-    """The newest lines; `total` counts all there ever were, so that a reader sees what is new."""
+class EventLog:
+    """The newest lines; `total` counts all lines ever added, so that readers find new ones."""
 
     def __init__(self, size: int = LINES) -> None:
-        self._lines: deque[Line] = deque(maxlen=size)
+        self._lines: deque[LogLine] = deque(maxlen=size)
         self.total = 0
 
-    def add(self, line: Line) -> None:
+    def add(self, line: LogLine) -> None:
+        """Append a line."""
         self._lines.append(line)
         self.total += 1
 
     def __len__(self) -> int:
         return len(self._lines)
 
-    def __iter__(self) -> Iterator[Line]:
+    def __iter__(self) -> Iterator[LogLine]:
         return iter(self._lines)
 
-    def since(self, total: int) -> list[Line]:
-        """The lines that came after there had been `total`, as far as they are still kept."""
+    def since(self, total: int) -> list[LogLine]:
+        """Return the lines added after there had been `total`, if they are still kept."""
         fresh = max(0, min(self.total - total, len(self._lines)))
         return list(islice(reversed(self._lines), fresh))[::-1]
 
-    def last(self, count: int) -> list[Line]:
+    def last(self, count: int) -> list[LogLine]:
+        """Return the newest lines."""
         return self.since(self.total - count)
 
-    def find(self, words: str, worst: int = Severity.DEBUG) -> list[Line]:
-        """The kept lines that hold these words in any case and are at least so severe."""
+    def find(self, words: str, worst: int = Severity.DEBUG) -> list[LogLine]:
+        """Return the lines that contain these words in any case and are at least this severe."""
         wanted = words.casefold()
         return [
             line

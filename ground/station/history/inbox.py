@@ -1,4 +1,4 @@
-"""What the bus's threads leave for the station: one bounded ring, emptied at each poll."""
+"""Pass frames from the bus's threads to the station in a bounded ring."""
 
 from collections import deque
 from collections.abc import Callable
@@ -7,8 +7,8 @@ from typing import Final, NamedTuple
 SIZE: Final = 8192
 
 
-class Arrival(NamedTuple):
-    """One frame of one topic, and when it arrived."""
+class ReceivedFrame(NamedTuple):
+    """A frame of a topic with its time of arrival."""
 
     path: str
     frame: bytes
@@ -16,22 +16,22 @@ class Arrival(NamedTuple):
 
 
 class Inbox:
-    """The oldest give way when nobody empties it; both ends of a deque may be used at once."""
+    """A ring that drops the oldest frames when full; both ends may be used concurrently."""
 
     def __init__(self, size: int = SIZE) -> None:
-        self._ring: deque[Arrival] = deque(maxlen=size)
+        self._ring: deque[ReceivedFrame] = deque(maxlen=size)
 
     def taker(self, path: str) -> Callable[[str, bytes, int], None]:
-        """A handler for the frames of one topic; runs in the bus's thread and only stores."""
+        """Return a handler for a topic; it runs in the bus's thread and only stores frames."""
         put = self._ring.append
 
         def take(_key: str, frame: bytes, arrived_ns: int) -> None:
-            put(Arrival(path, frame, arrived_ns))
+            put(ReceivedFrame(path, frame, arrived_ns))
 
         return take
 
-    def drain(self) -> tuple[list[Arrival], bool]:
-        """All that came since the last time, and whether some of it had to give way."""
+    def drain(self) -> tuple[list[ReceivedFrame], bool]:
+        """Return all frames since the last call, and whether some of them were dropped."""
         ring = self._ring
         overflowed = len(ring) == ring.maxlen
         return [ring.popleft() for _ in range(len(ring))], overflowed

@@ -1,12 +1,12 @@
-"""What a robot's telemetry is worth keeping of: figures over time, trail, echoes and marks."""
+"""Keep the history of a robot's telemetry: values over time, trail, echoes and marks."""
 
 from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
-from ground.station.history.time_series import History
-from ground.station.history.trail import RADIUS_M, BoundaryMarks, EchoGrid, Trail
+from ground.station.history.time_series import SeriesTable
+from ground.station.history.trail import RADIUS_M, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -17,22 +17,22 @@ from protocol.wire.messages import (
 )
 from runtime.units import NS_PER_S
 
-APART_S: Final = 0.25
-"""A scan and a pose further apart say nothing of where an echo was."""
-CARRIED: Final = {
+MAX_APART_S: Final = 0.25
+"""A scan and a pose further apart in time do not locate an echo."""
+SERIES_OF: Final = {
     ODOMETRY.path: ("speed", "uncertainty_m"),
     STATUS.path: ("goal_distance",),
     DECISION.path: ("nearest_range",),
     CYCLE.path: ("cycle_us", "late_us"),
 }
-"""Which figures each topic carries."""
+"""Names of the series that each topic feeds."""
 
 
 class TelemetryHistory:
-    """Sampled at each poll; a message is taken once, and a stream that stops leaves a gap."""
+    """Samples telemetry at each poll, each message once; a stream that stops leaves a gap."""
 
     def __init__(self, telemetry: Telemetry, began_ns: int) -> None:
-        self.history = History()
+        self.history = SeriesTable()
         self.radius_m = RADIUS_M
         self.restart()
         self._telemetry = telemetry
@@ -40,13 +40,14 @@ class TelemetryHistory:
         self._taken_ns: dict[str, int] = {}
 
     def restart(self) -> None:
-        """The robot begins anew, and so does where it believes to be."""
-        self.trail = Trail()
+        """Drop what refers to the estimated position: a restarted robot estimates it anew."""
+        self.trail = DrivenPath()
         self.echoes = EchoGrid()
         self.marks = BoundaryMarks()
-        self.dearest = WorstCycle()
+        self.worst_cycle = WorstCycle()
 
     def poll(self, now_ns: int) -> None:
+        """Add the newest message of each topic."""
         takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
             (ODOMETRY, self._odometry),
             (STATUS, self._status),
@@ -63,7 +64,7 @@ class TelemetryHistory:
                 self._taken_ns[topic.path] = arrived_ns
                 take(message, (arrived_ns - self._began_ns) / NS_PER_S)
             elif age_of(topic, now_ns - arrived_ns) is Age.GONE:
-                for name in CARRIED.get(topic.path, ()):
+                for name in SERIES_OF.get(topic.path, ()):
                     self.history[name].gap()
 
     def _odometry(self, odometry: PlanarOdometry, time_s: float) -> None:
@@ -75,7 +76,7 @@ class TelemetryHistory:
         self.history["goal_distance"].add(time_s, status.goal_distance_m)
         pose = self._telemetry.latest(ODOMETRY)
         if pose is not None:
-            self.marks.see(status, pose[0])
+            self.marks.update(status, pose[0])
 
     def _decision(self, decision: AvoidanceDecision, time_s: float) -> None:
         self.history["nearest_range"].add(time_s, decision.nearest_range_m)
@@ -83,19 +84,19 @@ class TelemetryHistory:
     def _cycle(self, cycle: CycleReport, time_s: float) -> None:
         self.history["cycle_us"].add(time_s, float(sum(cycle.stage_us)))
         self.history["late_us"].add(time_s, float(cycle.late_us))
-        self.dearest.add(cycle, time_s)
+        self.worst_cycle.add(cycle, time_s)
 
     def _sonar(self, scan: SonarScan, time_s: float) -> None:
         pose = self._telemetry.latest(ODOMETRY)
         if pose is None:
             return
         apart_s = abs((pose[1] - self._began_ns) / NS_PER_S - time_s)
-        if apart_s <= APART_S:
+        if apart_s <= MAX_APART_S:
             self.echoes.scan(scan, pose[0], self.radius_m)
 
 
 def uncertainty_m(odometry: PlanarOdometry) -> float:
-    """The longer half axis of the ellipse of one standard deviation."""
+    """Return the larger semi-axis in m of the ellipse of one standard deviation."""
     mean_m2 = (odometry.cov_xx_m2 + odometry.cov_yy_m2) / 2.0
     half_m2 = (odometry.cov_xx_m2 - odometry.cov_yy_m2) / 2.0
     most_m2 = mean_m2 + sqrt(half_m2 * half_m2 + odometry.cov_xy_m2 * odometry.cov_xy_m2)
@@ -103,7 +104,7 @@ def uncertainty_m(odometry: PlanarOdometry) -> float:
 
 
 class WorstCycle:
-    """`cycle` is replaced at once by a dearer one, and by a cheaper one when its second is over."""
+    """Keep the most expensive control cycle of each second, so the displayed value is readable."""
 
     def __init__(self) -> None:
         self.cycle: CycleReport | None = None
@@ -111,7 +112,7 @@ class WorstCycle:
         self._second = -1
 
     def add(self, cycle: CycleReport, time_s: float) -> None:
-        """The next cycle; times must not go back."""
+        """Add the next cycle; times must not decrease."""
         second = int(time_s)
         if second > self._second:
             before = self._this if second == self._second + 1 else None
@@ -123,5 +124,5 @@ class WorstCycle:
 
 
 def spent_us(cycle: CycleReport | None) -> float:
-    """In all stages; less than any when there is no cycle."""
+    """Return the time spent in all stages, or minus infinity without a cycle."""
     return -inf if cycle is None else sum(cycle.stage_us)

@@ -1,4 +1,4 @@
-"""Figures over time: the last minute in full, ten minutes thinned so that no peak is lost."""
+"""Keep values over time: the last minute in full, ten minutes thinned without losing peaks."""
 
 from collections import deque
 from math import isnan, nan
@@ -20,7 +20,7 @@ Point = tuple[float, float]
 
 
 class Series:
-    """One figure; a value of NaN is a gap: nothing is to be drawn across it."""
+    """Values over time; NaN is a gap."""
 
     def __init__(self, full: int = FULL, kept_s: float = KEPT_S) -> None:
         self._full: deque[Point] = deque(maxlen=full)
@@ -29,22 +29,23 @@ class Series:
         self._highest: Point | None = None
 
     def add(self, time_s: float, value: float) -> None:
-        """The next value; times must not go back."""
+        """Add the next value; times must not decrease."""
         if len(self._full) == self._full.maxlen:
             self._thin(self._full[0])
         self._full.append((time_s, value))
 
     def gap(self) -> None:
-        """The stream has stopped."""
+        """Add a gap, because the stream has stopped."""
         if self._full and not isnan(self._full[-1][1]):
             self.add(self._full[-1][0], nan)
 
     @property
     def last(self) -> Point | None:
+        """The newest point."""
         return self._full[-1] if self._full else None
 
     def points(self, since_s: float = 0.0) -> list[Point]:
-        """Time and value, the oldest first: of each old half second its lowest and its highest."""
+        """Return the points from the oldest; of each old half second the lowest and the highest."""
         return [
             point
             for part in (self._old, self._pending(), self._full)
@@ -75,8 +76,8 @@ class Series:
         return sorted({point for point in (self._lowest, self._highest) if point is not None})
 
 
-class History(dict[str, Series]):
-    """All figures by name."""
+class SeriesTable(dict[str, Series]):
+    """All series by name."""
 
     def __init__(self) -> None:
         super().__init__({name: Series() for name in SERIES})

@@ -1,4 +1,4 @@
-"""Where the robot has been and what it saw there: trail, echoes, hit and leave points."""
+"""Keep where the robot was and what it detected: trail, echoes, hit and leave points."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -19,16 +19,17 @@ RADIUS_M: Final = 0.12
 Point = tuple[float, float]
 
 
-class Trail:
-    """The whole way from its start, the coarser the longer; standing adds nothing."""
+class DrivenPath:
+    """The whole path from its start; its resolution decreases as it grows."""
 
     def __init__(self, size: int = TRAIL, step_m: float = STEP_M) -> None:
         self._points: list[Point] = []
-        self._shown: tuple[Point, ...] | None = None
+        self._model: tuple[Point, ...] | None = None
         self._size = size
         self._step_m = step_m
 
     def add(self, x_m: float, y_m: float) -> None:
+        """Add a position, unless it is too close to the last one."""
         if not (isfinite(x_m) and isfinite(y_m)):
             return
         if self._points:
@@ -36,38 +37,39 @@ class Trail:
             if hypot(x_m - last_x_m, y_m - last_y_m) < self._step_m:
                 return
         self._points.append((x_m, y_m))
-        self._shown = None
+        self._model = None
         if len(self._points) > self._size:
             del self._points[1::2]
             self._step_m *= 2.0
 
     def points(self) -> tuple[Point, ...]:
-        """The same object until a point comes."""
-        if self._shown is None:
-            self._shown = tuple(self._points)
-        return self._shown
+        """Return the points; the same object until a point is added."""
+        if self._model is None:
+            self._model = tuple(self._points)
+        return self._model
 
 
 class EchoGrid:
-    """Where there were echoes: one point for each square of a grid, the longest unseen given up."""
+    """Positions of echoes, one for each cell of a grid; the cell unseen for longest is dropped."""
 
     def __init__(self, size: int = ECHOES, grid_m: float = GRID_M) -> None:
         self._size = size
         self._grid_m = grid_m
         self._cells: dict[tuple[int, int], Point] = {}
-        self._shown: tuple[Point, ...] | None = None
+        self._model: tuple[Point, ...] | None = None
 
     def add(self, x_m: float, y_m: float) -> None:
+        """Add the position of an echo."""
         cell = round(x_m / self._grid_m), round(y_m / self._grid_m)
         known = self._cells.pop(cell, None)
         self._cells[cell] = known or (x_m, y_m)
         if known is None:
-            self._shown = None
+            self._model = None
         if len(self._cells) > self._size:
             del self._cells[next(iter(self._cells))]
 
     def scan(self, scan: SonarScan, pose: PlanarOdometry, radius_m: float) -> None:
-        """All echoes of one scan, seen from this pose."""
+        """Add all echoes of a scan taken at this pose."""
         if not all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
             return
         for bearing_rad, range_m in zip(BEARINGS, ranges_m(scan), strict=True):
@@ -77,14 +79,14 @@ class EchoGrid:
                 self.add(pose.x_m + reach_m * cos(turn_rad), pose.y_m + reach_m * sin(turn_rad))
 
     def points(self) -> tuple[Point, ...]:
-        """The same object until another square is seen."""
-        if self._shown is None:
-            self._shown = tuple(self._cells.values())
-        return self._shown
+        """Return the points; the same object until another cell is added."""
+        if self._model is None:
+            self._model = tuple(self._cells.values())
+        return self._model
 
 
 def ranges_m(scan: SonarScan) -> Iterator[float | None]:
-    """By sonar, from right to left: inf for no echo, None for one that did not measure."""
+    """Yield the ranges from right to left: inf for no echo, None for no measurement."""
     for sonar, range_mm in enumerate(scan.range_mm):
         if not scan.valid >> sonar & 1:
             yield None
@@ -93,7 +95,7 @@ def ranges_m(scan: SonarScan) -> Iterator[float | None]:
 
 
 class BoundaryMarks:
-    """Where this goal's way was left for an obstacle, and where it was taken up again."""
+    """Positions at which the robot began and ended to avoid obstacles on the way to this goal."""
 
     def __init__(self) -> None:
         self.hit: deque[Point] = deque(maxlen=MARKS)
@@ -101,7 +103,8 @@ class BoundaryMarks:
         self._goal_id = 0
         self._goal = int(GoalState.NONE)
 
-    def see(self, status: NavigatorStatus, pose: PlanarOdometry) -> None:
+    def update(self, status: NavigatorStatus, pose: PlanarOdometry) -> None:
+        """Note the start or the end of an avoidance."""
         if status.goal_id != self._goal_id:
             self.hit.clear()
             self.leave.clear()

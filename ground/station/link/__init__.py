@@ -1,1 +1,1 @@
-"""Presence, loss and rates of what arrives."""
+"""Detect presence, loss and rates of arriving data."""

@@ -1,4 +1,4 @@
-"""Whether the robot is in our hands: a loss, its end, and what must be read again after it."""
+"""Track whether the robot can be commanded: a loss, its end, and what must be read after it."""
 
 from enum import Enum
 from typing import Final, NamedTuple
@@ -6,19 +6,21 @@ from typing import Final, NamedTuple
 from ground.station.link.loss import LossKind
 from runtime.units import NS_PER_MS
 
-BEGUN_NS: Final = 150 * NS_PER_MS
-"""A loss is told once it has been judged the same for so long: streams do not stop together."""
+ONSET_NS: Final = 150 * NS_PER_MS
+"""A loss is reported after its kind was the same for this time: streams do not stop at once."""
 CHANGED_NS: Final = 1_500 * NS_PER_MS
-"""A silence is given another cause only after this: whoever comes back is there in parts at first,
-and is dialled again within half a second."""
-HEARD: Final = (None, LossKind.SENSES_STALE, LossKind.OTHER_OPERATOR)
-"""As long as it is one of these the robot is heard."""
+"""A silent robot gets another kind of loss only after this time.
+
+A returning robot is present in parts at first, and is dialled again within half a second.
+"""
+RECEIVING: Final = (None, LossKind.SENSES_STALE, LossKind.OTHER_OPERATOR)
+"""With one of these kinds, data of the robot still arrive."""
 SETTLED_NS: Final = 300 * NS_PER_MS
-"""A loss is over when nothing has been lost for so long: one good frame is no return."""
+"""A loss is over when nothing was lost for this time: a single good frame does not end it."""
 
 
 class Need(Enum):
-    """What is read again after each loss, and once at the start."""
+    """Items to be read at the start and after each loss."""
 
     STATE = "state"
     PARAMETERS = "parameters"
@@ -26,7 +28,7 @@ class Need(Enum):
 
 
 class Change(NamedTuple):
-    """What has just begun (`now`), or what has ended (`before`) and after how long."""
+    """A loss that has begun (`now`), or one that has ended (`before`), and its duration."""
 
     now: LossKind | None
     before: LossKind | None
@@ -34,7 +36,7 @@ class Change(NamedTuple):
 
 
 class Contact:
-    """Fed with a judgement at each poll."""
+    """State of the contact, updated with a kind of loss at each poll."""
 
     def __init__(self, now_ns: int) -> None:
         self.kind: LossKind | None = None
@@ -47,36 +49,40 @@ class Contact:
 
     @property
     def ready(self) -> bool:
-        """Nothing is lost, and everything has been read since the last loss."""
+        """True if nothing is lost and everything was read since the last loss."""
         return self.kind is None and not self._missing
 
     @property
-    def heard(self) -> bool:
-        """Its loop is heard: what it says of itself is true, whether we may command it or not."""
-        return self.kind in HEARD
+    def is_receiving(self) -> bool:
+        """True if data of the robot's control loop arrive, even if it cannot be commanded."""
+        return self.kind in RECEIVING
 
     @property
     def missing(self) -> tuple[Need, ...]:
+        """Items not yet read since the last loss."""
         return tuple(need for need in Need if need in self._missing)
 
     def read(self, need: Need, arrived_ns: int) -> None:
-        """Something was read; it counts only when it came after the loss."""
+        """Note that something was read; it counts only if it arrived after the loss."""
         if self.kind is None and arrived_ns >= self.back_ns:
             self._missing.discard(need)
 
-    def again(self, now_ns: int) -> None:
-        """Everything is to be read once more, as after a loss."""
+    def require_all(self, now_ns: int) -> None:
+        """Require that everything is read again, as after a loss."""
         self.back_ns = now_ns
         self._missing = set(Need)
 
-    def judged(self, kind: LossKind | None, now_ns: int, since_ns: int) -> Change | None:
-        """What has changed by this judgement; `since_ns` is when what is lost was last heard."""
+    def update(self, kind: LossKind | None, now_ns: int, since_ns: int) -> Change | None:
+        """Update the kind of loss; return the change, if any.
+
+        `since_ns` is the time of the last message of what is lost.
+        """
         if kind is not self._guess:
             self._guess, self._guessed_ns = kind, now_ns
         if kind is None:
             return self._well(now_ns)
         self._well_ns = None
-        sure_ns = BEGUN_NS if self.heard else CHANGED_NS
+        sure_ns = ONSET_NS if self.is_receiving else CHANGED_NS
         if kind is self.kind or now_ns - self._guessed_ns < sure_ns:
             return None
         before = self.kind
@@ -95,6 +101,6 @@ class Contact:
             return None
         before, self.kind = self.kind, None
         gap_ns = self._well_ns - self.since_ns
-        self.again(self._well_ns)
+        self.require_all(self._well_ns)
         self._well_ns = None
         return Change(None, before, gap_ns)

@@ -1,9 +1,9 @@
-"""What each loss means, in words: what has happened, and what the robot does now by itself."""
+"""Describe each loss in words: its cause and the robot's own response."""
 
 from typing import NamedTuple
 
 from ground.station.link.loss import LossKind
-from ground.station.robot.lease_state import Lease
+from ground.station.robot.lease_state import LeaseView
 from protocol.bus.network import Hub
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.limits import (
@@ -18,8 +18,8 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_MS
 
 
-class Known(NamedTuple):
-    """What was known of the robot when it was lost."""
+class RobotKnowledge(NamedTuple):
+    """Knowledge of the robot at the time of the loss."""
 
     robot: str
     hub: Hub | None
@@ -27,85 +27,88 @@ class Known(NamedTuple):
     kept_out: str
     plant_there: bool
     status: NavigatorStatus | None
-    lease: Lease
+    lease: LeaseView
 
 
-def what(kind: LossKind, known: Known) -> str:
-    """What has happened, as far as it can be told from here."""
+def cause_of(kind: LossKind, known: RobotKnowledge) -> str:
+    """Describe what happened, as far as the station can know."""
     robot = known.robot
     match kind:
         case LossKind.ROUTER_GONE if known.hub is Hub.HANGS:
-            return "the router takes calls but hangs"
+            return "the router accepts connections but does not answer"
         case LossKind.ROUTER_GONE:
-            return "the router has ended; dialling it again"
+            return "the router has exited; reconnecting"
         case LossKind.TRANSPORT if known.kept_out:
             return known.kept_out
         case LossKind.TRANSPORT:
-            return "nothing comes back: the network in between is cut; dialling again"
+            return "no data arrive: the network is interrupted; reconnecting"
         case LossKind.PROCESS_DEAD if known.status is None:
-            return f"no process of {robot} is there"
+            return f"no process of {robot} is running"
         case LossKind.PROCESS_DEAD if known.linked_by_robot:
-            return f"the process of {robot} has ended"
+            return f"the process of {robot} has exited"
         case LossKind.PROCESS_DEAD:
-            return f"the process of {robot} has ended or is stopped, or its own link is cut"
+            return f"the process of {robot} has exited or is suspended, or its link is interrupted"
         case LossKind.HUNG:
-            return f"the process of {robot} is there, its control loop does not run (no heartbeat)"
+            return f"the process of {robot} runs, but its control loop does not (no heartbeat)"
         case LossKind.SENSES_STALE:
-            cause = "its sonars or wheels are not heard" if known.plant_there else "no plant"
-            return f"{robot} beats but is without senses: {cause}"
+            cause = "no data from its sonars or wheels" if known.plant_there else "no plant"
+            return f"{robot} runs without sensor data: {cause}"
         case LossKind.OTHER_OPERATOR:
-            return f"{known.lease.words} holds the lease; commands are refused, e-stop is not"
+            return f"{known.lease.words} holds the lease; commands are rejected, except the e-stop"
 
 
-def does(kind: LossKind, known: Known) -> str:
-    """What the robot does now, without us, and after how long."""
+def response_of(kind: LossKind, known: RobotKnowledge) -> str:
+    """Describe what the robot does now without this station, and after which time."""
     match kind:
         case LossKind.ROUTER_GONE | LossKind.TRANSPORT:
-            return _unheard(known.status)
+            return _without_operator(known.status)
         case LossKind.PROCESS_DEAD if known.status is None:
-            return "what the robot does is not known"
+            return "the state of the robot is unknown"
         case LossKind.PROCESS_DEAD | LossKind.HUNG:
             after = f"{MAX_WHEEL_TTL_MS} ms"
             return f"its motor driver stops the wheels {after} after the last command"
         case LossKind.SENSES_STALE:
-            return _blind(known.status)
+            return _without_senses(known.status)
         case LossKind.OTHER_OPERATOR:
             after = f"{MAX_LEASE_MS / 1000:g} s"
-            return f"the lease lapses {after} after its holder falls silent"
+            return f"the lease lapses {after} after the last heartbeat of its holder"
 
 
-def ended(robot: str, kind: LossKind, gap_ns: int) -> str:
-    """It is over, and how long it was."""
+def end_of(robot: str, kind: LossKind, gap_ns: int) -> str:
+    """Report the end of a loss and its duration."""
     after = f"after {gap_ns / NS_PER_MS / 1000:.1f} s"
     if kind is LossKind.OTHER_OPERATOR:
         return f"the lease of {robot} is free again {after}"
     return f"{robot} is back {after} ({kind.value})"
 
 
-def _unheard(status: NavigatorStatus | None) -> str:
-    """What a robot does whose operator is not heard any more."""
+def _without_operator(status: NavigatorStatus | None) -> str:
+    """Describe a robot that no longer receives its operator's heartbeat."""
     if status is None:
-        return "what the robot does is not known"
+        return "the state of the robot is unknown"
     if status.vehicle != Vehicle.ACTIVE:
-        return "it stood when last heard, and stays so"
+        return "it was stopped and stays stopped"
     if status.mode in (Mode.AUTO, Mode.SMART_RTL):
-        return f"it goes on in {Mode(status.mode).name}, which needs no operator"
+        return f"it continues in {Mode(status.mode).name}, which needs no operator"
     if status.mode == Mode.HOLD:
         return "it holds"
     if status.mode == Mode.GUIDED and not driving(status):
-        return "it had no goal and stands"
-    return f"failsafe: it stops {OPERATOR_LOST_MS / 1000:g} s after our last beat"
+        return "it has no goal and does not move"
+    return (
+        f"failsafe: it stops {OPERATOR_LOST_MS / 1000:g} s after the last heartbeat of its operator"
+    )
 
 
 def driving(status: NavigatorStatus) -> bool:
+    """Return whether a goal is being pursued."""
     return GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING
 
 
-def _blind(status: NavigatorStatus | None) -> str:
+def _without_senses(status: NavigatorStatus | None) -> str:
     if status is not None and status.vehicle == Vehicle.FAILSAFE:
-        return f"failsafe: it stands ({reason_text(status.vehicle_reason)})"
+        return f"failsafe: it is stopped ({reason_text(status.vehicle_reason)})"
     if status is not None and status.vehicle != Vehicle.ACTIVE:
         reason = status.vehicle_reason
-        said = f" ({reason_text(reason)})" if reason != Reason.NONE else ""
-        return f"it stands{said}"
-    return f"failsafe: it stops {min(SCAN_LOST_MS, TICKS_LOST_MS)} ms after its last senses"
+        reason_words = f" ({reason_text(reason)})" if reason != Reason.NONE else ""
+        return f"it is stopped{reason_words}"
+    return f"failsafe: it stops {min(SCAN_LOST_MS, TICKS_LOST_MS)} ms after its last sensor data"

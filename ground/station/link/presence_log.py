@@ -1,4 +1,4 @@
-"""Who comes and who goes, as lines for the log."""
+"""Log processes that connect and disconnect."""
 
 from collections.abc import Iterable
 from typing import Final, NamedTuple
@@ -20,17 +20,17 @@ LINE_NS: Final = 1_000_000_000
 
 
 class PresenceChange(NamedTuple):
-    """One line, and how much it matters."""
+    """A line for the log and its severity."""
 
     text: str
     severity: Severity
 
 
 class PresenceLog:
-    """Compares the tokens of one robot with those of the time before; our own is none of them.
+    """Compares a robot's tokens with those of the previous poll, without this station's own token.
 
-    Tokens that come and go all the time may not wash everything else out of the log: beyond
-    `BURST` lines there is one a second, and the number of those that were left out.
+    Tokens that change all the time must not flood the log: after `BURST` lines there is one a
+    second, with the number of omitted lines.
     """
 
     def __init__(self, robot: str, own: str) -> None:
@@ -38,9 +38,10 @@ class PresenceLog:
         self._own = own
         self._there: frozenset[tuple[str, str]] = frozenset()
         self._spent_ns = -BURST * LINE_NS
-        self._unsaid = 0
+        self._omitted = 0
 
-    def see(self, present: Iterable[Token], now_ns: int) -> list[PresenceChange]:
+    def update(self, present: Iterable[Token], now_ns: int) -> list[PresenceChange]:
+        """Compare the tokens and return the lines that the rate limit allows."""
         there = frozenset(
             (token.role, token.zid)
             for token in present
@@ -48,27 +49,27 @@ class PresenceLog:
         )
         came, went, self._there = there - self._there, self._there - there, there
         gone = [
-            PresenceChange(f"{self._named(role)} is out of sight", _weight(role))
+            PresenceChange(f"{self._named(role)} has disconnected", _weight(role))
             for role, _ in sorted(went)
         ]
         here = [
-            PresenceChange(f"{self._named(role)} is there", Severity.INFO)
+            PresenceChange(f"{self._named(role)} has connected", Severity.INFO)
             for role, _ in sorted(came)
         ]
         return self._within_budget([*gone, *here], now_ns)
 
-    def _within_budget(self, news: list[PresenceChange], now_ns: int) -> list[PresenceChange]:
+    def _within_budget(self, changes: list[PresenceChange], now_ns: int) -> list[PresenceChange]:
         self._spent_ns = max(self._spent_ns, now_ns - BURST * LINE_NS)
         room = max(0, (now_ns - self._spent_ns) // LINE_NS)
-        if len(news) > room:  # of robot and plant first
-            news.sort(key=lambda one: OTHERS in one.text)
-        told, unsaid = news[:room], len(news[room:])
-        self._spent_ns += len(told) * LINE_NS
-        if told and self._unsaid:
-            words = f"{self._unsaid} more have come or gone for {self._robot}"
-            told, self._unsaid = [PresenceChange(words, Severity.WARNING), *told], 0
-        self._unsaid += unsaid
-        return told
+        if len(changes) > room:  # robot and plant first
+            changes.sort(key=lambda one: OTHERS in one.text)
+        reported, omitted = changes[:room], len(changes[room:])
+        self._spent_ns += len(reported) * LINE_NS
+        if reported and self._omitted:
+            words = f"{self._omitted} more connections or disconnections for {self._robot}"
+            reported, self._omitted = [PresenceChange(words, Severity.WARNING), *reported], 0
+        self._omitted += omitted
+        return reported
 
     def _named(self, role: str) -> str:
         return NAMED[role].format(robot=self._robot)

@@ -1,4 +1,4 @@
-"""Counts restarts of a process: a new token, or a count of its own that begins again."""
+"""Count restarts of a process, detected by a new token or by a counter that starts again."""
 
 from typing import Final, Literal
 
@@ -9,69 +9,69 @@ from runtime.units import NS_PER_S
 Sign = Literal["token", "count"]
 SHOWN_NS: Final = 20 * NS_PER_S
 NEAR_NS: Final = 10 * NS_PER_S
-"""What is told of a restart is told so soon before or after it is noticed."""
-TOLD: Final = "restarted: "
-"""A robot that is not the first begins with this, and how the one before it ended."""
+"""Largest time between a robot's message about its restart and the detection of it."""
+RESTART_PREFIX: Final = "restarted: "
+"""Start of the message of a restarted robot; the cause of the restart follows."""
 
 
 class Restarts:
-    """Both signs of one restart count once, in whichever order they come.
+    """Counts a restart once, although both signs of it appear, in any order.
 
-    A number up to `max_late` behind the newest only came late.
+    A number up to `max_late` behind the newest one is only late.
     """
 
     def __init__(self, max_late: int = 0) -> None:
         self.count = 0
         self._numbers = SequenceTracker(max_late)
         self._token = ""
-        self._owed: Sign | None = None
+        self._expected_sign: Sign | None = None
 
     def token(self, zid: str) -> bool:
-        """Its token is there; True when that shows a restart."""
+        """Note the token of the process; return True when it shows a restart."""
         if not zid or zid == self._token:
             return False
         first, self._token = not self._token, zid
-        return False if first else self._counted("token")
+        return False if first else self._count("token")
 
     def number(self, number: int) -> bool:
-        """Its tick or its time; True when that shows a restart."""
-        return self._numbers.take(number) is Order.RESTARTED and self._counted("count")
+        """Note its tick or time; return True when it shows a restart."""
+        return self._numbers.take(number) is Order.RESTARTED and self._count("count")
 
-    def _counted(self, sign: Sign) -> bool:
-        if self._owed is not None and self._owed != sign:
-            self._owed = None
+    def _count(self, sign: Sign) -> bool:
+        if self._expected_sign is not None and self._expected_sign != sign:
+            self._expected_sign = None
             return False
-        self._owed = sign
+        self._expected_sign = sign
         self.count += 1
         return True
 
 
 class RestartNotice:
-    """`cause` is what the robot last told of the one before it; empty when it has told nothing."""
+    """Combines a restart with its `cause`, which the robot reports; empty without a report."""
 
     def __init__(self, robot: str) -> None:
         self.cause = ""
-        self._told_ns = 0
+        self._reported_ns = 0
         self._robot = robot
         self._words = ""
         self._at_ns: int | None = None
         self._role = Role.ROBOT
 
-    def hear(self, text: str, told_ns: int) -> None:
-        """A text of the robot's, and when it was told."""
-        if text.startswith(TOLD):
-            self.cause, self._told_ns = text.removeprefix(TOLD), told_ns
+    def receive(self, text: str, published_ns: int) -> None:
+        """Note a text of the robot and the time of its publication."""
+        if text.startswith(RESTART_PREFIX):
+            self.cause, self._reported_ns = text.removeprefix(RESTART_PREFIX), published_ns
 
-    def begun(self, role: Role, times: int, now_ns: int) -> str:
-        """It has been noticed; in words."""
+    def begin(self, role: Role, times: int, now_ns: int) -> str:
+        """Note a restart and return it in words."""
         whose = self._robot if role is Role.ROBOT else f"the plant of {self._robot}"
         self._words = f"{whose} has been restarted ({times})"
         self._role, self._at_ns = role, now_ns
         return self._words
 
     def words(self, now_ns: int) -> str:
-        """With its cause, while it is news."""
+        """Return the restart with its cause while it is recent; otherwise an empty text."""
         if self._at_ns is None or now_ns - self._at_ns > SHOWN_NS:
             return ""
-        told = self._role is Role.ROBOT and abs(self._told_ns - self._at_ns) <= NEAR_NS
-        return f"{self._words}: {self.cause}" if told and self.cause else self._words
+        is_reported = self._role is Role.ROBOT and abs(self._reported_ns - self._at_ns) <= NEAR_NS
+        return f"{self._words}: {self.cause}" if is_reported and self.cause else self._words

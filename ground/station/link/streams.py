@@ -1,25 +1,25 @@
-"""What arrives on each topic: rate and loss, by counting arrivals and the gaps between them."""
+"""Measure rate and loss of each topic from arrivals and gaps in sequence numbers."""
 
 from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
 from ground.client.telemetry import Age, Telemetry, age_of
-from ground.station.history.inbox import Arrival
+from ground.station.history.inbox import ReceivedFrame
 from protocol.topics import Role, Topic
 from protocol.wire.codec import is_frame
 from runtime.units import NS_PER_S
 
 WINDOW_NS: Final = 5 * NS_PER_S
-KEPT: Final = 512
+MAX_FRAMES: Final = 512
 SEQUENCE_AT: Final = 4
 SLACK: Final = 2
 
 
 class StreamRow(NamedTuple):
-    """One line of the Links screen; rate and loss are of the last seconds, counts of all time.
+    """One line of the Links screen; rate and loss cover the last seconds, counts all time.
 
-    `rate_hz` is None for what never came and for events.
+    `rate_hz` is None for events and for topics without any message.
     """
 
     topic: Topic[Any]
@@ -33,17 +33,18 @@ class StreamRow(NamedTuple):
     last_rejection: str
 
 
-class Counter:
-    """One topic. A gap in the sequence is a loss, unless its sender has begun anew."""
+class StreamCounter:
+    """Counts one topic; a gap in its sequence is a loss, unless the sender was restarted."""
 
     def __init__(self, topic: Topic[Any]) -> None:
         self.topic = topic
         self.received = self.lost = 0
-        self._arrivals: deque[int] = deque(maxlen=KEPT)
-        self._gaps: deque[tuple[int, int]] = deque(maxlen=KEPT)
+        self._arrivals: deque[int] = deque(maxlen=MAX_FRAMES)
+        self._gaps: deque[tuple[int, int]] = deque(maxlen=MAX_FRAMES)
         self._last: tuple[int, int] | None = None
 
     def take(self, frame: bytes, arrived_ns: int) -> None:
+        """Count a frame."""
         if not is_frame(frame):
             return
         if self._last is not None and arrived_ns < self._last[1]:
@@ -59,18 +60,18 @@ class Counter:
         self._arrivals.append(arrived_ns)
 
     def _fetched(self, now_ns: int) -> None:
-        """It was told before what came last: kept for us by its sender, and so not lost."""
+        """Count a cached sample, which is older than the last frame and so was not lost."""
         self.received += 1
         if self.lost:
             self.lost -= 1
             self._gaps.append((now_ns, -1))
 
     def skip(self) -> None:
-        """Frames were thrown away on our side: the next gap says nothing."""
+        """Ignore the next gap, because frames were dropped on this side."""
         self._last = None
 
     def _missing(self, sequence: int, arrived_ns: int) -> int:
-        """Several operators share a key, each with a count of its own: nothing is known of them."""
+        """Return the number of missing frames; 0 on keys that several operators share."""
         if self._last is None or self.topic.publisher is Role.GROUND:
             return 0
         last, before_ns = self._last
@@ -79,7 +80,7 @@ class Counter:
         return 0 if sequence == 0 or missing > most else missing
 
     def recent(self, now_ns: int) -> tuple[int, int]:
-        """Received and lost in the last seconds."""
+        """Return the numbers of received and lost frames in the last seconds."""
         while self._arrivals and now_ns - self._arrivals[0] > WINDOW_NS:
             self._arrivals.popleft()
         while self._gaps and now_ns - self._gaps[0][0] > WINDOW_NS:
@@ -87,6 +88,7 @@ class Counter:
         return len(self._arrivals), max(0, sum(lost for _, lost in self._gaps))
 
     def rate_hz(self, now_ns: int) -> float | None:
+        """Return the rate of the last seconds in Hz; None for events or without any frame."""
         received, _ = self.recent(now_ns)
         if not self.topic.rate_hz or not self.received:
             return None
@@ -97,20 +99,22 @@ class Counter:
 
 
 class Streams:
-    """All topics of one robot."""
+    """Counters of all topics of one robot."""
 
     def __init__(self, topics: Iterable[Topic[Any]]) -> None:
-        self._counters = {topic.path: Counter(topic) for topic in topics}
+        self._counters = {topic.path: StreamCounter(topic) for topic in topics}
 
-    def take(self, arrival: Arrival) -> None:
+    def take(self, arrival: ReceivedFrame) -> None:
+        """Count a frame."""
         self._counters[arrival.path].take(arrival.frame, arrival.arrived_ns)
 
     def skip(self) -> None:
+        """Ignore the next gap of each topic."""
         for counter in self._counters.values():
             counter.skip()
 
     def percent(self, now_ns: int) -> float | None:
-        """Of the robot's frames of the last seconds, how many arrived; None when none ever did."""
+        """Return the percentage of the robot's recent frames that arrived; None without any."""
         own = [one for one in self._counters.values() if one.topic.publisher is Role.ROBOT]
         if not any(one.received for one in own):
             return None
@@ -119,9 +123,10 @@ class Streams:
         return 100.0 * received / (received + lost) if received else 0.0
 
     def rows(self, telemetry: Telemetry, now_ns: int) -> list[StreamRow]:
+        """Return a line for each topic."""
         return [self._row(counter, telemetry, now_ns) for counter in self._counters.values()]
 
-    def _row(self, counter: Counter, telemetry: Telemetry, now_ns: int) -> StreamRow:
+    def _row(self, counter: StreamCounter, telemetry: Telemetry, now_ns: int) -> StreamRow:
         topic = counter.topic
         box = telemetry.boxes()[topic.path]
         newest = box.latest()

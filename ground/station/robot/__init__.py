@@ -1,1 +1,1 @@
-"""One robot: its state, its lease, the requests to it."""
+"""Model one robot: its state, its lease, the requests to it."""

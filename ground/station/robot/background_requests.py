@@ -1,4 +1,4 @@
-"""What is asked of the robot, in threads of their own, so that nobody who shows it waits."""
+"""Send requests to the robot from separate threads, so that the display never waits."""
 
 import logging
 from collections.abc import Callable
@@ -13,7 +13,7 @@ LOG = logging.getLogger(__name__)
 
 
 class JobResult(NamedTuple):
-    """How a request ended, in one or more lines: `ok 14 ms`, or the robot's reason."""
+    """Result of a request in one or more lines: `ok 14 ms`, or the robot's reason."""
 
     ok: bool
     text: str
@@ -23,17 +23,27 @@ Job: TypeAlias = Callable[[], JobResult]
 
 
 class RequestWorker(Protocol):
-    """One worker, with one job at a time."""
+    """A worker for one job at a time."""
 
     @property
-    def busy(self) -> bool: ...
-    def start(self, job: Job) -> bool: ...
-    def done(self) -> JobResult | None: ...
-    def close(self, deadline_s: float) -> None: ...
+    def busy(self) -> bool:
+        """True while a job runs or its result waits."""
+        ...
+
+    def start(self, job: Job) -> bool:
+        """Start a job; return False if it cannot start now."""
+        ...
+
+    def done(self) -> JobResult | None:
+        """Return the result of a job, once."""
+        ...
+
+    def close(self, deadline_s: float) -> None:
+        """Stop until the deadline, in monotonic time."""
 
 
 class RequestThread:
-    """A thread that does one job after the other; it begins with the first."""
+    """A thread that runs one job at a time; it starts with the first job."""
 
     def __init__(self, name: str) -> None:
         self.busy = False
@@ -43,7 +53,7 @@ class RequestThread:
         self._closed = False
 
     def start(self, job: Job) -> bool:
-        """False when the one before is not done, or the lane is closed."""
+        """Start a job; return False while another one runs, or after `close`."""
         if self.busy or self._closed:
             return False
         if not self._thread.is_alive():
@@ -53,7 +63,7 @@ class RequestThread:
         return True
 
     def done(self) -> JobResult | None:
-        """What came of the job, once; then there may be another."""
+        """Return the result of a job once; then another one may start."""
         try:
             outcome = self._outcomes.get_nowait()
         except Empty:
@@ -62,7 +72,7 @@ class RequestThread:
         return outcome
 
     def close(self, deadline_s: float) -> None:
-        """No more jobs; the one under way has until the deadline (monotonic), then it is left."""
+        """Accept no more jobs; wait for the present one until the deadline (monotonic time)."""
         self._closed = True
         self._jobs.put(None)
         if self._thread.is_alive():
@@ -74,11 +84,11 @@ class RequestThread:
 
 
 def outcome_of(job: Job) -> JobResult:
-    """Do it; whatever goes wrong comes back in words."""
+    """Run a job; an exception becomes a result in words."""
     try:
         return job()
     except (RemoteError, LocalError) as error:
         return JobResult(False, str(error))
     except Exception as error:
         LOG.exception("a request has failed")
-        return JobResult(False, f"this is a fault of the ground station: {error!r}")
+        return JobResult(False, f"internal error of the ground station: {error!r}")

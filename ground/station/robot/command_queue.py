@@ -1,4 +1,4 @@
-"""One request after the other; the lease and a beat of the heart come before what moves."""
+"""Send one request at a time; acquire the lease before a request that moves the robot."""
 
 from collections.abc import Callable
 from enum import Enum
@@ -18,7 +18,7 @@ from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS
 
-Tell = Callable[[str, Severity], None]
+AddNote = Callable[[str, Severity], None]
 ATTEMPTS: Final = 3
 PATIENCE_NS: Final = 400 * NS_PER_MS
 DONE: Final = {
@@ -29,95 +29,99 @@ DONE: Final = {
 
 
 class CommandStage(Enum):
+    """Stage of the pending request."""
+
     TAKING = "taking the lease"
-    SETTLING = "letting the robot hear its operator"
+    SETTLING = "waiting until the robot has received a heartbeat"
     RUNNING = "running"
-    LEASE = "asking for or giving back the lease"
+    LEASE = "requesting or releasing the lease"
 
 
 class Pending(NamedTuple):
-    """What is under way, for which robot."""
+    """The pending request and its robot."""
 
     words: str
     robot: str
-    tenure: LeaseHolding
+    holding: LeaseHolding
     job: Job | None
     stage: CommandStage
     action: LeaseAction | None = None
 
 
 class CommandQueue:
-    """`last` is what was last asked and what came of it."""
+    """A queue of length one; `last` is the last request with its result."""
 
     def __init__(
-        self, bus: ReadableBus, clock: Clock, lane: RequestWorker, tell: Tell, name: str
+        self, bus: ReadableBus, clock: Clock, worker: RequestWorker, note: AddNote, name: str
     ) -> None:
         self.last = ""
         self._bus = bus
         self._clock = clock
-        self._lane = lane
-        self._tell = tell
+        self._worker = worker
+        self._note = note
         self._name = name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
         self._ids = RequestIds()
         self._pending: Pending | None = None
 
     @property
     def busy(self) -> str:
+        """Words of the pending request; empty without one."""
         return "" if self._pending is None else self._pending.words
 
     def submit(
-        self, words: str, robot: str, tenure: LeaseHolding, job: Job, *, moves: bool
+        self, words: str, robot: str, holding: LeaseHolding, job: Job, *, moves: bool
     ) -> bool:
-        """Begin; False, told, when another one is under way."""
-        if self._engaged(words):
+        """Start a request; return False with a note in the log while another one is pending."""
+        if self._is_pending(words):
             return False
-        if moves and not tenure.ours:
+        if moves and not holding.ours:
             self._ask_lease(
-                Pending(words, robot, tenure, job, CommandStage.TAKING), LeaseAction.TAKE
+                Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
             )
-        elif moves and not tenure.settled(self._clock.now_ns()):
-            self._pending = Pending(words, robot, tenure, job, CommandStage.SETTLING)
+        elif moves and not holding.settled(self._clock.now_ns()):
+            self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
         else:
-            self._run(Pending(words, robot, tenure, job, CommandStage.RUNNING), job)
+            self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
         return True
 
-    def lease(self, robot: str, tenure: LeaseHolding, action: LeaseAction) -> bool:
-        """Ask for the lease, or give it back: then the heart stops at once."""
+    def lease(self, robot: str, holding: LeaseHolding, action: LeaseAction) -> bool:
+        """Acquire or release the lease; a release stops the heartbeat at once."""
         words = f"lease {action.name.lower()}"
-        if self._engaged(words):
+        if self._is_pending(words):
             return False
         if action is LeaseAction.RELEASE:
-            tenure.given_up(self._clock.now_ns())
-        self._ask_lease(Pending(words, robot, tenure, None, CommandStage.LEASE, action), action)
+            holding.release(self._clock.now_ns())
+        self._ask_lease(Pending(words, robot, holding, None, CommandStage.LEASE, action), action)
         return True
 
     def request(self, action: LeaseAction) -> LeaseRequest:
+        """Return a request for the lease."""
         return LeaseRequest(request_id=self._ids.next(), action=action, name=self._name)
 
-    def last_release(self, robot: str, tenure: LeaseHolding) -> JobResult:
-        """Give the lease back at the end, once, here and now; call it in a thread."""
-        tenure.given_up(self._clock.now_ns())
+    def last_release(self, robot: str, holding: LeaseHolding) -> JobResult:
+        """Release the lease at the end, with one attempt; blocks, so call it in a thread."""
+        holding.release(self._clock.now_ns())
         request = self.request(LeaseAction.RELEASE)
         return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
 
     def poll(self, now_ns: int) -> None:
-        """Go on with what is under way; its end is told."""
+        """Continue the pending request and report its result."""
         pending = self._pending
         if pending is None:
             return
         if pending.stage is CommandStage.SETTLING:
             self._settle(pending, now_ns)
             return
-        outcome = self._lane.done()
+        outcome = self._worker.done()
         if outcome is None:
             return
         self._pending = None
-        self._ended(pending, outcome, now_ns)
+        self._finish(pending, outcome, now_ns)
 
-    def _engaged(self, words: str) -> bool:
+    def _is_pending(self, words: str) -> bool:
         if self._pending is None:
             return False
-        self._tell(f"not sent: {words}: `{self._pending.words}` is under way", Severity.WARNING)
+        self._note(f"not sent: {words}: `{self._pending.words}` is under way", Severity.WARNING)
         return True
 
     def _ask_lease(self, pending: Pending, action: LeaseAction) -> None:
@@ -126,41 +130,44 @@ class CommandQueue:
 
     def _run(self, pending: Pending, job: Job) -> None:
         self._pending = pending
-        self._lane.start(job)
+        self._worker.start(job)
 
     def _settle(self, pending: Pending, now_ns: int) -> None:
-        if not pending.tenure.ours:
+        if not pending.holding.ours:
             self._pending = None
-            self._tell(f"not sent: {pending.words}: the lease is ours no more", Severity.WARNING)
-        elif pending.tenure.settled(now_ns) and pending.job is not None:
+            self._note(
+                f"not sent: {pending.words}: this station no longer holds the lease",
+                Severity.WARNING,
+            )
+        elif pending.holding.settled(now_ns) and pending.job is not None:
             self._run(pending._replace(stage=CommandStage.RUNNING), pending.job)
 
-    def _ended(self, pending: Pending, outcome: JobResult, now_ns: int) -> None:
+    def _finish(self, pending: Pending, outcome: JobResult, now_ns: int) -> None:
         if pending.stage is CommandStage.RUNNING:
             self.last = f"{pending.words}: {outcome.text}"
             several = "\n" in outcome.text.strip()
-            self._told(outcome if several else outcome._replace(text=self.last))
+            self._report(outcome if several else outcome._replace(text=self.last))
             return
         if outcome.ok and pending.action is not LeaseAction.RELEASE:
-            pending.tenure.granted(now_ns)
+            pending.holding.granted(now_ns)
         if pending.stage is CommandStage.LEASE:
-            self._told(outcome, loud=pending.action is LeaseAction.SEIZE)
+            self._report(outcome, loud=pending.action is LeaseAction.SEIZE)
         elif outcome.ok:
-            self._told(outcome)
+            self._report(outcome)
             self._pending = pending._replace(stage=CommandStage.SETTLING)
         else:
-            self._told(JobResult(False, f"not sent: {pending.words}: {outcome.text}"))
+            self._report(JobResult(False, f"not sent: {pending.words}: {outcome.text}"))
 
-    def _told(self, outcome: JobResult, *, loud: bool = False) -> None:
+    def _report(self, outcome: JobResult, *, loud: bool = False) -> None:
         usual = Severity.WARNING if loud else Severity.INFO
         for line in outcome.text.splitlines():
-            self._tell(line, usual if outcome.ok else Severity.WARNING)
+            self._note(line, usual if outcome.ok else Severity.WARNING)
 
 
 def ask_lease(
     bus: ReadableBus, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
 ) -> JobResult:
-    """Take, release or seize; the same request again when there is no answer."""
+    """Take, release or seize the lease; repeat the same request without an answer."""
     asking = CommandExchange(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
     run_exchange(bus, clock, robot, asking, LEASE_SERVICE)
     answer = asking.outcome

@@ -1,4 +1,4 @@
-"""Who commands the robot, as its lease says."""
+"""Describe the lease holder of a robot from its lease status."""
 
 from typing import NamedTuple
 
@@ -7,10 +7,10 @@ from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
 
-class Lease(NamedTuple):
-    """`ours`: this station holds it; `lapses_s` from now unless its holder beats.
+class LeaseView(NamedTuple):
+    """A lease; `ours`: this station holds it; `lapses_s`: time left without a heartbeat.
 
-    Not `known`: nothing has been heard of it, or nothing lately.
+    `known` is False without a recent status.
     """
 
     held: bool = False
@@ -22,11 +22,12 @@ class Lease(NamedTuple):
 
     @property
     def others(self) -> bool:
+        """True if another operator holds the lease."""
         return self.held and not self.ours
 
     @property
     def words(self) -> str:
-        """Whom it belongs to; `--`: who knows."""
+        """Name of the lease holder, or `--` when unknown."""
         if not self.known:
             return "--"
         if not self.held:
@@ -34,12 +35,12 @@ class Lease(NamedTuple):
         return "ours" if self.ours else (self.name or self.holder[:8])
 
 
-UNKNOWN = Lease(known=False)
+UNKNOWN = LeaseView(known=False)
 
 
-def lease_in(status: LeaseStatus, age_ns: int, own: str) -> Lease:
-    """What the robot said of it so long ago, seen by who has this identity on the bus."""
+def lease_from(status: LeaseStatus, age_ns: int, own: str) -> LeaseView:
+    """Return the lease as seen by the client with identity `own`; the status is `age_ns` old."""
     held = bool(status.held)
     left_s = max(0.0, status.lapses_ms / 1000 - age_ns / NS_PER_S)
     ours = held and status.holder == own
-    return Lease(held, ours, printable(status.holder), printable(status.name), left_s)
+    return LeaseView(held, ours, printable(status.holder), printable(status.name), left_s)

@@ -1,4 +1,4 @@
-"""Which mission and which fence the robot has, as the map shows them."""
+"""Keep the mission and the fence of the robot for the map."""
 
 from contextlib import suppress
 from math import radians
@@ -16,28 +16,28 @@ from protocol.wire.reasons import Reason
 from runtime.clock import Clock
 from runtime.errors import RemoteError
 
-PATIENCE_S = 0.5
+TIMEOUT_S = 0.5
 IN_FORCE = (Reason.NONE, Reason.NOT_SAVED)
 KINDS = frozenset(MissionType)
 
 
-class Items(NamedTuple):
-    """What was downloaded of one kind."""
+class DownloadedItems(NamedTuple):
+    """The downloaded items of one kind."""
 
     kind: MissionType
     items: tuple[MissionItemInt, ...]
 
 
 class MissionItems:
-    """As downloaded, or as uploaded by anybody in our hearing; a fence of None: there is none."""
+    """Mission and fence as downloaded, or as uploaded by any operator; None without one."""
 
     def __init__(self) -> None:
         self.mission: tuple[Target, ...] = ()
         self.fence: Shape | None = None
         self._uploads: dict[int, dict[int, MissionItemInt]] = {}
 
-    def hear(self, message: object) -> None:
-        """A frame of somebody's upload, or the robot's word on it."""
+    def receive(self, message: object) -> None:
+        """Process a frame of an upload, or the robot's verdict on it."""
         if getattr(message, "mission_type", None) not in KINDS:
             return
         match message:
@@ -49,10 +49,12 @@ class MissionItems:
                 reason in IN_FORCE and kind in self._uploads
             ):
                 found = self._uploads.pop(kind)
-                self.take(Items(MissionType(kind), tuple(found[at] for at in sorted(found))))
+                self.take(
+                    DownloadedItems(MissionType(kind), tuple(found[at] for at in sorted(found)))
+                )
 
-    def take(self, found: Items) -> None:
-        """What cannot be shown is not: the Log has said what was uploaded."""
+    def take(self, found: DownloadedItems) -> None:
+        """Show a mission or fence; ignore a malformed one."""
         with suppress(RemoteError):
             if found.kind is MissionType.MISSION:
                 self.mission = tuple(map(target_of, waypoints_of(found.items)))
@@ -61,6 +63,7 @@ class MissionItems:
 
 
 def shape_of(fence: Fence | None) -> Shape | None:
+    """Return the shape of a fence for the map."""
     if fence is None:
         return None
     if isinstance(fence, Circle):
@@ -69,6 +72,7 @@ def shape_of(fence: Fence | None) -> Shape | None:
 
 
 def target_of(waypoint: Waypoint) -> Target:
+    """Return a waypoint as a target on the map."""
     heading_deg = waypoint.heading_deg
     return Target(
         waypoint.x_m,
@@ -78,16 +82,16 @@ def target_of(waypoint: Waypoint) -> Target:
     )
 
 
-def downloaded(bus: ReadableBus, clock: Clock, robot: str, kind: MissionType) -> Items:
-    """All items, none when the robot has none; RemoteError at the first question unanswered."""
+def downloaded(bus: ReadableBus, clock: Clock, robot: str, kind: MissionType) -> DownloadedItems:
+    """Download all items, possibly none; RemoteError when a request stays unanswered."""
     transfer = Download(kind, clock.now_ns())
     while not transfer.over:
         for send in transfer.due(clock.now_ns()):
-            answer = bus.ask(MISSION_SERVICE, send.request, PATIENCE_S, robot=robot)
+            answer = bus.ask(MISSION_SERVICE, send.request, TIMEOUT_S, robot=robot)
             transfer.receive(answer, clock.now_ns())
         if not transfer.over:
             clock.sleep_until(transfer.next_ns)
     outcome = transfer.outcome
     if isinstance(outcome, Downloaded):
-        return Items(kind, outcome.items)
-    raise RemoteError(f"the robot does not tell its {kind.name.lower()}")
+        return DownloadedItems(kind, outcome.items)
+    raise RemoteError(f"the robot did not send its {kind.name.lower()}")

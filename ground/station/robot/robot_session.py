@@ -1,4 +1,4 @@
-"""One robot as its operator has it: the lease and the heart, the way to it, and the e-stop."""
+"""Operate one robot: lease, heartbeat, link and e-stop."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
 from ground.station.robot.background_requests import JobResult, RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
-from ground.station.robot.robot_model import RobotModel, Tell
+from ground.station.robot.robot_model import AddLine, RobotModel
 from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CommandRequest, Heartbeat
@@ -17,71 +17,72 @@ from runtime.clock import Clock
 
 
 class RobotSession:
-    """Beats at `poll` and nowhere else, so that an app that hangs is no operator any more."""
+    """An operator's session; only `poll` sends heartbeats, so a hanging app loses its lease."""
 
     def __init__(
         self,
         bus: LiveBus,
-        watched: RobotModel,
+        model: RobotModel,
         clock: Clock,
-        lanes: Callable[[str], RequestWorker],
-        tell: Tell,
+        workers: Callable[[str], RequestWorker],
+        add_line: AddLine,
     ) -> None:
-        robot, now_ns = watched.robot, clock.now_ns()
-        self.tenure = LeaseHolding(bus.operator or "")
-        self._lanes = [lanes(f"{robot} reads"), lanes(f"{robot} e-stop")]
-        reader = Reader(bus, clock, robot, self._lanes[0])
-        self.vigil = LinkMonitor(watched, reader, now_ns, tell)
+        robot, now_ns = model.robot, clock.now_ns()
+        self.holding = LeaseHolding(bus.operator or "")
+        self._workers = [workers(f"{robot} reads"), workers(f"{robot} e-stop")]
+        reader = Reader(bus, clock, robot, self._workers[0])
+        self.link_monitor = LinkMonitor(model, reader, now_ns, add_line)
         self._bus = bus
-        self._watched = watched
+        self._model = model
         self._clock = clock
-        self._tell = tell
+        self._add_line = add_line
         self._reader = reader
-        self._heart: MessagePublisher[Heartbeat] = bus.publisher(OPERATOR, robot)
-        self._stops: MessagePublisher[CommandRequest] = bus.publisher(STOP, robot)
+        self._heartbeats: MessagePublisher[Heartbeat] = bus.publisher(OPERATOR, robot)
+        self._stop_publisher: MessagePublisher[CommandRequest] = bus.publisher(STOP, robot)
         self._stop: EmergencyStop | None = None
         self._over = False
         bus.announce(robot)
 
-    def poll(self, now_ns: int, again: set[Role]) -> None:
-        self._hear_lease(now_ns)
-        self.vigil.poll(now_ns, again, self.tenure.lease)
+    def poll(self, now_ns: int, restarted_roles: set[Role]) -> None:
+        """Process lease, link and e-stop, and send a heartbeat."""
+        self._update_lease(now_ns)
+        self.link_monitor.poll(now_ns, restarted_roles, self.holding.lease)
         self.beat(now_ns)
-        self._see_stop(now_ns)
+        self._report_stop(now_ns)
 
     def beat(self, now_ns: int) -> None:
-        newest = self._watched.telemetry.latest(STATUS)
-        self.tenure.beat(self._heart, now_ns, 0 if newest is None else newest[0].time_ns)
+        """Send a heartbeat if it is due."""
+        newest = self._model.telemetry.latest(STATUS)
+        self.holding.beat(self._heartbeats, now_ns, 0 if newest is None else newest[0].time_ns)
 
     def refusal(self) -> str:
-        """Why nothing that moves may be asked now; empty when it may."""
-        loss: Loss | None = self.vigil.loss()
+        """Return why a request that moves the robot is rejected; empty when it is allowed."""
+        loss: Loss | None = self.link_monitor.loss()
         if loss is not None:
             todo = "; `lease seize` takes it" if loss.kind is LossKind.OTHER_OPERATOR else ""
-            return f"{loss.kind.value.lower()}: {loss.what}{todo}"
-        if not self.vigil.contact.ready:
-            return f"not yet: waiting for {self.vigil.waiting_for} of {self._watched.robot}"
+            return f"{loss.kind.value.lower()}: {loss.cause}{todo}"
+        if not self.link_monitor.contact.ready:
+            return f"not ready: waiting for {self.link_monitor.waiting_for} of {self._model.robot}"
         return ""
 
     @property
     def parameters_words(self) -> str:
-        return self._watched.parameters.words(self._reader.asked)
-
-    # The e-stop.
+        """Number of parameters, or why they are missing."""
+        return self._model.parameters.words(self._reader.asked)
 
     def estop(self) -> None:
-        """Press it: sent at once, then repeated in a thread. A press under way is sent again."""
+        """Send an e-stop at once and repeat it in a thread; a pending one is sent again."""
         if self._stop is not None:
             self._stop.press()
-            self._tell("ground", self._stop.words(self._clock.now_ns()), Severity.CRITICAL)
+            self._add_line("ground", self._stop.words(self._clock.now_ns()), Severity.CRITICAL)
             return
-        robot, telemetry = self._watched.robot, self._watched.telemetry
+        robot, telemetry = self._model.robot, self._model.telemetry
         stop = EmergencyStop(
-            self._bus, self._stops, robot, self._clock, lambda: telemetry.latest(STATUS)
+            self._bus, self._stop_publisher, robot, self._clock, lambda: telemetry.latest(STATUS)
         )
         self._stop = stop
         stop.press()
-        self._lanes[1].start(lambda: self._repeat(stop))
+        self._workers[1].start(lambda: self._repeat(stop))
 
     def _repeat(self, stop: EmergencyStop) -> JobResult:
         outcome = stop.run(lambda: self._over)
@@ -89,30 +90,33 @@ class RobotSession:
 
     @property
     def stopping(self) -> str:
+        """State of the pending e-stop in words; empty without one."""
         return "" if self._stop is None else self._stop.words(self._clock.now_ns())
 
-    def _see_stop(self, now_ns: int) -> None:
+    def _report_stop(self, now_ns: int) -> None:
         if self._stop is None:
             return
-        outcome = self._lanes[1].done()
+        outcome = self._workers[1].done()
         if outcome is not None:
             self._stop = None
-            loss = self.vigil.loss()
-            text = outcome.text if outcome.ok or loss is None else f"{outcome.text}; {loss.does}"
-            self._tell("ground", text, Severity.WARNING if outcome.ok else Severity.EMERGENCY)
+            loss = self.link_monitor.loss()
+            text = (
+                outcome.text if outcome.ok or loss is None else f"{outcome.text}; {loss.response}"
+            )
+            self._add_line("ground", text, Severity.WARNING if outcome.ok else Severity.EMERGENCY)
         elif words := self._stop.due(now_ns):
-            self._tell("ground", words, Severity.CRITICAL)
+            self._add_line("ground", words, Severity.CRITICAL)
 
-    def _hear_lease(self, now_ns: int) -> None:
-        newest = self._watched.telemetry.latest(LEASE)
+    def _update_lease(self, now_ns: int) -> None:
+        newest = self._model.telemetry.latest(LEASE)
         if newest is None:
             return
-        lost = self.tenure.heard(newest[0], newest[1], now_ns)
+        lost = self.holding.receive(newest[0], newest[1], now_ns)
         if lost:
-            self._tell("ground", f"{self._watched.robot}: {lost}", Severity.WARNING)
+            self._add_line("ground", f"{self._model.robot}: {lost}", Severity.WARNING)
 
     def close(self, deadline_s: float) -> None:
-        """Ends its threads by then."""
+        """End the threads before the deadline."""
         self._over = True
-        for lane in self._lanes:
-            lane.close(deadline_s)
+        for worker in self._workers:
+            worker.close(deadline_s)

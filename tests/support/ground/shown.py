@@ -5,13 +5,13 @@ from pathlib import Path
 
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.station import Station
-from ground.station.world import world_in
+from ground.station.world import parse_world
 from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.clock import ManualClock
 from tests.support.ground.recordings import Recording
 
-WORLD = world_in(json.dumps(as_json(load("box"), None)))
+WORLD = parse_world(json.dumps(as_json(load("box"), None)))
 
 
 class Show:

@@ -11,17 +11,17 @@ from ground.client.telemetry import AgedMessage, Telemetry
 from ground.console import AppCommand, line_of
 from ground.map import Scene, Target
 from ground.station import (
-    History,
+    EventLog,
     JobResult,
-    Lease,
-    Log,
+    LeaseView,
     Loss,
     Moment,
+    SeriesTable,
     Station,
     StreamRow,
     WorldFacts,
 )
-from ground.station.history.event_log import Line
+from ground.station.history.event_log import LogLine
 from protocol.topics import (
     CYCLE,
     DECISION,
@@ -48,7 +48,7 @@ class FakeStation(Station):
         self._began_ns = self.clock.now_ns()
         self.air = Air()
         self._telemetry = Telemetry(self.air, "r1", TOPICS)
-        self._figures, self.log = History(), Log()
+        self._figures, self.log = SeriesTable(), EventLog()
         self.polls = 0
         self.stops = 0
         self.asked: list[str] = []
@@ -57,7 +57,7 @@ class FakeStation(Station):
         self.decisions_now: list[tuple[int, AvoidanceDecision]] = []
         self.loss_now: Loss | None = None
         self.ready_now, self.waiting_now = True, ""
-        self.lease_now = Lease()
+        self.lease_now = LeaseView()
         self.parameters_now: tuple[Parameter, ...] | None = ()
         self.streams_now: list[StreamRow] = []
         self.items_now: tuple[Target, ...] = ()
@@ -106,7 +106,7 @@ class FakeStation(Station):
         return self._telemetry.seen(topic, self.now_ns)
 
     @property
-    def crew(self) -> PresentProcesses:
+    def present(self) -> PresentProcesses:
         return PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))
 
     def streams(self) -> list[StreamRow]:
@@ -143,7 +143,7 @@ class FakeStation(Station):
         return self.waiting_now
 
     @property
-    def lease(self) -> Lease:
+    def lease(self) -> LeaseView:
         return self.lease_now
 
     @property
@@ -160,23 +160,25 @@ class FakeStation(Station):
 
     @property
     def parameters_words(self) -> str:
-        return "41" if self.parameters_now is not None else "41 missing: asked 2 times, no answer"
+        return (
+            "41" if self.parameters_now is not None else "41 missing: requested 2 times, no answer"
+        )
 
     @property
     def world(self) -> WorldFacts | None:
         return self.world_now
 
     @property
-    def dearest_cycle(self) -> CycleReport | None:
+    def worst_cycle(self) -> CycleReport | None:
         newest = self.telemetry.latest(CYCLE)
         return None if newest is None else newest[0]
 
     @property
-    def history(self) -> History:
+    def history(self) -> SeriesTable:
         return self._figures
 
     def note(self, text: str, severity: int = Severity.INFO) -> None:
-        self.log.add(Line(self.time_s, severity, "ground", text))
+        self.log.add(LogLine(self.time_s, severity, "ground", text))
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
         heard, now_ns = self.telemetry, self.now_ns
@@ -217,10 +219,10 @@ class FakeStation(Station):
         return self.stopping_now
 
     def take_lease(self, *, seize: bool = False) -> None:
-        self.lease_now = Lease(held=True, ours=True)
+        self.lease_now = LeaseView(held=True, ours=True)
 
     def release_lease(self) -> None:
-        self.lease_now = Lease()
+        self.lease_now = LeaseView()
 
     def reread(self) -> None:
         self.asked.append("reread")

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from ground.app.filtered_log import FilteredLog
 from ground.app.panels.log import MOST_LATELY, latest_rows, log_rows
 from ground.app.widgets.rows import words_of
-from ground.station.history.event_log import Line, Log
+from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import play, staged
@@ -17,12 +17,12 @@ REFUSAL = "refused: goal 99 7: outside of the fence, a circle of 4 m around 0 0;
 WORDS = st.text(st.sampled_from("ab é-"), max_size=60)
 
 
-def line(text: str, severity: int = Severity.INFO, time_s: float = 1.0) -> Line:
-    return Line(time_s, severity, "r1", text)
+def line(text: str, severity: int = Severity.INFO, time_s: float = 1.0) -> LogLine:
+    return LogLine(time_s, severity, "r1", text)
 
 
-def filled(*texts: str, size: int = 10_000) -> Log:
-    log = Log(size)
+def filled(*texts: str, size: int = 10_000) -> EventLog:
+    log = EventLog(size)
     for number, text in enumerate(texts):
         log.add(line(text, time_s=float(number)))
     return log
@@ -42,7 +42,7 @@ def test_long_line_is_wrapped_below_its_text() -> None:
 
 @given(st.lists(WORDS, max_size=12), st.integers(0, 90))
 def test_incremental_update_equals_a_full_one(texts: list[str], width: int) -> None:
-    log, slowly, at_once = Log(5), FilteredLog(), FilteredLog()
+    log, slowly, at_once = EventLog(5), FilteredLog(), FilteredLog()
     for text in texts:
         log.add(line(text))
         slowly.update(log, Severity.DEBUG, width)
@@ -80,7 +80,7 @@ def test_search_wraps_around_and_marks_all_rows() -> None:
 
 
 def test_search_distinguishes_equal_lines() -> None:
-    log, filtered = Log(), FilteredLog()
+    log, filtered = EventLog(), FilteredLog()
     for _ in range(3):
         log.add(line("the same"))
     filtered.update(log, Severity.DEBUG, 80)

@@ -42,7 +42,7 @@ def test_incomplete_parameters_are_not_listed() -> None:
             assert "d_obs_m          *" in stage.words("rows")
             station.parameters_now = None
             await stage.redraw()
-            assert "41 missing: asked 2 times" in stage.words("heading")
+            assert "41 missing: requested 2 times" in stage.words("heading")
             assert stage.words("rows") == ""
 
     play(story)

@@ -86,23 +86,23 @@ class Play:
     """`forward` lets time go by in periods of 50 ms; the station is polled in each."""
 
     def __init__(
-        self, world: WorldFacts | None = None, lanes: Callable[[str], Inline] | None = None
+        self, world: WorldFacts | None = None, workers: Callable[[str], Inline] | None = None
     ) -> None:
         self.clock = ManualClock(1000 * S)
         self.bus = PlayedBus(self.clock)
         self.robots = [Robot()]
         self.delivered = True
-        self.lanes: dict[str, Inline] = {}
+        self.workers: dict[str, Inline] = {}
         self.commands: list[CommandRequest] = []
         self.refuses = Reason.NONE
         self.bus.come(Role.ROBOT)
         self.bus.come(Role.PLANT)
         for name in ("r1", "r2"):
             self.bus.publisher(STOP, name).heard = partial(self._press, name)
-        self._lane = lanes or (lambda _name: Inline())
+        self._worker = workers or (lambda _name: Inline())
         self._serve()
         self.station = Station(
-            self.bus, "r1", self.clock, world, name="anna", lanes=self._make_lane
+            self.bus, "r1", self.clock, world, name="anna", workers=self._make_lane
         )
 
     @property
@@ -174,7 +174,7 @@ class Play:
     # The robot's services.
 
     def _make_lane(self, name: str) -> Inline:
-        return self.lanes.setdefault(name, self._lane(name))
+        return self.workers.setdefault(name, self._worker(name))
 
     def _serve(self) -> None:
         self.bus.answers |= {

@@ -1,4 +1,4 @@
-"""Whatever arrives, the station goes on: it shows it, counts it, or leaves it out."""
+"""The station shows, counts or ignores any input and keeps running."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ PublishedFrame = tuple[Topic[Any], Message]
 
 
 def said(topic: Topic[Any]) -> st.SearchStrategy[PublishedFrame]:
-    """Any message that this topic may carry."""
+    """Return a strategy for any message of this topic."""
     kinds = st.sampled_from(topic.messages).flatmap(messages_of)
     return kinds.map(lambda message: (topic, message))
 
@@ -40,7 +40,7 @@ def look_at_all(play: Play) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(anything)
-def test_no_message_stops_it_or_commands_the_terminal(messages: list[PublishedFrame]) -> None:
+def test_any_message_leaves_the_station_running(messages: list[PublishedFrame]) -> None:
     play = Play().forward(0.2)
     for topic, message in messages:
         play.bus.say(topic, message)
@@ -52,7 +52,7 @@ def test_no_message_stops_it_or_commands_the_terminal(messages: list[PublishedFr
 
 @settings(deadline=None, max_examples=40)
 @given(noise)
-def test_no_bytes_stop_it(frames: list[tuple[Topic[Any], bytes]]) -> None:
+def test_any_bytes_leave_the_station_running(frames: list[tuple[Topic[Any], bytes]]) -> None:
     play = Play().forward(0.2)
     for topic, frame in frames:
         play.bus.say_frame(topic, frame)
@@ -62,7 +62,7 @@ def test_no_bytes_stop_it(frames: list[tuple[Topic[Any], bytes]]) -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(st.binary(max_size=200))
-def test_no_answer_stops_it(answer: bytes) -> None:
+def test_any_answer_leaves_the_station_running(answer: bytes) -> None:
     play = Play()
     for path in play.bus.answers:
         play.bus.answers[path] = lambda _: answer

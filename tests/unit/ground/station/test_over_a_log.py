@@ -1,7 +1,7 @@
-"""A station over a played log: everything is seen, and nothing commanded."""
+"""A station over a recording shows everything and commands nothing."""
 
 from ground.client.telemetry import Age
-from ground.station import Lease, Station
+from ground.station import LeaseView, Station
 from protocol.topics import STATUS
 from runtime.clock import ManualClock
 from tests.support.ground.station.play import Play, S
@@ -9,8 +9,8 @@ from tests.support.ground.station.said import Robot
 from tests.support.played_bus import PlayedBus
 
 
-class Heard:
-    """A bus that only hears, as one that plays a log."""
+class ReceivingBus:
+    """A bus that only receives, like one that plays a recording."""
 
     def __init__(self, bus: PlayedBus) -> None:
         self.mailbox = bus.mailbox
@@ -20,13 +20,13 @@ class Heard:
 
 
 class Replay:
-    """A robot's log, played and turned back by the test."""
+    """The recording of a robot, played by the test."""
 
     def __init__(self) -> None:
         self.clock = ManualClock(1000 * S)
         self.bus = PlayedBus(self.clock)
         self.robot = Robot()
-        self.station = Station(Heard(self.bus), "r1", self.clock)
+        self.station = Station(ReceivingBus(self.bus), "r1", self.clock)
 
     def forward(self, seconds: float) -> None:
         for _ in range(round(seconds * 20)):
@@ -36,7 +36,7 @@ class Replay:
             self.clock.advance(50_000_000)
 
 
-def test_over_a_log_everything_is_seen_and_nothing_commanded() -> None:
+def test_recording_is_shown_but_not_commanded() -> None:
     replay = Replay()
     replay.forward(2.0)
     station = replay.station
@@ -49,17 +49,17 @@ def test_over_a_log_everything_is_seen_and_nothing_commanded() -> None:
     station.estop()
     station.take_lease()
     station.reread()
-    assert station.refusal() == "this is a replay: nothing can be commanded"
-    assert (station.stopping, station.lease, station.round_trip_ms) == ("", Lease(), None)
+    assert station.refusal() == "a replay accepts no commands"
+    assert (station.stopping, station.lease, station.round_trip_ms) == ("", LeaseView(), None)
     assert station.lease.words == "free"
-    assert station.parameters_words == "a log without a list"
-    assert len(station.log.find("this is a replay")) == 2
+    assert station.parameters_words == "not in the recording"
+    assert len(station.log.find("a replay accepts")) == 2
     station.close()
 
 
-def test_a_recording_tells_its_world_and_parameters() -> None:
+def test_recording_provides_world_and_parameters() -> None:
     play = Play()
-    station = Station(Heard(play.bus), "r1", play.clock)
+    station = Station(ReceivingBus(play.bus), "r1", play.clock)
     assert station.world is not None
     assert station.world.name == "box"
     assert station.parameters_words == "2"

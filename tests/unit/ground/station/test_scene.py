@@ -1,4 +1,4 @@
-"""What the map shows of a robot: all that is live, and where one that is not heard may be."""
+"""The map shows live data, and where a silent robot may be."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot
 
 
-def test_the_scene_shows_all_that_is_live_and_marks_what_is_not() -> None:
+def test_scene_contains_live_data_only() -> None:
     play = Play()
     play.robot.goal_id, play.robot.goal = 4, GoalState.AVOIDING
     scene = play.forward(1.0).station.scene()
@@ -30,7 +30,7 @@ def test_the_scene_shows_all_that_is_live_and_marks_what_is_not() -> None:
     assert (scene.goal, scene.zone_m) == (None, None)
 
 
-def test_the_ellipse_of_a_robot_not_heard_grows_by_how_far_it_may_have_gone() -> None:
+def test_ellipse_of_a_silent_robot_grows() -> None:
     play = Play().forward(1.0)
     heard = play.station.scene().covariance
     play.hang()
@@ -47,7 +47,7 @@ def test_the_ellipse_of_a_robot_not_heard_grows_by_how_far_it_may_have_gone() ->
     assert last[2] == pytest.approx(0.01 + 0.5**2 / 6, rel=1e-2)
 
 
-def test_on_a_mission_it_may_have_gone_on_without_us() -> None:
+def test_ellipse_grows_longer_during_a_mission() -> None:
     play = Play()
     play.robot.mode = Mode.AUTO
     play.forward(1.0)
@@ -58,7 +58,7 @@ def test_on_a_mission_it_may_have_gone_on_without_us() -> None:
     assert covariance[0] > 0.04 + 2.4**2 / 6
 
 
-def test_of_several_robots_one_is_shown_and_commanded_and_the_others_are_on_its_map() -> None:
+def test_other_robots_are_on_the_map_of_the_selected() -> None:
     play = Play()
     play.robots.append(Robot("r2", x_m=3.0))
     play.bus.come(Role.ROBOT, "r2")

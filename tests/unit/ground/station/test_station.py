@@ -1,4 +1,4 @@
-"""The station as its screen sees it: what is shown of whom, and that it stays small."""
+"""The state of the station for its screen, and bounds on its memory."""
 
 from collections import Counter
 from math import isnan
@@ -22,7 +22,7 @@ from tests.support.played_bus import Handler, PlayedBus
 M = TypeVar("M", bound=Message)
 
 
-def test_every_field_fades_above_two_periods_and_is_gone_above_five() -> None:
+def test_values_dim_after_two_periods_and_vanish_after_five() -> None:
     play = Play().forward(1.0)
     found: dict[float, Age] = {}
     play.robot.loop = play.robot.senses = False
@@ -37,7 +37,7 @@ def test_every_field_fades_above_two_periods_and_is_gone_above_five() -> None:
     }  # fmt: skip
 
 
-def test_a_lease_that_has_not_been_heard_of_lately_is_nobodys() -> None:
+def test_stale_lease_is_unknown() -> None:
     play = Play()
     assert play.station.lease.words == "--"
     play.forward(1.0)
@@ -50,7 +50,7 @@ def test_a_lease_that_has_not_been_heard_of_lately_is_nobodys() -> None:
     assert not play.station.lease.ours
 
 
-def test_a_mission_that_is_too_old_is_not_shown() -> None:
+def test_stale_mission_is_not_shown() -> None:
     play = Play().forward(1.0)
     assert isinstance(play.station.mission, MissionStatus)
     play.hang()
@@ -58,7 +58,7 @@ def test_a_mission_that_is_too_old_is_not_shown() -> None:
     assert play.station.mission is None
 
 
-def test_texts_of_the_robot_are_lines_of_the_log_with_their_severity() -> None:
+def test_robot_texts_are_logged_with_severity() -> None:
     play = Play().forward(0.5)
     play.say("obstacle ahead", severity=Severity.WARNING)
     play.forward(0.1)
@@ -67,7 +67,7 @@ def test_texts_of_the_robot_are_lines_of_the_log_with_their_severity() -> None:
     assert line.time_s == pytest.approx(0.5)
 
 
-def test_a_long_text_is_one_line() -> None:
+def test_long_text_is_one_line() -> None:
     play = Play().forward(0.5)
     for chunk, text in enumerate(("x" * 50, "end")):
         play.bus.say(TEXT, Statustext(severity=6, text=text, id=7, chunk_seq=chunk))
@@ -75,7 +75,7 @@ def test_a_long_text_is_one_line() -> None:
     assert play.texts("end") == ["x" * 50 + "end"]
 
 
-def test_what_was_told_before_we_listened_says_how_long_ago() -> None:
+def test_cached_text_is_logged_with_its_age() -> None:
     play = Play().forward(0.5)
     for words, age_ns in (("started", 40_000_000_000), ("obstacle ahead", 0)):
         text = Statustext(severity=6, text=words, id=0, chunk_seq=0)
@@ -87,7 +87,7 @@ def test_what_was_told_before_we_listened_says_how_long_ago() -> None:
     ]
 
 
-def test_a_parameter_that_anybody_sets_is_shown_at_once() -> None:
+def test_parameter_change_is_shown_at_once() -> None:
     play = Play().forward(1.0)
     value = ParamValue(
         param_id="d_obs_m", param_value=0.5, param_type=9, param_count=2, param_index=0
@@ -99,24 +99,24 @@ def test_a_parameter_that_anybody_sets_is_shown_at_once() -> None:
     assert play.station.parameters_words == "2"
 
 
-def test_parameters_are_asked_for_until_they_come_and_it_is_said_how_often() -> None:
+def test_parameter_requests_are_counted() -> None:
     play = Play()
     del play.bus.answers["srv/parameters"]
     play.forward(3.0)
     words = play.station.parameters_words
-    assert words.startswith("not read yet: asked 3 times, srv/parameters: no process serves it")
+    assert words.startswith("not read yet: requested 3 times, srv/parameters: no process serves it")
     assert not play.station.ready
     assert play.station.waiting_for == "parameters"
 
 
-def test_a_list_that_is_none_is_said_to_be_none() -> None:
+def test_malformed_parameter_list_is_reported() -> None:
     play = Play()
     play.bus.answers["srv/parameters"] = lambda _: b"[3]"
     play.forward(0.5)
     assert "item 1 is not a table" in play.station.parameters_words
 
 
-def test_reading_again_can_be_asked_for() -> None:
+def test_reread_requires_everything_again() -> None:
     play = Play().forward(1.0)
     play.station.reread()
     assert not play.station.ready
@@ -124,7 +124,7 @@ def test_reading_again_can_be_asked_for() -> None:
     assert play.station.ready
 
 
-def test_figures_are_sampled_with_their_time_and_a_silence_is_a_gap() -> None:
+def test_series_are_sampled_and_silence_is_a_gap() -> None:
     play = Play().forward(1.0)
     series = play.station.history["speed"]
     assert len(series.points()) == 20
@@ -137,7 +137,7 @@ def test_figures_are_sampled_with_their_time_and_a_silence_is_a_gap() -> None:
     assert isnan(series.points()[-1][1])
 
 
-def test_a_lease_of_one_robot_is_beaten_for_while_another_is_shown() -> None:
+def test_heartbeats_continue_for_a_robot_not_shown() -> None:
     play = Play().forward(1.0)
     play.station.take_lease()
     play.forward(0.5)
@@ -148,19 +148,19 @@ def test_a_lease_of_one_robot_is_beaten_for_while_another_is_shown() -> None:
     assert not play.station.lease.ours
 
 
-def test_what_can_be_no_name_is_refused() -> None:
+def test_malformed_robot_name_is_rejected() -> None:
     play = Play()
     with pytest.raises(UserError, match="robot name"):
         play.station.select("R 2")
     assert play.station.robot == "r1"
 
 
-def test_it_shows_itself_to_the_others() -> None:
+def test_station_announces_itself() -> None:
     play = Play().forward(0.1)
-    assert play.station.crew.has("r1", Role.GROUND)
+    assert play.station.present.has("r1", Role.GROUND)
 
 
-def test_ten_minutes_of_50_hz_and_a_hundred_thousand_lines_leave_the_memory_bounded() -> None:
+def test_station_memory_is_bounded() -> None:
     play = Play().forward(1.0)
     feed(play, 12_500)  # now every ring is full
     before = getallocatedblocks()
@@ -172,7 +172,7 @@ def test_ten_minutes_of_50_hz_and_a_hundred_thousand_lines_leave_the_memory_boun
 
 
 def feed(play: Play, ticks: int) -> None:
-    """So many ticks at 50 Hz, with lines of text in between; polled at 10 Hz."""
+    """Feed ticks at 50 Hz with lines of text in between; poll at 10 Hz."""
     topics = dict(play.robot.said())
     robot = play.robot
     for tick in range(ticks):
@@ -189,7 +189,7 @@ def feed(play: Play, ticks: int) -> None:
 
 
 class Counting(PlayedBus):
-    """Counts how often each topic of each robot is subscribed."""
+    """A bus that counts the subscriptions of each topic and robot."""
 
     def __init__(self, clock: ManualClock) -> None:
         super().__init__(clock)
@@ -209,7 +209,7 @@ class Counting(PlayedBus):
 def test_station_subscribes_each_topic_of_each_robot_once() -> None:
     clock = ManualClock()
     bus = Counting(clock)
-    station = Station(bus, "r1", clock, lanes=lambda _name: Inline())
+    station = Station(bus, "r1", clock, workers=lambda _name: Inline())
     for robot in ("r2", "r1", "r2"):
         station.select(robot)
         station.poll()

@@ -1,4 +1,4 @@
-"""The plant's description of its world becomes shapes of the map, or a reason."""
+"""The plant's description of its world becomes map shapes or an error."""
 
 import json
 from math import pi
@@ -6,7 +6,7 @@ from math import pi
 import pytest
 
 from ground.map import Disc, Outline
-from ground.station.world import MAX_OBSTACLES, MAX_POINTS, world_in
+from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
 from plant.model.movers import Mover as Walker
 from plant.model.types import Circle
 from plant.world.file import load
@@ -16,8 +16,8 @@ from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.hostile import TEXT, raw_in
 
 
-def test_walls_outlines_discs_and_walkers_are_told_apart() -> None:
-    world = world_in(WORLD_TEXT)
+def test_world_shapes_are_parsed_by_kind() -> None:
+    world = parse_world(WORLD_TEXT)
     outer, polygon, wall, pillar = world.obstacles
     assert outer == Outline(((0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0)))
     assert polygon == Outline(((2.0, 1.0), (3.0, 1.0), (3.0, 2.0)))
@@ -29,12 +29,12 @@ def test_walls_outlines_discs_and_walkers_are_told_apart() -> None:
     assert world.radius_m == 0.15
 
 
-def test_walkers_are_where_the_plant_has_them() -> None:
+def test_movers_match_the_plant() -> None:
     for obstacle in load("moving").obstacles:
         assert isinstance(obstacle, Circle)
-    told = world_in(json.dumps(as_json(load("moving"), None)))
+    expected = parse_world(json.dumps(as_json(load("moving"), None)))
     walkers = [Walker(one) for one in load("moving").obstacles if isinstance(one, Circle)]
-    for shown, walker in zip(told.movers, walkers, strict=True):
+    for shown, walker in zip(expected.movers, walkers, strict=True):
         for time_s in (0.0, 3.3, 17.0, 100.0):
             at = shown.at(time_s)
             assert (at.x_m, at.y_m) == pytest.approx(walker.position_m(time_s))
@@ -56,28 +56,28 @@ def drawn(obstacles: object, **more: object) -> bytes:
     ],
     ids=["infinite", "nan", "huge", "no path", "points", "obstacles"],
 )
-def test_a_world_that_cannot_be_drawn_is_refused(text: bytes) -> None:
-    """Drawing it would end or stall the app, and with it the operator's heartbeat."""
+def test_world_that_cannot_be_drawn_is_rejected(text: bytes) -> None:
+    """Reject a world that would end or stall the app and its heartbeats."""
     with pytest.raises(RemoteError, match="world cannot be read"):
-        world_in(text)
+        parse_world(text)
 
 
-def test_a_name_is_one_printable_line() -> None:
-    name = world_in(drawn([], name=TEXT + "\n" + "x" * 200)).name
+def test_world_name_is_one_printable_line() -> None:
+    name = parse_world(drawn([], name=TEXT + "\n" + "x" * 200)).name
     assert raw_in(name) == []
     assert "\n" not in name
     assert len(name) == 64
 
 
-def test_a_walker_that_goes_nowhere_stands() -> None:
+def test_mover_without_distance_does_not_move() -> None:
     text = WORLD_TEXT.replace(b"[[1, 1], [1, 3]]", b"[[1, 1], [1, 1]]")
-    assert world_in(text).movers[0].at(3.0) == Disc(1.0, 1.0, 0.1)
+    assert parse_world(text).movers[0].at(3.0) == Disc(1.0, 1.0, 0.1)
 
 
 @pytest.mark.parametrize("name", ["box", "moving", "disc", "zigzag", "paper_fig11"])
-def test_the_worlds_of_the_plant_can_all_be_read(name: str) -> None:
+def test_all_worlds_of_the_plant_are_parsed(name: str) -> None:
     world = load(name)
-    found = world_in(json.dumps(as_json(world, None)))
+    found = parse_world(json.dumps(as_json(world, None)))
     assert found.name == world.name
     assert len(found.obstacles) + len(found.movers) == len(world.obstacles) + world.walls
 
@@ -91,6 +91,6 @@ def test_the_worlds_of_the_plant_can_all_be_read(name: str) -> None:
         WORLD_TEXT.replace(b"[[2, 1]", b"[[2]"),
     ],
 )  # fmt: skip
-def test_what_is_no_world_is_refused_in_words(text: bytes) -> None:
+def test_malformed_world_is_rejected(text: bytes) -> None:
     with pytest.raises(RemoteError, match="the plant's world cannot be read"):
-        world_in(text)
+        parse_world(text)

@@ -1,16 +1,16 @@
-"""Any instant of the last minutes can be asked why the robot did what it did."""
+"""The decision history explains any instant of the last minutes."""
 
 import tracemalloc
 
-from ground.station.history.decision_history import Frames, Moments
-from ground.station.history.inbox import Arrival, Inbox
+from ground.station.history.decision_history import DecisionHistory, Frames
+from ground.station.history.inbox import Inbox, ReceivedFrame
 from protocol.topics import DECISION
 from protocol.wire.codec import Encoder
 from tests.support.ground.station.play import Play, S
 from tests.support.ground.station.said import Robot
 
 
-def test_an_instant_of_the_past_has_its_decision_and_the_one_before() -> None:
+def test_moment_has_its_decision_and_the_previous_one() -> None:
     play = Play()
     for step in range(40):
         play.robot.rotation_rad = step / 8
@@ -28,14 +28,14 @@ def test_an_instant_of_the_past_has_its_decision_and_the_one_before() -> None:
     assert moment.cycle.tick == 10
 
 
-def test_unless_said_otherwise_it_is_now() -> None:
+def test_moment_defaults_to_now() -> None:
     play = Play().forward(1.0)
     moment = play.station.moment()
     assert moment is not None
     assert moment.time_ns == play.station.now_ns
 
 
-def test_before_the_first_and_long_after_the_last_there_is_none() -> None:
+def test_moment_is_none_outside_the_history() -> None:
     play = Play().forward(1.0)
     play.hang()
     play.forward(3.0)
@@ -44,7 +44,7 @@ def test_before_the_first_and_long_after_the_last_there_is_none() -> None:
     assert play.station.moment(1001 * S) is not None
 
 
-def test_decisions_between_two_polls_are_kept_too() -> None:
+def test_decisions_between_polls_are_kept() -> None:
     play = Play().forward(1.0)
     play.forward(0.5, poll=False)
     play.station.poll()
@@ -53,7 +53,7 @@ def test_decisions_between_two_polls_are_kept_too() -> None:
     assert moment.time_ns == 1001 * S + 200_000_000
 
 
-def test_what_cannot_be_read_is_left_out() -> None:
+def test_malformed_frames_are_skipped() -> None:
     frames = Frames()
     frames.add(Encoder(1, 1).encode(Robot().decision()), 1)
     frames.add(b"noise", 2)
@@ -61,16 +61,18 @@ def test_what_cannot_be_read_is_left_out() -> None:
 
 
 def test_ten_minutes_at_50_hz_are_bounded() -> None:
-    moments, encoder, robot = Moments(), Encoder(1, 1), Robot()
+    decision_history, encoder, robot = DecisionHistory(), Encoder(1, 1), Robot()
     tracemalloc.start()
     for number in range(2 * 12_000):
-        moments.take(Arrival(DECISION.path, encoder.encode(robot.decision()), number))
+        decision_history.take(
+            ReceivedFrame(DECISION.path, encoder.encode(robot.decision()), number)
+        )
     kept, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert kept < 5_000_000
 
 
-def test_an_inbox_that_nobody_empties_keeps_the_newest() -> None:
+def test_full_inbox_keeps_the_newest() -> None:
     inbox = Inbox(size=3)
     take = inbox.taker("a")
     for number in range(5):

@@ -1,17 +1,17 @@
-"""The log is a bounded ring that can be searched."""
+"""The log is a bounded, searchable ring."""
 
 import tracemalloc
 
-from ground.station import Line, Log
+from ground.station import EventLog, LogLine
 from protocol.wire.enums import Severity
 
 
-def line(number: int, severity: int = Severity.INFO) -> Line:
-    return Line(number / 10, severity, "r1", f"event {number}")
+def line(number: int, severity: int = Severity.INFO) -> LogLine:
+    return LogLine(number / 10, severity, "r1", f"event {number}")
 
 
-def test_a_reader_is_told_only_what_is_new() -> None:
-    log = Log()
+def test_since_returns_new_lines() -> None:
+    log = EventLog()
     for number in range(3):
         log.add(line(number))
     seen = log.total
@@ -20,8 +20,8 @@ def test_a_reader_is_told_only_what_is_new() -> None:
     assert log.since(log.total) == []
 
 
-def test_who_comes_late_gets_what_is_kept() -> None:
-    log = Log(size=2)
+def test_late_reader_gets_the_kept_lines() -> None:
+    log = EventLog(size=2)
     for number in range(5):
         log.add(line(number))
     assert [found.text for found in log.since(0)] == ["event 3", "event 4"]
@@ -29,10 +29,10 @@ def test_who_comes_late_gets_what_is_kept() -> None:
     assert [found.text for found in log.last(1)] == ["event 4"]
 
 
-def test_it_is_searched_in_any_case_and_by_severity() -> None:
-    log = Log()
+def test_find_ignores_case_and_filters_by_severity() -> None:
+    log = EventLog()
     log.add(line(1))
-    log.add(Line(0.0, Severity.ERROR, "r2", "Scan lost"))
+    log.add(LogLine(0.0, Severity.ERROR, "r2", "Scan lost"))
     assert [found.source for found in log.find("SCAN")] == ["r2"]
     assert [found.source for found in log.find("r2")] == ["r2"]
     assert len(log.find("", Severity.ERROR)) == 1
@@ -43,8 +43,8 @@ def test_each_severity_has_its_letter() -> None:
     assert line(0, 99).letter == "D"
 
 
-def test_a_hundred_thousand_lines_leave_the_memory_bounded() -> None:
-    log = Log()
+def test_log_memory_is_bounded() -> None:
+    log = EventLog()
     for number in range(10_000):
         log.add(line(number))
     tracemalloc.start()
@@ -54,4 +54,4 @@ def test_a_hundred_thousand_lines_leave_the_memory_bounded() -> None:
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(log) == 10_000
-    assert after - before < 4_000_000  # all kept lines are new ones, and they are all there is
+    assert after - before < 4_000_000  # all kept lines are new

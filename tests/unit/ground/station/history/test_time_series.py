@@ -1,11 +1,11 @@
-"""Figures over time are bounded, and thinning loses no peak."""
+"""Series over time are bounded, and thinning keeps the extremes."""
 
 from math import isnan
 
-from ground.station import SERIES, History, Series
+from ground.station import SERIES, Series, SeriesTable
 
 
-def test_the_last_minute_is_there_in_full() -> None:
+def test_last_minute_is_kept_in_full() -> None:
     series = Series()
     for tick in range(1200):
         series.add(tick / 20, float(tick))
@@ -13,7 +13,7 @@ def test_the_last_minute_is_there_in_full() -> None:
     assert series.last == (1199 / 20, 1199.0)
 
 
-def test_what_is_older_keeps_the_lowest_and_highest_of_each_half_second() -> None:
+def test_older_points_keep_extremes_per_half_second() -> None:
     series = Series(full=20)
     for tick in range(2000):
         series.add(tick / 20, 100.0 if tick == 777 else -5.0 if tick == 778 else 1.0)
@@ -23,7 +23,7 @@ def test_what_is_older_keeps_the_lowest_and_highest_of_each_half_second() -> Non
     assert len(values) < 20 + 2 * 200 + 2
 
 
-def test_times_never_go_back() -> None:
+def test_times_never_decrease() -> None:
     series = Series(full=20)
     for tick in range(999):
         series.add(tick / 20, float(tick % 7))
@@ -39,7 +39,7 @@ def test_ten_minutes_at_50_hz_are_bounded() -> None:
     assert series.points(since_s=1190.0)[0][0] >= 1190.0
 
 
-def test_a_gap_is_marked_once_and_survives_thinning() -> None:
+def test_gap_is_marked_once_and_survives_thinning() -> None:
     series = Series(full=4)
     series.gap()
     assert series.points() == []
@@ -52,8 +52,8 @@ def test_a_gap_is_marked_once_and_survives_thinning() -> None:
     assert sum(isnan(value) for _, value in series.points()) == 1
 
 
-def test_all_series_are_there_by_name() -> None:
-    history = History()
+def test_all_series_exist_by_name() -> None:
+    history = SeriesTable()
     assert tuple(history) == SERIES
     history["speed"].add(1.0, 0.3)
     assert history["speed"].last == (1.0, 0.3)

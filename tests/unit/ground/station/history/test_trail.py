@@ -1,4 +1,4 @@
-"""Trail, echoes and marks are bounded, and show where something was."""
+"""Trail, echoes and marks are bounded and located correctly."""
 
 from math import inf, isfinite, nan, pi
 
@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.station.history.telemetry_history import uncertainty_m
-from ground.station.history.trail import BoundaryMarks, EchoGrid, Trail, ranges_m
+from ground.station.history.trail import BoundaryMarks, DrivenPath, EchoGrid, ranges_m
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import PlanarOdometry
 from tests.support.ground.station.said import Robot
@@ -23,15 +23,15 @@ def pose(x_m: float = 0.0, y_m: float = 0.0, heading_rad: float = 0.0) -> Planar
     )  # fmt: skip
 
 
-def test_a_robot_that_stands_adds_nothing_to_its_trail() -> None:
-    trail = Trail()
+def test_standing_robot_extends_no_trail() -> None:
+    trail = DrivenPath()
     for _ in range(100):
         trail.add(1.0, 2.0)
     assert trail.points() == ((1.0, 2.0),)
 
 
-def test_a_long_trail_gets_coarser_and_keeps_its_beginning() -> None:
-    trail = Trail(size=100)
+def test_long_trail_gets_coarser_but_keeps_its_start() -> None:
+    trail = DrivenPath(size=100)
     for step in range(5000):
         trail.add(step * 0.03, 0.0)
     points = trail.points()
@@ -40,33 +40,33 @@ def test_a_long_trail_gets_coarser_and_keeps_its_beginning() -> None:
     assert points[-1][0] > 140.0
 
 
-def test_the_trail_is_the_same_object_until_it_grows() -> None:
-    trail = Trail()
+def test_trail_is_one_object_until_it_grows() -> None:
+    trail = DrivenPath()
     trail.add(0.0, 0.0)
     assert trail.points() is trail.points()
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS)))
-def test_whatever_is_believed_only_places_get_on_the_trail(
+def test_trail_contains_finite_positions_only(
     places: list[tuple[float, float]],
 ) -> None:
-    trail = Trail(size=10)
+    trail = DrivenPath(size=10)
     for x_m, y_m in places:
         trail.add(x_m, y_m)
     assert len(trail.points()) <= 10
     assert all(isfinite(x_m) and isfinite(y_m) for x_m, y_m in trail.points())
 
 
-def test_echoes_are_where_the_sonars_look() -> None:
+def test_echoes_lie_in_the_direction_of_the_sonars() -> None:
     echoes = EchoGrid()
     echoes.scan(Robot().scan(), pose(1.0, 1.0, pi / 2), radius_m=0.12)
     points = echoes.points()
     assert len(points) == 4
     assert all(abs((x - 1.0) ** 2 + (y - 1.0) ** 2 - 1.12**2) < 1e-9 for x, y in points)
-    assert points[0][0] > 1.9  # the rightmost sonar of a robot that looks up
+    assert points[0][0] > 1.9  # rightmost sonar of a robot that faces upwards
 
 
-def test_a_wall_that_is_seen_again_adds_no_points() -> None:
+def test_repeated_echoes_add_no_points() -> None:
     echoes = EchoGrid()
     for _ in range(50):
         echoes.scan(Robot().scan(), pose(), radius_m=0.12)
@@ -76,7 +76,7 @@ def test_a_wall_that_is_seen_again_adds_no_points() -> None:
     assert echoes.points() is shown
 
 
-def test_the_echoes_longest_unseen_are_given_up() -> None:
+def test_echoes_unseen_for_longest_are_dropped() -> None:
     echoes = EchoGrid(size=10)
     for step in range(100):
         echoes.add(step * 1.0, 0.0)
@@ -87,28 +87,28 @@ def test_the_echoes_longest_unseen_are_given_up() -> None:
     assert (99.0, 0.0) in points
 
 
-def test_an_echo_from_nowhere_is_none() -> None:
+def test_echo_without_a_pose_is_ignored() -> None:
     echoes = EchoGrid()
     echoes.scan(Robot().scan(), pose(nan), radius_m=0.12)
     assert echoes.points() == ()
 
 
-def test_no_echo_is_infinite_and_a_silent_sonar_is_missing() -> None:
+def test_no_echo_is_infinite_and_no_measurement_missing() -> None:
     assert list(ranges_m(Robot().scan())) == [1.0, 1.0, 1.0, 1.0, inf, inf, inf, None]
 
 
-def test_hit_and_leave_points_are_those_of_this_goal() -> None:
+def test_hit_and_leave_points_belong_to_one_goal() -> None:
     marks, robot = BoundaryMarks(), Robot(goal_id=1)
     way = (
         (0.0, GoalState.DRIVING), (1.0, GoalState.AVOIDING), (2.0, GoalState.AVOIDING),
         (3.0, GoalState.DRIVING), (4.0, GoalState.AVOIDING), (5.0, GoalState.STUCK),
     )  # fmt: skip
     for x_m, robot.goal in way:
-        marks.see(robot.status(), pose(x_m))
+        marks.update(robot.status(), pose(x_m))
     assert list(marks.hit) == [(1.0, 0.0), (4.0, 0.0)]
     assert list(marks.leave) == [(3.0, 0.0)]
     robot.goal_id, robot.goal = 2, GoalState.DRIVING
-    marks.see(robot.status(), pose(6.0))
+    marks.update(robot.status(), pose(6.0))
     assert (list(marks.hit), list(marks.leave)) == ([], [])
 
 
@@ -116,7 +116,7 @@ def test_hit_and_leave_points_are_those_of_this_goal() -> None:
     ("xx", "xy", "yy", "expected"),
     [(0.04, 0.0, 0.01, 0.2), (0.01, 0.0, 0.04, 0.2), (0.02, 0.02, 0.02, 0.2), (0.0, 0.0, 0.0, 0.0)],
 )
-def test_the_uncertainty_is_the_longer_half_axis(
+def test_uncertainty_is_the_longer_semi_axis(
     xx: float, xy: float, yy: float, expected: float
 ) -> None:
     found = PlanarOdometry(
@@ -127,7 +127,7 @@ def test_the_uncertainty_is_the_longer_half_axis(
 
 
 @given(NUMBERS, NUMBERS, NUMBERS)
-def test_no_covariance_breaks_it(xx: float, xy: float, yy: float) -> None:
+def test_uncertainty_accepts_any_covariance(xx: float, xy: float, yy: float) -> None:
     found = PlanarOdometry(
         **{**{name: getattr(pose(), name) for name in pose().__struct_fields__},
            "cov_xx_m2": xx, "cov_xy_m2": xy, "cov_yy_m2": yy}

@@ -1,4 +1,4 @@
-"""The disconnect matrix: each loss has its own name, words, ages and refusals, and an end."""
+"""The disconnect matrix: name, cause, response, ages and end of each loss."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -29,7 +29,7 @@ def hangs(play: Play) -> None:
     play.hang()
 
 
-def blind(play: Play) -> None:
+def lose_senses(play: Play) -> None:
     play.robot.senses = False
 
 
@@ -38,12 +38,12 @@ def other(play: Play) -> None:
 
 
 class Row(NamedTuple):
-    """How it happens; what is said of it and of the robot; which ages it leaves."""
+    """Cause of a loss, its expected texts, and the expected ages."""
 
-    happens: Callable[[Play], None]
+    cause: Callable[[Play], None]
     kind: LossKind
-    what: str
-    does: str
+    words: str
+    response: str
     state: Age
     senses: Age
     within_s: float
@@ -53,23 +53,23 @@ class Row(NamedTuple):
 LIVE, GONE = Age.LIVE, Age.GONE
 MATRIX = {
     "router gone": Row(
-        unlinked_router, LossKind.ROUTER_GONE, "the router has ended", "stops 1.5 s after",
+        unlinked_router, LossKind.ROUTER_GONE, "the router has exited", "stops 1.5 s after",
         GONE, GONE, 1.2, by_router=True,
     ),
     "transport lost": Row(
-        cable, LossKind.TRANSPORT, "network in between is cut", "stops 1.5 s after",
+        cable, LossKind.TRANSPORT, "the network is interrupted", "stops 1.5 s after",
         GONE, GONE, 1.2,
     ),
     "robot process dead": Row(
-        dies, LossKind.PROCESS_DEAD, "the process of r1 has ended", "150 ms after the last command",
+        dies, LossKind.PROCESS_DEAD, "the process of r1 has exited", "150 ms after the last",
         GONE, LIVE, 0.7,
     ),
     "robot hung": Row(
-        hangs, LossKind.HUNG, "is there, its control loop does not run", "150 ms after the last",
+        hangs, LossKind.HUNG, "runs, but its control loop does not", "150 ms after the last",
         GONE, LIVE, 1.4,
     ),
     "sensors stale": Row(
-        blind, LossKind.SENSES_STALE, "is without senses", "stops 150 ms after its last senses",
+        lose_senses, LossKind.SENSES_STALE, "without sensor data", "150 ms after its last sensor",
         LIVE, GONE, 0.6,
     ),
     "other operator": Row(
@@ -80,7 +80,7 @@ MATRIX = {
 
 @pytest.fixture(params=list(MATRIX))
 def lost(request: pytest.FixtureRequest) -> tuple[Play, Row]:
-    """A station that had everything, a second and a half after the loss."""
+    """Return a station that was ready, some time after the loss."""
     row = MATRIX[request.param]
     play = Play()
     play.robot.goal = GoalState.DRIVING
@@ -88,7 +88,7 @@ def lost(request: pytest.FixtureRequest) -> tuple[Play, Row]:
         play.bus.linked_by = Hub.ROUTER
     play.forward(1.0)
     assert play.station.ready
-    row.happens(play)
+    row.cause(play)
     play.forward(row.within_s)
     return play, row
 
@@ -96,25 +96,25 @@ def lost(request: pytest.FixtureRequest) -> tuple[Play, Row]:
 Lost = tuple[Play, Row]
 
 
-def test_each_loss_is_told_by_its_name_in_time(lost: Lost) -> None:
+def test_each_loss_is_classified_in_time(lost: Lost) -> None:
     play, row = lost
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is row.kind
 
 
-def test_the_words_say_what_happened_and_what_the_robot_does(lost: Lost) -> None:
+def test_loss_has_its_cause_and_response(lost: Lost) -> None:
     play, row = lost
     loss = play.station.loss()
     assert loss is not None
-    assert row.what in loss.what
-    assert row.does in loss.does
+    assert row.words in loss.cause
+    assert row.response in loss.response
     banner = loss.banner(play.station.now_ns)
     assert banner.startswith(f"{row.kind.value} r1 ")
-    assert play.texts(row.what)
+    assert play.texts(row.words)
 
 
-def test_it_counts_from_when_what_is_lost_was_last_heard(lost: Lost) -> None:
+def test_loss_starts_at_the_last_message(lost: Lost) -> None:
     play, row = lost
     loss = play.station.loss()
     assert loss is not None
@@ -124,7 +124,7 @@ def test_it_counts_from_when_what_is_lost_was_last_heard(lost: Lost) -> None:
         assert lasts_s >= row.within_s - 0.05
 
 
-def test_nothing_is_ready_and_parameters_are_shown_of_a_robot_that_is_heard(lost: Lost) -> None:
+def test_loss_hides_parameters_of_a_silent_robot(lost: Lost) -> None:
     play, row = lost
     assert not play.station.ready
     if row.state is LIVE:
@@ -134,7 +134,7 @@ def test_nothing_is_ready_and_parameters_are_shown_of_a_robot_that_is_heard(lost
         assert "all 2 missing" in play.station.parameters_words
 
 
-def test_only_what_is_still_heard_is_shown_as_live(lost: Lost) -> None:
+def test_only_received_data_are_live(lost: Lost) -> None:
     play, row = lost
     assert play.station.seen(STATUS).age is row.state
     assert play.station.seen(ODOMETRY).age is row.state
@@ -142,7 +142,7 @@ def test_only_what_is_still_heard_is_shown_as_live(lost: Lost) -> None:
     assert play.station.scene().live is (row.kind is LossKind.OTHER_OPERATOR)
 
 
-def test_what_moves_is_refused_with_the_reason_and_never_sent(lost: Lost) -> None:
+def test_loss_rejects_requests_that_move(lost: Lost) -> None:
     play, row = lost
     sent: list[str] = []
 
@@ -150,32 +150,32 @@ def test_what_moves_is_refused_with_the_reason_and_never_sent(lost: Lost) -> Non
         sent.append("sent")
         return JobResult(True, "ok")
 
-    assert row.what in play.station.refusal()
+    assert row.words in play.station.refusal()
     assert not play.station.submit("goal 9 7", job)
     play.forward(0.5)
     assert sent == []
     assert play.texts("refused: goal 9 7")
 
 
-def test_the_e_stop_is_refused_by_nothing(lost: Lost) -> None:
+def test_estop_is_sent_during_any_loss(lost: Lost) -> None:
     play, _ = lost
-    play.lanes["r1 e-stop"].waits = True
+    play.workers["r1 e-stop"].waits = True
     play.station.estop()
     assert "not acknowledged" in play.station.stopping
     play.revive()
-    play.lanes["r1 e-stop"].work()
+    play.workers["r1 e-stop"].work()
     play.forward(0.1)
     assert [command.command for command in play.commands] == [Command.DO_FLIGHTTERMINATION]
     assert play.texts("E-STOP acknowledged by r1")
     assert play.station.stopping == ""
 
 
-def test_on_return_all_is_read_again_before_it_is_ready_and_the_gap_is_logged(lost: Lost) -> None:
+def test_return_requires_reading_again_and_is_logged(lost: Lost) -> None:
     play, row = lost
     play.revive()
     play.robot.lease.holder = ""
     asked = len(play.bus.asked)
-    waits = play.lanes["r1 reads"]
+    waits = play.workers["r1 reads"]
     waits.waits = True
     play.forward(1.2)
     assert play.station.loss() is None
@@ -193,7 +193,7 @@ def test_on_return_all_is_read_again_before_it_is_ready_and_the_gap_is_logged(lo
     assert len(play.texts(": ready")) == 2
 
 
-def test_who_comes_while_another_commands_sees_everything_and_commands_nothing() -> None:
+def test_second_station_shows_but_does_not_command() -> None:
     play = Play()
     other(play)
     play.forward(1.5)

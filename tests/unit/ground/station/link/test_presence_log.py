@@ -1,4 +1,4 @@
-"""Who comes and goes is told once, and never of ourselves."""
+"""Connections and disconnections are logged once, but not those of this station."""
 
 from ground.station.link.presence_log import BURST, PresenceLog
 from protocol.bus.presence import Presence
@@ -12,47 +12,50 @@ OURS = Presence("r1", "ground", "ours")
 ELSEWHERE = Presence("r2", "robot", "c")
 
 
-def test_each_coming_and_going_is_one_line() -> None:
-    comings = PresenceLog("r1", "ours")
-    assert [one.text for one in comings.see([ROBOT, OTHER], 0)] == [
-        "another ground station for r1 is there",
-        "robot r1 is there",
+def test_each_connection_change_is_one_line() -> None:
+    presence_log = PresenceLog("r1", "ours")
+    assert [one.text for one in presence_log.update([ROBOT, OTHER], 0)] == [
+        "another ground station for r1 has connected",
+        "robot r1 has connected",
     ]
-    assert comings.see([OTHER, ROBOT], 0) == []
-    (gone,) = comings.see([OTHER], 0)
-    assert gone == ("robot r1 is out of sight", Severity.WARNING)
-    (left,) = comings.see([], 0)
-    assert left == ("another ground station for r1 is out of sight", Severity.INFO)
+    assert presence_log.update([OTHER, ROBOT], 0) == []
+    (gone,) = presence_log.update([OTHER], 0)
+    assert gone == ("robot r1 has disconnected", Severity.WARNING)
+    (left,) = presence_log.update([], 0)
+    assert left == ("another ground station for r1 has disconnected", Severity.INFO)
 
 
-def test_a_process_begun_anew_has_gone_and_come() -> None:
-    comings = PresenceLog("r1", "ours")
-    comings.see([ROBOT], 0)
-    told = comings.see([Presence("r1", "robot", "z")], 0)
-    assert [one.text for one in told] == ["robot r1 is out of sight", "robot r1 is there"]
+def test_restarted_process_disconnects_and_connects() -> None:
+    presence_log = PresenceLog("r1", "ours")
+    presence_log.update([ROBOT], 0)
+    expected = presence_log.update([Presence("r1", "robot", "z")], 0)
+    assert [one.text for one in expected] == ["robot r1 has disconnected", "robot r1 has connected"]
 
 
-def test_tokens_that_come_and_go_all_the_time_do_not_fill_the_log() -> None:
-    comings = PresenceLog("r1", "ours")
+def test_changing_tokens_are_rate_limited() -> None:
+    presence_log = PresenceLog("r1", "ours")
     crowd = [Presence("r1", "ground", f"{number:x}") for number in range(500)]
-    told = []
+    expected = []
     for poll in range(200):  # ten seconds
-        told += comings.see(crowd if poll % 2 else [], poll * 50_000_000)
-    assert BURST <= len(told) <= BURST + 2 * 10
-    assert any("more have come or gone for r1" in one.text for one in told)
-    later = comings.see([ROBOT], 200 * 1_000_000_000)
-    assert "robot r1 is there" in [one.text for one in later]
+        expected += presence_log.update(crowd if poll % 2 else [], poll * 50_000_000)
+    assert BURST <= len(expected) <= BURST + 2 * 10
+    assert any("more connections or disconnections for r1" in one.text for one in expected)
+    later = presence_log.update([ROBOT], 200 * 1_000_000_000)
+    assert "robot r1 has connected" in [one.text for one in later]
 
 
-def test_we_and_other_robots_are_not_told_of() -> None:
-    assert PresenceLog("r1", "ours").see([OURS, ELSEWHERE, Presence("r1", "nobody", "d")], 0) == []
+def test_own_token_and_other_robots_are_ignored() -> None:
+    assert PresenceLog("r1", "ours").update([OURS, ELSEWHERE, Presence("r1", "none", "d")], 0) == []
 
 
-def test_they_are_in_the_log_of_a_station() -> None:
+def test_station_logs_presence_changes() -> None:
     play = Play().forward(0.2)
-    assert play.texts("is there") == ["the plant of r1 is there", "robot r1 is there"]
+    assert play.texts("has connected") == [
+        "the plant of r1 has connected",
+        "robot r1 has connected",
+    ]
     play.bus.go(Role.PLANT)
     play.bus.come(Role.GROUND, zid="ben's")
     play.forward(0.1)
-    assert play.texts("is out of sight") == ["the plant of r1 is out of sight"]
+    assert play.texts("has disconnected") == ["the plant of r1 has disconnected"]
     assert play.texts("another ground station")

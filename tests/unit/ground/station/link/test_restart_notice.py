@@ -1,8 +1,8 @@
-"""A restart is news for a while, with the cause that the robot tells of it."""
+"""A restart is shown for a while, with the cause that the robot reports."""
 
 import pytest
 
-from ground.station.link.restarts import NEAR_NS, SHOWN_NS, TOLD, RestartNotice
+from ground.station.link.restarts import NEAR_NS, RESTART_PREFIX, SHOWN_NS, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import report_previous_run
@@ -13,8 +13,8 @@ from tests.support.ground.station.play import Play, S
 CAUSE = "the previous run was killed (signal SIGKILL)"
 
 
-class Talker:
-    """As much of a robot as says something."""
+class TextCollector:
+    """The part of a robot that sends texts."""
 
     def __init__(self) -> None:
         self.said: list[str] = []
@@ -30,20 +30,20 @@ def restarted(play: Play) -> Play:
     return play
 
 
-def test_the_words_of_a_robot_that_is_not_the_first_are_understood() -> None:
-    talker = Talker()
-    report_previous_run(talker, "r1", PreviousRun(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
+def test_restart_message_of_a_robot_is_parsed() -> None:
+    collector = TextCollector()
+    report_previous_run(collector, "r1", PreviousRun(Directory(None)), "signal SIGKILL")  # type: ignore[arg-type]
     again = RestartNotice("r1")
-    for text in talker.said:
-        again.hear(text, 0)
+    for text in collector.said:
+        again.receive(text, 0)
     assert again.cause == CAUSE
 
 
-def test_a_restart_is_told_with_its_cause_and_then_it_is_no_news_any_more() -> None:
+def test_restart_is_shown_with_its_cause_for_a_while() -> None:
     play = Play().forward(1.0)
     assert play.station.restarted == ""
     restarted(play)
-    play.say(f"{TOLD}{CAUSE}", Severity.WARNING)
+    play.say(f"{RESTART_PREFIX}{CAUSE}", Severity.WARNING)
     play.forward(0.5)
     assert play.station.restarted == f"r1 has been restarted (1): {CAUSE}"
     assert play.station.restart_cause == CAUSE
@@ -52,29 +52,29 @@ def test_a_restart_is_told_with_its_cause_and_then_it_is_no_news_any_more() -> N
     assert play.station.restart_cause == CAUSE
 
 
-def test_without_a_word_of_the_robot_it_is_told_alone() -> None:
+def test_restart_without_a_report_has_no_cause() -> None:
     play = restarted(Play().forward(1.0)).forward(0.5)
     assert play.station.restarted == "r1 has been restarted (1)"
     assert play.station.restart_cause == ""
 
 
-def test_what_was_told_of_an_earlier_restart_is_not_the_cause_of_this_one() -> None:
+def test_old_report_is_not_the_cause_of_a_restart() -> None:
     again = RestartNotice("r1")
-    again.hear(f"{TOLD}{CAUSE}", 5 * S)
+    again.receive(f"{RESTART_PREFIX}{CAUSE}", 5 * S)
     later_ns = 6 * S + NEAR_NS
-    again.begun(Role.ROBOT, 2, later_ns)
+    again.begin(Role.ROBOT, 2, later_ns)
     assert again.words(later_ns) == "r1 has been restarted (2)"
 
 
-def test_the_cause_of_the_robots_restart_is_not_that_of_its_plant() -> None:
+def test_robot_report_is_not_the_cause_of_a_plant_restart() -> None:
     again = RestartNotice("r1")
-    again.hear(f"{TOLD}{CAUSE}", 0)
-    assert again.begun(Role.PLANT, 1, S) == "the plant of r1 has been restarted (1)"
+    again.receive(f"{RESTART_PREFIX}{CAUSE}", 0)
+    assert again.begin(Role.PLANT, 1, S) == "the plant of r1 has been restarted (1)"
     assert again.words(S) == "the plant of r1 has been restarted (1)"
 
 
 @pytest.mark.parametrize(("age_s", "words"), [(1, "hello"), (34, "hello (34 s ago)")])
-def test_what_was_told_before_we_came_is_no_news(age_s: int, words: str) -> None:
+def test_old_texts_are_shown_with_their_age(age_s: int, words: str) -> None:
     play = Play().forward(1.0)
     play.say_earlier("hello", age_s * S)
     play.forward(0.1)

@@ -1,11 +1,11 @@
-"""A process that begins anew under our eyes: it is told, and what was known is read again."""
+"""A restarted process is reported, and its data are read again."""
 
 from ground.client.telemetry import Age
 from protocol.topics import HEARTBEAT, Role
 from tests.support.ground.station.play import Play
 
 
-def test_a_restart_between_two_polls_is_noticed_and_everything_read_again() -> None:
+def test_robot_restart_is_detected_and_data_read_again() -> None:
     play = Play().forward(1.0)
     play.robot.x_m = 1.0
     play.forward(0.2)
@@ -23,7 +23,7 @@ def test_a_restart_between_two_polls_is_noticed_and_everything_read_again() -> N
     assert play.station.ready
 
 
-def test_a_restarted_plant_is_counted_apart_and_its_world_read_again() -> None:
+def test_plant_restart_reads_the_world_again() -> None:
     play = Play().forward(1.0)
     play.bus.answers["sim/world"] = lambda _: b'{"name": "none"}'
     play.bus.go(Role.PLANT)

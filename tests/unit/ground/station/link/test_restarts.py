@@ -1,9 +1,9 @@
-"""A restart is counted once, whichever of its signs comes first."""
+"""A restart is counted once, whichever of its two signs comes first."""
 
 from ground.station.link.restarts import Restarts
 
 
-def test_the_first_token_is_no_restart_and_the_next_one_is() -> None:
+def test_second_token_is_a_restart() -> None:
     restarts = Restarts()
     assert not restarts.token("a")
     assert not restarts.token("a")
@@ -12,21 +12,21 @@ def test_the_first_token_is_no_restart_and_the_next_one_is() -> None:
     assert restarts.count == 1
 
 
-def test_a_token_that_comes_back_after_an_outage_is_the_same_process() -> None:
+def test_returning_token_is_no_restart() -> None:
     restarts = Restarts()
     for zid in ("a", "", "a"):
         restarts.token(zid)
     assert restarts.count == 0
 
 
-def test_a_count_that_goes_back_is_a_restart_where_there_are_no_tokens() -> None:
+def test_decreasing_count_is_a_restart() -> None:
     restarts = Restarts()
     found = [restarts.number(number) for number in (1, 2, 3, 0, 1, 0)]
     assert found == [False, False, False, True, False, True]
     assert restarts.count == 2
 
 
-def test_token_then_count_count_once() -> None:
+def test_token_then_count_is_one_restart() -> None:
     restarts = Restarts()
     restarts.token("a")
     restarts.number(9)
@@ -35,7 +35,7 @@ def test_token_then_count_count_once() -> None:
     assert restarts.count == 1
 
 
-def test_count_then_token_count_once_and_the_next_restart_again() -> None:
+def test_count_then_token_is_one_restart() -> None:
     restarts = Restarts()
     restarts.token("a")
     restarts.number(9)
@@ -45,7 +45,7 @@ def test_count_then_token_count_once_and_the_next_restart_again() -> None:
     assert restarts.count == 2
 
 
-def test_a_number_that_was_overtaken_on_its_way_is_no_restart_and_one_far_behind_is() -> None:
+def test_reordered_number_is_no_restart() -> None:
     restarts = Restarts(max_late=3)
     assert not any(restarts.number(number) for number in (10, 12, 11, 9, 13, 10))
     assert restarts.number(2)

@@ -1,9 +1,9 @@
-"""Rates and losses are counted by arrivals and by the gaps in their sequence."""
+"""Rates and losses follow from arrivals and sequence gaps."""
 
 from typing import Any
 
 from ground.client.telemetry import Age
-from ground.station.link.streams import Counter, StreamRow
+from ground.station.link.streams import StreamCounter, StreamRow
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, ODOMETRY, OPERATOR, SONAR, TEXT, Topic
 from protocol.wire.codec import Encoder
@@ -17,9 +17,9 @@ def rows(play: Play) -> dict[str, StreamRow]:
     return {one.topic.path: one for one in play.station.streams()}
 
 
-def counted(sequences: list[int], topic: Topic[Any] = HEARTBEAT) -> Counter:
-    """A counter that has seen these, a period apart for each step of the sequence."""
-    counter, now_ns, last = Counter(topic), 0, sequences[0] - 1
+def counted(sequences: list[int], topic: Topic[Any] = HEARTBEAT) -> StreamCounter:
+    """Return a counter of these frames, one period apart for each step of the sequence."""
+    counter, now_ns, last = StreamCounter(topic), 0, sequences[0] - 1
     for sequence in sequences:
         now_ns += PERIOD_NS * ((sequence - last) % 256 or 1)
         encoder = Encoder(1, 1)
@@ -30,7 +30,7 @@ def counted(sequences: list[int], topic: Topic[Any] = HEARTBEAT) -> Counter:
     return counter
 
 
-def test_a_stream_without_gaps_has_its_rate_and_no_loss() -> None:
+def test_stream_without_gaps_has_no_loss() -> None:
     found = rows(Play().forward(6.0))[ODOMETRY.path]
     assert found.rate_hz is not None
     assert abs(found.rate_hz - 20.0) < 0.3
@@ -38,7 +38,7 @@ def test_a_stream_without_gaps_has_its_rate_and_no_loss() -> None:
     assert found.age is Age.LIVE
 
 
-def test_what_did_not_arrive_is_counted_when_the_next_one_does() -> None:
+def test_missing_frames_count_as_lost() -> None:
     play = Play().forward(2.0)
     play.delivered = False
     play.forward(0.5)
@@ -52,7 +52,7 @@ def test_what_did_not_arrive_is_counted_when_the_next_one_does() -> None:
     assert 85.0 < percent < 95.0
 
 
-def test_old_losses_are_forgiven_after_some_seconds() -> None:
+def test_old_losses_leave_the_percentage() -> None:
     play = Play().forward(1.0)
     play.delivered = False
     play.forward(0.5)
@@ -63,7 +63,7 @@ def test_old_losses_are_forgiven_after_some_seconds() -> None:
     assert play.station.link_percent == 100.0
 
 
-def test_when_nothing_comes_any_more_the_rate_falls_and_the_link_is_nought() -> None:
+def test_silence_reduces_rate_and_link_to_zero() -> None:
     play = Play().forward(2.0)
     play.cut(Hub.UNREACHABLE)
     play.forward(6.0)
@@ -74,7 +74,7 @@ def test_when_nothing_comes_any_more_the_rate_falls_and_the_link_is_nought() -> 
     assert play.station.round_trip_ms is None
 
 
-def test_before_anything_has_come_nothing_is_claimed() -> None:
+def test_no_rate_before_the_first_frame() -> None:
     play = Play()
     play.station.poll()
     assert play.station.link_percent is None
@@ -82,12 +82,12 @@ def test_before_anything_has_come_nothing_is_claimed() -> None:
     assert rows(play)[TEXT.path].rate_hz is None
 
 
-def test_the_sequence_goes_round_without_a_loss() -> None:
+def test_sequence_wraps_without_loss() -> None:
     assert counted([254, 255, 0, 1]).lost == 0
     assert counted([254, 1]).lost == 2
 
 
-def test_a_sender_that_begins_anew_has_lost_nothing() -> None:
+def test_restarted_sender_causes_no_loss() -> None:
     assert counted([7, 8, 0]).lost == 0
     counter = counted([100, 101])
     encoder = Encoder(1, 1)
@@ -96,11 +96,11 @@ def test_a_sender_that_begins_anew_has_lost_nothing() -> None:
     assert counter.lost == 0
 
 
-def test_two_operators_on_one_key_are_no_losses() -> None:
+def test_two_operators_on_one_key_cause_no_loss() -> None:
     assert counted([1, 9, 2, 10], OPERATOR).lost == 0
 
 
-def test_noise_is_not_counted_but_shown_as_rejected() -> None:
+def test_noise_is_counted_as_rejected() -> None:
     play = Play().forward(1.0)
     play.bus.say_frame(ODOMETRY, b"noise")
     play.station.poll()
@@ -109,7 +109,7 @@ def test_noise_is_not_counted_but_shown_as_rejected() -> None:
     assert found.last_rejection
 
 
-def test_an_app_that_did_not_poll_for_long_blames_nobody_for_it() -> None:
+def test_missed_polls_cause_no_loss() -> None:
     play = Play().forward(1.0)
     play.forward(60.0, poll=False)
     play.forward(1.0)
@@ -117,16 +117,16 @@ def test_an_app_that_did_not_poll_for_long_blames_nobody_for_it() -> None:
     assert play.station.link_percent == 100.0
 
 
-def test_the_round_trip_is_that_of_a_small_question() -> None:
+def test_round_trip_is_measured() -> None:
     play = Play()
     play.forward(0.5)
     assert play.station.round_trip_ms == 0.0
 
 
-def test_what_is_fetched_after_a_cut_was_not_lost() -> None:
+def test_cached_samples_are_not_lost() -> None:
     encoder = Encoder(1, 1)
     frames = [encoder.encode(BEAT) for _ in range(6)]
-    counter = Counter(HEARTBEAT)
+    counter = StreamCounter(HEARTBEAT)
     for at in (1, 2, 5):
         counter.take(frames[at], at * PERIOD_NS)
     assert (counter.lost, counter.recent(5 * PERIOD_NS)) == (2, (3, 2))

@@ -1,4 +1,4 @@
-"""Losses that look alike are told apart, and none is told before it is known."""
+"""Similar losses are distinguished, and none is reported before it is certain."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from protocol.wire.reasons import Reason
 from tests.support.ground.station.play import Play
 
 
-def test_one_good_beat_is_no_return() -> None:
+def test_single_heartbeat_does_not_end_a_loss() -> None:
     play = Play().forward(1.0)
     play.hang()
     play.forward(2.0)
@@ -22,7 +22,7 @@ def test_one_good_beat_is_no_return() -> None:
     assert play.texts("is back") == []
 
 
-def test_a_loss_that_turns_out_to_be_another_keeps_its_beginning() -> None:
+def test_reclassified_loss_keeps_its_start() -> None:
     play = Play().forward(1.0)
     play.hang()
     play.forward(2.0)
@@ -38,7 +38,7 @@ def test_a_loss_that_turns_out_to_be_another_keeps_its_beginning() -> None:
     assert second.since_ns == first.since_ns
 
 
-def test_a_hub_that_takes_calls_again_is_not_said_to_hang_before_it_was_dialled() -> None:
+def test_returning_hub_is_not_called_hanging_at_once() -> None:
     play = Play().forward(1.0)
     play.cut(Hub.UNREACHABLE)
     play.forward(2.0)
@@ -53,7 +53,7 @@ def test_a_hub_that_takes_calls_again_is_not_said_to_hang_before_it_was_dialled(
     assert loss.kind is LossKind.HUNG
 
 
-def test_a_robot_that_falls_silent_while_it_is_blind_is_told_soon() -> None:
+def test_death_of_a_blind_robot_is_reported_soon() -> None:
     play = Play().forward(1.0)
     play.robot.senses = False
     play.forward(1.0)
@@ -64,7 +64,7 @@ def test_a_robot_that_falls_silent_while_it_is_blind_is_told_soon() -> None:
     assert loss.kind is LossKind.PROCESS_DEAD
 
 
-def test_a_robot_that_never_came_is_dead_and_not_hung() -> None:
+def test_robot_never_received_is_dead_not_hung() -> None:
     play = Play()
     play.die()
     play.forward(0.3)
@@ -73,10 +73,10 @@ def test_a_robot_that_never_came_is_dead_and_not_hung() -> None:
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is LossKind.PROCESS_DEAD
-    assert loss.what == "no process of r1 is there"
+    assert loss.cause == "no process of r1 is running"
 
 
-def test_behind_a_router_a_dead_robot_may_also_be_cut_off() -> None:
+def test_dead_robot_behind_a_router_may_be_disconnected() -> None:
     play = Play()
     play.bus.linked_by = Hub.ROUTER
     play.forward(1.0)
@@ -84,10 +84,10 @@ def test_behind_a_router_a_dead_robot_may_also_be_cut_off() -> None:
     play.forward(1.0)
     loss = play.station.loss()
     assert loss is not None
-    assert "or its own link is cut" in loss.what
+    assert "or its link is interrupted" in loss.cause
 
 
-def test_a_hub_that_takes_calls_and_is_silent_hangs() -> None:
+def test_silent_hub_that_accepts_connections_hangs() -> None:
     play = Play().forward(1.0)
     play.cut(Hub.HANGS)
     play.forward(1.2)
@@ -97,7 +97,7 @@ def test_a_hub_that_takes_calls_and_is_silent_hangs() -> None:
 
 
 @pytest.mark.parametrize("linked_by", [Hub.ROUTER, Hub.PEER])
-def test_a_door_that_is_shut_is_no_hub_that_hangs(linked_by: Hub) -> None:
+def test_rejecting_hub_is_a_lost_transport(linked_by: Hub) -> None:
     play = Play()
     play.bus.linked_by = linked_by
     play.forward(1.0)
@@ -107,7 +107,7 @@ def test_a_door_that_is_shut_is_no_hub_that_hangs(linked_by: Hub) -> None:
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is LossKind.TRANSPORT
-    assert loss.what == play.bus.shut
+    assert loss.cause == play.bus.shut
     play.bus.shut = ""
     play.forward(3.0)
     loss = play.station.loss()
@@ -115,24 +115,24 @@ def test_a_door_that_is_shut_is_no_hub_that_hangs(linked_by: Hub) -> None:
     assert loss.kind is not LossKind.TRANSPORT
 
 
-def test_a_silent_robot_alone_hangs_only_once_the_link_is_known_to_stand() -> None:
+def test_hang_needs_proof_of_the_link() -> None:
     play = Play().forward(1.0)
     play.robot.senses = False
     play.hang()
     play.forward(0.2)
-    play.lanes["r1 reads"].waits = True  # nobody looks at the link
+    play.workers["r1 reads"].waits = True  # the link is not checked
     play.forward(2.0)
     early = play.station.loss()
     assert early is None or early.kind is LossKind.SENSES_STALE
-    play.lanes["r1 reads"].waits = False
-    play.lanes["r1 reads"].work()
+    play.workers["r1 reads"].waits = False
+    play.workers["r1 reads"].work()
     play.forward(0.6)
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is LossKind.HUNG
 
 
-def test_the_robot_itself_may_say_that_it_has_no_senses() -> None:
+def test_robot_can_report_missing_sensor_data() -> None:
     play = Play().forward(1.0)
     play.robot.flags = 1
     play.robot.vehicle, play.robot.vehicle_reason = Vehicle.FAILSAFE, Reason.SCAN_LOST
@@ -140,10 +140,10 @@ def test_the_robot_itself_may_say_that_it_has_no_senses() -> None:
     loss = play.station.loss()
     assert loss is not None
     assert loss.kind is LossKind.SENSES_STALE
-    assert loss.does.startswith("failsafe: it stands (")
+    assert loss.response.startswith("failsafe: it is stopped (")
 
 
-def test_a_latched_failsafe_alone_is_no_loss() -> None:
+def test_latched_failsafe_is_no_loss() -> None:
     play = Play().forward(1.0)
     play.robot.vehicle, play.robot.vehicle_reason = Vehicle.FAILSAFE, Reason.SCAN_LOST
     play.forward(1.0)
@@ -152,18 +152,28 @@ def test_a_latched_failsafe_alone_is_no_loss() -> None:
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "mode", "goal", "does"),
+    ("vehicle", "mode", "goal", "response"),
     [
-        (Vehicle.ACTIVE, Mode.GUIDED, GoalState.DRIVING, "stops 1.5 s after our last beat"),
-        (Vehicle.ACTIVE, Mode.GUIDED, GoalState.REACHED, "no goal and stands"),
-        (Vehicle.ACTIVE, Mode.MANUAL, GoalState.NONE, "stops 1.5 s after our last beat"),
-        (Vehicle.ACTIVE, Mode.AUTO, GoalState.DRIVING, "goes on in AUTO"),
+        (
+            Vehicle.ACTIVE,
+            Mode.GUIDED,
+            GoalState.DRIVING,
+            "stops 1.5 s after the last heartbeat of its operator",
+        ),
+        (Vehicle.ACTIVE, Mode.GUIDED, GoalState.REACHED, "no goal and does not move"),
+        (
+            Vehicle.ACTIVE,
+            Mode.MANUAL,
+            GoalState.NONE,
+            "stops 1.5 s after the last heartbeat of its operator",
+        ),
+        (Vehicle.ACTIVE, Mode.AUTO, GoalState.DRIVING, "continues in AUTO"),
         (Vehicle.ACTIVE, Mode.HOLD, GoalState.NONE, "it holds"),
-        (Vehicle.STANDBY, Mode.GUIDED, GoalState.NONE, "it stood when last heard"),
+        (Vehicle.STANDBY, Mode.GUIDED, GoalState.NONE, "it was stopped"),
     ],
 )
-def test_what_an_unheard_robot_does_depends_on_what_it_did(
-    vehicle: Vehicle, mode: Mode, goal: GoalState, does: str
+def test_response_depends_on_the_last_state(
+    vehicle: Vehicle, mode: Mode, goal: GoalState, response: str
 ) -> None:
     play = Play()
     play.robot.vehicle, play.robot.mode, play.robot.goal = vehicle, mode, goal
@@ -172,13 +182,13 @@ def test_what_an_unheard_robot_does_depends_on_what_it_did(
     play.forward(1.5)
     loss = play.station.loss()
     assert loss is not None
-    assert does in loss.does
+    assert response in loss.response
 
 
-def test_what_was_never_heard_of_is_not_guessed() -> None:
+def test_unknown_robot_has_an_unknown_response() -> None:
     play = Play()
     play.cut(Hub.UNREACHABLE)
     play.forward(1.5)
     loss = play.station.loss()
     assert loss is not None
-    assert loss.does == "what the robot does is not known"
+    assert loss.response == "the state of the robot is unknown"

@@ -1,4 +1,4 @@
-"""What moves needs the lease and a heart that the robot has heard; one request at a time."""
+"""Requests that move need the lease and a processed heartbeat; one at a time."""
 
 from collections.abc import Callable
 
@@ -21,7 +21,7 @@ def ready() -> Play:
     return play
 
 
-def told_of() -> list[str]:
+def no_texts() -> list[str]:
     return []
 
 
@@ -37,8 +37,8 @@ def lease_asked(play: Play) -> list[int]:
     return [message.action for _, _, message in play.bus.asked if isinstance(message, LeaseRequest)]
 
 
-def test_what_moves_takes_the_lease_then_beats_then_is_sent() -> None:
-    play, done = ready(), told_of()
+def test_moving_request_takes_the_lease_first() -> None:
+    play, done = ready(), no_texts()
     assert play.station.submit("goal 9 7", job(done))
     assert play.station.busy == "goal 9 7"
     assert lease_asked(play) == [LeaseAction.TAKE]
@@ -51,8 +51,8 @@ def test_what_moves_takes_the_lease_then_beats_then_is_sent() -> None:
     assert play.station.last_command == "goal 9 7: ok 14 ms"
 
 
-def test_the_second_command_goes_out_at_once() -> None:
-    play, done = ready(), told_of()
+def test_second_command_is_sent_at_once() -> None:
+    play, done = ready(), no_texts()
     play.station.submit("arm", job(done))
     play.forward(0.5)
     play.station.submit("hold", job(done, "ok 9 ms"))
@@ -60,8 +60,8 @@ def test_the_second_command_goes_out_at_once() -> None:
     assert lease_asked(play) == [LeaseAction.TAKE]
 
 
-def test_what_moves_nothing_takes_no_lease_and_beats_for_nobody() -> None:
-    play, done = ready(), told_of()
+def test_request_without_motion_takes_no_lease() -> None:
+    play, done = ready(), no_texts()
     assert play.station.submit("get sonar_*", job(done), moves=False)
     play.forward(1.0)
     assert done == ["ok 14 ms"]
@@ -69,7 +69,7 @@ def test_what_moves_nothing_takes_no_lease_and_beats_for_nobody() -> None:
     assert play.beats == 0
 
 
-def test_the_heart_beats_five_times_a_second_while_the_lease_is_ours_and_only_then() -> None:
+def test_heartbeats_are_sent_while_the_lease_is_held() -> None:
     play = ready()
     play.forward(1.0)
     assert play.beats == 0
@@ -87,7 +87,7 @@ def test_the_heart_beats_five_times_a_second_while_the_lease_is_ours_and_only_th
     assert play.texts("lease of r1 released")
 
 
-def test_an_app_that_hangs_stops_beating() -> None:
+def test_hanging_app_sends_no_heartbeats() -> None:
     play = ready()
     play.station.take_lease()
     play.forward(1.0)
@@ -96,7 +96,7 @@ def test_an_app_that_hangs_stops_beating() -> None:
     assert play.beats == beats
 
 
-def test_simulated_time_that_runs_faster_is_beaten_for() -> None:
+def test_heartbeats_follow_fast_simulated_time() -> None:
     play = ready()
     play.station.take_lease()
     play.forward(0.5)
@@ -107,8 +107,8 @@ def test_simulated_time_that_runs_faster_is_beaten_for() -> None:
     assert play.beats >= beats + 10
 
 
-def test_another_operators_lease_refuses_what_moves_and_names_him() -> None:
-    play, done = ready(), told_of()
+def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
+    play, done = ready(), no_texts()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
     assert play.station.lease.words == "ben"
@@ -117,8 +117,8 @@ def test_another_operators_lease_refuses_what_moves_and_names_him() -> None:
     assert "lease seize" in play.station.refusal()
 
 
-def test_a_lease_taken_by_another_just_before_us_is_told_with_the_robots_reason() -> None:
-    play, done = ready(), told_of()
+def test_lost_race_for_the_lease_is_reported() -> None:
+    play, done = ready(), no_texts()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.station.submit("goal 9 7", job(done))
     play.forward(0.3)
@@ -127,7 +127,7 @@ def test_a_lease_taken_by_another_just_before_us_is_told_with_the_robots_reason(
     assert play.station.busy == ""
 
 
-def test_a_seizure_is_loud_and_makes_it_ours() -> None:
+def test_seizure_warns_and_gets_the_lease() -> None:
     play = ready()
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
@@ -139,7 +139,7 @@ def test_a_seizure_is_loud_and_makes_it_ours() -> None:
     assert [line.severity for line in loud] == [Severity.WARNING]
 
 
-def test_who_is_seized_from_stops_beating_and_is_told_by_whom() -> None:
+def test_seized_station_stops_heartbeats() -> None:
     play = ready()
     play.station.take_lease()
     play.forward(1.0)
@@ -151,8 +151,8 @@ def test_who_is_seized_from_stops_beating_and_is_told_by_whom() -> None:
     assert play.texts("ben has taken the lease")
 
 
-def test_a_lease_that_has_lapsed_is_told_and_taken_again_with_the_next_command() -> None:
-    play, done = ready(), told_of()
+def test_lapsed_lease_is_taken_again_by_a_command() -> None:
+    play, done = ready(), no_texts()
     play.station.take_lease()
     play.forward(1.0)
     play.robot.lease.holder = ""
@@ -164,11 +164,11 @@ def test_a_lease_that_has_lapsed_is_told_and_taken_again_with_the_next_command()
     assert play.station.lease.ours
 
 
-def test_what_the_robot_said_just_before_it_gave_the_lease_takes_nothing_back() -> None:
+def test_status_sent_before_the_grant_is_ignored() -> None:
     play = ready()
     play.robot.tick = 10
     play.station.take_lease()
-    play.robot.lease.holder = ""  # crossed: this status was sent before the lease was given
+    play.robot.lease.holder = ""  # this status was sent before the lease was granted
     play.forward(0.1)
     play.robot.lease.holder = play.bus.operator
     play.forward(1.0)
@@ -176,33 +176,33 @@ def test_what_the_robot_said_just_before_it_gave_the_lease_takes_nothing_back() 
     assert play.texts("lapsed") == []
 
 
-def test_a_lease_taken_in_our_name_by_other_hands_is_beaten_for() -> None:
+def test_typed_lease_of_this_station_is_kept_alive() -> None:
     play = ready()
     play.robot.lease.holder, play.robot.lease.name = play.bus.operator, "anna"
     play.forward(1.0)
-    assert play.texts("the lease is ours")
+    assert play.texts("this station holds the lease")
     assert play.beats > 1
 
 
-def test_a_second_request_waits_for_nobody_and_is_refused() -> None:
-    play, done = ready(), told_of()
-    play.lanes["requests"].waits = True
+def test_second_request_is_rejected_while_one_is_pending() -> None:
+    play, done = ready(), no_texts()
+    play.workers["requests"].waits = True
     play.station.submit("arm", job(done), moves=False)
     assert not play.station.submit("hold", job(done), moves=False)
     assert play.texts("not sent: hold: `arm` is under way")
     play.station.release_lease()
     assert play.texts("not sent: lease release: `arm` is under way")
-    play.lanes["requests"].work()
+    play.workers["requests"].work()
     play.forward(0.1)
     assert play.station.submit("hold", job(done), moves=False)
 
 
-def test_a_refusal_of_the_robot_is_a_warning_with_its_reason() -> None:
-    play, done = ready(), told_of()
+def test_refusal_is_a_warning_with_its_reason() -> None:
+    play, done = ready(), no_texts()
     play.station.submit("arm", job(done, "refused: bumper\nremove it", ok=False), moves=False)
     play.forward(0.1)
-    told = [line for line in play.station.log if line.severity == Severity.WARNING]
-    assert [line.text for line in told] == ["refused: bumper", "remove it"]
+    expected = [line for line in play.station.log if line.severity == Severity.WARNING]
+    assert [line.text for line in expected] == ["refused: bumper", "remove it"]
 
 
 def raises(error: Exception) -> Job:
@@ -213,17 +213,17 @@ def raises(error: Exception) -> Job:
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "expected"),
     [
-        (RemoteError("nobody answers"), "nobody answers"),
-        (ZeroDivisionError("x"), "this is a fault of the ground station: ZeroDivisionError('x')"),
+        (RemoteError("no answer came"), "no answer came"),
+        (ZeroDivisionError("x"), "internal error of the ground station: ZeroDivisionError('x')"),
     ],
 )
-def test_a_request_that_fails_is_told_in_words(error: Exception, told: str) -> None:
+def test_failed_request_is_reported_in_words(error: Exception, expected: str) -> None:
     play = ready()
     play.station.submit("arm", raises(error), moves=False)
     play.forward(0.1)
-    assert play.texts(told)
+    assert play.texts(expected)
     assert play.station.busy == ""
 
 
@@ -231,8 +231,8 @@ def answers(*, result: AckResult, reason: Reason) -> Callable[[Message | None], 
     return lambda _: CommandAck(command=0, result=result, result_param2=reason)
 
 
-def test_a_lease_that_is_not_answered_is_asked_for_three_times_with_one_id() -> None:
-    play, done = ready(), told_of()
+def test_lease_request_is_repeated_with_one_id() -> None:
+    play, done = ready(), no_texts()
     play.bus.answers[LEASE_SERVICE.path] = silent
     play.station.submit("goal 9 7", job(done))
     play.forward(0.1)
@@ -243,18 +243,18 @@ def test_a_lease_that_is_not_answered_is_asked_for_three_times_with_one_id() -> 
     assert play.texts("not sent: goal 9 7: lease of r1: no answer")
 
 
-def test_a_lease_lost_while_the_robot_is_let_hear_us_stops_the_command() -> None:
-    play, done = ready(), told_of()
+def test_lease_lost_before_sending_cancels_the_command() -> None:
+    play, done = ready(), no_texts()
     play.station.submit("goal 9 7", job(done))
     play.station.poll()
-    own = play.station._operated["r1"]
-    own.tenure.given_up(play.clock.now_ns())
+    own = play.station._sessions["r1"]
+    own.holding.release(play.clock.now_ns())
     play.forward(0.2)
     assert done == []
-    assert play.texts("not sent: goal 9 7: the lease is ours no more")
+    assert play.texts("not sent: goal 9 7: this station no longer holds the lease")
 
 
-def test_closing_gives_the_lease_back_and_stops_the_heart() -> None:
+def test_close_releases_the_lease_and_stops_heartbeats() -> None:
     play = ready()
     play.station.take_lease()
     play.forward(1.0)
@@ -265,7 +265,7 @@ def test_closing_gives_the_lease_back_and_stops_the_heart() -> None:
     assert play.beats == beats
 
 
-def test_who_holds_no_lease_gives_none_back() -> None:
+def test_close_without_a_lease_releases_none() -> None:
     play = ready()
     play.station.close()
     assert lease_asked(play) == []

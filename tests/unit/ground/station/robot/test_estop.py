@@ -1,20 +1,20 @@
-"""The station repeats an emergency stop until it is acknowledged, and reports how it stands."""
+"""The station repeats an emergency stop until acknowledged, and reports its state."""
 
 from protocol.wire.enums import Severity
 from tests.support.ground.station.play import Play
 
 
 def pressed() -> Play:
-    """The robot has vanished, and its e-stop is under way."""
+    """Return a play whose robot has vanished with an e-stop pending."""
     play = Play().forward(1.0)
     play.die()
     play.forward(1.0)
-    play.lanes["r1 e-stop"].waits = True
+    play.workers["r1 e-stop"].waits = True
     play.station.estop()
     return play
 
 
-def test_while_there_is_no_yes_it_is_said_each_second() -> None:
+def test_unacknowledged_estop_is_reported_each_second() -> None:
     play = pressed().forward(3.2)
     loud = [line for line in play.station.log if "E-STOP" in line.text]
     assert len(loud) == 3
@@ -23,20 +23,20 @@ def test_while_there_is_no_yes_it_is_said_each_second() -> None:
     assert "not acknowledged" in play.station.stopping
 
 
-def test_pressing_it_again_goes_on_with_the_one_under_way() -> None:
+def test_repeated_press_continues_the_pending_estop() -> None:
     play = pressed()
     play.station.estop()
     play.station.estop()
     play.revive()
-    play.lanes["r1 e-stop"].work()
+    play.workers["r1 e-stop"].work()
     play.forward(0.1)
     assert len({command.request_id for command in play.commands}) == 1
     assert len(play.texts("acknowledged by")) == 1
 
 
-def test_when_it_is_given_up_it_is_said_what_the_robot_does_by_itself() -> None:
+def test_failed_estop_reports_the_robots_response() -> None:
     play = pressed()
-    play.lanes["r1 e-stop"].work()
+    play.workers["r1 e-stop"].work()
     play.station.poll()
     line = next(line for line in play.station.log if "GIVEN UP" in line.text)
     assert line.severity == Severity.EMERGENCY
@@ -44,16 +44,16 @@ def test_when_it_is_given_up_it_is_said_what_the_robot_does_by_itself() -> None:
     assert play.station.stopping == ""
 
 
-def test_it_does_not_wait_for_a_request_under_way_and_takes_no_lease() -> None:
+def test_estop_waits_for_no_request_and_needs_no_lease() -> None:
     play = Play().forward(1.0)
-    play.lanes["requests"].waits = True
+    play.workers["requests"].waits = True
     play.station.take_lease()
     play.station.estop()
     assert len(play.commands) == 1
     assert play.station.busy == "lease take"
 
 
-def test_each_robot_has_its_own() -> None:
+def test_each_robot_has_its_own_estop() -> None:
     play = pressed()
     play.station.select("r2")
     play.revive()

@@ -1,4 +1,4 @@
-"""Mission and fence are on the map as the robot has them, whoever gave them to it."""
+"""The map shows mission and fence of the robot, whichever operator uploaded them."""
 
 from collections.abc import Sequence
 from math import pi
@@ -32,7 +32,7 @@ ROUND = Circle(x_m=1.0, y_m=1.0, radius_m=2.5)
 CORNERS = Polygon(corners=((0.0, 0.0), (5.0, 0.0), (5.0, 4.0)))
 
 
-class Holds:
+class RobotItems:
     """The robot's side of a download."""
 
     def __init__(self, mission: Sequence[Waypoint] = (), fence: Fence | None = None) -> None:
@@ -51,9 +51,9 @@ def verdict(kind: MissionType, reason: Reason = Reason.NONE) -> MissionVerdict:
     return MissionVerdict(mission_id=1, item=65_535, reason=reason, mission_type=kind)
 
 
-def test_what_the_robot_has_is_read_at_the_start_and_drawn() -> None:
+def test_mission_and_fence_are_read_at_the_start() -> None:
     play = Play()
-    play.bus.answers[MISSION_SERVICE.path] = Holds(WAY, ROUND)
+    play.bus.answers[MISSION_SERVICE.path] = RobotItems(WAY, ROUND)
     play.forward(1.0)
     scene = play.station.scene()
     assert [(item.x_m, item.heading_rad) for item in scene.mission] == [(1.0, None), (3.0, pi / 2)]
@@ -62,18 +62,18 @@ def test_what_the_robot_has_is_read_at_the_start_and_drawn() -> None:
     assert play.station.fence == scene.fence
 
 
-def test_after_a_restart_it_is_read_again() -> None:
+def test_mission_and_fence_are_read_again() -> None:
     play = Play()
-    play.bus.answers[MISSION_SERVICE.path] = Holds(WAY, ROUND)
+    play.bus.answers[MISSION_SERVICE.path] = RobotItems(WAY, ROUND)
     play.forward(1.0)
-    play.bus.answers[MISSION_SERVICE.path] = Holds()
+    play.bus.answers[MISSION_SERVICE.path] = RobotItems()
     play.station.reread()
     play.forward(1.0)
     assert play.station.mission_items == ()
     assert play.station.fence is None
 
 
-def test_what_anybody_uploads_is_drawn_once_the_robot_accepts_it() -> None:
+def test_accepted_upload_of_any_operator_is_drawn() -> None:
     play = Play().forward(1.0)
     play.bus.say(COMMANDED, MissionCount(count=2, mission_type=MissionType.MISSION))
     for item in items_of(WAY):
@@ -91,57 +91,57 @@ def test_what_anybody_uploads_is_drawn_once_the_robot_accepts_it() -> None:
     assert scene.current == 1
 
 
-def test_what_the_robot_refuses_changes_nothing() -> None:
-    charts = MissionItems()
-    charts.hear(MissionCount(count=1, mission_type=MissionType.FENCE))
+def test_rejected_upload_changes_nothing() -> None:
+    mission_items = MissionItems()
+    mission_items.receive(MissionCount(count=1, mission_type=MissionType.FENCE))
     for item in fence_items_of(ROUND):
-        charts.hear(item)
-    charts.hear(verdict(MissionType.FENCE, Reason.FENCE_LEAVES_ROBOT_OUT))
-    assert charts.fence is None
+        mission_items.receive(item)
+    mission_items.receive(verdict(MissionType.FENCE, Reason.FENCE_LEAVES_ROBOT_OUT))
+    assert mission_items.fence is None
 
 
-def test_a_fence_that_could_not_be_saved_is_up_and_shown() -> None:
-    charts = MissionItems()
+def test_unsaved_fence_is_in_force_and_shown() -> None:
+    mission_items = MissionItems()
     for item in fence_items_of(CORNERS):
-        charts.hear(item)
-    charts.hear(verdict(MissionType.FENCE, Reason.NOT_SAVED))
-    assert charts.fence == Outline(CORNERS.corners)
+        mission_items.receive(item)
+    mission_items.receive(verdict(MissionType.FENCE, Reason.NOT_SAVED))
+    assert mission_items.fence == Outline(CORNERS.corners)
 
 
-def test_a_fence_of_corners_is_an_outline_and_can_be_taken_away() -> None:
-    charts = MissionItems()
+def test_polygon_fence_is_shown_and_can_be_cleared() -> None:
+    mission_items = MissionItems()
     for item in fence_items_of(CORNERS):
-        charts.hear(item)
-    charts.hear(verdict(MissionType.FENCE))
-    assert charts.fence == Outline(CORNERS.corners)
-    charts.hear(MissionClearAll(mission_type=MissionType.FENCE))
-    charts.hear(verdict(MissionType.FENCE))
-    assert charts.fence is None
+        mission_items.receive(item)
+    mission_items.receive(verdict(MissionType.FENCE))
+    assert mission_items.fence == Outline(CORNERS.corners)
+    mission_items.receive(MissionClearAll(mission_type=MissionType.FENCE))
+    mission_items.receive(verdict(MissionType.FENCE))
+    assert mission_items.fence is None
 
 
-def test_a_verdict_on_what_was_not_heard_says_nothing() -> None:
-    charts = MissionItems()
-    charts.hear(verdict(MissionType.MISSION))
-    charts.hear(None)
-    assert charts.mission == ()
+def test_verdict_without_an_upload_is_ignored() -> None:
+    mission_items = MissionItems()
+    mission_items.receive(verdict(MissionType.MISSION))
+    mission_items.receive(None)
+    assert mission_items.mission == ()
 
 
-def test_items_that_are_none_of_ours_are_not_drawn() -> None:
-    charts = MissionItems()
-    charts.hear(MissionItemInt(
+def test_foreign_mission_items_are_not_drawn() -> None:
+    mission_items = MissionItems()
+    mission_items.receive(MissionItemInt(
         seq=0, frame=0, command=16, param1=0.0, param2=0.0, param3=0.0, param4=0.0, x=0, y=0,
         z=0.0, mission_type=0,
     ))  # fmt: skip
-    charts.hear(verdict(MissionType.MISSION))
-    assert charts.mission == ()
+    mission_items.receive(verdict(MissionType.MISSION))
+    assert mission_items.mission == ()
 
 
-def test_a_robot_that_tells_none_is_asked_no_further() -> None:
+def test_download_stops_at_the_first_failure() -> None:
     clock = ManualClock()
     bus = PlayedBus(clock)
     with pytest.raises(RemoteError, match="no process serves it"):
         downloaded(bus, clock, "r1", MissionType.MISSION)
     assert len(bus.asked) == 1
     bus.answers[MISSION_SERVICE.path] = lambda _: verdict(MissionType.MISSION, Reason.NO_MISSION)
-    with pytest.raises(RemoteError, match="does not tell its mission"):
+    with pytest.raises(RemoteError, match="did not send its mission"):
         downloaded(bus, clock, "r1", MissionType.MISSION)

@@ -1,4 +1,4 @@
-"""A typed `lease` is the station's to do: it is what beats for it."""
+"""A typed `lease` command is executed by the station, which sends the heartbeats."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def typing(tmp_path: Path) -> tuple[Play, CommandRunner]:
     return play, CommandRunner(lambda: play.station, None, common, play.clock, history)
 
 
-def test_take_and_release_go_through_the_station(typing: tuple[Play, CommandRunner]) -> None:
+def test_typed_lease_uses_the_station(typing: tuple[Play, CommandRunner]) -> None:
     play, commands = typing
     commands.run_line("lease take")
     play.forward(1.0)
@@ -31,7 +31,7 @@ def test_take_and_release_go_through_the_station(typing: tuple[Play, CommandRunn
     assert not play.station.lease.held
 
 
-def test_seizing_is_possible_while_another_holds_it(typing: tuple[Play, CommandRunner]) -> None:
+def test_typed_seize_takes_a_foreign_lease(typing: tuple[Play, CommandRunner]) -> None:
     play, commands = typing
     play.robot.lease.holder, play.robot.lease.name = "theirs", "ben"
     play.forward(1.0)
