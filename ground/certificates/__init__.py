@@ -1,1 +1,1 @@
-"""Who may join a locked bus: an authority, and for each role a certificate and its key."""
+"""Certificates of a bus with TLS: an authority, and a certificate and key for each role."""

@@ -1,4 +1,4 @@
-"""Makes certificates; `cryptography` does all of the cryptography."""
+"""Creates certificates; the library `cryptography` does all of the cryptography."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -22,15 +22,15 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 AUTHORITY: Final = "sidestep"
-LONGEST: Final = 24
-"""Of an authority's name, in characters."""
+MAX_NAME: Final = 24
+"""Limit of an authority's name, in characters."""
 
-DIALS: Final = (ExtendedKeyUsageOID.CLIENT_AUTH,)
-LISTENS: Final = (ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH)
+CLIENT_USAGES: Final = (ExtendedKeyUsageOID.CLIENT_AUTH,)
+SERVER_USAGES: Final = (ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH)
 
 
 class Pair(NamedTuple):
-    """A certificate and its secret key, both as PEM."""
+    """A certificate and its private key, both as PEM."""
 
     certificate: bytes
     key: bytes
@@ -40,17 +40,17 @@ class Pair(NamedTuple):
 
 
 class Authority:
-    """Signs certificates. Unless it is kept, by `pair`, its key ends with the process."""
+    """Signs certificates. Unless it is kept as a `pair`, its key ends with the process."""
 
     def __init__(self, since: datetime, until: datetime) -> None:
         self._times = (since, until)
         self._key = generate_private_key(SECP256R1())
-        # Each has a name of its own, so that a stranger's is told from a forgery.
-        self._name = named(f"{AUTHORITY} {x509.random_serial_number():040x}"[:LONGEST])
+        # A unique name tells certificates of other authorities from forged ones.
+        self._name = named(f"{AUTHORITY} {x509.random_serial_number():040x}"[:MAX_NAME])
         public = self._key.public_key()
         usage = key_usage(signs_certificates=True)
         self._certificate = (
-            self._begun(self._name, public, self._times)
+            self._builder(self._name, public, self._times)
             .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
             .add_extension(usage, critical=True)
             .sign(self._key, SHA256())
@@ -58,13 +58,13 @@ class Authority:
 
     @classmethod
     def kept(cls, pair: Pair) -> Self:
-        """The authority whose certificate and key were kept; ValueError for what is none."""
+        """Load an authority from its certificate and key; ValueError if they do not fit."""
         certificate = x509.load_pem_x509_certificate(pair.certificate)
         key = load_pem_private_key(pair.key, password=None)
         if not isinstance(key, EllipticCurvePrivateKey):
-            raise ValueError("the key of the authority is of another kind")
+            raise ValueError("the key of the authority is not an elliptic-curve key")
         if key.public_key() != certificate.public_key():
-            raise ValueError("the key is not that of the authority")
+            raise ValueError("the key does not belong to the authority's certificate")
         found = cls.__new__(cls)
         found._times = (certificate.not_valid_before_utc, certificate.not_valid_after_utc)
         found._key, found._name, found._certificate = key, certificate.subject, certificate
@@ -72,40 +72,42 @@ class Authority:
 
     @property
     def pair(self) -> Pair:
-        """Return the private key of the authority as PEM. It can certify every role."""
+        """The certificate and the private key of the authority, which can certify every role."""
         return Pair(self.pem, secret(self._key))
 
     @property
     def until(self) -> datetime:
-        """When all that it has signed ends at the latest."""
+        """The expiry of the authority, which limits all its certificates."""
         return self._times[1]
 
     @property
     def pem(self) -> bytes:
-        """What the others believe."""
+        """The certificate that other processes trust."""
         return self._certificate.public_bytes(Encoding.PEM)
 
     def certify(
         self, name: str, hosts: Iterable[str] = (), times: tuple[datetime, datetime] | None = None
     ) -> Pair:
-        """A key and a certificate for it; with `hosts` its holder may be dialled, at these.
+        """Create a key and a certificate; with `hosts` its holder may listen, at these.
 
         Valid at the given times (since, until), or as long as the authority itself.
         """
         key = generate_private_key(SECP256R1())
         names = [alternative(host) for host in hosts]
         builder = (
-            self._begun(named(name), key.public_key(), times or self._times)
+            self._builder(named(name), key.public_key(), times or self._times)
             .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
             .add_extension(key_usage(signs_certificates=False), critical=True)
-            .add_extension(x509.ExtendedKeyUsage(LISTENS if names else DIALS), critical=False)
+            .add_extension(
+                x509.ExtendedKeyUsage(SERVER_USAGES if names else CLIENT_USAGES), critical=False
+            )
         )
         if names:
             builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
         certificate = builder.sign(self._key, SHA256())
         return Pair(certificate.public_bytes(Encoding.PEM), secret(key))
 
-    def _begun(
+    def _builder(
         self, name: x509.Name, key: EllipticCurvePublicKey, times: tuple[datetime, datetime]
     ) -> x509.CertificateBuilder:
         ours = self._key.public_key()
@@ -124,11 +126,12 @@ class Authority:
 
 
 def named(name: str) -> x509.Name:
+    """Return a subject with this common name."""
     return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
 
 
 def alternative(host: str) -> x509.GeneralName:
-    """An address as an address, anything else as a host name."""
+    """Return an address or a host name as a subject alternative name."""
     try:
         return x509.IPAddress(ip_address(host))
     except ValueError:
@@ -136,7 +139,7 @@ def alternative(host: str) -> x509.GeneralName:
 
 
 def hosts_in(pem: bytes) -> list[str]:
-    """The host names and addresses that a certificate is for."""
+    """Return the host names and addresses in a certificate."""
     try:
         names = x509.load_pem_x509_certificate(pem).extensions.get_extension_for_class(
             x509.SubjectAlternativeName
@@ -147,6 +150,7 @@ def hosts_in(pem: bytes) -> list[str]:
 
 
 def key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    """Return the key usage of an authority, or of a role."""
     return x509.KeyUsage(
         digital_signature=not signs_certificates,
         key_cert_sign=signs_certificates,
@@ -161,4 +165,5 @@ def key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def secret(key: EllipticCurvePrivateKey) -> bytes:
+    """Return the private key as PEM, without a password."""
     return key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())

@@ -1,4 +1,4 @@
-"""What each certificate of a folder is good for and until when, and what is wrong with it."""
+"""Checks each certificate of a folder: its role, its expiry and its faults."""
 
 from collections.abc import Iterator
 from datetime import datetime, timedelta
@@ -19,7 +19,7 @@ SOON: Final = timedelta(days=30)
 
 
 class Checked(NamedTuple):
-    """One certificate: whose, until when, what its holder does, what is wrong (nothing: good)."""
+    """One certificate: holder, expiry, rights, and its faults (none: valid)."""
 
     name: str
     file: str
@@ -29,16 +29,16 @@ class Checked(NamedTuple):
     soon: bool
 
     def line(self) -> str:
-        """For a person."""
+        """Return one line, and one more for each fault."""
         end = f"{self.until:%Y-%m-%d %H:%M} UTC"
         about = f"{self.name:<24} until {end}  {self.says}"
         return "\n".join((about, *(f"  E {problem}" for problem in self.wrong)))
 
 
 def check(folder: Path, now: datetime) -> list[Checked]:
-    """The authority first; UserError names a folder or file that cannot be read."""
+    """Check all certificates, the authority first; UserError names an unreadable file."""
     if not (folder / CA).is_file():
-        raise UserError(f"{folder} has no {CA}: name a folder that `sidestep keys new` has made")
+        raise UserError(f"{folder} has no {CA}: name a folder created by `sidestep keys new`")
     authority = read(folder / CA)
     first = checked(folder / CA, authority, now, "signs the others", ())
     others = sorted(path for path in folder.glob("*.pem") if path.name != CA)
@@ -46,21 +46,23 @@ def check(folder: Path, now: datetime) -> list[Checked]:
 
 
 def check_one(path: Path, authority: x509.Certificate, now: datetime) -> Checked:
+    """Check the certificate of one role."""
     certificate = read(path)
     name = common_name(certificate)
     grant = grant_of(name)
-    wrong = [] if grant else [f"no role is called {name!r}, so it is let in and may do nothing"]
+    wrong = [] if grant else [f"there is no role {name!r}, so this certificate has no rights"]
     try:
         certificate.verify_directly_issued_by(authority)
     except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm):
-        wrong.append(f"is not signed by {CA}: nobody here lets it in; make a new set")
-    wrong += key_trouble(path.with_suffix(".key"), certificate)
+        wrong.append(f"is not signed by {CA}, so it is rejected: create new certificates")
+    wrong += key_faults(path.with_suffix(".key"), certificate)
     return checked(path, certificate, now, grant.description if grant else "", tuple(wrong))
 
 
 def checked(
     path: Path, certificate: x509.Certificate, now: datetime, says: str, wrong: tuple[str, ...]
 ) -> Checked:
+    """Return a certificate with its faults and its expiry."""
     until = certificate.not_valid_after_utc
     wrong += tuple(times(certificate, now))
     soon = now <= until < now + SOON
@@ -68,15 +70,16 @@ def checked(
 
 
 def times(certificate: x509.Certificate, now: datetime) -> Iterator[str]:
+    """Yield the fault of a certificate that is not valid now."""
     since, until = certificate.not_valid_before_utc, certificate.not_valid_after_utc
     if now > until:
-        yield f"expired at {until:%Y-%m-%d %H:%M} UTC: make a new set with `sidestep keys new`"
+        yield f"expired at {until:%Y-%m-%d %H:%M} UTC: run `sidestep keys new` again"
     if now < since:
-        yield f"is not valid before {since:%Y-%m-%d %H:%M} UTC: is this machine's clock right?"
+        yield f"is not valid before {since:%Y-%m-%d %H:%M} UTC: check this machine's clock"
 
 
-def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
-    """What is wrong with the key of a certificate. What is in it is never told."""
+def key_faults(path: Path, certificate: x509.Certificate) -> Iterator[str]:
+    """Yield the faults of a certificate's key, without its content."""
     try:
         mode = path.stat().st_mode
         key = load_pem_private_key(path.read_bytes(), password=None)
@@ -84,7 +87,7 @@ def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
         yield f"{path.name}: {error.strerror}"
         return
     except (ValueError, TypeError, UnsupportedAlgorithm):
-        yield f"{path.name} is not a key in PEM without a password"
+        yield f"{path.name} is not a PEM key without password"
         return
     if key.public_key() != certificate.public_key():
         yield f"{path.name} is the key of another certificate"
@@ -93,7 +96,7 @@ def key_trouble(path: Path, certificate: x509.Certificate) -> Iterator[str]:
 
 
 def read(path: Path) -> x509.Certificate:
-    """Nothing of it is read before it is looked at, so all that we shall want is looked at here."""
+    """Load a certificate; parse all fields that are needed later, because parsing is lazy."""
     try:
         found = x509.load_pem_x509_certificate(path.read_bytes())
         found.public_key(), found.subject, found.not_valid_before_utc, found.not_valid_after_utc
@@ -105,5 +108,6 @@ def read(path: Path) -> x509.Certificate:
 
 
 def common_name(certificate: x509.Certificate) -> str:
+    """Return the common name of the holder."""
     names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     return str(names[0].value) if names else "(no name)"

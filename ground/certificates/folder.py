@@ -1,4 +1,4 @@
-"""The folder of `keys new`: per role a certificate, its key and a configuration that names them."""
+"""The folder of `keys new`: for each role a certificate, its key and a configuration file."""
 
 import os
 import re
@@ -25,7 +25,7 @@ FOLDER_MODE: Final = 0o700
 SECRET_MODE: Final = 0o600
 PUBLIC_MODE: Final = 0o644
 CONFIG: Final = """\
-# Made by `sidestep keys new`: who a process is, and whom it believes. Use it with --config.
+# Created by `sidestep keys new`: identity of a process and the authority it trusts, for --config.
 robot = "{robot}"
 
 [network]
@@ -49,39 +49,40 @@ def make(
     operators: Sequence[str] = (),
     authority_until: datetime | None = None,
 ) -> list[str]:
-    """The roles that have a certificate now. Overwrites nothing: UserError names what is there.
+    """Create all files; return the roles that have a certificate now.
 
-    `hosts` are more names and addresses of those that are dialled, by role. `authority_until`: the
-    authority is valid that long, and its key is kept for `renew`.
+    Overwrites nothing: UserError names the file that exists. `hosts` are more names and addresses
+    of roles that others connect to. With `authority_until` the authority is valid that long, and
+    its key is kept for `renew`.
     """
     prepare(folder)
     authority = Authority(since, authority_until or until)
     written: list[Path] = []
     try:
-        put(folder / CA, authority.pem, PUBLIC_MODE, written)
+        create_file(folder / CA, authority.pem, PUBLIC_MODE, written)
         if authority_until is not None:
-            put(folder / CA_KEY, authority.pair.key, SECRET_MODE, written)
-        for role, robot, dialled in cast(robots, operators):
+            create_file(folder / CA_KEY, authority.pair.key, SECRET_MODE, written)
+        for role, robot, dialled in roles_of(robots, operators):
             names = (*dialled_at(role), *hosts.get(role, ())) if dialled else ()
             pair = authority.certify(role, names, (since, until))
-            put(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
-            put(folder / f"{role}.key", pair.key, SECRET_MODE, written)
+            create_file(folder / f"{role}.pem", pair.certificate, PUBLIC_MODE, written)
+            create_file(folder / f"{role}.key", pair.key, SECRET_MODE, written)
             text = configuration(role, robot, robots, operators)
-            put(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
+            create_file(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
     except OSError as error:
-        for path in written:  # half a set is of no use, and would be in the way of the next
+        for path in written:  # an incomplete set is useless and would block the next attempt
             path.unlink(missing_ok=True)
-        raise UserError(f"{folder}: {error.strerror}: nothing was kept") from error
-    return [role for role, _, _ in cast(robots, operators)]
+        raise UserError(f"{folder}: {error.strerror}: all new files were removed") from error
+    return [role for role, _, _ in roles_of(robots, operators)]
 
 
 def dialled_at(role: str) -> tuple[str, ...]:
-    """Return where a role is dialled: on this machine, or at a host of its own name."""
+    """Return where a role can be reached: on this machine, or at a host of its name."""
     return (*THIS_MACHINE, role)
 
 
-def cast(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
-    """Role, robots it is about as a configuration names them, and whether others dial it."""
+def roles_of(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str, str, bool]]:
+    """Yield each role, its robots as in a configuration, and whether others connect to it."""
     yield "router", robots[0], True
     yield "plant", ",".join(robots), False
     yield "ground", robots[0], False
@@ -94,24 +95,24 @@ def cast(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[str,
 
 
 def configuration(role: str, robot: str, robots: Sequence[str], operators: Sequence[str]) -> str:
-    """TOML; the names of its files are relative, so that the folder can be moved."""
+    """Return the TOML file of a role; its paths are relative, so that the folder can be moved."""
     return CONFIG.format(
         role=role, robot=robot, robots=listed(robots), operators=listed(operators), ca=CA
     )
 
 
 def renew(folder: Path, names: Sequence[str], since: datetime, until: datetime) -> datetime:
-    """Give some roles a new certificate and key, with the names that they had; until when.
+    """Give roles a new certificate and key with the same host names; return the expiry.
 
-    It ends with the authority at the latest. UserError when that was not kept, or is of no use.
+    The authority's expiry is the limit. Raises UserError if its key was not kept or is not usable.
     """
     try:
         pair = Pair((folder / CA).read_bytes(), (folder / CA_KEY).read_bytes())
         authority = Authority.kept(pair)
     except OSError as error:
         raise UserError(
-            f"{folder / CA_KEY}: {error.strerror}: only a set of `keys new --keep-authority` can "
-            "be renewed; make a new one"
+            f"{folder / CA_KEY}: {error.strerror}: only certificates of `keys new "
+            "--keep-authority` can be renewed; create new ones"
         ) from error
     except (ValueError, TypeError) as error:
         raise UserError(f"{folder / CA_KEY}: {error}") from error
@@ -119,31 +120,31 @@ def renew(folder: Path, names: Sequence[str], since: datetime, until: datetime) 
     before = {name: dialled_names(folder, name) for name in names}
     for name, hosts in before.items():
         made = authority.certify(name, hosts, (since, until))
-        fresh(folder / f"{name}.key", made.key, SECRET_MODE)
-        fresh(folder / f"{name}.pem", made.certificate, PUBLIC_MODE)
+        replace_file(folder / f"{name}.key", made.key, SECRET_MODE)
+        replace_file(folder / f"{name}.pem", made.certificate, PUBLIC_MODE)
     return until
 
 
 def dialled_names(folder: Path, name: str) -> list[str]:
-    """Where the holder of a certificate is dialled; nowhere if it only dials."""
+    """Return the host names in a role's certificate; none if others do not connect to it."""
     path = folder / f"{name}.pem"
     if not path.is_file() or name == CA.removesuffix(".pem"):
         raise UserError(f"{folder} has no certificate {name}.pem: name one that it has")
     return hosts_in(path.read_bytes())
 
 
-def fresh(path: Path, content: bytes, mode: int) -> None:
+def replace_file(path: Path, content: bytes, mode: int) -> None:
     """Replace a file atomically; the permissions are never wider than `mode`."""
     draft = path.with_name(f".{path.name}.part")
     draft.unlink(missing_ok=True)
-    put(draft, content, mode, [])
+    create_file(draft, content, mode, [])
     draft.replace(path)
 
 
 def revoke(folder: Path, names: Sequence[str]) -> list[str]:
-    """Add names to those revoked in every configuration of a folder; all that are now.
+    """Add names to the revoked ones in every configuration of a folder; return all of them.
 
-    UserError names a certificate that there is not, or a file that cannot be changed.
+    Raises UserError for an unknown certificate or a file that cannot be changed.
     """
     for name in names:
         if not (folder / f"{name}.pem").is_file():
@@ -154,7 +155,7 @@ def revoke(folder: Path, names: Sequence[str]) -> list[str]:
         found = list(dict.fromkeys((*before.revoked, *names)))
         text, count = REVOKED.subn(f"revoked = [{listed(found)}]", path.read_text())
         if count != 1:
-            raise UserError(f"{path}: there is no line `revoked = []` to change: make a new set")
+            raise UserError(f"{path}: the line `revoked = []` is missing: create new certificates")
         try:
             replace(path, text)
         except OSError as error:
@@ -163,27 +164,28 @@ def revoke(folder: Path, names: Sequence[str]) -> list[str]:
 
 
 def listed(names: Sequence[str]) -> str:
+    """Return names as the items of a TOML array."""
     return ", ".join(f'"{name}"' for name in names)
 
 
 def prepare(folder: Path) -> None:
-    """An empty folder that only its owner can look into."""
+    """Create an empty private folder; UserError if it exists and is not empty."""
     try:
         folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         there = next(iter(sorted(folder.iterdir())), None)
         if there is None:
             folder.chmod(FOLDER_MODE)
     except OSError as error:
-        raise UserError(f"{folder}: {error.strerror}: name a folder to be made") from error
+        raise UserError(f"{folder}: {error.strerror}: name a folder that can be created") from error
     if there is not None:
         raise UserError(
-            f"{folder} is not empty (there is {there.name}), and nothing is overwritten: "
-            "name a new folder, or move the old one away"
+            f"{folder} is not empty (it has {there.name}), and no file is overwritten: "
+            "name a new folder, or move the old one"
         )
 
 
-def put(path: Path, content: bytes, mode: int, written: list[Path]) -> None:
-    """A new file, never readable by more than `mode` says, not even for a moment."""
+def create_file(path: Path, content: bytes, mode: int, written: list[Path]) -> None:
+    """Create a file whose permissions are never wider than `mode`."""
     number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     written.append(path)
     with open(number, "wb") as file:

@@ -34,7 +34,7 @@ def run(words: Words, output: Output) -> int:
         if not isinstance(operation, Diagnose):
             raise
         return print_outcome(
-            output, words, common.robot, operation.undialled(error, common.endpoint)
+            output, words, common.robot, operation.not_connected(error, common.endpoint)
         )
 
 

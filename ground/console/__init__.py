@@ -1,6 +1,6 @@
-"""The command line inside of the app: one grammar with the shell's, read into typed operations."""
+"""The command line in the app: the grammar of the shell, parsed into typed operations."""
 
-from ground.console.app_commands import LOCAL, AppCommand, Local
+from ground.console.app_commands import LOCAL, AppCommand
 from ground.console.completion import complete
 from ground.console.help import help_text
 from ground.console.history import History
@@ -11,7 +11,6 @@ __all__ = [
     "LOCAL",
     "AppCommand",
     "History",
-    "Local",
     "complete",
     "help_text",
     "line_of",

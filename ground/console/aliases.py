@@ -1,4 +1,4 @@
-"""Short words of the console, and the verbs that they stand for."""
+"""Short words of the console, and the verbs that they replace."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -26,8 +26,8 @@ PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
 )
 
 
-def unfolded(words: Sequence[str]) -> list[str]:
-    """The same command in the words of the command line."""
+def expanded(words: Sequence[str]) -> list[str]:
+    """Replace a short word by the words of the command line."""
     pair = PAIRS.get(tuple(word.lower() for word in words[:2]))
     if pair is not None:
         return [*pair, *words[2:]]

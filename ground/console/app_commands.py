@@ -1,7 +1,7 @@
-"""Words that only the app knows: values that concern the screen, or what is kept beside it."""
+"""Commands that only the app has: those of the screen and of its recordings and drafts."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -20,12 +20,12 @@ from ground.missions.draft import (
 from protocol.options import finite, whole
 
 SCREENS: Final = ("drive", "plots", "params", "log", "links", "worlds", "faults", "replay")
-MOST_WAYPOINTS: Final = 65_535
+MAX_WAYPOINTS: Final = 65_535
 
 
 @dataclass(frozen=True, slots=True)
 class ShowHelp:
-    """What can be typed, or what one command takes."""
+    """Show all commands, or the arguments of one."""
 
     word: str = ""
 
@@ -37,7 +37,7 @@ class Quit:
 
 @dataclass(frozen=True, slots=True)
 class ShowKeys:
-    """The keys of this screen."""
+    """Show the keys of this screen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,21 +63,21 @@ class GoToScreen:
 
 @dataclass(frozen=True, slots=True)
 class SwitchLayers:
-    """Switch layers of the map on or off; without names, choose one."""
+    """Switch layers of the map on or off; without names, open the choice."""
 
     names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Zoom:
-    """The map nearer (in), farther (out) or whole (fit)."""
+    """Zoom the map in, out, or to the whole world (fit)."""
 
     how: str
 
 
 @dataclass(frozen=True, slots=True)
 class FollowRobot:
-    """Keep the robot in the middle of the map, or stop doing so."""
+    """Centre the map on the robot, or stop it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ class FindText:
 
 @dataclass(frozen=True, slots=True)
 class SelectRobot:
-    """Look at another robot."""
+    """Show another robot."""
 
     robot: str
 
@@ -101,28 +101,28 @@ class TakeHand:
 
 @dataclass(frozen=True, slots=True)
 class RecordHere:
-    """Begin a recording, or end it."""
+    """Start or stop a recording."""
 
     begin: bool
 
 
 @dataclass(frozen=True, slots=True)
 class OpenReplay:
-    """Look at a log as if it were live."""
+    """Show a log as if it were live."""
 
     file: Path
 
 
 @dataclass(frozen=True, slots=True)
 class ShowGhost:
-    """Another navigator from here, as a ghost on the map."""
+    """Show another navigator from here, as a ghost on the map."""
 
     navigator: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ExplainTurn:
-    """Why the robot turned."""
+    """Explain why the robot turned."""
 
 
 AppCommand: TypeAlias = (
@@ -146,10 +146,9 @@ AppCommand: TypeAlias = (
 )
 
 
-class AppWords:
-    """The words of one of them; argparse fills those that were declared."""
+class AppArguments:
+    """The parsed arguments of a command; argparse sets those that the command declares."""
 
-    verb: str
     word: str
     name: str
     file: Path
@@ -165,188 +164,133 @@ class AppWords:
     hold: float
     item: int
 
-    def __init__(self, verb: str) -> None:
-        self.verb = verb
 
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Without arguments."""
-
-    def command(self) -> AppCommand:
-        """UserError names what is out of range."""
-        raise NotImplementedError
+def _declare_theme(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", nargs="?", metavar="THEME", help="without it, list the themes")
 
 
-class PlainWords(AppWords):
-    def command(self) -> AppCommand:
-        return PLAIN[self.verb]
+def _declare_layers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("names", nargs="*", metavar="LAYER", help="switch these on or off")
 
 
-class HelpWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("word", nargs="?", default="", metavar="VERB")
-
-    def command(self) -> ShowHelp:
-        return ShowHelp(self.word)
+def _declare_ghost(parser: argparse.ArgumentParser) -> None:
+    text = "navigator of the ghost"
+    parser.add_argument("navigator", nargs="?", metavar="NAVIGATOR", help=text)
 
 
-class ThemeWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("name", nargs="?", metavar="THEME", help="without it, all are listed")
-
-    def command(self) -> SetTheme:
-        return SetTheme(self.name)
-
-
-class SnapWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("file", nargs="?", type=Path, metavar="FILE", help="an .svg")
-
-    def command(self) -> SaveScreen:
-        return SaveScreen(self.file)
-
-
-class ScreenWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("name", type=str.lower, choices=SCREENS)
-
-    def command(self) -> GoToScreen:
-        return GoToScreen(self.name)
+def _declare_draft(parser: argparse.ArgumentParser) -> None:
+    names = "add|remove|list|clear|load|save|upload"
+    actions = parser.add_subparsers(dest="action", required=True, metavar=names)
+    adding = actions.add_parser("add", help="append a waypoint to the draft")
+    adding.add_argument("x", type=finite, metavar="X", help="metres")
+    adding.add_argument("y", type=finite, metavar="Y", help="metres")
+    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG")
+    adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
+    removing = actions.add_parser("remove", help="remove a waypoint from the draft")
+    removing.add_argument("item", type=whole(1, MAX_WAYPOINTS), metavar="ITEM")
+    others = {"list": "show the draft", "clear": "empty the draft", "upload": "send to the robot"}
+    for name, text in others.items():
+        actions.add_parser(name, help=text)
+    for name in ("load", "save"):
+        filing = actions.add_parser(name, help="a .toml, .plan or .waypoints file")
+        filing.add_argument("file", type=Path, metavar="FILE")
 
 
-class LayerWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("names", nargs="*", metavar="LAYER", help="switch these on or off")
-
-    def command(self) -> SwitchLayers:
-        return SwitchLayers(tuple(self.names))
-
-
-class ZoomWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("how", choices=("in", "out", "fit"))
-
-    def command(self) -> Zoom:
-        return Zoom(self.how)
+def _draft_edit(arguments: AppArguments) -> Edit:
+    match arguments.action:
+        case "add":
+            x_m, y_m, heading_deg = arguments.x, arguments.y, arguments.heading
+            return AddWaypoint(waypoint_at(x_m, y_m, heading_deg, arguments.hold))
+        case "remove":
+            return RemoveWaypoint(arguments.item)
+        case "load":
+            return LoadDraft(arguments.file)
+        case "save":
+            return SaveDraft(arguments.file)
+        case "list":
+            return ListDraft()
+    return ClearDraft()
 
 
-class FindWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("text", nargs="+", metavar="TEXT")
-
-    def command(self) -> FindText:
-        return FindText(" ".join(self.text))
+def _no_arguments(_: argparse.ArgumentParser) -> None:
+    """Declare nothing."""
 
 
-class SelectWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("robot", metavar="ROBOT", help="the name of the robot to look at")
+class LocalVerb(NamedTuple):
+    """A verb of the app: its summary, its command, and the declaration of its arguments.
 
-    def command(self) -> SelectRobot:
-        return SelectRobot(self.robot)
+    `command` raises UserError for an argument out of range.
+    """
 
-
-class RecordWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("action", choices=("start", "stop"))
-
-    def command(self) -> RecordHere:
-        return RecordHere(self.action == "start")
+    summary: str
+    command: Callable[[AppArguments], AppCommand]
+    declare: Callable[[argparse.ArgumentParser], object] = _no_arguments
 
 
-class ReplayWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("file", type=Path, metavar="FILE", help="a .tlog or .mcap")
-
-    def command(self) -> OpenReplay:
-        return OpenReplay(self.file)
-
-
-class GhostWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        help = "that drives the ghost"
-        parser.add_argument("navigator", nargs="?", metavar="NAVIGATOR", help=help)
-
-    def command(self) -> ShowGhost:
-        return ShowGhost(self.navigator)
-
-
-class DraftWords(AppWords):
-    @classmethod
-    def declare(cls, parser: argparse.ArgumentParser) -> None:
-        names = "add|remove|list|clear|load|save|upload"
-        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-        adding = actions.add_parser("add", help="one more at the end of the draft")
-        adding.add_argument("x", type=finite, metavar="X", help="metres")
-        adding.add_argument("y", type=finite, metavar="Y", help="metres")
-        adding.add_argument("heading", type=finite, nargs="?", metavar="DEG")
-        adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
-        removing = actions.add_parser("remove", help="take one out of the draft")
-        removing.add_argument("item", type=whole(1, MOST_WAYPOINTS), metavar="ITEM")
-        others = {"list": "the draft", "clear": "begin anew", "upload": "to the robot"}
-        for name, says in others.items():
-            actions.add_parser(name, help=says)
-        for name in ("load", "save"):
-            filing = actions.add_parser(name, help="a .toml, .plan or .waypoints")
-            filing.add_argument("file", type=Path, metavar="FILE")
-
-    def command(self) -> Edit:
-        if self.action == "add":
-            return AddWaypoint(waypoint_at(self.x, self.y, self.heading, self.hold))
-        if self.action == "remove":
-            return RemoveWaypoint(self.item)
-        if self.action == "load":
-            return LoadDraft(self.file)
-        if self.action == "save":
-            return SaveDraft(self.file)
-        return ListDraft() if self.action == "list" else ClearDraft()
-
-
-class Local(NamedTuple):
-    """How its words are read, and what it does."""
-
-    words: type[AppWords]
-    says: str
-
-
-PLAIN: Final[Mapping[str, AppCommand]] = MappingProxyType(
+LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
     {
-        "quit": Quit(),
-        "keys": ShowKeys(),
-        "follow": FollowRobot(),
-        "teleop": TakeHand(),
-        "why": ExplainTurn(),
-    }
-)
-LOCAL: Final[Mapping[str, Local]] = MappingProxyType(
-    {
-        "help": Local(HelpWords, "what can be typed here, or what a verb takes"),
-        "quit": Local(PlainWords, "leave; the robot is told if it depends on us"),
-        "keys": Local(PlainWords, "the keys of this screen"),
-        "theme": Local(ThemeWords, "choose the colours"),
-        "snap": Local(SnapWords, "save the screen as a picture"),
-        "screen": Local(ScreenWords, "go to a screen"),
-        "layers": Local(LayerWords, "what the map shows"),
-        "zoom": Local(ZoomWords, "the map nearer, farther or whole"),
-        "follow": Local(PlainWords, "keep the robot in the middle of the map, or stop doing so"),
-        "find": Local(FindWords, "search the log"),
-        "select": Local(SelectWords, "look at another robot"),
-        "teleop": Local(PlainWords, "drive by hand with the arrow keys"),
-        "wp": Local(DraftWords, "draft a mission"),
-        "record": Local(RecordWords, "begin a recording, or end it"),
-        "replay": Local(ReplayWords, "look at a log as if it were live"),
-        "ghost": Local(GhostWords, "another navigator from here, as a ghost on the map"),
-        "why": Local(PlainWords, "why the robot turned"),
+        "help": LocalVerb(
+            "show all commands, or the arguments of one",
+            lambda arguments: ShowHelp(arguments.word),
+            lambda parser: parser.add_argument("word", nargs="?", default="", metavar="VERB"),
+        ),
+        "quit": LocalVerb("leave the app; gives the lease back", lambda _: Quit()),
+        "keys": LocalVerb("show the keys of this screen", lambda _: ShowKeys()),
+        "theme": LocalVerb(
+            "choose the colours", lambda arguments: SetTheme(arguments.name), _declare_theme
+        ),
+        "snap": LocalVerb(
+            "save the screen as a picture",
+            lambda arguments: SaveScreen(arguments.file),
+            lambda parser: parser.add_argument(
+                "file", nargs="?", type=Path, metavar="FILE", help="an .svg"
+            ),
+        ),
+        "screen": LocalVerb(
+            "go to a screen",
+            lambda arguments: GoToScreen(arguments.name),
+            lambda parser: parser.add_argument("name", type=str.lower, choices=SCREENS),
+        ),
+        "layers": LocalVerb(
+            "choose the layers of the map",
+            lambda arguments: SwitchLayers(tuple(arguments.names)),
+            _declare_layers,
+        ),
+        "zoom": LocalVerb(
+            "zoom the map in, out, or to the whole world",
+            lambda arguments: Zoom(arguments.how),
+            lambda parser: parser.add_argument("how", choices=("in", "out", "fit")),
+        ),
+        "follow": LocalVerb("centre the map on the robot, or stop it", lambda _: FollowRobot()),
+        "find": LocalVerb(
+            "search the log",
+            lambda arguments: FindText(" ".join(arguments.text)),
+            lambda parser: parser.add_argument("text", nargs="+", metavar="TEXT"),
+        ),
+        "select": LocalVerb(
+            "show another robot",
+            lambda arguments: SelectRobot(arguments.robot),
+            lambda parser: parser.add_argument("robot", metavar="ROBOT", help="name of the robot"),
+        ),
+        "teleop": LocalVerb("drive by hand with the arrow keys", lambda _: TakeHand()),
+        "wp": LocalVerb("draft a mission", _draft_edit, _declare_draft),
+        "record": LocalVerb(
+            "start or stop a recording",
+            lambda arguments: RecordHere(arguments.action == "start"),
+            lambda parser: parser.add_argument("action", choices=("start", "stop")),
+        ),
+        "replay": LocalVerb(
+            "show a log as if it were live",
+            lambda arguments: OpenReplay(arguments.file),
+            lambda parser: parser.add_argument(
+                "file", type=Path, metavar="FILE", help="a .tlog or .mcap"
+            ),
+        ),
+        "ghost": LocalVerb(
+            "show another navigator from here, as a ghost on the map",
+            lambda arguments: ShowGhost(arguments.navigator),
+            _declare_ghost,
+        ),
+        "why": LocalVerb("explain why the robot turned", lambda _: ExplainTurn()),
     }
 )

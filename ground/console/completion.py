@@ -1,4 +1,4 @@
-"""How a command that is being typed could go on: the whole line, once for each way."""
+"""Completions of a command that is being typed, as whole lines."""
 
 import argparse
 import shlex
@@ -8,31 +8,34 @@ from types import MappingProxyType
 from typing import Final
 
 from ground.client.vocabulary import NAVIGATORS
-from ground.console.aliases import unfolded
+from ground.console.aliases import expanded
 from ground.console.parser import parser_for, subcommands_of, verbs
-from ground.console.tokenizer import LONGEST, last_word
+from ground.console.tokenizer import MAX_LENGTH, last_word
 from ground.map import LAYERS
 from ground.text.theme_names import THEMES
 from runtime.errors import UserError
 
-MOST: Final = 200
+MAX_LINES: Final = 200
 FILE_WORDS: Final = ("FILE", "DIR", "CSV", "IN", "OUT")
 PARAMETER_WORDS: Final = ("NAME", "GLOB")
-OFFERED: Final[Mapping[str, Iterable[str]]] = MappingProxyType(
+CHOICES: Final[Mapping[str, Iterable[str]]] = MappingProxyType(
     {"LAYER": LAYERS, "NAVIGATOR": tuple(NAVIGATORS), "THEME": THEMES}
 )
-"""Words that stand in no parser: a name that is not among them is refused by what looks it up."""
+"""Choices of arguments whose parser does not know them."""
 
 
 def complete(text: str, parameters: Iterable[str] = (), folder: Path = Path()) -> list[str]:
-    """Whole lines, in order; `parameters` are the robot's, files are looked up in `folder`."""
-    if len(text) > LONGEST or not text.isprintable():
+    """Return completions as whole lines, in order.
+
+    `parameters` are the robot's names; files are looked up in `folder`.
+    """
+    if len(text) > MAX_LENGTH or not text.isprintable():
         return []
     before, begun = last_word(text.removeprefix(":"))
     found = verbs() if not before else _arguments(before, begun, parameters, folder)
     head = "".join(f"{shlex.quote(word)} " for word in before)
     fitting = (word for word in found if word.startswith(begun) and word != begun)
-    return [f"{head}{_quoted(word)}" for word, _ in zip(fitting, range(MOST), strict=False)]
+    return [f"{head}{_quoted(word)}" for word, _ in zip(fitting, range(MAX_LINES), strict=False)]
 
 
 def _quoted(word: str) -> str:
@@ -42,8 +45,8 @@ def _quoted(word: str) -> str:
 def _arguments(
     before: Sequence[str], begun: str, parameters: Iterable[str], folder: Path
 ) -> Iterable[str]:
-    words = unfolded(before)
-    # One more word than there is, so that `teleop` is read as the verb with speeds.
+    words = expanded(before)
+    # With the word being typed, `teleop` is parsed as the verb with speeds.
     try:
         parser = parser_for([*words, begun])
     except UserError:
@@ -58,7 +61,7 @@ def _arguments(
 def place_in(
     parser: argparse.ArgumentParser, words: Sequence[str]
 ) -> tuple[argparse.ArgumentParser, argparse.Action | None]:
-    """Which subcommand the words have led to, and the argument whose turn it is."""
+    """Return the parser of the subcommand reached, and the argument that comes next."""
     positionals = _positionals(parser)
     option: argparse.Action | None = None
     for word in words:
@@ -79,7 +82,7 @@ def _positionals(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 
 def _option(parser: argparse.ArgumentParser, word: str) -> argparse.Action | None:
-    """The option, if a value follows it."""
+    """Return the option if a value follows it."""
     for action in parser._actions:
         if word in action.option_strings and action.nargs != 0:
             return action
@@ -96,13 +99,13 @@ def _values(
         return parameters
     if action.dest == "word":
         return verbs()
-    if metavar in OFFERED:
-        return OFFERED[metavar]
+    if metavar in CHOICES:
+        return CHOICES[metavar]
     return _files(begun, folder) if metavar in FILE_WORDS else ()
 
 
 def _files(begun: str, folder: Path) -> Iterator[str]:
-    """What lies there: folders end in /, hidden ones only when a dot was typed."""
+    """Yield matching files; folders end in /, hidden files need a typed dot."""
     parent, slash, start = begun.rpartition("/")
     try:
         there = sorted((folder / Path(f"{parent}{slash}").expanduser()).iterdir())

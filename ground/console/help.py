@@ -1,28 +1,28 @@
-"""`help`: all commands in a line each, or one of them with its arguments."""
+"""The command `help`: all commands in a line each, or one command with its arguments."""
 
-from ground.console.aliases import ALIASES, unfolded
+from ground.console.aliases import ALIASES, expanded
 from ground.console.app_commands import LOCAL
 from ground.console.parser import COMMANDS, parser_for, usage_of
 
 
 def help_text(word: str = "") -> str:
-    """UserError when there is no such command."""
+    """Return the help; UserError if there is no such command."""
     if word:
         return f"{_with_usage(word)}"
     short = {name: " ".join(words) for name, words in ALIASES.items() if name.isalpha()}
-    lines = [f"{name:<12} {says}" for name, says in says_of().items()]
+    lines = [f"{name:<12} {text}" for name, text in summaries().items()]
     lines.append("short: " + ", ".join(f"{name} = {long}" for name, long in short.items()))
     return "\n".join(lines)
 
 
-def says_of() -> dict[str, str]:
-    """Every word a command can begin with, and what it does."""
+def summaries() -> dict[str, str]:
+    """Return the summary of every command."""
     rows = {name: command.summary for name, command in COMMANDS.items()}
-    return rows | {name: local.says for name, local in LOCAL.items()}
+    return rows | {name: local.summary for name, local in LOCAL.items()}
 
 
 def _with_usage(word: str) -> str:
-    words = unfolded([word])
+    words = expanded([word])
     parser = parser_for(words)
     rest = parser.format_help().split("\n\n", 1)[-1].strip()
     return f"{usage_of(parser)}\n{rest}"

@@ -1,19 +1,19 @@
-"""What was typed before: bounded, without repetitions in a row, kept in a file if there is one."""
+"""The lines typed before: bounded, without repetitions, and kept in a file if there is one."""
 
 import os
 from pathlib import Path
 from typing import Final
 
-MOST: Final = 500
+MAX_LINES: Final = 500
 
 
 class History:
-    """`previous` and `next` walk through the lines that begin with what was typed.
+    """The lines typed before; `previous` and `next` find those that begin as the line being typed.
 
-    A file that cannot be read or written is no reason to fail: `trouble` says what happened.
+    A file that cannot be read or written is not an exception: `trouble` holds the error.
     """
 
-    def __init__(self, path: Path | None = None, most: int = MOST) -> None:
+    def __init__(self, path: Path | None = None, most: int = MAX_LINES) -> None:
         self._path = path
         self._most = most
         self.trouble = ""
@@ -22,7 +22,7 @@ class History:
         self._begun = ""
 
     def add(self, line: str) -> None:
-        """Remember a line, and begin again at the end."""
+        """Append a line, and move to the end."""
         line = line.strip()
         if line and line.isprintable() and line != (self.lines[-1] if self.lines else ""):
             self.lines = [*self.lines, line][-self._most :]
@@ -30,7 +30,7 @@ class History:
         self._at, self._begun = len(self.lines), ""
 
     def previous(self, typed: str) -> str:
-        """The line before; at the oldest one it stays."""
+        """Return the line before; at the oldest one return what was typed."""
         if self._at == len(self.lines):
             self._begun = typed
         for at in range(self._at - 1, -1, -1):
@@ -40,7 +40,7 @@ class History:
         return typed
 
     def next(self, typed: str) -> str:
-        """The line after; after the newest one it is what had been typed."""
+        """Return the line after; after the newest one return what was typed first."""
         if self._at == len(self.lines):
             return typed
         for at in range(self._at + 1, len(self.lines)):
@@ -63,7 +63,7 @@ class History:
         return [line for line in lines if line and line.isprintable()][-self._most :]
 
     def _write(self) -> None:
-        """Whole or not at all, and readable by nobody else."""
+        """Write the file atomically, readable by this user only."""
         if self._path is None:
             return
         beside = self._path.with_name(f"{self._path.name}.{os.getpid()}")

@@ -1,4 +1,4 @@
-"""An operation as the line that would be typed for it: for the log, the history and a shell."""
+"""Operations as the lines that would be typed for them, for the log, the history and a shell."""
 
 from math import degrees
 
@@ -15,11 +15,11 @@ from ground.console.app_commands import AppCommand, SetTheme
 from ground.missions.draft import AddWaypoint
 
 DIGITS = 9
-"""Enough to read back what a person sees; the arithmetic of degrees adds no more."""
+"""Digits after the point: more would show rounding errors of the conversion to degrees."""
 
 
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:
-    """Return the line of what keys ask for; for anything else its verb."""
+    """Return the line of an operation that has a key; for any other its verb."""
     match operation:
         case Goto(goal=goal):
             heading = () if goal.heading_rad is None else (degrees(goal.heading_rad),)
@@ -40,4 +40,5 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
 
 
 def numbers(*values: float) -> str:
+    """Format numbers with enough digits to parse them back."""
     return " ".join(f"{round(value, DIGITS):g}" for value in values)

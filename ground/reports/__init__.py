@@ -1,1 +1,1 @@
-"""Operations that look and change nothing: at a robot that is there, or at a recording."""
+"""Operations that read the state of a robot or a recording and change nothing."""

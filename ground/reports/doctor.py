@@ -1,4 +1,4 @@
-"""`doctor`: listens for a moment, asks every service, and says what is missing and what to do."""
+"""`doctor`: listen for a moment, call every service, and report faults and remedies."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,33 +22,34 @@ from runtime.errors import NotLetIn, PeerHangs, RemoteError
 from runtime.units import NS_PER_S
 
 LISTEN_S: Final = 1.0
-ASK_S: Final = 0.5
+REQUEST_TIMEOUT_S: Final = 0.5
 NO_COMMAND: Final = 0
-QUESTIONS: Final = ((COMMAND, Role.ROBOT), (PARAMETERS, Role.ROBOT), (WORLD, Role.PLANT))
+SERVICES: Final = ((COMMAND, Role.ROBOT), (PARAMETERS, Role.ROBOT), (WORLD, Role.PLANT))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnose:
-    """Listen for a moment, ask every service, and say what is missing and what to do."""
+    """Listen for `listen_s`, call every service, and report faults and remedies."""
 
     verb: ClassVar[str] = "doctor"
     moves: ClassVar[bool] = False
     listen_s: float = LISTEN_S
 
     def perform(self, session: Session) -> Report:
+        """Examine the robot's system."""
         seen = observe(session.link, round(self.listen_s * NS_PER_S))
-        return told_of(seen, examine(seen))
+        return report_of(seen, examine(seen))
 
-    def undialled(self, error: UnansweredError, endpoint: str) -> Report:
-        """The report when nothing could be dialled."""
-        what, do = told(error, endpoint)
+    def not_connected(self, error: UnansweredError, endpoint: str) -> Report:
+        """Return the report for a connection that failed."""
+        what, do = dial_fault(error, endpoint)
         findings = [Finding(what, do), *installation(conflicts())]
         row = {"ok": False, "findings": as_json(findings), "streams": {}}
         return Report(False, lines(findings), row)
 
 
-def told(error: UnansweredError, endpoint: str) -> tuple[str, str]:
-    """What keeps us out, and what to do about it."""
+def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
+    """Return the fault of a failed connection, and its remedy."""
     cause = error.__cause__
     if isinstance(cause, NotLetIn):
         return cause.why, cause.do
@@ -58,12 +59,13 @@ def told(error: UnansweredError, endpoint: str) -> tuple[str, str]:
 
 
 def observe(link: Link, listen_ns: int) -> Observed:
-    """Everything there is to see, within the given time and that of the questions."""
+    """Observe all topics for the given time, then call the services."""
     with link.subscribed(*TOPICS) as telemetry:
         return observed(link, telemetry, listen_ns)
 
 
 def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
+    """Collect tokens, streams, status and the replies of the services."""
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
     processes = present_processes(link.bus.present())
@@ -78,7 +80,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         cycle=None if cycle is None else cycle[0],
         answers=tuple(
             (service.path, why)
-            for service, role in QUESTIONS
+            for service, role in SERVICES
             if processes.has(link.robot, role)
             and not denial(link.bus.holder, link.robot, service)
             and (why := unanswered(link, service))
@@ -90,30 +92,33 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
 
 
 def stream_of(box: Mailbox[Any], now_ns: int) -> Stream:
+    """Return the age and the rejections of a mailbox."""
     newest = box.latest()
     age_ns = None if newest is None else now_ns - newest[1]
     return Stream(box.topic, age_ns, box.rejected, box.last_rejection)
 
 
 def unanswered(link: Link, service: Service) -> str:
-    """Why a service does not answer; empty when it does. The question changes nothing."""
-    question = None
+    """Return why a service does not answer, empty if it does. The request changes nothing."""
+    request = None
     if CommandRequest in service.requests:
-        question = CommandRequest(
+        request = CommandRequest(
             request_id=link.ids.next(), param1=0.0, param2=0.0, command=NO_COMMAND
         )
     try:
-        link.bus.ask(service, question, ASK_S, robot=link.robot)
+        link.bus.ask(service, request, REQUEST_TIMEOUT_S, robot=link.robot)
     except RemoteError as error:
         return str(error)
     return ""
 
 
 def as_json(findings: Iterable[Finding]) -> list[dict[str, object]]:
+    """Return the findings as rows."""
     return [{"what": one.what, "do": one.do, "bad": one.bad} for one in findings]
 
 
-def told_of(seen: Observed, report: Findings) -> Report:
+def report_of(seen: Observed, report: Findings) -> Report:
+    """Return the report of an examination."""
     found: dict[str, object] = {
         "ok": report.healthy,
         "robot": seen.robot,
@@ -124,7 +129,7 @@ def told_of(seen: Observed, report: Findings) -> Report:
             for stream in seen.streams
         },
     }
-    there = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.processes.present))
-    head = f"{'healthy' if report.healthy else 'not healthy'}: {there or 'nobody is there'}"
+    present = ", ".join(sorted(f"{role} of {robot}" for robot, role in seen.processes.present))
+    head = f"{'healthy' if report.healthy else 'not healthy'}: {present or 'no process is running'}"
     text = "\n".join(part for part in (head, lines(report.findings)) if part)
     return Report(report.healthy, text, found)

@@ -1,4 +1,4 @@
-"""`explain`: why did it turn? Of a robot that is there, or at an instant of a recording."""
+"""`explain`: explain a decision of a robot, live or at an instant of a recording."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,21 +21,22 @@ NEXT_NS: Final = 200_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainNow:
-    """Say why the robot decided as it did, by the next decision that is heard."""
+    """Explain the robot's next decision."""
 
     verb: ClassVar[str] = "explain"
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> Report:
+        """Wait for the next decision and explain it."""
         with session.link.subscribed(STATUS, DECISION, CYCLE) as telemetry:
             return of_a_robot(session.link, telemetry)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExplainRecording:
-    """The same at a second of a recording, or at its last turning point.
+    """Explain the decision at a second of a recording, or at its last turning point.
 
-    `turns`: list its turning points instead. `robot`: whose, when the file has several.
+    `turns`: list the turning points instead. `robot`: the robot, if the file has several.
     """
 
     verb: ClassVar[str] = "explain"
@@ -46,14 +47,16 @@ class ExplainRecording:
     robot: str | None = None
 
     def run(self, progress: Progress) -> Report:
+        """Explain without a robot."""
         return of_a_recording(self, progress)
 
     def perform(self, session: Session) -> Report:
+        """Explain without using the session's robot."""
         return self.run(session.progress)
 
 
 def of_a_robot(link: Link, telemetry: Telemetry) -> Report:
-    """The next decision that is heard."""
+    """Explain the next decision that arrives."""
     link.wait(lambda: telemetry.latest(DECISION) is not None, LISTEN_NS)
     before = telemetry.latest(DECISION)
     if before is None:
@@ -68,7 +71,10 @@ def of_a_robot(link: Link, telemetry: Telemetry) -> Report:
 
 
 def of_a_recording(asked: ExplainRecording, progress: Progress) -> Report:
-    """UserError when nothing was decided so far; `ok` unless the recording is damaged."""
+    """Explain a recorded decision; UserError if none is recorded up to then.
+
+    The report is `ok` unless the recording is damaged.
+    """
     log_index = LogIndex(open_log(Path(asked.file), asked.robot))
     if log_index.damage:
         progress.note(f"{asked.file}: DAMAGED: {log_index.damage}")
@@ -77,24 +83,24 @@ def of_a_recording(asked: ExplainRecording, progress: Progress) -> Report:
     if asked.turns:
         return turns_of(asked, turns)
     at_ns = chosen_ns(asked, log_index, turns)
-    told = recorded.at(at_ns)
-    if told is None:
+    decision = recorded.at(at_ns)
+    if decision is None:
         raise UserError(f"{asked.file}: no decision is recorded up to {at_ns / NS_PER_S:g} s")
-    decided_ns, found = told
+    decided_ns, found = decision
     at_s = decided_ns / NS_PER_S
     row = {"file": asked.file, "ok": True, "at_s": at_s, **as_json(found)}
     return Report(not log_index.damage, f"at {at_s:.2f} s it {found.text()}", row)
 
 
 def chosen_ns(asked: ExplainRecording, log_index: LogIndex, turns: list[Turn]) -> int:
-    """The instant asked for, else the last turning point, else the end."""
+    """Return the requested instant, else the last turning point, else the end."""
     if asked.at_s is not None:
         return instant_ns(asked.file, log_index, asked.at_s)
     return turns[-1].at_ns if turns else log_index.duration_ns
 
 
 def instant_ns(file: str, log_index: LogIndex, at_s: float) -> int:
-    """On the timeline of the recording; UserError when that ends before."""
+    """Convert seconds to ns of the recording; UserError if it ends before."""
     at_ns = round(at_s * NS_PER_S)
     if at_ns > log_index.duration_ns:
         raise UserError(
@@ -104,12 +110,14 @@ def instant_ns(file: str, log_index: LogIndex, at_s: float) -> int:
 
 
 def turns_of(asked: ExplainRecording, turns: list[Turn]) -> Report:
+    """List the turning points."""
     rows = [{"at_s": turn.at_ns / NS_PER_S, "changed": turn.words} for turn in turns]
     lines = [f"{turn.at_ns / NS_PER_S:8.2f} s  {turn.words}" for turn in turns]
-    text = "\n".join(lines) if lines else "it decided the same all the time"
+    text = "\n".join(lines) if lines else "the decision never changed"
     return Report(True, text, {"file": asked.file, "ok": True, "turns": rows})
 
 
 def as_json(found: Explanation) -> dict[str, object]:
+    """Return headline and lines as a row."""
     pairs = [line.split(maxsplit=1) for line in found.lines]
     return {"headline": found.headline, "lines": dict(pairs)}

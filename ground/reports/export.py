@@ -1,4 +1,4 @@
-"""`export`: a recording as a table for other programs."""
+"""`export`: write a recording as a table for other programs."""
 
 import sys
 from collections.abc import Iterable
@@ -16,12 +16,12 @@ from ground.recording.tables.time_axis import TimeAxis
 from runtime.errors import UserError
 
 DEFAULT_RATE_HZ: Final = 20.0
-LOWEST_HZ: Final = 0.01
-HIGHEST_HZ: Final = 1000.0
+MIN_RATE_HZ: Final = 0.01
+MAX_RATE_HZ: Final = 1000.0
 
 
 class Tally(NamedTuple):
-    """What became of a log; `unreadable` frames are whole, but not of this dialect."""
+    """Counts of an export; `unreadable` frames are valid, but of another dialect."""
 
     frames: int
     rows: int
@@ -40,10 +40,12 @@ class Exported:
 
     @property
     def ok(self) -> bool:
+        """True unless part of the recording is damaged."""
         return not self.tally.damage
 
     @property
     def text(self) -> str:
+        """The counts, and the damage if there is any."""
         tally = self.tally
         text = f"{self.file}: {tally.frames} frames, {tally.rows} rows"
         if tally.unreadable:
@@ -51,6 +53,7 @@ class Exported:
         return f"{text}; DAMAGED: {tally.damage}" if tally.damage else text
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return files and counts as a row."""
         return {"file": self.file, "out": self.out, **self.tally._asdict()}
 
 
@@ -58,8 +61,8 @@ class Exported:
 class Export:
     """Write a recording as a table, to a file or to standard output.
 
-    `shape` long: a row per value that came; wide: one per instant of a grid of `rate_hz` (20).
-    `begin_s` and `end_s` are seconds of the robot's stamps.
+    `shape` long: one row per received value; wide: one row per instant of a grid of `rate_hz` (20).
+    `begin_s` and `end_s` are seconds of the robot's time stamps.
     """
 
     verb: ClassVar[str] = "export"
@@ -76,12 +79,13 @@ class Export:
         check(self)
 
     def run(self, progress: Progress) -> Exported:
+        """Write the table; UserError if the file cannot be written."""
         axis = axis_of(self)
         try:
             columns, rows = table_of(self, axis)
             count = write(self, columns, rows)
         except BrokenPipeError:
-            raise  # nobody reads the table any more, which is nobody's mistake
+            raise  # the reader has closed the pipe, which is not an error
         except OSError as error:
             raise UserError(f"{error.filename or self.out}: {error.strerror}") from error
         log = axis.log
@@ -89,38 +93,40 @@ class Export:
         return Exported(self.file, self.out, tally)
 
     def perform(self, session: Session) -> Exported:
+        """Write the table without using the session's robot."""
         return self.run(session.progress)
 
 
 def check(asked: Export) -> None:
-    """Refuse what does not go together, before anything is read."""
+    """Reject options that exclude each other, before reading the file."""
     if asked.format == "parquet":
         if asked.out is None:
-            raise UserError("Parquet is no text: add --out FILE.parquet")
+            raise UserError("Parquet is binary: add --out FILE.parquet")
         parquet()
     if asked.out is not None and same_file(asked.out, asked.file):
         raise UserError(f"--out {asked.out} is the recording itself: give another name")
     if asked.rate_hz is not None:
         if asked.shape == "long":
-            raise UserError("--rate is for --shape wide: long has every value as it came")
-        within(asked.rate_hz, LOWEST_HZ, HIGHEST_HZ, "--rate", "Hz")
+            raise UserError("--rate needs --shape wide: long has every value as received")
+        within(asked.rate_hz, MIN_RATE_HZ, MAX_RATE_HZ, "--rate", "Hz")
     if asked.begin_s is not None and asked.end_s is not None and asked.begin_s > asked.end_s:
         raise UserError(f"--from {asked.begin_s:g} is after --to {asked.end_s:g}")
 
 
 def same_file(one: str, other: str) -> bool:
-    """By whatever names and links; what is not there is no file."""
+    """Return whether two paths lead to the same existing file."""
     with suppress(OSError):
         return Path(one).samefile(other)
     return False
 
 
 def axis_of(asked: Export) -> TimeAxis:
+    """Open the recording and limit it to the requested time."""
     return TimeAxis(open_log(Path(asked.file)), asked.begin_s, asked.end_s)
 
 
 def table_of(asked: Export, axis: TimeAxis) -> tuple[list[Column], Iterable[Row]]:
-    """Wide is read twice: first for its columns."""
+    """Return columns and rows; a wide table reads the recording twice."""
     if asked.shape == "long":
         return list(LONG), long_rows(axis)
     columns = wide_columns(axis_of(asked))
@@ -128,6 +134,7 @@ def table_of(asked: Export, axis: TimeAxis) -> tuple[list[Column], Iterable[Row]
 
 
 def write(asked: Export, columns: list[Column], rows: Iterable[Row]) -> int:
+    """Write the rows and return their number."""
     if asked.format == "parquet":
         return write_parquet(Path(asked.out or ""), columns, rows)
     with target_of(asked.out) as target:
@@ -135,6 +142,7 @@ def write(asked: Export, columns: list[Column], rows: Iterable[Row]) -> int:
 
 
 def target_of(out: str | None) -> "nullcontext[TextIO] | TextIO":
+    """Open the output file, or standard output."""
     if out is None:
         return nullcontext(sys.stdout)
     return open(out, "w", encoding="utf-8", newline="")

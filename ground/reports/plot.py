@@ -1,4 +1,4 @@
-"""`plot`: a recorded run as a picture."""
+"""`plot`: draw a recorded run as a picture."""
 
 import os
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ KINDS: Final = (".png", ".svg")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """Draw a recorded run as a .png or .svg; `world` is the one it was in, if the file has none.
+    """Draw a recorded run as a .png or .svg; `world` is needed if the file has none.
 
-    `begin_s` and `end_s` are seconds of the robot's stamps.
+    `begin_s` and `end_s` are seconds of the robot's time stamps.
     """
 
     verb: ClassVar[str] = "plot"
@@ -35,28 +35,31 @@ class Plot:
     end_s: float | None = None
 
     def run(self, progress: Progress) -> Report:
+        """Draw the picture; UserError if there is nothing to draw or it cannot be written."""
         source = Path(self.file)
         target = Path(self.out) if self.out else source.with_suffix(".png")
         if target.suffix not in KINDS:
             raise UserError(f"--out {target}: end it in .png or .svg")
         log = open_log(source)
-        if not sum(1 for _ in log):  # all of it: the facts may stand anywhere
-            raise UserError(f"{source}: holds no frame{damaged(log)}")
+        if not sum(1 for _ in log):  # read all of it: the facts may be anywhere
+            raise UserError(f"{source}: has no frame{damaged(log)}")
         facts = facts_in(self.world, log)
         draw(self, target, log.robot, facts)
         row = {"file": str(source), "out": str(target), "damage": log.damage()}
-        unknown = "" if facts else "; the world is not in it: --world W draws it"
+        unknown = "" if facts else "; without the world: add it with --world W"
         return Report(not log.damage(), f"{target}{damaged(log)}{unknown}", row)
 
     def perform(self, session: Session) -> Report:
+        """Draw the picture without using the session's robot."""
         return self.run(session.progress)
 
 
 def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
+    """Draw the run into a file."""
     source = Path(asked.file)
     found = collect_series(TimeAxis(open_log(source), asked.begin_s, asked.end_s), radius_of(facts))
     if not (found.estimated or found.true):
-        raise UserError(f"{source}: there is no pose in that time, so there is nothing to draw")
+        raise UserError(f"{source}: has no pose in that time, so there is nothing to draw")
     where = f" in {facts['name']}" if "name" in facts else ""
     try:
         figure.write(target, found, facts, f"{source.name}: {robot}{where}")
@@ -65,10 +68,12 @@ def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
 
 
 def facts_in(world: str | None, log: Log) -> dict[str, Any]:
+    """Return the facts of a named world, or those in the recording."""
     if world is None:
         return facts_of(log.facts.get("world", ""))
     return world_facts(command(["worlds", "show", world, "--json"], os.getpid()))
 
 
 def damaged(log: Log) -> str:
+    """Return the damage of a recording in parentheses, empty if there is none."""
     return f" (DAMAGED: {log.damage()})" if log.damage() else ""

@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """`ok`: all could be read and is well."""
+    """The outcome of a report; `ok` if all could be read and no fault was found."""
 
     ok: bool
     text: str
     row: Mapping[str, object] = field(default_factory=dict)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the row."""
         return dict(self.row)

@@ -15,31 +15,33 @@ from runtime.units import NS_PER_S
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LookOnce:
-    """Look at every stream once; `ok` when the robot's status is there."""
+    """Read every stream once; `ok` if the robot's status arrives."""
 
     verb: ClassVar[str] = "watch"
     moves: ClassVar[bool] = False
 
     def perform(self, session: Session) -> Report:
+        """Wait for the streams and report them."""
         with session.link.subscribed(*SUMMARY_TOPICS) as telemetry:
             return look(session.link, telemetry)
 
 
 def look(link: Link, telemetry: Telemetry) -> Report:
+    """Report the state as soon as all streams have arrived, or after 0.7 s."""
     link.wait(lambda: all(telemetry.latest(topic) for topic in SUMMARY_TOPICS), LISTEN_NS)
     now_ns = link.clock.now_ns()
-    heard = telemetry.live(STATUS, now_ns) is not None
+    has_status = telemetry.live(STATUS, now_ns) is not None
     found = snapshot(telemetry, now_ns)
     text = in_words(watch_line(telemetry, now_ns))
-    if not heard:
+    if not has_status:
         why = link.diagnosis()
         found |= {"reason": why}
         text = f"{text}\n{why}"
-    return Report(heard, text, {"robot": link.robot, "ok": heard, **found})
+    return Report(has_status, text, {"robot": link.robot, "ok": has_status, **found})
 
 
 def snapshot(telemetry: Telemetry, now_ns: int) -> dict[str, object]:
-    """Every stream with its age; a value that is too old is null."""
+    """Return every stream with its age; a value that is too old is null."""
     streams: dict[str, object] = {}
     for topic in SUMMARY_TOPICS:
         seen = telemetry.seen(topic, now_ns)

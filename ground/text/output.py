@@ -1,4 +1,4 @@
-"""What a verb tells: exactly one result on standard output, everything else on standard error."""
+"""The output of a verb: exactly one result on standard output, the rest on standard error."""
 
 import json
 import os
@@ -10,11 +10,11 @@ from typing import Final, TextIO
 from ground.text.status_parts import Part, fitted, in_words
 from runtime.cli.terminal import DIM, LINE_START, PLAIN, guarded, steer
 
-USUAL_WIDTH: Final = 80
+DEFAULT_WIDTH: Final = 80
 
 
 class Output:
-    """`line` rewrites itself in a terminal; elsewhere only `note` leaves a trace."""
+    """Prints notes, a live line and the result; only in a terminal `line` rewrites itself."""
 
     def __init__(self, *, as_json: bool, out: TextIO | None = None, err: TextIO | None = None):
         self.as_json = as_json
@@ -26,12 +26,12 @@ class Output:
         self.has_result = False
 
     def note(self, text: str) -> None:
-        """Something on the way, not the result."""
+        """Print a message that is not the result."""
         self.end_line()
         print(text, file=self._err, flush=True)
 
     def line(self, parts: Sequence[Part]) -> None:
-        """The present state: in a terminal in place of the last one, elsewhere a line more."""
+        """Show the present state: in a terminal in place of the last one, else on a new line."""
         if not self.live:
             self.note(in_words(parts))
             return
@@ -54,27 +54,28 @@ class Output:
             steer(self._err, PLAIN)
 
     def _width(self) -> int:
-        """Asked anew each time: windows change."""
+        """Return the width of the terminal, which may change at any time."""
         try:
-            return os.get_terminal_size(self._err.fileno()).columns or USUAL_WIDTH
+            return os.get_terminal_size(self._err.fileno()).columns or DEFAULT_WIDTH
         except OSError:
-            return USUAL_WIDTH
+            return DEFAULT_WIDTH
 
     def end_line(self) -> None:
+        """End the live line, if there is one."""
         if self._open:
             self._err.write("\n")
             self._err.flush()
             self._open = 0
 
     def result(self, found: dict[str, object], text: str) -> None:
-        """The one result, as JSON or in words."""
+        """Print the one result, as JSON or in words."""
         self.end_line()
         self.has_result = True
         print(dumps(found) if self.as_json else text, file=self._out, flush=True)
 
 
 def dumps(found: dict[str, object]) -> str:
-    """Strict JSON: what is not finite becomes null, what is not printable is escaped."""
+    """Return strict JSON: values that are not finite become null, odd characters are escaped."""
     text = json.dumps(_finite(found), allow_nan=False, ensure_ascii=False)
     if text.isprintable():
         return text

@@ -1,11 +1,14 @@
-"""A status line made of parts: it fits the width there is, and what is old looks old."""
+"""A status line made of parts, shortened to the width of the terminal; old values are marked."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 
 class Part(NamedTuple):
-    """What it says; `short` where room is scarce, `age_s` when it is not quite live any more."""
+    """One part of the line.
+
+    `short` is used where room is scarce; `age_s` is set once the value is not live any more.
+    """
 
     text: str
     short: str = ""
@@ -13,29 +16,31 @@ class Part(NamedTuple):
 
     @property
     def words(self) -> str:
-        """With its age in brackets when it has one: for where nothing can be dimmed."""
+        """The text, with its age in brackets if it has one, for output that cannot be dimmed."""
         return self.dated(self.text)
 
     def dated(self, text: str) -> str:
+        """Append the age to a text, if there is one."""
         return text if self.age_s is None else f"{text} ({self.age_s:.1f} s)"
 
 
 def in_words(parts: Iterable[Part]) -> str:
-    """The whole line, however long."""
+    """Return the whole line, without a limit of its length."""
     return "  ".join(part.words for part in parts if part.text)
 
 
 class Piece(NamedTuple):
-    """Some text of a line; `dim`: of a part that is not quite live any more."""
+    """Some text of a line; `dim` if its value is not live any more."""
 
     text: str
     dim: bool = False
 
 
 def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> list[Piece]:
-    """Pieces of at most `width` characters in all; `dims`: the old are dimmed, not dated.
+    """Return pieces of at most `width` characters; with `dims` old ones are dimmed, not dated.
 
-    Parts come in order of importance: when even their short forms are too many, the last ones go.
+    Parts come in order of importance: if even their short forms do not fit, the last ones are left
+    out.
     """
     shown = [part for part in parts if part.text]
     texts = [part.text if dims else part.words for part in shown]
@@ -57,4 +62,5 @@ def fitted(parts: Sequence[Part], width: int, *, dims: bool) -> list[Piece]:
 
 
 def length_of(texts: Sequence[str], gap: str) -> int:
+    """Return the length of the joined texts."""
     return sum(map(len, texts)) + len(gap) * max(0, len(texts) - 1)

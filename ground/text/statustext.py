@@ -1,4 +1,4 @@
-"""The pieces of a long STATUSTEXT, together again."""
+"""Joins the pieces of a long STATUSTEXT message."""
 
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
@@ -6,14 +6,14 @@ from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES
 from runtime.cli.terminal import printable
 from runtime.units import NS_PER_S
 
-NEWS_NS = 2 * NS_PER_S
-"""What is no older is told as it comes."""
+LIVE_NS = 2 * NS_PER_S
+"""Age up to which a text is shown without its age."""
 
 
 class StatustextAssembler:
-    """One sender's texts, each as one printable line.
+    """Joins one sender's texts, each to one printable line.
 
-    A piece that belongs to no text begun is shown as it is.
+    A piece without a text begun before it is shown alone.
     """
 
     def __init__(self) -> None:
@@ -21,7 +21,7 @@ class StatustextAssembler:
         self._pieces: list[str] = []
 
     def receive(self, message: Message) -> str:
-        """The text that is complete now, or nothing."""
+        """Return the text that this message completes, or nothing."""
         if not isinstance(message, Statustext):
             return ""
         if not message.id:
@@ -36,8 +36,8 @@ class StatustextAssembler:
 
 
 def aged(text: str, age_ns: int) -> str:
-    """A text that was fetched later says how long ago it was told."""
-    if age_ns <= NEWS_NS:
+    """Append the age to a text that arrived late."""
+    if age_ns <= LIVE_NS:
         return text
     age_s = age_ns // NS_PER_S
     if age_s < 120:

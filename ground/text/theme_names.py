@@ -1,4 +1,4 @@
-"""The themes by name; for this much nobody needs a terminal."""
+"""The names of the themes, which need no import of the terminal library."""
 
 from typing import Final
 

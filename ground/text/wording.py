@@ -1,10 +1,10 @@
-"""Directions and distances in words. What is not a number has none: it is told as missing."""
+"""Directions and distances in words; a value that is not finite is shown as missing."""
 
 from math import degrees, inf, isfinite, pi, remainder
 from typing import Final
 
 SONARS: Final = ("R79", "R56", "R34", "R11", "L11", "L34", "L56", "L79")
-"""Each sonar by its side and its whole degrees from the heading, from the right to the left."""
+"""Names of the sonars from right to left: side and degrees from the heading."""
 
 STEP_RAD: Final = pi / 8.0
 NEAR_STEPS: Final = 0.01
@@ -13,12 +13,12 @@ FAR_M: Final = 1e5
 
 
 def heading_deg(angle_rad: float) -> float | None:
-    """The same direction within -180 to 180 degrees; None when it is none."""
+    """Return a direction within -180 to 180 degrees; None if it is not finite."""
     return degrees(remainder(angle_rad, 2.0 * pi)) if isfinite(angle_rad) else None
 
 
 def side(angle_rad: float) -> str:
-    """Left or right, and how many degrees: `34 deg left`."""
+    """Return the side and the angle in degrees, as in `34 deg left`."""
     angle_deg = heading_deg(angle_rad)
     if angle_deg is None:
         return NONE
@@ -32,12 +32,12 @@ def side(angle_rad: float) -> str:
 
 
 def left_or_right(angle: float) -> str:
-    """Which way is positive; asked only of what is not zero."""
+    """Return the side of a non-zero angle: positive is left."""
     return "left" if angle > 0.0 else "right"
 
 
 def sonar(bearing_rad: float) -> str:
-    """The name of the sonar that looks there, empty when none does."""
+    """Return the name of the sonar at a bearing, empty if there is none."""
     if not isfinite(bearing_rad):
         return ""
     place = bearing_rad / STEP_RAD + 3.5
@@ -47,26 +47,28 @@ def sonar(bearing_rad: float) -> str:
 
 
 def metres(value_m: float) -> str:
+    """Format a distance with its unit."""
     if not isfinite(value_m):
         return NONE
     return f"{value_m:.2f} m" if abs(value_m) < FAR_M else f"{value_m:.3g} m"
 
 
 def short(value: float) -> str:
-    """Two figures are enough for a glance."""
+    """Format a number with two figures."""
     if not 10.0 <= abs(value) < FAR_M:
         return f"{value:.2g}"
     return f"{value:.0f}"
 
 
 def place(x_m: float, y_m: float) -> str:
+    """Format a position in metres."""
     if not (isfinite(x_m) and isfinite(y_m)):
         return NONE
     return f"({metres(x_m).removesuffix(' m')}, {metres(y_m).removesuffix(' m')})"
 
 
 def echo(range_m: float, bearing_rad: float) -> str:
-    """How far and where the nearest echo is."""
+    """Describe range and direction of the nearest echo."""
     if range_m == inf:
         return "no echo"
     away = f"echo at {metres(range_m)}"

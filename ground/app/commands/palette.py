@@ -8,7 +8,7 @@ from textual.command import DiscoveryHit, Hit, Hits, Provider
 
 from ground.app.input.keymap import shown
 from ground.console.app_commands import SetTheme
-from ground.console.help import says_of
+from ground.console.help import summaries
 from ground.text.theme_names import THEMES
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class CommandPalette(Provider):
                 yield PaletteEntry(key.description, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
             yield PaletteEntry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
-        for word, says in says_of().items():
+        for word, says in summaries().items():
             yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), says)
 
 

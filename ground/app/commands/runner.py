@@ -12,7 +12,7 @@ from ground.client.operations import ChangeLease, Operation, Session, SetMode, S
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
 from ground.console import AppCommand, History, complete, help_text, line_of, read
-from ground.console.aliases import unfolded
+from ground.console.aliases import expanded
 from ground.console.app_commands import ShowHelp
 from ground.console.tokenizer import words_of
 from ground.map import Target
@@ -166,7 +166,7 @@ class CommandRunner:
         return Link(self._bus, common, self._clock)
 
     def _for_a_shell(self, line: str) -> str:
-        words = ["sidestep", *unfolded(words_of(line))]
+        words = ["sidestep", *expanded(words_of(line))]
         if self._station.robot != "r1":
             words += ["--id", self._station.robot]
         if self._common.endpoint != DEFAULT_ENDPOINT:

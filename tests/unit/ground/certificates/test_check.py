@@ -66,7 +66,7 @@ def test_a_certificate_of_another_authority_is_told(keys: Path, tmp_path: Path) 
 
 def test_a_name_without_a_role_is_told(tmp_path: Path) -> None:
     Keyring(tmp_path / "ring").tls("stranger")
-    assert "no role is called 'stranger'" in wrong(tmp_path / "ring", "stranger")
+    assert "there is no role 'stranger'" in wrong(tmp_path / "ring", "stranger")
 
 
 def test_the_key_of_another_is_told(keys: Path) -> None:
@@ -76,7 +76,7 @@ def test_the_key_of_another_is_told(keys: Path) -> None:
 
 def test_a_key_that_is_none_is_told_without_what_is_in_it(keys: Path) -> None:
     (keys / "ground.key").write_text("hunter2")
-    assert "ground.key is not a key in PEM" in wrong(keys, "ground")
+    assert "ground.key is not a PEM key" in wrong(keys, "ground")
     assert "hunter2" not in wrong(keys, "ground")
 
 

@@ -88,7 +88,7 @@ def test_what_has_no_certificate_cannot_be_revoked(
     assert "has no certificate robot-r9.pem" in capsys.readouterr().err
     (keys / "ground.toml").write_text("[network]\n")
     assert main(["keys", "revoke", str(keys), "robot-r2"]) == 2
-    assert "ground.toml: there is no line `revoked = []`" in capsys.readouterr().err
+    assert "ground.toml: the line `revoked = []` is missing" in capsys.readouterr().err
 
 
 def test_only_the_owner_can_read_a_key(keys: Path) -> None:
@@ -183,7 +183,7 @@ def test_the_folder_can_be_moved(keys: Path) -> None:
 def test_nothing_is_overwritten(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = {path.name: path.read_bytes() for path in keys.iterdir()}
     assert main(["keys", "new", str(keys)]) == 2
-    assert "is not empty (there is ca.pem), and nothing is overwritten" in capsys.readouterr().err
+    assert "is not empty (it has ca.pem), and no file is overwritten" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in keys.iterdir()} == before
 
 
@@ -197,16 +197,16 @@ def test_an_empty_folder_is_taken_and_closed_to_others(tmp_path: Path) -> None:
 def test_half_a_set_is_not_left_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    put = folder_module.put
+    put = folder_module.create_file
 
     def full(path: Path, content: bytes, mode: int, written: list[Path]) -> None:
         put(path, content, mode, written)
         if path.name == "ground.key":
             raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(folder_module, "put", full)
+    monkeypatch.setattr(folder_module, "create_file", full)
     assert main(["keys", "new", str(tmp_path / "keys")]) == 2
-    assert "No space left on device: nothing was kept" in capsys.readouterr().err
+    assert "No space left on device: all new files were removed" in capsys.readouterr().err
     assert list((tmp_path / "keys").iterdir()) == []
 
 
@@ -235,7 +235,7 @@ def test_a_place_that_is_no_folder_is_named(
     file = tmp_path / "file"
     file.write_text("")
     assert main(["keys", "new", str(file)]) == 2
-    assert f"{file}: File exists: name a folder to be made" in capsys.readouterr().err
+    assert f"{file}: File exists: name a folder that can be created" in capsys.readouterr().err
 
 
 def test_without_the_library_it_says_what_to_install(

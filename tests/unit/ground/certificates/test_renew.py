@@ -68,7 +68,7 @@ def test_nothing_is_valid_longer_than_its_authority(keys: Path) -> None:
         (
             lambda keys: (keys / "authority.key").write_bytes((keys / "viewer.key").read_bytes()),
             "viewer",
-            "not that of the authority",
+            "does not belong to the authority",
         ),
         (lambda keys: (keys / "authority.key").write_text("x"), "viewer", "authority.key"),
         (lambda keys: None, "nobody", "has no certificate nobody.pem"),

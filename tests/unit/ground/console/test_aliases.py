@@ -3,7 +3,7 @@
 import pytest
 
 from ground.cli.verbs import VERBS
-from ground.console.aliases import ALIASES, PAIRS, unfolded
+from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL
 
 
@@ -24,7 +24,7 @@ from ground.console.app_commands import LOCAL
     ],
 )
 def test_a_short_word_stands_for_the_long_one(words: list[str], meant: list[str]) -> None:
-    assert unfolded(words) == meant
+    assert expanded(words) == meant
 
 
 def test_every_alias_means_something_and_hides_nothing() -> None:

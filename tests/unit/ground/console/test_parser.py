@@ -81,7 +81,7 @@ def test_the_table_of_commands_leaves_none_out() -> None:
 def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
     for word in verbs():
         said = outcome(word)
-        assert said is None or "it takes: " in said or "--out" in said
+        assert said is None or "usage: " in said or "--out" in said
 
 
 @pytest.mark.parametrize(
@@ -92,20 +92,20 @@ def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
         ("flap", "no such command: 'flap'; "),
         ("godo 1 2", "did you mean 'goto'?"),
         ("up", "run it in another terminal"),
-        ("goal 1", "the following arguments are required: Y; it takes: goto [--tol"),
+        ("goal 1", "the following arguments are required: Y; usage: goto [--tol"),
         ("goal one two", "'one' is not a number"),
         ("goal nan 2", "not a finite number"),
         ("goal 1 2 3 4", "unrecognized arguments: 4"),
         ("mode sideways", "invalid choice: 'sideways'"),
-        ("set", "the following arguments are required: NAME, VALUE; it takes: param set"),
+        ("set", "the following arguments are required: NAME, VALUE; usage: param set"),
         ("param", "list|get|diff|set|reset|save|load"),
         ("hold --json", "--json cannot be used here"),
         ("hold --id r2", "--id cannot be used here"),
         ("hold -h", "unrecognized arguments: -h"),
-        ("snap 'my file", "a quotation has no end"),
+        ("snap 'my file", "unbalanced quote"),
         ("snap my\x1b[2Jfile", "'\\x1b' cannot be part of a command"),
         ("hold\nabort", "'\\n' cannot be part of a command"),
-        ("x" * 10_000, "10000 characters are no command: at most 1000"),
+        ("x" * 10_000, "a command has at most 1000 characters, not 10000"),
         ("x" * 900, "no such command: 'xxxxxxxxxxxxxxxxxxxxxxxx...'"),
     ],
 )

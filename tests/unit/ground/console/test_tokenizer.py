@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console.tokenizer import LONGEST, last_word, words_of
+from ground.console.tokenizer import MAX_LENGTH, last_word, words_of
 from runtime.errors import UserError
 
 shown = st.text(st.characters(exclude_categories=("C", "Z")) | st.just(" "), max_size=20)
@@ -40,7 +40,7 @@ def test_what_cannot_be_seen_is_named_and_refused(odd: str) -> None:
 
 
 def test_a_paste_is_refused_by_its_length_before_anything_else() -> None:
-    with pytest.raises(UserError, match=f"at most {LONGEST}"):
+    with pytest.raises(UserError, match=f"at most {MAX_LENGTH}"):
         words_of("\x00" * 10_000)
 
 

@@ -142,7 +142,7 @@ def test_a_file_that_is_not_there_or_tells_nothing_is_refused(
     said = capsys.readouterr()
     assert "No such file" in said.err
     assert "no decision is recorded" in said.err
-    assert "decided the same all the time" in said.out
+    assert "the decision never changed" in said.out
 
 
 def test_what_was_cut_off_is_told_and_the_rest_explained(

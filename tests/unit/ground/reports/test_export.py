@@ -90,7 +90,7 @@ def test_a_damaged_file_gives_what_is_left_and_ends_with_1(
     [
         (["--format", "parquet"], "add --out"),
         (["--json"], "add --out"),
-        (["--rate", "10"], "for --shape wide"),
+        (["--rate", "10"], "needs --shape wide"),
         (["--shape", "wide", "--rate", "0"], "out of range"),
         (["--shape", "wide", "--rate", "1e9"], "out of range"),
         (["--from", "3", "--to", "2"], "is after"),

@@ -80,7 +80,7 @@ def test_tlog_is_drawn_without_a_world_or_with_a_named_one(
 ) -> None:
     log = str(tlog(tmp_path / "a.tlog", said))
     assert main(["plot", log]) == 0
-    assert "--world W draws it" in capsys.readouterr().out
+    assert "add it with --world W" in capsys.readouterr().out
     assert main(["plot", log, "--world", "box", "--out", str(tmp_path / "b.svg")]) == 0
     assert "r1 in box" in (tmp_path / "b.svg").read_text()
     assert main(["plot", log, "--world", "no_such_world"]) == 2
@@ -129,7 +129,7 @@ def test_what_is_no_recording_is_refused(
     path = tmp_path / "a.tlog"
     path.write_bytes(b"not a log")
     assert main(["plot", str(path)]) == 2
-    assert "holds no frame (DAMAGED: 9 bytes" in capsys.readouterr().err
+    assert "has no frame (DAMAGED: 9 bytes" in capsys.readouterr().err
 
 
 def test_the_error_is_against_the_truth_of_the_same_stamp(
