@@ -114,7 +114,7 @@ def certificate(seen: Observed) -> Iterator[Finding]:
     if own.until_s is not None and own.until_s - seen.clock_s < EXPIRY_WARNING_S:
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
-        yield Finding(what, "make a new set with `sidestep keys new`", bad=False)
+        yield Finding(what, "run `sidestep keys new` again", bad=False)
 
 
 def processes(seen: Observed) -> Iterator[Finding]:
