@@ -188,7 +188,7 @@ def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None
     kept_out: tuple[tuple[Tls | None, str, str], ...] = (
         (ring.expired("ground"), "expired at", "its certificate expired at"),
         (ring.early("ground"), "is not valid before", "its certificate is not valid before"),
-        (other, "signed by another authority", "it does not believe the certificate"),
+        (other, "signed by another authority", "it rejects the certificate of this process"),
         (believing, "is not signed by", "its certificate is signed by another authority"),
         (None, "accepts only TLS", "it uses plain TCP"),
     )

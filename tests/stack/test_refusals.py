@@ -70,9 +70,9 @@ def test_where_nobody_listens_the_endpoint_is_named(tmp_path: Path) -> None:
         verbs["param"] = crew.dialling("param", "list")
         plant = crew.dialling("plant", "--config", str(hasty))
         for running in verbs.values():
-            refused(running, 1, crew.endpoint, "nobody answers")
-        refused(plant, 2, crew.endpoint, "nobody answers")
-        refused(stray, 1, unknown, "nobody answers")
+            refused(running, 1, crew.endpoint, "no process answers")
+        refused(plant, 2, crew.endpoint, "no process answers")
+        refused(stray, 1, unknown, "no process answers")
         refused(crew.start("robot", "--listen", unknown), 2, unknown)
 
 

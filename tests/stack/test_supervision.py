@@ -177,7 +177,7 @@ def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
 def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) -> None:
     with stage_of(router=False, policy=RestartPolicy(limit=1)) as stage:
         stage.hurt("robot r1", "SIGKILL", sabotage)
-        stage.until(lambda: stage.said("started again"), "it is back")
+        stage.until(lambda: stage.said("restarted"), "it is back")
         stage.hurt("robot r1", "SIGKILL", sabotage)
         with pytest.raises(ChildExitError, match=r"GIVEN UP: .* 2 times within 60 s"):
             stage.until(lambda: False, "giving up")

@@ -25,7 +25,7 @@ from plant.placement.near_path import near_path
 from plant.placement.shortest_path import shortest_path_m
 
 RADIUS_M = Body().radius_m
-PITCH_M = 0.05
+PITCH_M = 0.07
 MOVES = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]
 LONGER = 1.0824
 
