@@ -12,11 +12,11 @@ from robot.core.parameters import Params
 from robot.core.perception import odometry as odometries
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose, Wheels
+from runtime.timing import PERIOD_MS
 
 CW: Final = "cw"
 CCW: Final = "ccw"
 DIRECTIONS: Final = (CW, CCW)
-PERIOD_MS: Final = 50
 
 Array = npt.NDArray[np.float64]
 

@@ -7,9 +7,10 @@ from typing import Final
 import numpy as np
 
 from study.report.page import Block, CodeBlock, PageTable, Paragraph
-from study.report.trials import NAVIGATORS, Trials
+from study.report.trials import Trials
 from study.report.words import count, number
 from study.runner.rows import FAILED
+from study.trial.trial import NAVIGATORS
 
 SHOWN: Final = 6
 

@@ -12,16 +12,17 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from plant.model.noise import LEVELS
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 from study.runner.rows import COLUMNS, FAILED, SCHEMA
 from study.statistics.intervals import CHI2_2, Floats
+from study.trial.trial import NAVIGATORS
 
 Flags = NDArray[np.bool_]
 Texts = NDArray[np.str_]
 
-NOISES: Final = ("none", "default", "lossy", "harsh")
-NAVIGATORS: Final = ("bug", "vgm", "bug1", "bug2", "distbug", "vgm_memory")
+NOISES: Final = tuple(LEVELS)
 UNREACHABLE: Final = "unreachable"
 VARIANTS: Final = ("side", "parameters", "calibrated")
 """Columns that distinguish trials of one navigator where a study varied them."""
@@ -66,7 +67,7 @@ class Trials:
 
     def values(self, name: str) -> list[str]:
         """Return each value of a column once, in the report's order."""
-        known = {"noise": NOISES, "navigator": NAVIGATORS}.get(name, ())
+        known = {"noise": NOISES, "navigator": tuple(NAVIGATORS)}.get(name, ())
         found = set(self.texts(name).tolist())
         return [each for each in known if each in found] + sorted(found - set(known))
 

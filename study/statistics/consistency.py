@@ -26,6 +26,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of
+from runtime.timing import CONTROL_HZ
 from study.calibration.runs import covariance_of
 from study.statistics.intervals import CHI2_2, Z_TWO_SIDED
 from study.trial.core_loop import CoreLoop
@@ -33,7 +34,6 @@ from study.trial.trial import Trial, run_trial
 
 KINDS: Final = ("straight", "curves", "stop and go", "obstacles")
 FLOOR_M: Final = 40.0
-TICKS_PER_S: Final = 20
 
 Array = npt.NDArray[np.float64]
 Speeds = tuple[float, float]
@@ -96,9 +96,7 @@ def speeds_of(kind: str, random: np.random.Generator) -> Iterator[Speeds]:
     """Yield left and right wheel speed in m/s per tick; the last ticks are at rest."""
     if kind == "straight":
         speed_m_s = random.uniform(0.15, 0.30)
-        yield from [(speed_m_s, speed_m_s)] * int(
-            random.uniform(2.0, 8.0) / speed_m_s * TICKS_PER_S
-        )
+        yield from [(speed_m_s, speed_m_s)] * int(random.uniform(2.0, 8.0) / speed_m_s * CONTROL_HZ)
     for _ in range(12 if kind == "curves" else 0):
         speed_m_s, turn_m_s = random.uniform(0.05, 0.20), random.uniform(-0.1, 0.1)
         yield from [(speed_m_s - turn_m_s, speed_m_s + turn_m_s)] * int(random.integers(10, 40))

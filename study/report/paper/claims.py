@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
 from study.report.charts.drives import DrivenTrial
-from study.report.comparisons import comparison, runs_by_pair
+from study.report.comparisons import LEVEL, comparison, runs_by_pair
 from study.report.paper.runs import (
     PaperRuns,
     arrived_untouched,
@@ -30,7 +30,6 @@ RETURNED: Final = 0.25
 ORIENTED_DEG: Final = 10.0
 RARE: Final = 0.01
 ENOUGH: Final = 100
-LEVEL: Final = 0.05
 MAX_SHOWN: Final = 3
 
 CORNERS: Final = ("corner",)
