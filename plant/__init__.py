@@ -1,0 +1,1 @@
+"""The simulated robots and their world: worlds, simulation, and the plant process."""

@@ -17,10 +17,10 @@ from protocol.options import whole
 EXIT_OK: Final = 0
 EXIT_USAGE: Final = 2
 PER_FAMILY: Final = 27
-MOST_PER_FAMILY: Final = 10_000
-SMALLEST_CELL_M: Final = 0.01
-LARGEST_CELL_M: Final = 10.0
-FARTHEST_M: Final = 1e6
+MAX_PER_FAMILY: Final = 10_000
+MIN_CELL_M: Final = 0.01
+MAX_CELL_M: Final = 10.0
+MAX_COORDINATE_M: Final = 1e6
 
 
 def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
@@ -32,7 +32,7 @@ def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
     one.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
     one.add_argument(
         "--per-family",
-        type=whole(1, MOST_PER_FAMILY),
+        type=whole(1, MAX_PER_FAMILY),
         default=PER_FAMILY,
         metavar="N",
         help=f"worlds of each, {PER_FAMILY} by default",
@@ -63,14 +63,14 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument(
         "--count",
-        type=whole(1, MOST_PER_FAMILY),
+        type=whole(1, MAX_PER_FAMILY),
         default=1,
         metavar="N",
         help="so many worlds, 1 by default",
     )
     parser.add_argument(
         "--window",
-        type=whole(1, MOST_PER_FAMILY),
+        type=whole(1, MAX_PER_FAMILY),
         metavar="N",
         help="of a map N x N cells somewhere, not all of it",
     )
@@ -133,14 +133,14 @@ def _generated(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
 
 def _cell(text: str) -> float:
     value = float(text)
-    if not SMALLEST_CELL_M <= value <= LARGEST_CELL_M:
-        limits = f"{SMALLEST_CELL_M:g} to {LARGEST_CELL_M:g} m"
+    if not MIN_CELL_M <= value <= MAX_CELL_M:
+        limits = f"{MIN_CELL_M:g} to {MAX_CELL_M:g} m"
         raise argparse.ArgumentTypeError(f"{text.strip()} is not within {limits}")
     return value
 
 
 def _place(text: str) -> float:
     value = float(text)
-    if not abs(value) <= FARTHEST_M:
-        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {FARTHEST_M:g} m")
+    if not abs(value) <= MAX_COORDINATE_M:
+        raise argparse.ArgumentTypeError(f"{text.strip()} is not within {MAX_COORDINATE_M:g} m")
     return value

@@ -21,7 +21,7 @@ ROOM_M: Final = 0.5
 START_ROOM_M: Final = 0.6
 SLOWEST_M_S: Final = 0.1
 FASTEST_M_S: Final = 0.2
-MOST_TRIES: Final = 30
+MAX_TRIES: Final = 30
 
 
 def moving(random: Random) -> Draft | None:
@@ -30,7 +30,7 @@ def moving(random: Random) -> Draft | None:
     still = [_still(random, place) for _ in range(random.randrange(4))]
     walkers: list[Circle] = []
     wanted = random.randint(2, 4)
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         walker = _walker(random, place)
         if _leaves_a_way(walker, walkers, still, place):
             walkers.append(walker)

@@ -8,14 +8,14 @@ from typing import Final, NamedTuple, TypeAlias
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 
-LEAST_FLOOR_M: Final = 5.0
-MOST_FLOOR_M: Final = 10.0
+MIN_FLOOR_M: Final = 5.0
+MAX_FLOOR_M: Final = 10.0
 RIM_M: Final = 0.4
 STANDING_M: Final = 0.17
 """Start and goal are at least so far, by their centres, from anything."""
 
-THINNEST_M: Final = 0.02
-THICKEST_M: Final = 0.10
+MIN_THICKNESS_M: Final = 0.02
+MAX_THICKNESS_M: Final = 0.10
 
 
 class Draft(NamedTuple):
@@ -92,7 +92,7 @@ def stage(random: Random, apart_m: float = 3.0) -> DraftFloor:
 
 
 def floor(random: Random) -> Point:
-    width_m, height_m = (random.uniform(LEAST_FLOOR_M, MOST_FLOOR_M) for _ in range(2))
+    width_m, height_m = (random.uniform(MIN_FLOOR_M, MAX_FLOOR_M) for _ in range(2))
     return round(width_m, 2), round(height_m, 2)
 
 
@@ -114,7 +114,7 @@ def hand(random: Random) -> int:
 
 
 def thickness(random: Random) -> float:
-    return round(random.uniform(THINNEST_M, THICKEST_M), 3)
+    return round(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M), 3)
 
 
 def on_floor(point: Point, size_m: Point, rim_m: float) -> bool:

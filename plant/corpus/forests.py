@@ -8,24 +8,25 @@ from typing import Final
 from plant.corpus.draft import Draft, Family, on_floor, spot, stage
 from plant.model.types import Circle, Point
 
-THINNEST_M: Final = 0.05
-THICKEST_M: Final = 0.15
-LEAST_PASSAGE_M: Final = 0.34
-MOST_PASSAGE_M: Final = 0.42
+MIN_THICKNESS_M: Final = 0.05
+MAX_THICKNESS_M: Final = 0.15
+MIN_PASSAGE_M: Final = 0.34
+MAX_PASSAGE_M: Final = 0.42
 CLEARING_M: Final = 0.30
-MOST_THROWS: Final = 20_000
+MAX_THROWS: Final = 20_000
 
 
 def forest(random: Random, sparsest_m2: float, densest_m2: float) -> Draft | None:
     """So many trunks per square metre; none nearer to another or to the rim than a passage."""
     place = stage(random, apart_m=4.0)
-    passage_m = random.uniform(LEAST_PASSAGE_M, MOST_PASSAGE_M)
+    passage_m = random.uniform(MIN_PASSAGE_M, MAX_PASSAGE_M)
     wide_m, high_m = place.size_m
     count = round(random.uniform(sparsest_m2, densest_m2) * wide_m * high_m)
     trunks: list[Circle] = []
-    for _ in range(MOST_THROWS):
+    for _ in range(MAX_THROWS):
         x_m, y_m = spot(random, place.size_m)
-        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(THINNEST_M, THICKEST_M), 3))
+        radius_m = round(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M), 3)
+        trunk = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)
         if _fits(trunk, trunks, passage_m, place.size_m, (place.start, place.goal)):
             trunks.append(trunk)
         if len(trunks) == count:

@@ -22,7 +22,7 @@ from plant.model.types import GoalPose, Start, World
 from plant.placement.shortest_path import shortest_path_m
 
 MARGIN_M: Final = 0.03
-MOST_TRIES: Final = 500
+MAX_TRIES: Final = 500
 SHARE_WITH_HEADING: Final = 0.5
 
 _DRAWN: Final[Mapping[str, Family]] = {
@@ -57,12 +57,12 @@ def generate(family: str, index: int, seed: int) -> World:
             f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
         )
     random, name = Random(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         make = _map_world if family in MAPS else _drawn_world
         world = make(random, family, name, seed)
         if world is not None:
             return world
-    raise RuntimeError(f"{family} {index} of seed {seed}: {MOST_TRIES} drafts, none of them sound")
+    raise RuntimeError(f"{family} {index} of seed {seed}: {MAX_TRIES} drafts, none of them sound")
 
 
 def corpus(per_family: int, seed: int) -> Iterator[World]:

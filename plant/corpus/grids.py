@@ -7,7 +7,7 @@ from typing import Final
 from plant.corpus.buildings import carved
 
 FEWEST_CELLS: Final = 20
-MOST_CELLS: Final = 32
+MAX_CELLS: Final = 32
 CELL_M: Final = 0.4
 FREE, BLOCKED = ".", "@"
 
@@ -63,12 +63,12 @@ MAPS: Final[Mapping[str, Callable[[Random], str]]] = {
 
 
 def _side(random: Random) -> int:
-    return random.randint(FEWEST_CELLS, MOST_CELLS)
+    return random.randint(FEWEST_CELLS, MAX_CELLS)
 
 
 def _count(random: Random, pitch: int) -> int:
     """So many times the pitch, and a last wall, make a side."""
-    return random.randint(-(-(FEWEST_CELLS - 1) // pitch), (MOST_CELLS - 1) // pitch)
+    return random.randint(-(-(FEWEST_CELLS - 1) // pitch), (MAX_CELLS - 1) // pitch)
 
 
 def _blocked(columns: int, rows: int) -> list[list[str]]:

@@ -15,7 +15,7 @@ from plant.corpus.draft import (
 )
 from plant.model.types import Circle, Obstacle, Polygon
 
-MOST_STRAY: Final = 3
+MAX_STRAY: Final = 3
 
 
 def open_floor(random: Random) -> Draft:
@@ -76,4 +76,4 @@ def _stray_disc(random: Random, size_m: tuple[float, float]) -> Circle:
 
 
 def _few(random: Random) -> range:
-    return range(random.randrange(MOST_STRAY + 1))
+    return range(random.randrange(MAX_STRAY + 1))

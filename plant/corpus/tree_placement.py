@@ -7,19 +7,19 @@ import numpy as np
 
 from plant.model.types import Circle, Point
 
-THINNEST_M: Final = 0.05
-THICKEST_M: Final = 0.15
+MIN_THICKNESS_M: Final = 0.05
+MAX_THICKNESS_M: Final = 0.15
 PASSAGE_M: Final = 0.40
 CLEARING_M: Final = 0.50
-MOST_THROWS: Final = 100_000
+MAX_THROWS: Final = 100_000
 
 
 def grow(count: int, size_m: Point, clearings: tuple[Point, ...], seed: int) -> tuple[Circle, ...]:
     """`count` trunks, in millimetre steps, free around `clearings`; ValueError when too many."""
     random = np.random.default_rng(seed)
     trunks: list[Circle] = []
-    for _ in range(MOST_THROWS):
-        radius_m = round(float(random.uniform(THINNEST_M, THICKEST_M)), 3)
+    for _ in range(MAX_THROWS):
+        radius_m = round(float(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M)), 3)
         margin_m = radius_m + PASSAGE_M
         x_m, y_m = (round(float(random.uniform(margin_m, side - margin_m)), 3) for side in size_m)
         trunk = Circle(x_m=x_m, y_m=y_m, radius_m=radius_m)

@@ -1,4 +1,4 @@
-"""Makes worlds of a file, whatever it is: by its suffix, with what the person wishes for."""
+"""Makes worlds of a file, whatever it is: by its suffix, with what the person options for."""
 
 import re
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ from plant.imports.ros_map import load_ros_map
 from plant.model.types import Point, World
 
 CELL_M: Final = 0.4
-LONGEST_STEM: Final = 40
+MAX_STEM_LENGTH: Final = 40
 TAKES: Final = {
     ".map": ("cell", "start", "count", "window"),
     ".scen": ("cell", "count"),
@@ -46,73 +46,73 @@ class ImportOptions:
     window: int | None = None
 
 
-def import_worlds(path: Path, wishes: ImportOptions) -> Iterator[World]:
+def import_worlds(path: Path, options: ImportOptions) -> Iterator[World]:
     """As many worlds as wished for; raises WorldError."""
     kind = path.suffix.lower()
-    _check(path, kind, wishes)
+    _check(path, kind, options)
     if kind == ".scen":
-        yield from _of_scenarios(path, wishes)
+        yield from _of_scenarios(path, options)
     elif kind == ".npy":
-        yield from _of_field(path, "barn", load_grid(path, wishes.cell_m or PITCH_M), wishes)
+        yield from _of_field(path, "barn", load_grid(path, options.cell_m or PITCH_M), options)
     elif kind in (".csv", ".txt"):
-        yield from _of_field(path, "cylinders", load_list(path), wishes)
+        yield from _of_field(path, "cylinders", load_list(path), options)
     elif kind == ".map":
-        yield from _of_cells(path, "moving_ai", load_map(path, wishes.cell_m or CELL_M), wishes)
+        yield from _of_cells(path, "moving_ai", load_map(path, options.cell_m or CELL_M), options)
     else:
-        yield from _of_cells(path, "ros_map", load_ros_map(path), wishes)
+        yield from _of_cells(path, "ros_map", load_ros_map(path), options)
 
 
-def _check(path: Path, kind: str, wishes: ImportOptions) -> None:
-    """Refuse a kind of file that is not known, and wishes that do not go together."""
+def _check(path: Path, kind: str, options: ImportOptions) -> None:
+    """Refuse a kind of file that is not known, and options that do not go together."""
     file = str(path)
     if kind not in TAKES:
         fix = "give the .yaml of a ROS map" if kind in (".pgm", ".png") else "give one of these"
         reason = f"no importer for {kind or 'a file without suffix'}; there are {', '.join(TAKES)}"
         raise refuse(file, "file", reason, fix)
     wished = {
-        "cell": wishes.cell_m is not None,
-        "start": wishes.start is not None or wishes.goal is not None,
-        "count": wishes.count > 1,
-        "window": wishes.window is not None,
+        "cell": options.cell_m is not None,
+        "start": options.start is not None or options.goal is not None,
+        "count": options.count > 1,
+        "window": options.window is not None,
     }
     for name, is_wished in wished.items():
         if is_wished and name not in TAKES[kind]:
             raise refuse(file, f"--{name}", f"not for a {kind} file", f"leave --{name} out")
-    if (wishes.start is None) != (wishes.goal is None):
+    if (options.start is None) != (options.goal is None):
         raise refuse(file, "--start", "start and goal go together", "give both or neither")
-    if wishes.start is not None and (wished["count"] or wished["window"]):
+    if options.start is not None and (wished["count"] or wished["window"]):
         fix = "leave them out, or leave start and goal out"
         raise refuse(file, "--start", "with --count or --window it is chosen", fix)
 
 
-def _of_cells(path: Path, family: str, whole: Cells, wishes: ImportOptions) -> Iterator[World]:
-    for index in range(wishes.count):
-        random = _random(path, wishes, index)
-        cells = whole if wishes.window is None else whole.window(random, wishes.window)
+def _of_cells(path: Path, family: str, whole: Cells, options: ImportOptions) -> Iterator[World]:
+    for index in range(options.count):
+        random = _random(path, options, index)
+        cells = whole if options.window is None else whole.window(random, options.window)
         cells = cells.trimmed()
         ends = None
-        if wishes.start is not None and wishes.goal is not None:
-            ends = cells.on_floor(wishes.start), cells.on_floor(wishes.goal)
-        made = _made(path, family, wishes, ends, None if ends else index)
+        if options.start is not None and options.goal is not None:
+            ends = cells.on_floor(options.start), cells.on_floor(options.goal)
+        made = _made(path, family, options, ends, None if ends else index)
         yield grid_world(cells, made, random)
 
 
-def _of_scenarios(path: Path, wishes: ImportOptions) -> Iterator[World]:
+def _of_scenarios(path: Path, options: ImportOptions) -> Iterator[World]:
     """Some of its scenarios, chosen by the seed, on the map beside it."""
     scenarios = load_scenarios(path)
-    if wishes.count > len(scenarios):
-        reason = f"{wishes.count} asked for, {len(scenarios)} in the file"
+    if options.count > len(scenarios):
+        reason = f"{options.count} asked for, {len(scenarios)} in the file"
         raise refuse(str(path), "--count", reason, "ask for fewer")
-    random = _random(path, wishes, 0)
-    for scenario in random.sample(scenarios, wishes.count):
-        whole = load_map(_map_of(path, scenario), wishes.cell_m or CELL_M)
+    random = _random(path, options, 0)
+    for scenario in random.sample(scenarios, options.count):
+        whole = load_map(_map_of(path, scenario), options.cell_m or CELL_M)
         fits(scenario, whole, str(path))
         cells = whole.trimmed()
         start, goal = (
             cells.on_floor(whole.centre(whole.rows - 1 - row, column))
             for column, row in (scenario.start, scenario.goal)
         )
-        made = _made(path, "moving_ai", wishes, (start, goal), scenario.line)
+        made = _made(path, "moving_ai", options, (start, goal), scenario.line)
         yield grid_world(cells, made, random)
 
 
@@ -128,39 +128,39 @@ def _map_of(path: Path, scenario: Scenario) -> Path:
 
 
 def _of_field(
-    path: Path, family: str, field: CylinderField, wishes: ImportOptions
+    path: Path, family: str, field: CylinderField, options: ImportOptions
 ) -> Iterator[World]:
     ends = field.ends
-    if wishes.start is not None and wishes.goal is not None:
+    if options.start is not None and options.goal is not None:
         left, low = field.corner
-        (x0, y0), (x1, y1) = wishes.start, wishes.goal
+        (x0, y0), (x1, y1) = options.start, options.goal
         ends = (x0 - left, y0 - low), (x1 - left, y1 - low)
-    for index in range(wishes.count):
-        made = _made(path, family, wishes, ends, None if ends else index)
-        yield cylinder_world(field, made, _random(path, wishes, index))
+    for index in range(options.count):
+        made = _made(path, family, options, ends, None if ends else index)
+        yield cylinder_world(field, made, _random(path, options, index))
 
 
 def _made(
     path: Path,
     family: str,
-    wishes: ImportOptions,
+    options: ImportOptions,
     ends: tuple[Point, Point] | None,
     index: int | None,
 ) -> ImportedWorld:
     stem = _stem(path)
-    name = stem if index is None else f"{stem}_{wishes.seed}_{index:03d}"
+    name = stem if index is None else f"{stem}_{options.seed}_{index:03d}"
     start, goal = ends or (None, None)
     return ImportedWorld(
-        file=str(path), name=name, family=family, seed=wishes.seed, start=start, goal=goal
+        file=str(path), name=name, family=family, seed=options.seed, start=start, goal=goal
     )
 
 
-def _random(path: Path, wishes: ImportOptions, index: int) -> Random:
-    return Random(f"{_stem(path)}/{wishes.seed}/{index}")
+def _random(path: Path, options: ImportOptions, index: int) -> Random:
+    return Random(f"{_stem(path)}/{options.seed}/{index}")
 
 
 def _stem(path: Path) -> str:
     """The file's name as a world's: without its suffixes, and nothing odd in it."""
     stem = path.name.removesuffix(path.suffix).removesuffix(".map")
     clean = re.sub(r"[^A-Za-z0-9._-]|^\.", "_", stem)
-    return clean[:LONGEST_STEM] or "world"
+    return clean[:MAX_STEM_LENGTH] or "world"

@@ -25,9 +25,9 @@ BEFORE_M: Final = 1.5
 AROUND_M: Final = 1.0
 """Free floor around a list of cylinders."""
 
-MOST_BYTES: Final = 10_000_000
-LARGEST_M: Final = 50.0
-FARTHEST_M: Final = 1e6
+MAX_BYTES: Final = 10_000_000
+MAX_SIZE_M: Final = 50.0
+MAX_COORDINATE_M: Final = 1e6
 HEADER: Final = ("x", "x_m")
 
 
@@ -42,7 +42,7 @@ class CylinderField(NamedTuple):
 
 def load_grid(path: Path, pitch_m: float = PITCH_M) -> CylinderField:
     """The field of a grid file; raises WorldError and nothing else."""
-    grid = _grid(read_bytes(path, MOST_BYTES), str(path))
+    grid = _grid(read_bytes(path, MAX_BYTES), str(path))
     rows, columns = grid.shape
     padded = np.pad(grid, 1)
     around = sum(
@@ -72,7 +72,7 @@ def _grid(data: bytes, file: str) -> NDArray[np.bool_]:
 
 def load_list(path: Path) -> CylinderField:
     """The field of a .csv or .txt list; the floor ends a little around the cylinders."""
-    return parse_list(read_text(path, MOST_BYTES), str(path))
+    return parse_list(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_list(text: str, file: str) -> CylinderField:
@@ -101,7 +101,7 @@ def _cylinder(words: list[str], line: int, file: str) -> tuple[float, float, flo
     except ValueError:
         x_m = y_m = radius_m = float("nan")
     finite = all(isfinite(value) for value in (x_m, y_m, radius_m)) and len(words) in (2, 3)
-    if not finite or not 0.0 < radius_m <= LARGEST_M or max(abs(x_m), abs(y_m)) > FARTHEST_M:
+    if not finite or not 0.0 < radius_m <= MAX_SIZE_M or max(abs(x_m), abs(y_m)) > MAX_COORDINATE_M:
         reason = f"found {' '.join(words)[:40]!r}"
         fix = "write x, y and perhaps radius in metres, as in 1.5, 0.3, 0.075"
         raise refuse(file, "cylinder", reason, fix, line)

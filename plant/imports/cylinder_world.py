@@ -6,14 +6,14 @@ from typing import Final
 
 from plant.imports.barn import CylinderField
 from plant.imports.made import ImportedWorld, bare_world, check_size, with_way
-from plant.imports.places import LEAST_APART_M, STANDING_M
+from plant.imports.places import MIN_APART_M, STANDING_M
 from plant.imports.refusal import refuse
 from plant.model.geometry import clearance_m
 from plant.model.types import Point, World
 from plant.placement.shortest_path import shortest_path_m
 
-MOST_DRAWS: Final = 2000
-MOST_PAIRS: Final = 30
+MAX_DRAWS: Final = 2000
+MAX_PAIRS: Final = 30
 """Looking for a way costs more than drawing places."""
 
 
@@ -23,7 +23,7 @@ def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) ->
     if made.start is not None and made.goal is not None:
         world = bare_world(field.size_m, (made.start, made.goal), field.cylinders, made, random)
         return with_way(world, made, shortest_path_m(world))
-    for _ in range(MOST_PAIRS):
+    for _ in range(MAX_PAIRS):
         ends = _ends(field, random)
         if ends is not None:
             world = bare_world(field.size_m, ends, field.cylinders, made, random)
@@ -37,7 +37,7 @@ def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) ->
 def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
     """Of a few free places the two farthest apart."""
     free: list[Point] = []
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         x_m, y_m = (
             round(random.uniform(STANDING_M, side - STANDING_M), 3) for side in field.size_m
         )
@@ -45,5 +45,5 @@ def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
             free.append((x_m, y_m))
         if len(free) == 4:
             break
-    pairs = [(a, b) for a in free for b in free if dist(a, b) >= LEAST_APART_M]
+    pairs = [(a, b) for a in free for b in free if dist(a, b) >= MIN_APART_M]
     return max(pairs, key=lambda pair: dist(*pair), default=None)

@@ -11,7 +11,7 @@ from plant.model.body import Body
 from plant.model.errors import Report, WorldError
 from plant.model.types import GoalPose, Obstacle, Point, Start, World
 from plant.placement.clear_places import Floor, check_places
-from plant.world.reader import MOST_OBSTACLES, SIZE
+from plant.world.reader import MAX_OBSTACLES, SIZE
 
 HEADING_TOLERANCE_RAD: Final = radians(3.0)
 
@@ -46,8 +46,8 @@ def bare_world(
     random: Random,
 ) -> World:
     """Still without its shortest way. Raises WorldError where a robot cannot stand."""
-    if len(obstacles) > MOST_OBSTACLES:
-        reason = f"{len(obstacles)} obstacles, at most {MOST_OBSTACLES}"
+    if len(obstacles) > MAX_OBSTACLES:
+        reason = f"{len(obstacles)} obstacles, at most {MAX_OBSTACLES}"
         raise refuse(made.file, "size", reason, "take a part of it with --window N")
     heading_deg = round(random.uniform(-180.0, 180.0), 1)
     (start_x, start_y), (goal_x, goal_y) = ends

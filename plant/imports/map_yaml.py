@@ -12,7 +12,7 @@ from plant.imports.refusal import read_text, refuse
 
 Value: TypeAlias = str | list[str]
 
-MOST_BYTES: Final = 100_000
+MAX_BYTES: Final = 100_000
 PAIR: Final = re.compile(r"([A-Za-z_]\w*)\s*:(?:\s+(.*))?")
 QUOTED: Final = re.compile(r"""(?:"([^"\\]*)"|'([^']*)')\s*(?:#.*)?""")
 COMMENT: Final = re.compile(r"(?:^|\s)#.*")
@@ -75,7 +75,7 @@ class MapYaml:
 
 
 def load_map_yaml(path: Path) -> MapYaml:
-    return parse_map_yaml(read_text(path, MOST_BYTES), str(path))
+    return parse_map_yaml(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_map_yaml(text: str, file: str) -> MapYaml:

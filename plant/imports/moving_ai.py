@@ -9,8 +9,8 @@ import numpy as np
 from plant.imports.cells import Cells
 from plant.imports.refusal import read_text, refuse
 
-MOST_BYTES: Final = 32_000_000
-MOST_CELLS: Final = 4096
+MAX_BYTES: Final = 32_000_000
+MAX_CELLS: Final = 4096
 FREE: Final = ".GS"
 BLOCKED: Final = "@OTW"
 HEADER: Final = 4
@@ -31,7 +31,7 @@ class Scenario(NamedTuple):
 
 def load_map(path: Path, cell_m: float) -> Cells:
     """The map of a file; raises WorldError and nothing else."""
-    return parse_map(read_text(path, MOST_BYTES), str(path), cell_m)
+    return parse_map(read_text(path, MAX_BYTES), str(path), cell_m)
 
 
 def parse_map(text: str, file: str, cell_m: float) -> Cells:
@@ -62,9 +62,9 @@ def _header(lines: list[str], file: str) -> dict[str, int]:
         words = head[number - 1] if number <= len(head) else []
         name = words[0] if words and words[0] in ("height", "width") else key
         value = words[1] if len(words) == 2 and NUMBER.fullmatch(words[1]) else "0"
-        if not words or words[0] != name or name in sizes or not 1 <= int(value) <= MOST_CELLS:
+        if not words or words[0] != name or name in sizes or not 1 <= int(value) <= MAX_CELLS:
             found = lines[number - 1][:40] if number <= len(lines) else ""
-            fix = f"write {key} and a whole number of 1 to {MOST_CELLS}"
+            fix = f"write {key} and a whole number of 1 to {MAX_CELLS}"
             raise refuse(file, key, f"found {found!r}", fix, number)
         sizes[name] = int(value)
     if len(head) < HEADER or head[3] != ["map"]:
@@ -87,7 +87,7 @@ def _row(row: str, line: int, file: str, width: int) -> list[bool]:
 
 def load_scenarios(path: Path) -> list[Scenario]:
     """The scenarios of a file, at least one; raises WorldError."""
-    return parse_scenarios(read_text(path, MOST_BYTES), str(path))
+    return parse_scenarios(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_scenarios(text: str, file: str) -> list[Scenario]:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from plant.imports.refusal import read_bytes, refuse
 
-MOST_BYTES: Final = 100_000_000
-MOST_SIDE: Final = 20_000
-MOST_VALUE: Final = 65_535
+MAX_BYTES: Final = 100_000_000
+MAX_SIDE: Final = 20_000
+MAX_VALUE: Final = 65_535
 TOKEN: Final = re.compile(rb"(?:\s|#[^\n\r]*[\n\r])*([^\s#]+)")
 FIX: Final = "save it as PGM, P5 (bytes) or P2 (text)"
 OTHERS: Final = {
@@ -29,7 +29,7 @@ OTHERS: Final = {
 
 def load_pgm(path: Path) -> NDArray[np.float64]:
     """Rows of whiteness from 0 to 1, the first at the top; raises WorldError."""
-    return parse_pgm(read_bytes(path, MOST_BYTES), str(path))
+    return parse_pgm(read_bytes(path, MAX_BYTES), str(path))
 
 
 def parse_pgm(data: bytes, file: str) -> NDArray[np.float64]:
@@ -54,7 +54,7 @@ def _header(data: bytes, file: str) -> tuple[list[int], int]:
     """Width, height and maxval, and where the last of them ends."""
     numbers: list[int] = []
     end = 2
-    for key, most in (("width", MOST_SIDE), ("height", MOST_SIDE), ("maxval", MOST_VALUE)):
+    for key, most in (("width", MAX_SIDE), ("height", MAX_SIDE), ("maxval", MAX_VALUE)):
         match = TOKEN.match(data, end)
         word = match[1] if match else b""
         if match is None or not word.isdigit() or len(word) > 9 or not 1 <= int(word) <= most:

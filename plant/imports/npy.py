@@ -11,8 +11,8 @@ from plant.imports.refusal import refuse
 
 MAGIC: Final = b"\x93NUMPY"
 LENGTH_BYTES: Final = {1: 2, 2: 4, 3: 4}
-LONGEST_HEADER: Final = 10_000
-MOST_SIDE: Final = 1000
+MAX_HEADER_BYTES: Final = 10_000
+MAX_SIDE: Final = 1000
 NUMBERS: Final = re.compile(r"[<>|=]?(b1|[iu][1248]|f[248])")
 FIX: Final = "give a grid_N.npy of the data set"
 
@@ -25,8 +25,8 @@ def parse_npy(data: bytes, file: str) -> NDArray[np.float64]:
         raise refuse(file, "npy", f"expected a table of numbers, found {kind!r:.40}", FIX)
     if not isinstance(shape, tuple) or len(shape) != 2 or not isinstance(by_column, bool):
         raise refuse(file, "npy", f"expected rows and columns, found shape {shape!r:.40}", FIX)
-    if not all(isinstance(side, int) and 1 <= side <= MOST_SIDE for side in shape):
-        reason = f"{shape[0]!r:.20} x {shape[1]!r:.20}, a side must be 1 to {MOST_SIDE}"
+    if not all(isinstance(side, int) and 1 <= side <= MAX_SIDE for side in shape):
+        reason = f"{shape[0]!r:.20} x {shape[1]!r:.20}, a side must be 1 to {MAX_SIDE}"
         raise refuse(file, "npy", reason, "give a smaller grid")
     needed = shape[0] * shape[1] * np.dtype(kind).itemsize
     if len(body) != needed:
@@ -42,7 +42,7 @@ def _header(data: bytes, file: str) -> tuple[dict[str, object], bytes]:
     if not data.startswith(MAGIC) or not size:
         raise refuse(file, "npy", f"no .npy file: it starts with {data[:8]!r}", FIX)
     end = 8 + size + int.from_bytes(data[8 : 8 + size], "little")
-    if end > min(len(data), LONGEST_HEADER):
+    if end > min(len(data), MAX_HEADER_BYTES):
         raise refuse(file, "npy", "its header does not end", "is the file cut? save it again")
     try:
         said = ast.literal_eval(data[8 + size : end].decode("latin-1").strip())

@@ -15,7 +15,7 @@ from plant.model.types import Polygon
 Corner: TypeAlias = tuple[int, int]
 """(column, row) of a corner between cells."""
 
-MOST_POINTS: Final = 80
+MAX_POINTS: Final = 80
 """Reading a polygon back checks each of its edges against every other."""
 
 
@@ -127,7 +127,7 @@ def _cut(mask: Mask, loops: list[list[Corner]]) -> tuple[int, int] | None:
     twice = [corner for corner in set(loop) if loop.count(corner) > 1]
     if twice:
         return 0, min(twice)[1]
-    if len(loop) > MOST_POINTS:
+    if len(loop) > MAX_POINTS:
         axis = int(mask.shape[1] > mask.shape[0])
         return axis, mask.shape[axis] // 2
     return None

@@ -14,8 +14,8 @@ STANDING_M: Final = 0.17
 """A place is at least so far from anything."""
 
 PAIRS: Final = 6
-MOST_DRAWS: Final = 200
-LEAST_APART_M: Final = 1.0
+MAX_DRAWS: Final = 200
+MIN_APART_M: Final = 1.0
 
 
 def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Point] | None:
@@ -25,11 +25,11 @@ def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Poi
         return None
     regions = _Regions(cells, radius_m)
     found: list[tuple[Point, Point]] = []
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         one, other = (random.randrange(len(rows)) for _ in range(2))
         start = cells.centre(int(rows[one]), int(columns[one]))
         goal = cells.centre(int(rows[other]), int(columns[other]))
-        if dist(start, goal) >= LEAST_APART_M and regions.joined(start, goal):
+        if dist(start, goal) >= MIN_APART_M and regions.joined(start, goal):
             found.append((start, goal))
         if len(found) == PAIRS:
             break

@@ -13,7 +13,7 @@ from plant.imports.map_yaml import MapYaml, load_map_yaml
 from plant.imports.netpbm import load_pgm
 from plant.imports.refusal import refuse
 
-FARTHEST_M: Final = 1e6
+MAX_COORDINATE_M: Final = 1e6
 MODES: Final = ("trinary", "scale")
 TRUE: Final = ("1", "true", "yes")
 FALSE: Final = ("0", "false", "no")
@@ -24,7 +24,7 @@ def load_ros_map(path: Path) -> Cells:
     said = load_map_yaml(path)
     image = path.parent / said.text("image", "map.pgm")
     cell_m = said.number("resolution", "0.05", 0.001, 10.0)
-    x_m, y_m, yaw_rad = said.numbers("origin", "[0.0, 0.0, 0.0]", 3, FARTHEST_M)
+    x_m, y_m, yaw_rad = said.numbers("origin", "[0.0, 0.0, 0.0]", 3, MAX_COORDINATE_M)
     if abs(yaw_rad) > 2.0 * pi:
         raise said.refuse("origin", f"a yaw of {yaw_rad:g}", "[0.0, 0.0, 0.0], the yaw in radians")
     free_below, negated = _threshold(said), _negated(said)

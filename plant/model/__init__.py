@@ -1,1 +1,1 @@
-"""What a world and a robot in it are made of: frozen values in SI units."""
+"""Values that define a world and its robots, frozen and in SI units."""

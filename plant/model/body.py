@@ -1,4 +1,4 @@
-"""What the robot is made of: its dimensions, motors, encoders and the reach of its sonars."""
+"""Properties of the robot: dimensions, motors, encoders and range of its sonars."""
 
 from dataclasses import dataclass, fields
 from math import isfinite
@@ -9,11 +9,11 @@ INT32: Final = 1 << 31
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
-    """The robot as it was meant to be built; what is wrong with it stands in `plant.model.noise`.
+    """The nominal robot; `plant.model.noise` describes its deviations.
 
     Motors whose command has expired are short-circuited and slow down by `brake_m_s2`.
 
-    Raises ValueError, naming the field, when a dimension is not finite or not possible.
+    Raises ValueError, naming the field, for a dimension that is not finite or not possible.
     """
 
     radius_m: float = 0.12

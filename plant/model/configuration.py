@@ -1,4 +1,4 @@
-"""The body, the noise and the faults of a world: usual values and what its file overrides."""
+"""Body, noise and faults of a world: default values with the overrides of its file."""
 
 from dataclasses import replace
 from typing import Any, Final
@@ -12,12 +12,12 @@ USUAL_LEVEL: Final = "default"
 
 
 def body_of(world: World) -> Body:
-    """The robot of a world: the usual one but for what the file overrides."""
+    """Return the robot of a world: the default body with the overrides of the file."""
     return Body(**_fields(world.robot))
 
 
 def noise_of(world: World, level: str | None = None) -> Noise:
-    """The noise to use: the level asked for, else what the file says, else the usual level."""
+    """Return the requested noise level, else that of the file, else the default level."""
     if level is not None:
         return LEVELS[level]
     settings = _fields(world.noise)
@@ -25,6 +25,7 @@ def noise_of(world: World, level: str | None = None) -> Noise:
 
 
 def faults_of(world: World) -> tuple[Fault, ...]:
+    """Return the faults of a world's file."""
     return tuple(Fault(**_fields(settings)) for settings in world.faults)
 
 

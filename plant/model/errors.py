@@ -1,4 +1,4 @@
-"""What is wrong with a world file: file, line, key, reason and fix, all of it in one go."""
+"""Problems of a world file: file, line, key, reason and fix; all problems are collected."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -7,6 +7,8 @@ from runtime.toml_lines import Key
 
 
 class Problem(NamedTuple):
+    """One problem of a world file."""
+
     file: str
     line: int | None
     key: str
@@ -19,7 +21,7 @@ class Problem(NamedTuple):
 
 
 class WorldError(Exception):
-    """A world cannot be used; its text has one line per problem, in the order of the file."""
+    """A world cannot be used; the text has one line per problem, in the order of the file."""
 
     exit_code = 2
 
@@ -29,7 +31,7 @@ class WorldError(Exception):
 
 
 class Report:
-    """Collects the problems of one file and finds the line of each."""
+    """Collect the problems of one file and find the line of each."""
 
     def __init__(self, file: str, lines: Mapping[Key, int]) -> None:
         self._file = file
@@ -37,10 +39,11 @@ class Report:
         self.problems: list[Problem] = []
 
     def add(self, key: Key, reason: str, fix: str) -> None:
+        """Add a problem of a key."""
         self.problems.append(Problem(self._file, self.line(key), key_text(key), reason, fix))
 
     def line(self, key: Key) -> int:
-        """The line of the key, or of the nearest table or list around it."""
+        """Return the line of a key, or of the nearest table or list around it."""
         for length in range(len(key), 0, -1):
             if key[:length] in self._lines:
                 return self._lines[key[:length]]
@@ -48,7 +51,7 @@ class Report:
 
 
 def key_text(key: Key) -> str:
-    """How a person names the key: `obstacle#2.circle_m.radius`, counted from 1."""
+    """Return a key as text: `obstacle#2.circle_m.radius`, counted from 1."""
     text = ""
     for part in key:
         text += f"#{part + 1}" if isinstance(part, int) else f".{part}"

@@ -1,4 +1,4 @@
-"""What can go wrong with a robot on purpose: faults by name, with a time, a target and a value."""
+"""Faults that can be injected into a robot, by name, with time, target and value."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ NO_TARGETS: Final = ("",)
 
 
 class Kind(NamedTuple):
-    """What a fault may be aimed at, the range and unit of its value, and what it does."""
+    """Valid targets of a fault, range and unit of its value, and its effect."""
 
     targets: tuple[str, ...]
     lowest: float
@@ -24,17 +24,17 @@ class Kind(NamedTuple):
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
     {
         "sonar_dead": Kind(SONAR_TARGETS, 0, 0, "", "does not measure: its valid bit is 0"),
-        "sonar_frozen": Kind(SONAR_TARGETS, 0, 0, "", "repeats what it measured last"),
-        "sonar_fixed": Kind(SONAR_TARGETS, 0, 60, "m", "always reads this range"),
-        "sonar_offset": Kind(SONAR_TARGETS, -60, 60, "m", "reads this much too far"),
+        "sonar_frozen": Kind(SONAR_TARGETS, 0, 0, "", "repeats its last measurement"),
+        "sonar_fixed": Kind(SONAR_TARGETS, 0, 60, "m", "always measures this range"),
+        "sonar_offset": Kind(SONAR_TARGETS, -60, 60, "m", "measures this much too far"),
         "sonar_dropout": Kind(SONAR_TARGETS, 0, 1, "", "loses echoes with this probability"),
         "encoder_stuck": Kind(WHEEL_TARGETS, 0, 0, "", "stops counting"),
         "encoder_jump": Kind(WHEEL_TARGETS, -(2**31), 2**31 - 1, "ticks", "jumps, once"),
-        "wheel_slip": Kind(WHEEL_TARGETS, 0, 1, "", "loses this share of its way on the ground"),
+        "wheel_slip": Kind(WHEEL_TARGETS, 0, 1, "", "loses this share of its path on the ground"),
         "wheel_stuck": Kind(WHEEL_TARGETS, 0, 0, "", "does not turn"),
         "ticks_stopped": Kind(NO_TARGETS, 0, 0, "", "no wheel ticks are published"),
         "scan_stopped": Kind(NO_TARGETS, 0, 0, "", "no sonar scan is published"),
-        "bumper_stuck": Kind(NO_TARGETS, 1, 7, "", "these sectors read pressed (1, 2, 4 added)"),
+        "bumper_stuck": Kind(NO_TARGETS, 1, 7, "", "these sectors are pressed (sum of 1, 2, 4)"),
     }
 )
 
@@ -43,8 +43,8 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
 class Fault:
     """One fault, in force from `start_s` until before `end_s` of simulated time.
 
-    `target` is a sonar ("0" to "7", "all"), a wheel ("left", "right", "both") or "".
-    Raises ValueError, naming the field, when the fault is unknown or a field is out of range.
+    `target` is a sonar ("0" to "7", "all"), a wheel ("left", "right", "both") or "". Raises
+    ValueError, naming the field, for an unknown fault or a value out of range.
     """
 
     kind: str

@@ -1,4 +1,4 @@
-"""Distances and crossings in the plane, for checking worlds and measuring their shortest paths."""
+"""Plane geometry for checking worlds and measuring their shortest paths."""
 
 from math import hypot, inf
 from typing import Final
@@ -9,12 +9,13 @@ TOUCHING_M: Final = 1e-9
 
 
 def edges(points: tuple[Point, ...], closed: bool) -> list[tuple[Point, Point]]:
+    """Return the edges between successive points."""
     ends = points[1:] + points[:1] if closed else points[1:]
     return list(zip(points, ends, strict=False))
 
 
 def from_segment_m(point: Point, a: Point, b: Point) -> float:
-    """The distance of a point from a segment; a may equal b."""
+    """Return the distance of a point from a segment; a may equal b."""
     along_x, along_y = b[0] - a[0], b[1] - a[1]
     length2 = along_x * along_x + along_y * along_y
     share = 0.0
@@ -29,7 +30,7 @@ def _side(point: Point, a: Point, b: Point) -> float:
 
 
 def meet(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether segments ab and cd cross or touch."""
+    """Return whether segments ab and cd cross or touch."""
     if _side(a, c, d) * _side(b, c, d) < 0.0 and _side(c, a, b) * _side(d, a, b) < 0.0:
         return True
     gaps_m = (
@@ -42,11 +43,12 @@ def meet(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def area_m2(points: tuple[Point, ...]) -> float:
+    """Return the area of a polygon."""
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in edges(points, closed=True))) / 2.0
 
 
 def inside(point: Point, points: tuple[Point, ...]) -> bool:
-    """Whether the polygon contains the point (even-odd rule)."""
+    """Return whether the polygon contains the point (even-odd rule)."""
     odd = False
     for a, b in edges(points, closed=True):
         if (a[1] > point[1]) != (b[1] > point[1]):
@@ -56,9 +58,9 @@ def inside(point: Point, points: tuple[Point, ...]) -> bool:
 
 
 def clearance_m(point: Point, obstacle: Obstacle) -> float:
-    """The distance from a point to an obstacle's surface, 0 or less inside it.
+    """Return the distance from a point to an obstacle's surface, 0 or less inside it.
 
-    A moving circle stands where it starts.
+    A moving circle is taken at its start.
     """
     if isinstance(obstacle, Circle):
         return hypot(point[0] - obstacle.x_m, point[1] - obstacle.y_m) - obstacle.radius_m
@@ -73,7 +75,7 @@ def clearance_m(point: Point, obstacle: Obstacle) -> float:
 
 
 def crossing_edges(points: tuple[Point, ...]) -> tuple[int, int] | None:
-    """The first two edges of a polygon, by index, that meet though they are no neighbours."""
+    """Return the indices of the first two edges of a polygon that meet without being neighbours."""
     sides = edges(points, closed=True)
     count = len(sides)
     for i in range(count):
@@ -84,7 +86,7 @@ def crossing_edges(points: tuple[Point, ...]) -> tuple[int, int] | None:
 
 
 def folded_corner(points: tuple[Point, ...]) -> int | None:
-    """The first corner, by index, at which an edge runs back on the one before it."""
+    """Return the index of the first corner at which an edge runs back on the one before it."""
     count = len(points)
     for i in range(count):
         before, here, after = points[i - 1], points[i], points[(i + 1) % count]

@@ -1,4 +1,4 @@
-"""Obstacles that move: to and fro along their waypoints, at one speed, whatever is in the way."""
+"""Moving obstacles: back and forth along their waypoints, at constant speed, unstoppable."""
 
 from itertools import accumulate, pairwise
 from math import dist
@@ -7,7 +7,7 @@ from plant.model.types import Circle, Point
 
 
 class Mover:
-    """One moving disc, known at every moment in closed form."""
+    """One moving disc; its position is a closed function of time."""
 
     def __init__(self, circle: Circle) -> None:
         self.radius_m = circle.radius_m
@@ -17,6 +17,7 @@ class Mover:
         self._ends_m = list(accumulate(self._lengths_m))
 
     def position_m(self, time_s: float) -> Point:
+        """Return the position at a time."""
         whole_m = self._ends_m[-1]
         gone_m = (time_s * self.speed_m_s) % (2.0 * whole_m)
         along_m = gone_m if gone_m <= whole_m else 2.0 * whole_m - gone_m

@@ -1,4 +1,4 @@
-"""How well the robot measures and rolls: the noise levels, a table by name."""
+"""Noise levels of sensors and wheels, by name."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -9,15 +9,15 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """One level of noise; without arguments there is none.
+    """One level of noise; the default values are no noise.
 
-    A range is off by a Gaussian of `range_sigma_m + range_sigma_ratio * range`; an echo is lost
-    with `dropout_probability` or comes too early with `ghost_probability`, and never comes from a
+    A range has a Gaussian error of `range_sigma_m + range_sigma_ratio * range`. An echo is lost
+    with `dropout_probability`, comes too early with `ghost_probability`, and never comes from a
     surface met more obliquely than `incidence_limit_rad`. Each wheel slips with a variance of
-    `slip_variance_m` square metres per metre; the right wheel is larger by
-    `diameter_difference_ratio` than the left.
+    `slip_variance_m` square metres per metre; the right wheel is larger than the left by
+    `diameter_difference_ratio`.
 
-    Raises ValueError, naming the field, when a value is out of its range.
+    Raises ValueError, naming the field, for a value out of its range.
     """
 
     range_sigma_m: float = 0.0

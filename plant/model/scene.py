@@ -1,4 +1,4 @@
-"""What stands still in a world, as the discs and the one-sided edges that a ray can hit."""
+"""Static parts of a world as discs and one-sided edges that a ray can hit."""
 
 from itertools import pairwise
 from math import hypot
@@ -14,16 +14,18 @@ Disc: TypeAlias = tuple[float, float, float]
 """x_m, y_m, radius_m."""
 
 Edge: TypeAlias = tuple[float, float, float, float]
-"""From x_m, y_m to x_m, y_m, with the solid on the left: it is seen from the right only."""
+"""From x_m, y_m to x_m, y_m; the solid is on the left, so it is visible only from the right."""
 
 
 class Scene(NamedTuple):
+    """Discs and edges of a world."""
+
     discs: tuple[Disc, ...]
     edges: tuple[Edge, ...]
 
 
 def still(world: World) -> Scene:
-    """Everything of the world that does not move."""
+    """Return everything of the world that does not move."""
     discs: list[Disc] = []
     edges: list[Edge] = list(_outer_walls(world)) if world.walls else []
     for obstacle in world.obstacles:
@@ -40,31 +42,33 @@ def still(world: World) -> Scene:
 
 
 def moves(obstacle: Obstacle) -> TypeGuard[Circle]:
+    """Return whether an obstacle moves."""
     return (
         isinstance(obstacle, Circle) and obstacle.speed_m_s > 0.0 and len(set(obstacle.path_m)) > 1
     )
 
 
 def movers(world: World) -> tuple[Circle, ...]:
+    """Return the moving obstacles of a world."""
     return tuple(obstacle for obstacle in world.obstacles if moves(obstacle))
 
 
 def _outer_walls(world: World) -> list[Edge]:
-    """The floor's rim, clockwise: the solid is outside."""
+    """Return the rim of the floor, clockwise: the solid is outside."""
     width_m, height_m = world.size_m
     corners = ((0.0, 0.0), (0.0, height_m), (width_m, height_m), (width_m, 0.0))
     return [(*a, *b) for a, b in sides(corners, closed=True)]
 
 
 def _outline(points: tuple[Point, ...]) -> list[Edge]:
-    """A polygon's edges, turned counter-clockwise."""
+    """Return the edges of a polygon, counter-clockwise."""
     twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in sides(points, closed=True))
     turned = points if twice_area > 0.0 else points[::-1]
     return [(*a, *b) for a, b in sides(turned, closed=True)]
 
 
 def _flanks(a: Point, b: Point, radius_m: float) -> list[Edge]:
-    """The two straight sides of a capsule around ab."""
+    """Return the two straight sides of a capsule around ab."""
     length_m = hypot(b[0] - a[0], b[1] - a[1])
     if length_m == 0.0:
         return []

@@ -1,4 +1,4 @@
-"""What a world is once read: frozen values in metres and radians, checked before they exist."""
+"""Values of a world: frozen, in metres and radians, checked before construction."""
 
 import re
 from collections.abc import Mapping
@@ -10,22 +10,24 @@ Setting: TypeAlias = bool | int | float | str
 Settings: TypeAlias = Mapping[str, Setting]
 
 WALL_THICKNESS_M = 0.02
-LONGEST_NAME: Final = 64
+MAX_NAME_LENGTH: Final = 64
 NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*\Z")
-"""Grammar of a world's name. It is used as a file name and cannot leave its directory."""
+"""Valid names of a world. A name is also a file name and cannot contain a directory."""
 
 
 def bad_name(name: str) -> str:
-    """Return why a world cannot have this name; empty if it can."""
-    if len(name) > LONGEST_NAME:
-        return f"longer than {LONGEST_NAME} characters"
+    """Return why a text is no valid name of a world; empty if it is one."""
+    if len(name) > MAX_NAME_LENGTH:
+        return f"longer than {MAX_NAME_LENGTH} characters"
     if not NAME.match(name):
-        return f"{name!r} is no name: use A-Z, a-z, 0-9, '_', '-', and '.' but not first"
+        return f"{name!r} is not a valid name: use A-Z, a-z, 0-9, '_', '-', and '.' but not first"
     return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
+    """Start pose of the robot."""
+
     x_m: float
     y_m: float
     heading_rad: float = 0.0
@@ -33,7 +35,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GoalPose:
-    """Where to arrive; a heading of None means any."""
+    """Goal pose; heading None means any."""
 
     x_m: float
     y_m: float
@@ -44,14 +46,14 @@ class GoalPose:
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """A solid simple polygon, concave allowed, its points in either turn; not closed explicitly."""
+    """A solid simple polygon, possibly concave, in either direction; its last edge is implicit."""
 
     points_m: tuple[Point, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Circle:
-    """A disc. With a path it starts at the path's first point and follows it to and fro."""
+    """A disc. With a path it starts at the path's first point and moves back and forth along it."""
 
     x_m: float
     y_m: float
@@ -62,7 +64,7 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Polyline:
-    """An open wall with round ends and joints: everything within half its thickness of the line."""
+    """An open wall with round ends and joints: all points within half its thickness of the line."""
 
     points_m: tuple[Point, ...]
     thickness_m: float = WALL_THICKNESS_M
@@ -73,11 +75,11 @@ Obstacle: TypeAlias = Polygon | Circle | Polyline
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """A floor from (0, 0) to `size_m`, its inner outer-wall faces on that rectangle if `walls`.
+    """A floor from (0, 0) to `size_m`, with outer walls around that rectangle if `walls`.
 
-    `robot`, `noise` and each of `faults` hold only what the file overrides, by field name.
-    `family` and what follows it is what a generator or an importer knows, None if nobody said so;
-    of an unreachable goal there is no shortest path.
+    `robot`, `noise` and each of `faults` contain only the overrides of the file, by field name.
+    `family` and the fields after it are known to a generator or importer, else None. An unreachable
+    goal has no shortest path.
     """
 
     name: str

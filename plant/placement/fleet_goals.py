@@ -11,7 +11,7 @@ from plant.model.types import Circle, Obstacle, Point, World
 from plant.placement.start_positions import GAP_M, ROOM_M
 
 STEP_M: Final = 0.05
-FARTHEST_PLACE: Final = 12
+MAX_PLACE: Final = 12
 
 
 class RobotGoal(NamedTuple):
@@ -54,7 +54,7 @@ def _apart(place: Point, taken: list[Point], pitch_m: float) -> bool:
 def _around(goal: Point, heading_rad: float, pitch_m: float) -> Iterator[Point]:
     """A grid around the goal in which robots can stand, turned as the starts are."""
     along, across = cos(heading_rad) * pitch_m, sin(heading_rad) * pitch_m
-    places = range(-FARTHEST_PLACE, FARTHEST_PLACE + 1)
+    places = range(-MAX_PLACE, MAX_PLACE + 1)
     for ahead in places:
         for left in places:
             x_m = goal[0] + ahead * along - left * across

@@ -13,7 +13,7 @@ from plant.model.types import World
 GAP_M: Final = 0.36
 """Wider than the avoidance zone (0.30 m), or neighbours would keep each other from their goals."""
 ROOM_M: Final = 0.02
-FARTHEST_PLACE: Final = 50
+MAX_PLACE: Final = 50
 
 
 def starts(world: World, body: Body, robots: int) -> list[Pose]:
@@ -34,7 +34,7 @@ def starts(world: World, body: Body, robots: int) -> list[Pose]:
 def _free_places(world: World, body: Body) -> Iterator[Pose]:
     start = world.start
     yield (start.x_m, start.y_m, start.heading_rad)
-    for place in range(1, FARTHEST_PLACE):
+    for place in range(1, MAX_PLACE):
         for side in (place, -place):
             sideways_m = side * (2.0 * body.radius_m + GAP_M)
             x_m = start.x_m - sideways_m * sin(start.heading_rad)

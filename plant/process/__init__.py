@@ -1,1 +1,1 @@
-"""The plant as a process on the bus."""
+"""The plant process on the bus."""

@@ -1,4 +1,4 @@
-"""The last word on the wheels: which wheel commands are obeyed, and for how long."""
+"""Last check of wheel commands: which are executed, and for how long."""
 
 import threading
 from typing import Final, NamedTuple
@@ -9,29 +9,29 @@ from runtime.timing import CONTROL_HZ, PERIOD_MS, UINT32
 
 MAX_AGE_TICKS: Final = MAX_WHEEL_TTL_MS // PERIOD_MS
 WINDOW: Final = MAX_AGE_TICKS + 1
-"""Greatest age, in ticks, of a tick that a command may answer."""
+"""Number of newest ticks that a command may answer."""
 
 HELD_TICKS: Final = MAX_AGE_TICKS
-"""The wheels are held for so long after a contradiction."""
+"""Ticks for which the wheels stay stopped after a contradiction."""
 
 SILENT_TICKS: Final = round(CONTROL_HZ)
-"""A newer robot that has been silent for this second no longer keeps an older one out."""
+"""Silence of a newer robot, in ticks, after which an older one may drive again: 1 s."""
 
 
-STAND: Final = (0, 0, 0)
-"""No speeds, which ended at tick 0."""
+STOPPED: Final = (0, 0, 0)
+"""Output without speed, which ended at tick 0."""
 
 
-class Demand(NamedTuple):
-    """Wheel speeds for the motor driver, and for how long from now on. Without time it brakes."""
+class WheelOutput(NamedTuple):
+    """Wheel speeds for the motor driver, and their duration from now on. Duration 0 brakes."""
 
     left_mrad_s: int
     right_mrad_s: int
     ttl_ms: int
 
 
-class Heard(NamedTuple):
-    """The newest robot: its epoch, the tick of its last command, and that command."""
+class NewestRobot(NamedTuple):
+    """Epoch, tick of the last command and that command of the robot started last."""
 
     epoch: int
     at: int
@@ -40,13 +40,13 @@ class Heard(NamedTuple):
 
 
 class CommandGate:
-    """Admits commands that answer one of the newest ticks which the plant has really sent.
+    """Admit commands that answer one of the newest ticks that the plant has sent.
 
-    A command counts for at most MAX_WHEEL_TTL_MS from the tick that it answers, whatever it
-    says itself. A brake, which has no speed or no time to live, is obeyed whatever its numbers are.
-    When a brake and a move answer the same tick, another process commands the wheels besides the
-    robot: they are held, and for as long as that goes on. Of two robots of one name the one started
-    last drives.
+    A command is valid for at most MAX_WHEEL_TTL_MS from the tick that it answers, whatever its own
+    time-to-live. A brake, a command without speed or time-to-live, is executed whatever its
+    numbers. If a brake and a move answer the same tick, another process commands the wheels besides
+    the robot: the wheels are then stopped for as long as that continues. Of two robots of one name
+    the one started last drives.
 
     `receive` may be called from any thread.
     """
@@ -54,30 +54,30 @@ class CommandGate:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._ticks = range(0)
-        """All that were sent, counted without wrapping."""
-        self._heard: Heard | None = None
+        """All ticks sent, counted without wrapping."""
+        self._newest_robot: NewestRobot | None = None
         self._braked: list[int | None] = [None] * WINDOW
         self._moved: list[int | None] = [None] * WINDOW
-        """The ticks that were answered so, each at its place in the window."""
+        """Ticks answered by a brake or by a move, each at its index in the window."""
         self._held: range = range(0)
         self._pending: tuple[int, int, int] | None = None
-        """Speeds, and when they end in ms since tick 0."""
+        """Speeds, and their end in ms since tick 0."""
 
     def begin_tick(self, tick: int) -> None:
-        """Take note that the plant sends this tick."""
+        """Record that the plant sends this tick."""
         with self._lock:
             self._ticks = range(self._ticks.start if self._ticks else tick, tick + 1)
 
     @property
     def answered(self) -> bool:
         """Return whether the robot has answered the newest tick."""
-        heard, ticks = self._heard, self._ticks
+        heard, ticks = self._newest_robot, self._ticks
         return heard is not None and heard.tick == ticks[-1]
 
     def receive(self, command: WheelCommand) -> str:
-        """Take a command, or leave it; return what is wrong with one that no robot sends here.
+        """Admit or ignore a command; return what is wrong with one that no valid robot sends.
 
-        One that is only late or was overtaken is left without a word.
+        A command that is only late or reordered is ignored without an error.
         """
         with self._lock:
             if not self._ticks:
@@ -93,32 +93,33 @@ class CommandGate:
                 return "answers a tick that was never sent"
             return ""
 
-    def take(self) -> Demand | None:
-        """Return what is new for the motor driver since the last call."""
+    def take(self) -> WheelOutput | None:
+        """Return the new output for the motor driver; None without a change since the last call."""
         with self._lock:
             pending, self._pending = self._pending, None
             if pending is None:
                 return None
             left_mrad_s, right_mrad_s, ends_ms = pending
-            return Demand(left_mrad_s, right_mrad_s, max(0, ends_ms - self._ticks[-1] * PERIOD_MS))
+            left_ms = max(0, ends_ms - self._ticks[-1] * PERIOD_MS)
+            return WheelOutput(left_mrad_s, right_mrad_s, left_ms)
 
     def _brake(self, command: WheelCommand, tick: int | None) -> None:
-        """Obey a brake; `tick` is what it answers, None when that does not count any more."""
-        self._pending = STAND
+        """Execute a brake; `tick` is the tick that it answers, None if that is too old."""
+        self._pending = STOPPED
         if tick is None:
             tick = self._ticks[-1]
         else:
             self._pending = (0, 0, ends_ms(command, tick))
             if not self._is_fenced_off(command):
-                self._heed(command, tick)
+                self._follow(command, tick)
         self._braked[tick % WINDOW] = tick
         if self._moved[tick % WINDOW] == tick:
             self._hold()
 
     def _move(self, command: WheelCommand, tick: int) -> str:
         if self._is_fenced_off(command):
-            return "is of a robot that was started before the one that drives"
-        is_newest = self._heed(command, tick)
+            return "comes from a robot that was started before the active one"
+        is_newest = self._follow(command, tick)
         self._moved[tick % WINDOW] = tick
         if self._braked[tick % WINDOW] == tick:
             self._hold()
@@ -131,27 +132,27 @@ class CommandGate:
     def _hold(self) -> None:
         newest = self._ticks[-1]
         self._held = range(newest, newest + HELD_TICKS)
-        self._pending = STAND
+        self._pending = STOPPED
 
     def _is_fenced_off(self, command: WheelCommand) -> bool:
-        """Return whether a robot that was started later lives."""
-        heard = self._heard
+        """Return whether a robot that was started later is active."""
+        heard = self._newest_robot
         if heard is None or command.epoch >= heard.epoch:
             return False
         return self._ticks[-1] - heard.at < SILENT_TICKS
 
-    def _heed(self, command: WheelCommand, tick: int) -> bool:
-        """Go on with the robot that sent a command; return whether it is its newest."""
-        heard, number = self._heard, (tick, command.seq)
+    def _follow(self, command: WheelCommand, tick: int) -> bool:
+        """Make the sender of a command the active robot; return whether the command is new."""
+        heard, number = self._newest_robot, (tick, command.seq)
         if heard is not None and heard.epoch == command.epoch and number <= heard[2:]:
-            self._heard = heard._replace(at=self._ticks[-1])
+            self._newest_robot = heard._replace(at=self._ticks[-1])
             return False
-        self._heard = Heard(command.epoch, self._ticks[-1], *number)
+        self._newest_robot = NewestRobot(command.epoch, self._ticks[-1], *number)
         return True
 
 
 def is_brake(command: WheelCommand) -> bool:
-    """Return whether a command stops the wheels: without speed, or without time to live."""
+    """Return whether a command stops the wheels: without speed or without time-to-live."""
     return command.ttl_ms == 0 or command.left_mrad_s == command.right_mrad_s == 0
 
 

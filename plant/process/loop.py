@@ -1,4 +1,4 @@
-"""The plant as a process: publish the senses, let the robots answer, let one period go by."""
+"""Main loop of the plant process: publish sensor data, await answers, advance one period."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,17 +17,18 @@ from runtime.units import NS_PER_S
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01
 PATIENCE_S: Final = 1.0
-"""In lockstep, wall time after which simulated time goes on although a robot has not answered."""
+"""In lockstep, wall time after which simulated time advances without the answer of a robot."""
 
 
 class Wake:
-    """Wake the loop when a frame has arrived or the process is to end, however often."""
+    """Wake the loop when a frame has arrived or the process must end."""
 
     def __init__(self) -> None:
         self._called = WakeUp()
         self.stopping = False
 
     def __call__(self, _: int = 0) -> None:
+        """Wake the loop."""
         self._called.wake()
 
     def stop(self) -> None:
@@ -36,55 +37,58 @@ class Wake:
         self()
 
     def wait(self, timeout_s: float) -> bool:
-        """True when something has arrived, False when the time is up."""
+        """Return True if something has arrived, False after the timeout."""
         return self._called.wait(timeout_s)
 
 
 def nothing() -> None:
-    """Nobody looks."""
+    """Do nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """The plant, its wires to each robot, the desk where requests are answered.
+    """The plant with its links to the robots and its request queue.
 
-    `look` is called once per period: somebody may want to see how it stands. `turn` is called at
-    each turn of the loop, which comes at least once a second, also while time stands still.
+    `look` is called once per period, for observers. `turn` is called in each iteration of the loop,
+    at least once a second, also while simulated time is paused.
     """
 
     plant: Plant
-    wires: list[RobotLink]
-    desk: RequestQueue
+    links: list[RobotLink]
+    requests: RequestQueue
     wake: Wake
     patience_s: float = PATIENCE_S
     look: Callable[[], None] = nothing
     turn: Callable[[], None] = nothing
 
     def publish(self) -> None:
+        """Publish the data of this tick."""
         self.look()
-        for wires in self.wires:
-            wires.publish(self.plant)
+        for link in self.links:
+            link.publish(self.plant)
 
     def answered(self) -> bool:
-        return all(wires.answered for wires in self.wires)
+        """Return whether all robots have answered this tick."""
+        return all(link.answered for link in self.links)
 
     def advance(self) -> None:
-        for wires in self.wires:
-            wires.obey(self.plant)
+        """Apply the wheel commands and advance one period."""
+        for link in self.links:
+            link.apply_command(self.plant)
         self.plant.advance()
 
     def run_wall(self, clock: Clock) -> None:
-        """One period of simulated time per period of wall time, paused or not."""
+        """Run one period of simulated time per period of wall time, paused or not."""
         for _ in ticks(clock, 1.0 / PERIOD_S):
             self._serve()
             if self.wake.stopping:
                 return
-            if self.desk.running:
+            if self.requests.running:
                 self.advance()
             self.publish()
 
     def run_lockstep(self, speed: float = inf) -> None:
-        """A period goes by when every robot has answered; `speed` x real time at the most."""
+        """Advance whenever every robot has answered, at most at `speed` x real time."""
         self._await_robots()
         pace_s = 0.0 if speed == inf else PERIOD_S / speed
         due_s = monotonic()
@@ -98,7 +102,7 @@ class Process:
 
     def _serve(self) -> None:
         self.turn()
-        self.desk.serve(self.plant)
+        self.requests.serve(self.plant)
 
     def _await_due(self, due_s: float) -> None:
         while (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
@@ -106,8 +110,8 @@ class Process:
             self._serve()
 
     def _await_robots(self) -> None:
-        """What is published before somebody listens is lost, and with it the first tick."""
-        publishers = [publisher for wires in self.wires for publisher in wires.publishers]
+        """Wait until all robots subscribe: data published before, such as tick 0, would be lost."""
+        publishers = [publisher for link in self.links for publisher in link.publishers]
         while not (self.wake.stopping or all(publisher.matched for publisher in publishers)):
             self.wake.wait(POLL_S)
             self._serve()
@@ -122,6 +126,6 @@ class Process:
                 return
 
     def _await_start(self) -> None:
-        while not (self.desk.running or self.wake.stopping):
+        while not (self.requests.running or self.wake.stopping):
             self.wake.wait(self.patience_s)
             self._serve()

@@ -1,4 +1,4 @@
-"""Where requests to the plant are answered: start, pause, score, and what the world is like."""
+"""Requests to the plant: start, pause, score, and the description of the world."""
 
 import json
 from collections.abc import Callable
@@ -14,24 +14,24 @@ from protocol.wire.reasons import Reason
 
 MAX_WAITING: Final = 64
 MAX_ANSWERED: Final = 6
-"""In one turn of the loop; the score of a run takes up to a millisecond."""
+"""Requests per iteration of the loop; the score of a run takes up to a millisecond."""
 
 
 class RequestQueue:
-    """Requests are queued by the bus's threads and answered by the plant's own, between ticks.
+    """Queue of requests, filled by the bus and answered by the plant's loop between ticks.
 
-    What the world is like never changes, so that question does not reach the loop.
+    The description of the world is constant, so requests for it do not reach the loop.
     """
 
     def __init__(self, *, running: bool, world: object, nudge: Callable[[], None]) -> None:
-        """`nudge` is called from the bus when there is something to answer."""
+        """Create the queue; `nudge` is called by the bus when there is a request."""
         self.running = running
         self._nudge = nudge
         self._world = json.dumps(world).encode()
         self._requests: SimpleQueue[tuple[int, ServiceRequest, RunRequest]] = SimpleQueue()
 
     def ask(self, robot: int, asked: ServiceRequest) -> None:
-        """Called from the bus; returns at once. Of too many requests the rest is refused."""
+        """Enqueue a request, or refuse it if the queue is full; called by the bus."""
         request = asked.message
         if not isinstance(request, RunRequest):
             asked.reply(self._world)
@@ -44,7 +44,7 @@ class RequestQueue:
             self._nudge()
 
     def serve(self, plant: Plant) -> None:
-        """Answer the next few requests; further ones wait for the next turn of the loop."""
+        """Answer the next few requests; further ones wait for the next iteration of the loop."""
         for _ in range(MAX_ANSWERED):
             try:
                 robot, asked, request = self._requests.get_nowait()
@@ -55,7 +55,10 @@ class RequestQueue:
             self._nudge()
 
     def answer(self, plant: Plant, robot: int, request: RunRequest) -> Message:
-        """START lets a paused plant go on; on a running one it begins a new score."""
+        """Execute a request and return the answer.
+
+        START resumes a paused plant; on a running one it begins a new score.
+        """
         if request.action == RunAction.SCORE:
             return plant.score(request.until_ns, robot)
         if request.action == RunAction.START:
@@ -68,4 +71,5 @@ class RequestQueue:
 
 
 def acknowledge(result: AckResult, reason: Reason) -> CommandAck:
+    """Return a COMMAND_ACK."""
     return CommandAck(command=0, result=result, result_param2=reason)

@@ -1,4 +1,4 @@
-"""One robot's wires at the plant: its senses and the truth out, its wheel command in."""
+"""Link of the plant to one robot: sensor data and ground truth out, wheel commands in."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,10 +13,10 @@ from runtime.timing import PERIOD_NS, UINT32
 
 
 class RobotLink:
-    """Publishes what one robot senses at this tick and hands its newest command to the plant.
+    """Publish what one robot senses in this tick, and pass its newest command to the plant.
 
-    The clock goes out last, and only in lockstep: it tells the robot that all its senses of this
-    tick are there, even when a fault keeps them back.
+    In lockstep the clock is published last: it signals that all sensor data of this tick have been
+    sent, even if a fault suppresses some.
     """
 
     def __init__(
@@ -33,17 +33,17 @@ class RobotLink:
 
     @property
     def publishers(self) -> list[Publisher[Any]]:
-        """Those a robot must subscribe to before the first tick."""
+        """The publishers to which a robot must subscribe before the first tick."""
         return [self._sonar, self._wheels, *([self._clock] if self._clock else [])]
 
     def publish(self, plant: Plant) -> None:
-        """All that belongs to this tick."""
+        """Publish all data of this tick."""
         for publisher, frame in self.frames(plant):
             publisher.put_frame(frame)
-        self.tell(plant)
+        self.publish_clock_and_truth(plant)
 
-    def tell(self, plant: Plant) -> None:
-        """What follows the senses: in lockstep the clock, and the truth."""
+    def publish_clock_and_truth(self, plant: Plant) -> None:
+        """Publish what follows the sensor data: the clock, in lockstep only, and the truth."""
         if self._clock is not None:
             now_us = plant.now_ns // 1000
             boot_ms = (now_us // 1000) & UINT32
@@ -51,10 +51,10 @@ class RobotLink:
         self._truth.put(plant.truth(self._number))
 
     def frames(self, plant: Plant) -> list[tuple[Publisher[Any], bytes]]:
-        """The senses of this tick as frames, to leave one right after the other.
+        """Return the sensor data of this tick as frames, to be sent without a pause.
 
-        From now on commands may answer this tick. The scan comes after the wheel ticks: its arrival
-        starts the robot's tick.
+        From now on commands may answer this tick. The scan follows the wheel ticks, because its
+        arrival starts the robot's tick.
         """
         self._gate.begin_tick(plant.now_ns // PERIOD_NS)
         wheels, scan = plant.senses(self._number)
@@ -67,11 +67,11 @@ class RobotLink:
 
     @property
     def answered(self) -> bool:
-        """Whether the robot has answered the senses of this very tick."""
+        """Return whether the robot has answered the sensor data of this tick."""
         return self._gate.answered
 
-    def obey(self, plant: Plant) -> None:
-        """Hand what the gate has admitted to the motor driver, for what is left of its time."""
+    def apply_command(self, plant: Plant) -> None:
+        """Pass an admitted command to the motor driver, for its remaining time."""
         demand = self._gate.take()
         if demand is not None:
             plant.command(self._number, *demand)

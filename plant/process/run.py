@@ -1,4 +1,4 @@
-"""Puts a plant on the bus and runs it until told to stop."""
+"""Connect a plant to the bus and run it until it is stopped."""
 
 import signal
 import sys
@@ -22,24 +22,27 @@ from runtime.watchdog import Watchdog
 def run(
     plant: Plant, network: Network, robots: list[str], *, lockstep: bool, speed: float, paused: bool
 ) -> int:
-    """0 when told to stop. In lockstep the first senses wait until the robots listen."""
+    """Run until stopped and return 0. In lockstep the first tick waits for the robots."""
     wake = Wake()
     with open_bus(network, Role.PLANT, robots[0]) as bus:
-        for number in (signal.SIGINT, signal.SIGTERM):  # while dialling, they end it as ever
+        for number in (
+            signal.SIGINT,
+            signal.SIGTERM,
+        ):
             signal.signal(number, lambda *_: wake.stop())
-        bus.on_impostor(lambda why: tell(f"plant: {why}"))
+        bus.on_impostor(lambda why: log_line(f"plant: {why}"))
         watchdog = Watchdog()
         process = assemble(
             plant, bus, robots, wake, lockstep=lockstep, paused=paused, turn=watchdog.reset
         )
         names = ", ".join(robots)
-        tell(f"plant: world {plant.world.name} with {names}")
+        log_line(f"plant: world {plant.world.name} with {names}")
         with watchdog:
             if lockstep:
                 process.run_lockstep(speed)
             else:
                 process.run_wall(WallClock())
-    tell("plant: ends")
+    log_line("plant: ends")
     return 0
 
 
@@ -53,7 +56,7 @@ def assemble(
     paused: bool,
     turn: Callable[[], None] = nothing,
 ) -> Process:
-    """The wires to each robot, the services, and the announcement. Raises NameTakenError."""
+    """Create the links to the robots and the services, and announce them. Raises NameTakenError."""
     world = as_json(plant.world, known_length_m(plant.world))
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
@@ -65,28 +68,32 @@ def assemble(
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
     claim(bus, robots)
-    look = RejectLog(lambda: bus.rejected, tell).look
+    look = RejectLog(lambda: bus.rejected, log_line).look
     return Process(plant, wires, desk, wake, look=look, turn=turn)
 
 
-def tell(line: str) -> None:
+def log_line(line: str) -> None:
+    """Print a line to standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
 class RejectLog:
-    """Reports rejected frames at once, and whenever their number has doubled.
+    """Report rejected frames at once, and again whenever their number has doubled.
 
-    `counts` returns how many frames were rejected, by path; `tell` gets a line.
+    `counts` returns the numbers of rejected frames by path; `report` receives each line.
     """
 
-    def __init__(self, counts: Callable[[], Mapping[str, int]], tell: Callable[[str], None]):
+    def __init__(
+        self, counts: Callable[[], Mapping[str, int]], report: Callable[[str], None]
+    ) -> None:
         self._counts = counts
-        self._tell = tell
-        self._told: dict[str, int] = {}
+        self._report = report
+        self._reported: dict[str, int] = {}
 
     def look(self) -> None:
+        """Report the counts that have grown."""
         for path, count in self._counts().items():
-            if count > 2 * self._told.get(path, 0):
-                self._told[path] = count
-                what = f"{count} unreadable or refused on {path}"
-                self._tell(f"plant: {what}: find out which other process publishes there")
+            if count > 2 * self._reported.get(path, 0):
+                self._reported[path] = count
+                what = f"{count} rejected on {path}"
+                self._report(f"plant: {what}: find out which other process publishes there")

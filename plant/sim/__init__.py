@@ -1,1 +1,1 @@
-"""The simulation: one control period at a time, without a bus."""
+"""The simulation, one control period at a time, without a bus."""

@@ -1,4 +1,4 @@
-"""Which faults of one robot are in force at a moment, added up to what each part must do wrong."""
+"""The faults of one robot in force at a time, combined by affected part."""
 
 from collections.abc import Iterable
 from math import isfinite
@@ -16,7 +16,7 @@ Values: TypeAlias = tuple[float | None, ...]
 
 
 class SonarFaults(NamedTuple):
-    """Per sonar; None or False where it is well."""
+    """Faults per sonar; None or False for a sonar without one."""
 
     dead: tuple[bool, ...]
     frozen: tuple[bool, ...]
@@ -26,7 +26,10 @@ class SonarFaults(NamedTuple):
 
 
 class ActiveFaults(NamedTuple):
-    """Left and right where there are two; `jumped_ticks` counts every jump since the start."""
+    """Faults of all parts, left and right wheel separately.
+
+    `jumped_ticks` sums every encoder jump since the start.
+    """
 
     sonar: SonarFaults | None = None
     encoder_stuck: Flags = (False, False)
@@ -42,7 +45,7 @@ NO_TROUBLE: Final = ActiveFaults()
 
 
 class FaultSchedule:
-    """The faults of one robot; looks them up again only when one begins or ends."""
+    """The faults of one robot; recomputed only when one begins or ends."""
 
     __slots__ = ("_changes_ns", "_faults", "_trouble")
 
@@ -52,11 +55,12 @@ class FaultSchedule:
         self._changes_ns = 0
 
     def add(self, fault: Fault) -> None:
+        """Add a fault."""
         self._faults.append(fault)
         self._changes_ns = 0
 
     def clear(self, now_ns: int) -> None:
-        """Drop every fault; what a jump has added to a counter stays there."""
+        """Drop every fault; past encoder jumps remain in the counters."""
         self._faults = [
             fault
             for fault in self._faults
@@ -65,6 +69,7 @@ class FaultSchedule:
         self._changes_ns = 0
 
     def at(self, now_ns: int) -> ActiveFaults:
+        """Return the faults in force at a time."""
         if now_ns >= self._changes_ns:
             moments = [
                 moment for fault in self._faults for moment in (start_ns(fault), end_ns(fault))
@@ -75,10 +80,12 @@ class FaultSchedule:
 
 
 def start_ns(fault: Fault) -> int:
+    """Return the start of a fault."""
     return round(fault.start_s * NS_PER_S)
 
 
 def end_ns(fault: Fault) -> int:
+    """Return the end of a fault; NEVER_NS if it is endless."""
     return round(fault.end_s * NS_PER_S) if isfinite(fault.end_s) else NEVER_NS
 
 
@@ -128,7 +135,7 @@ def _pressed(active: list[Fault]) -> int:
 
 def _sonars(active: list[Fault]) -> SonarFaults:
     def last(kind: str) -> Values:
-        """Per sonar, the value of the latest fault of that kind."""
+        """Return, per sonar, the value of the latest fault of that kind."""
         values: list[float | None] = [None] * SONARS
         for fault in active:
             if fault.kind == kind:

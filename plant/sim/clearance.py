@@ -1,7 +1,7 @@
-"""The distance to the nearest surface that stands still, asked anew at every tick.
+"""Distance to the nearest static surface, computed in every tick.
 
-From one place to the next most surfaces cannot have become the nearest one. So those that can are
-remembered for as long as the one who asks stays near the place where they were looked up.
+Between nearby positions most surfaces cannot become the nearest one. The candidates are therefore
+cached while the robot stays near the position of the last search.
 """
 
 from collections.abc import Sequence
@@ -11,21 +11,23 @@ from typing import Final, TypeAlias
 from plant.model.types import Point
 
 NEAR_M: Final = 0.15
-"""What was looked up holds within so much of that place."""
+"""Radius around the position of a search in which its result is valid."""
 
 FURTHER_M: Final = 2.0 * NEAR_M
-"""What is further away than the nearest surface by more than this is not needed before that."""
+"""Surfaces farther than the nearest one by more than this stay farther within NEAR_M."""
 
 Round: TypeAlias = tuple[float, float, float]
 """x_m, y_m, radius_m."""
 
 Bar: TypeAlias = tuple[float, float, float, float, float]
-"""From x_m, y_m to x_m, y_m, and how far its surface is away from that line."""
+"""From x_m, y_m to x_m, y_m, and the distance of its surface from that line."""
 
 
 class Nearby:
-    """What can be the nearest surface near a place, and how far it is: to the last bit what
-    Chipmunk says, whose order of sums and products this keeps."""
+    """The candidates for the nearest surface near a position, and the distance to them.
+
+    The order of sums and products is that of Chipmunk, so the results are bit-identical.
+    """
 
     __slots__ = ("_at", "_bars", "_rounds")
 
@@ -35,14 +37,15 @@ class Nearby:
         self._bars: Sequence[Bar] = ()
 
     def holds(self, at: Point) -> bool:
+        """Return whether the cache is valid for a position."""
         return hypot(at[0] - self._at[0], at[1] - self._at[1]) <= NEAR_M
 
     def remember(self, at: Point, rounds: Sequence[Round], bars: Sequence[Bar]) -> None:
-        """Everything that is not FURTHER_M further away from there than what is nearest."""
+        """Store the surfaces that are at most FURTHER_M farther away than the nearest one."""
         self._at, self._rounds, self._bars = at, rounds, bars
 
     def distance_m(self, at: Point) -> float:
-        """From a point near that place, below 0 inside; inf when nothing was there."""
+        """Return the distance from a nearby point, below 0 inside; inf without a surface."""
         x_m, y_m = at
         nearest_m = inf
         for centre_x_m, centre_y_m, radius_m in self._rounds:

@@ -1,7 +1,7 @@
-"""A differential drive: two motors with lag and limits, wheels that slip, encoders that count.
+"""Differential drive: two motors with lag and limits, wheel slip, and encoders.
 
-The encoders count what the wheels turn; the ground gets what is left after slip and with the
-wheels' true diameters. Nobody in here reads a sensor or knows where the robot is.
+The encoders count the rotation of the wheels. The motion on the ground is what remains after slip,
+with the true wheel diameters. This module has no access to sensors or the pose.
 """
 
 from math import copysign, exp, floor, sqrt
@@ -14,9 +14,9 @@ from runtime.units import NS_PER_MS
 
 
 class Motor:
-    """One wheel's speed at its rim: first-order lag behind the command, exact for any step.
+    """Rim speed of one wheel: first-order lag behind the command, exact for any step.
 
-    d(speed)/dt = (wanted - speed) / lag, never faster than the acceleration limit.
+    d(speed)/dt = (wanted - speed) / lag, limited by the acceleration limit.
     """
 
     __slots__ = ("_acceleration_m_s2", "_lag_s", "_linear_m_s", "speed_m_s")
@@ -28,7 +28,7 @@ class Motor:
         self._linear_m_s = body.max_acceleration_m_s2 * body.motor_lag_s
 
     def turn(self, wanted_m_s: float, span_s: float) -> float:
-        """Run for a while and return the way of the rim in metres."""
+        """Run for a time and return the path of the rim in metres."""
         way_m, missing_m_s = 0.0, wanted_m_s - self.speed_m_s
         if abs(missing_m_s) > self._linear_m_s:
             ramp_s = (abs(missing_m_s) - self._linear_m_s) / self._acceleration_m_s2
@@ -49,7 +49,7 @@ class Motor:
         return way_m
 
     def brake(self, deceleration_m_s2: float, span_s: float) -> float:
-        """Run short-circuited for a while and return the way of the rim in metres."""
+        """Run short-circuited for a time and return the path of the rim in metres."""
         braking_s = min(span_s, abs(self.speed_m_s) / deceleration_m_s2)
         lost_m_s = copysign(deceleration_m_s2 * braking_s, self.speed_m_s)
         way_m = (self.speed_m_s - 0.5 * lost_m_s) * braking_s
@@ -58,7 +58,7 @@ class Motor:
 
 
 class Drive:
-    """Two motors under one driver board, their encoders and the way they make on the ground."""
+    """Two motors with one driver board, their encoders and their motion on the ground."""
 
     __slots__ = (
         *("_body", "_counted_m", "_expires_ns", "_motors", "_scales"),
@@ -78,7 +78,7 @@ class Drive:
         self.expired = False
 
     def command(self, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, now_ns: int) -> None:
-        """What the wheels shall do until the time-to-live runs out; held within their limit."""
+        """Set the wheel speeds, within their limit, until the time-to-live expires."""
         limit_m_s, scale = self._body.max_speed_m_s, self._body.wheel_radius_m / 1000.0
         self._wanted_m_s = (
             _within(left_mrad_s * scale, limit_m_s),
@@ -88,7 +88,7 @@ class Drive:
         self.expired = False
 
     def roll(self, now_ns: int, span_s: float, trouble: ActiveFaults) -> tuple[float, float]:
-        """Run the motors for a while; the way of the left and the right wheel on the ground."""
+        """Run the motors for a time; return the paths of both wheels on the ground in metres."""
         if now_ns < self._expires_ns:
             self.expired = False
             (left, right), (left_m_s, right_m_s) = self._motors, self._wanted_m_s
@@ -112,7 +112,7 @@ class Drive:
         return left_m, right_m
 
     def ticks(self, jumped_ticks: tuple[int, int] = (0, 0)) -> tuple[int, int]:
-        """The encoder counters, wrapped to 32 bits; what they jumped comes on top."""
+        """Return the encoder counters, with faulty jumps added, wrapped to 32 bits."""
         per_m, body = self._body.ticks_per_m, self._body
         left = floor(self._counted_m[0] * per_m) + body.left_start_ticks + jumped_ticks[0]
         right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
@@ -130,7 +130,7 @@ class Drive:
 
 
 def _within(speed_m_s: float, limit_m_s: float) -> float:
-    """Compared, as min() and max() here cost more than all the rest of a command."""
+    """Limit a speed by comparisons: min() and max() would dominate the cost of a command."""
     if speed_m_s > limit_m_s:
         return limit_m_s
     return speed_m_s if speed_m_s > -limit_m_s else -limit_m_s

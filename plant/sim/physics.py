@@ -1,8 +1,8 @@
-"""The solid world: what touches what. The only module that knows pymunk.
+"""Collisions in the world. This is the only module that uses pymunk.
 
-Robots are discs that move with the speed they are given until something stops them; nothing
-bounces and nothing rubs. Where a robot may touch something the step is cut into small ones, so
-that it sinks in by less than a millimetre and never passes through.
+Robots are discs that keep their given speed until something stops them, without bouncing and
+friction. Where a robot may touch something, a step is divided into small ones, so that it
+penetrates by less than a millimetre and never passes through.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from plant.model.types import Circle, Point, Polygon, Polyline, World
 from plant.sim.clearance import FURTHER_M, NEAR_M, Bar, Nearby, Round
 
 CLEARANCE_LIMIT_M: Final = 3.0
-"""A clearance is looked for no farther than this."""
+"""Largest clearance that is measured."""
 
 FINE_STEP_M: Final = 0.001
 OUTER_WALL_M: Final = 0.5
@@ -26,10 +26,10 @@ SLOP_M: Final = 1e-4
 
 
 class Arena:
-    """A world with its robots and moving obstacles in it, by their index."""
+    """A world with its robots and moving obstacles, by index."""
 
     def __init__(self, world: World, radius_m: float, at: Sequence[Point] | None = None) -> None:
-        """`at`: where what moves is by now, if not where its path begins."""
+        """Create the world; `at` are the movers' positions, by default the start of their paths."""
         self._space = pymunk.Space()
         self._space.collision_slop = SLOP_M
         self._space.collision_bias = 0.0
@@ -45,6 +45,7 @@ class Arena:
         ]
 
     def add_robot(self, x_m: float, y_m: float) -> int:
+        """Add a robot and return its index."""
         body = pymunk.Body(1.0, 1.0)
         body.position = x_m, y_m
         shape = pymunk.Circle(body, self._radius_m)
@@ -55,29 +56,30 @@ class Arena:
         return len(self._robots) - 1
 
     def push(self, robot: int, x_m_s: float, y_m_s: float) -> None:
-        """Give a robot the velocity it will have unless something is in its way."""
+        """Set the velocity of a robot, which it keeps unless an obstacle stops it."""
         self._robots[robot].velocity = x_m_s, y_m_s
 
     def carry(self, mover: int, x_m_s: float, y_m_s: float) -> None:
-        """Give a moving obstacle its velocity; nothing stops it."""
+        """Set the velocity of a moving obstacle; nothing stops it."""
         self._movers[mover].velocity = x_m_s, y_m_s
 
     def step(self, span_s: float, closing_m_s: float) -> None:
-        """Let time go by; `closing_m_s`: how fast two things may collide, 0 when none can."""
+        """Advance time; `closing_m_s` is the largest possible collision speed, 0 if none."""
         parts = max(1, ceil(closing_m_s * span_s / FINE_STEP_M))
         for _ in range(parts):
             self._space.step(span_s / parts)
 
     def position_m(self, robot: int) -> Point:
+        """Return the position of a robot."""
         position = self._robots[robot].position
         return position.x, position.y
 
     def place(self, robot: int, x_m: float, y_m: float) -> None:
-        """Put a robot where it has come to without the arena."""
+        """Set the position of a robot that moved without the arena."""
         self._robots[robot].position = x_m, y_m
 
     def clearance_m(self, robot: int, at: Point) -> float:
-        """From the rim of a robot there to the nearest surface, below 0 when pressed into it."""
+        """Return the distance from the robot's rim to the nearest surface, below 0 in contact."""
         limit_m = CLEARANCE_LIMIT_M + self._radius_m
         if self._movers or len(self._robots) > 1:
             nearest = self._space.point_query_nearest(at, limit_m, self._filters[robot])
@@ -89,8 +91,7 @@ class Arena:
         return distance_m - self._radius_m if distance_m < limit_m else CLEARANCE_LIMIT_M
 
     def contacts(self, robot: int) -> list[tuple[Point, bool]]:
-        """The directions in which a robot touches something, as unit vectors, and whether that is
-        something that cannot move."""
+        """Return the contacts of a robot: unit vector of the direction, and static or not."""
         found: list[tuple[Point, bool]] = []
         still = self._space.static_body
 
@@ -102,7 +103,7 @@ class Arena:
         return found
 
     def _look_around(self, at: Point) -> None:
-        """Remember what can be nearest to the only robot while it is near there."""
+        """Cache the surfaces that can be nearest to the only robot near this position."""
         space, others = self._space, self._filters[0]
         farthest_m = CLEARANCE_LIMIT_M + self._radius_m + NEAR_M
         nearest = space.point_query_nearest(at, farthest_m, others)
@@ -141,7 +142,7 @@ def _still_shapes(world: World, body: pymunk.Body) -> Sequence[pymunk.Shape]:
 
 
 def _outer_walls(world: World, body: pymunk.Body) -> list[pymunk.Shape]:
-    """Thick bars whose inner faces are the rim of the floor."""
+    """Return thick bars whose inner faces are the rim of the floor."""
     out = OUTER_WALL_M
     right, top = world.size_m[0] + out, world.size_m[1] + out
     corners = ((-out, -out), (right, -out), (right, top), (-out, top))

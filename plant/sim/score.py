@@ -1,4 +1,4 @@
-"""How a run went, from ground truth: fed once per tick, added up when somebody asks."""
+"""Evaluation of a run from ground truth: one entry per tick, summed up on request."""
 
 from array import array
 from hashlib import sha256
@@ -13,10 +13,10 @@ from runtime.timing import PERIOD_NS
 if TYPE_CHECKING:
     from hashlib import _Hash
 
-MOST_TICKS: Final = 1_000_000
+MAX_TICKS: Final = 1_000_000
 COLUMNS: Final = 5
 HASHED: Final = 4096
-"""Ticks from one kept state of the hash to the next: no digest takes more than these."""
+"""Ticks between kept states of the hash; limits the cost of a digest."""
 
 _SIGNED: Final = np.dtype([("time_ns", "<u8"), ("pose", "<f8", 3)])
 
@@ -24,7 +24,7 @@ _SIGNED: Final = np.dtype([("time_ns", "<u8"), ("pose", "<f8", 3)])
 class Score:
     """The trajectory since the start, one row per tick, up to a million ticks (14 hours).
 
-    After that nothing more is scored, `full` says so, and `RunScore.ticks` stands still.
+    After that the score stops: `full` is True and `RunScore.ticks` stays constant.
     """
 
     def __init__(
@@ -39,11 +39,13 @@ class Score:
 
     @property
     def ticks(self) -> int:
+        """The number of ticks scored."""
         return len(self._contacts) - 1
 
     @property
     def full(self) -> bool:
-        return self.ticks >= MOST_TICKS
+        """Return whether the score has reached its maximum length."""
+        return self.ticks >= MAX_TICKS
 
     def add(
         self,
@@ -54,8 +56,8 @@ class Score:
         touching: bool,
         closing: bool = False,
     ) -> None:
-        """One tick more; `closing`: the robot itself was moving towards what it touches."""
-        if len(self._contacts) > MOST_TICKS:
+        """Add a tick; `closing`: the robot itself moved towards the obstacle it touches."""
+        if len(self._contacts) > MAX_TICKS:
             return
         rows = self._rows
         path_m = rows[-2] + hypot(x_m - rows[-5], y_m - rows[-4])
@@ -71,7 +73,7 @@ class Score:
             self._hashes.append(self._hash(self.ticks - HASHED, self.ticks))
 
     def until(self, until_ns: int) -> RunScore:
-        """The run from the first tick up to the one at `until_ns`, or as far as it has come."""
+        """Return the score from the first tick to the one at `until_ns`, or to the newest."""
         ticks = max(0, min(self.ticks, (until_ns - self._start_ns) // PERIOD_NS))
         x_m, y_m, heading_rad, path_m, clearance_m = self._row(ticks)
         return RunScore(
@@ -91,11 +93,11 @@ class Score:
         return self._rows[tick * COLUMNS : (tick + 1) * COLUMNS].tolist()
 
     def _digest(self, ticks: int) -> bytes:
-        """SHA-256 over stamp and true pose of every tick but the first, at which nothing moved."""
+        """Return the SHA-256 over stamp and true pose of every tick but the first."""
         return self._hash(ticks - ticks % HASHED, ticks).digest()
 
     def _hash(self, kept: int, ticks: int) -> "_Hash":
-        """Return the hash up to a tick, from the state that was kept at an earlier one."""
+        """Return the hash up to a tick, from the state kept at an earlier tick."""
         hashed = self._hashes[kept // HASHED].copy()
         signed = np.empty(ticks - kept, dtype=_SIGNED)
         stamps = np.arange(kept + 1, ticks + 1, dtype=np.uint64) * np.uint64(PERIOD_NS)

@@ -1,7 +1,7 @@
-"""One tree of randomness: every source has its own stream, by name, and no source shifts another.
+"""Random streams: every source has its own stream, by name, independent of all others.
 
-Streams are read in whole rows, so that a tick always takes the same numbers whatever it does with
-them, and drawn in blocks, because drawing one number at a time costs more than the simulation.
+Streams are read in whole rows, so that a tick always consumes the same numbers, whatever it uses.
+They are drawn in blocks, because drawing single numbers costs more than the simulation.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ BLOCK_ROWS: Final = 64
 
 
 def stream(seed: int, robot: int, source: str) -> np.random.Generator:
-    """The generator of one named source of one robot; the same names give the same numbers.
+    """Return the generator of one named source of one robot; equal names give equal numbers.
 
-    Raises ValueError when the seed is negative.
+    Raises ValueError if the seed is negative.
     """
     if seed < 0:
         raise ValueError(f"seed: {seed} is negative")
@@ -38,16 +38,17 @@ class Rows:
         self._left: list[list[float]] = []
 
     def next(self) -> list[float]:
+        """Return the next row."""
         if not self._left:
             self._left = self._draw((BLOCK_ROWS, self._width)).tolist()[::-1]
         return self._left.pop()
 
 
 def gaussian_rows(seed: int, robot: int, source: str, width: int) -> Rows:
-    """Rows of independent standard normal numbers."""
+    """Return rows of independent standard normal numbers."""
     return Rows(stream(seed, robot, source).standard_normal, width)
 
 
 def uniform_rows(seed: int, robot: int, source: str, width: int) -> Rows:
-    """Rows of independent numbers from 0 to below 1."""
+    """Return rows of independent numbers from 0 to below 1."""
     return Rows(stream(seed, robot, source).random, width)

@@ -1,4 +1,4 @@
-"""One robot in the world: where it truly is, what drives it and what it senses."""
+"""One simulated robot: true pose, drive and sensors."""
 
 from collections.abc import Iterable, Sequence
 from math import atan2, cos, hypot, pi, sin
@@ -22,12 +22,12 @@ from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_S
 
 OVERLAP_RAD: Final = 0.175
-"""The two front sectors of the bumper reach over the middle by this much."""
+"""Overlap of the two front sectors of the bumper beyond the middle."""
 REAR_RAD: Final = 2.0 * pi / 3.0
 
 CLOSING_M_S: Final = 0.01
-"""A robot that moves faster than this towards somebody it touches has run into him: had he stood
-still, they would have touched all the same. Turning on the spot never brings a disc closer."""
+"""Speed towards a touched object above which the robot has caused the contact, because it would
+have touched a static object, too. Turning on the spot never brings a disc closer."""
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 
@@ -35,7 +35,7 @@ Moved: TypeAlias = tuple[Sequence[Disc], Sequence[Disc]]
 
 
 class SharedSetup(NamedTuple):
-    """What the robots of one plant share."""
+    """Objects shared by the robots of one plant."""
 
     body: Body
     noise: Noise
@@ -45,7 +45,7 @@ class SharedSetup(NamedTuple):
 
 
 class SimulatedRobot:
-    """Rolls in two substeps, then senses, once per tick."""
+    """Move in two substeps, then sense, once per tick."""
 
     def __init__(
         self, common: SharedSetup, number: int, start: Pose, faults: Iterable[Fault]
@@ -68,14 +68,14 @@ class SimulatedRobot:
         self.senses: tuple[WheelTicks | None, SonarScan | None] = (None, None)
 
     def coast(self, now_ns: int, span_s: float) -> None:
-        """A whole substep where nothing can be in the way: what the arena would do, bit for bit."""
+        """Move a whole substep without obstacles near; bit-identical to the arena's result."""
         self._roll(now_ns, span_s)
         (x_m, y_m, _), (x_m_s, y_m_s) = self.pose, self._velocity_m_s
         self._coasted = True
         self._turn_to(x_m + x_m_s * span_s, y_m + y_m_s * span_s)
 
     def set_off(self, now_ns: int, span_s: float) -> float:
-        """Run the wheels for a substep and push the robot; its speed."""
+        """Run the wheels for a substep and push the robot; return its speed."""
         speed_m_s = self._roll(now_ns, span_s)
         if self._coasted:
             self._arena.place(self._robot, *self.pose[:2])
@@ -84,7 +84,7 @@ class SimulatedRobot:
         return speed_m_s
 
     def _roll(self, now_ns: int, span_s: float) -> float:
-        """Take a substep's velocity, along the chord of the arc that the wheels roll; its speed."""
+        """Compute a substep's velocity along the chord of the wheels' arc; return its speed."""
         left_m, right_m = self.drive.roll(now_ns, span_s, self.faults.at(now_ns))
         half_rad = (right_m - left_m) / self._track_m / 2.0
         speed_m_s = (left_m + right_m) / 2.0 / span_s
@@ -96,13 +96,13 @@ class SimulatedRobot:
         return abs(speed_m_s)
 
     def arrive(self, close: bool) -> None:
-        """See where the substep has led; `close`: it may have touched something."""
+        """Take the result of the substep; `close`: there may be a contact."""
         self._turn_to(*self._arena.position_m(self._robot))
         if close:
             self._touch(self._arena.contacts(self._robot))
 
     def _turn_to(self, x_m: float, y_m: float) -> None:
-        """Be there, with the turn of the substep made."""
+        """Set the position, and the heading after the substep's turn."""
         turning_rad = self._turning_rad
         heading_rad = self.pose[2] + turning_rad
         if not -pi <= heading_rad <= pi:
@@ -111,9 +111,11 @@ class SimulatedRobot:
         self.pose = (x_m, y_m, heading_rad)
 
     def _touch(self, contacts: Sequence[tuple[Point, bool]]) -> None:
-        """Press the bumper; whose doing it was is decided where the tick's touching begins. What
-        cannot move is run into by whoever drives and comes nearer to it at all, and be it grazed;
-        not by who turns on the spot."""
+        """Press the bumper; decide at the beginning of a contact whether the robot has caused it.
+
+        A robot that drives and comes nearer to a static obstacle has caused the contact, even if it
+        only grazes it; a robot that turns on the spot has not.
+        """
         began, drives = self._touched == 0, hypot(*self._velocity_m_s) > CLOSING_M_S
         for direction, still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
@@ -122,6 +124,7 @@ class SimulatedRobot:
             self._closing |= began and closing_m_s > least_m_s
 
     def halfway(self) -> None:
+        """Store the pose at the early pings."""
         self.early_pose = self.pose
 
     def end_tick(self) -> None:
@@ -132,15 +135,17 @@ class SimulatedRobot:
         self.score.add(*self.pose, self.clearance_m, self.bumper != 0, closing)
 
     def begin_tick(self) -> None:
+        """Store the pose before the tick."""
         self._before = self.pose
         self._turned_rad = 0.0
 
     def restart_score(self, now_ns: int) -> None:
+        """Begin a new score."""
         self.clearance_m = self._arena.clearance_m(self._robot, self.pose[:2])
         self.score = Score(now_ns, *self.pose, self.clearance_m)
 
     def sense(self, now_ns: int, moved: Moved) -> None:
-        """Take this tick's senses; `moved`: see `Caster.cast`."""
+        """Compute the sensor data of this tick; `moved`: see `Caster.cast`."""
         trouble = self.faults.at(now_ns)
         seq = (now_ns // PERIOD_NS) & UINT32
         reading = self._ring.read(
@@ -169,6 +174,7 @@ class SimulatedRobot:
         )
 
     def truth(self, now_ns: int) -> GroundTruth:
+        """Return the true pose and velocity."""
         x_m, y_m, heading_rad = self.pose
         middle_rad = self.early_pose[2]
         way_x_m, way_y_m = x_m - self._before[0], y_m - self._before[1]
@@ -186,7 +192,7 @@ class SimulatedRobot:
 
 
 def _sectors(direction: Point, heading_rad: float) -> int:
-    """The bumper sectors that a contact in that direction presses."""
+    """Return the bumper sectors that a contact in a direction presses."""
     bearing_rad = (atan2(direction[1], direction[0]) - heading_rad + pi) % (2.0 * pi) - pi
     if abs(bearing_rad) > REAR_RAD:
         return BUMPER_REAR

@@ -1,4 +1,4 @@
-"""A world with robots in it, one control period at a time, as their processes and tests use it."""
+"""A world with robots in it, simulated one control period at a time."""
 
 from collections.abc import Iterable
 from math import sqrt
@@ -25,7 +25,7 @@ MARGIN_M: Final = 0.005
 
 
 class Plant:
-    """Tick 0 exists before anything moves; `advance` leads to the next one."""
+    """World and robots. Tick 0 exists before anything moves; `advance` leads to the next tick."""
 
     def __init__(
         self,
@@ -36,9 +36,10 @@ class Plant:
         robots: int = 1,
         at_ns: int = 0,
     ) -> None:
-        """The faults come on top of the world's own. At `at_ns`, whole periods, it begins.
+        """Create the plant at time `at_ns`, a multiple of the period.
 
-        Raises ValueError when a fault names a robot that is not there or a start is not free.
+        `faults` are added to those of the world. Raises ValueError if a fault names a missing robot
+        or a start is not free.
         """
         self.world = world
         self.body = body_of(world)
@@ -63,23 +64,24 @@ class Plant:
         self._sense()
 
     def senses(self, robot: int = 0) -> tuple[WheelTicks | None, SonarScan | None]:
-        """What the robot senses at this tick; None where a fault keeps a message back."""
+        """Return a robot's sensor data at this tick; None for a message that a fault suppresses."""
         return self._vehicles[robot].senses
 
     def truth(self, robot: int = 0) -> GroundTruth:
+        """Return the true pose and velocity of a robot."""
         return self._vehicles[robot].truth(self.now_ns)
 
     def attitude(self, robot: int = 0) -> tuple[float, float]:
-        """True heading and clearance: of the truth what is cheap to ask for at every tick."""
+        """Return true heading and clearance, which are cheap to read in every tick."""
         vehicle = self._vehicles[robot]
         return vehicle.pose[2], vehicle.clearance_m
 
     def command(self, robot: int, left_mrad_s: int, right_mrad_s: int, ttl_ms: int) -> None:
-        """Set the wheels from now on, until `ttl_ms` of simulated time have gone by."""
+        """Set the wheel speeds from now on, for `ttl_ms` of simulated time."""
         self._vehicles[robot].drive.command(left_mrad_s, right_mrad_s, ttl_ms, self.now_ns)
 
     def advance(self) -> None:
-        """Let one control period go by."""
+        """Advance by one control period."""
         vehicles = self._vehicles
         close = False
         for vehicle in vehicles:
@@ -96,26 +98,28 @@ class Plant:
         self._sense()
 
     def score(self, until_ns: int, robot: int = 0) -> RunScore:
-        """The run since the score was restarted, up to the tick at `until_ns`."""
+        """Return the score since its restart, up to the tick at `until_ns`."""
         return self._vehicles[robot].score.until(until_ns)
 
     def score_full(self, robot: int = 0) -> bool:
-        """Whether the run has outgrown its score: later ticks are not in it."""
+        """Return whether the run is longer than its score: later ticks are not in it."""
         return self._vehicles[robot].score.full
 
     def restart_score(self) -> None:
+        """Begin a new score for all robots."""
         for vehicle in self._vehicles:
             vehicle.restart_score(self.now_ns)
 
     def inject(self, fault: Fault) -> None:
-        """Add a fault; it is felt from the coming period on.
+        """Add a fault from the next period on.
 
-        Raises ValueError when it names a robot that is not there.
+        Raises ValueError if it names a missing robot.
         """
         _check_robot(fault, len(self._vehicles))
         self._vehicles[fault.robot].faults.add(fault)
 
     def clear_faults(self) -> None:
+        """Drop all faults."""
         for vehicle in self._vehicles:
             vehicle.faults.clear(self.now_ns)
 
@@ -132,7 +136,7 @@ class Plant:
             vehicle.arrive(close)
 
     def _carry(self, now_ns: int) -> None:
-        """Move the moving obstacles to where they are a substep later."""
+        """Move the moving obstacles by one substep."""
         before, self._discs = self._discs, self._discs_at(now_ns + SUBSTEP_NS)
         for index, (old, new) in enumerate(zip(before, self._discs, strict=True)):
             self._arena.carry(index, (new[0] - old[0]) / SUBSTEP_S, (new[1] - old[1]) / SUBSTEP_S)
@@ -145,7 +149,7 @@ class Plant:
             vehicle.sense(self.now_ns, self._moved(vehicle))
 
     def _moved(self, seer: SimulatedRobot) -> Moved:
-        """What moves in the sight of a robot, at its early and at its late pings."""
+        """Return the moving objects visible to a robot, at its early and at its late pings."""
         if len(self._vehicles) == 1:
             return self._early_discs, self._discs
         radius_m = self.body.radius_m
@@ -161,7 +165,7 @@ def _check_robot(fault: Fault, robots: int) -> None:
 
 
 def _close_m(body: Body, noise: Noise, mover_speed_m_s: float, robots: int) -> float:
-    """The clearance below which something may be touched within one period."""
+    """Return the clearance below which a contact is possible within one period."""
     way_m = body.max_speed_m_s * PERIOD_S * (1.0 + abs(noise.diameter_difference_ratio))
     way_m += 10.0 * sqrt(noise.slip_variance_m * way_m)
     return MARGIN_M + way_m * (2.0 if robots > 1 else 1.0) + mover_speed_m_s * PERIOD_S

@@ -16,7 +16,7 @@ EXAMPLES: Final = {
 }
 SEED: Final = Limits(0, 2**53)
 LENGTH: Final = Limits(0.0, 100_000.0, "m")
-LONGEST_FAMILY: Final = 64
+MAX_FAMILY_LENGTH: Final = 64
 ROUNDED_M: Final = 0.001
 
 
@@ -58,10 +58,10 @@ def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -
 def _family(table: Table) -> str | None:
     family = table.text("family")
     if isinstance(table.raw["family"], str) and not _is_name(family):
-        reason = f"empty, unprintable or longer than {LONGEST_FAMILY} characters"
+        reason = f"empty, unprintable or longer than {MAX_FAMILY_LENGTH} characters"
         table.refuse("family", reason, f"write family = {EXAMPLES['family']}")
     return family
 
 
 def _is_name(text: str) -> bool:
-    return bool(text.strip()) and text.isprintable() and len(text) <= LONGEST_FAMILY
+    return bool(text.strip()) and text.isprintable() and len(text) <= MAX_FAMILY_LENGTH

@@ -31,7 +31,7 @@ SIZE: Final = Limits(0.5, 100.0, "m")
 HEADING: Final = Limits(-360.0, 360.0, "degrees")
 POSITION_TOLERANCE: Final = Limits(0.001, 2.0, "m")
 HEADING_TOLERANCE: Final = Limits(0.1, 180.0, "degrees")
-MOST_OBSTACLES: Final = 4000
+MAX_OBSTACLES: Final = 4000
 
 
 def read_world(raw: object, report: Report) -> World | None:
@@ -114,8 +114,8 @@ def _items(table: Table, key: str, report: Report) -> list[tuple[object, Key]]:
         reason = f"expected [[{key}]] tables, found {type_name(raw)}"
         report.add((key,), reason, f"write [[{key}]] instead of [{key}]")
         return []
-    if len(raw) > MOST_OBSTACLES:
-        report.add((key,), f"{len(raw)} of them, at most {MOST_OBSTACLES}", "remove some")
+    if len(raw) > MAX_OBSTACLES:
+        report.add((key,), f"{len(raw)} of them, at most {MAX_OBSTACLES}", "remove some")
         return []
     return [(one, (key, index)) for index, one in enumerate(raw)]
 

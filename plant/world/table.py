@@ -9,8 +9,8 @@ from plant.model.types import Point
 from plant.world.units import meant, reason_and_fix
 from runtime.toml_lines import Key
 
-FARTHEST_M: Final = 100.0
-MOST_POINTS: Final = 500
+MAX_COORDINATE_M: Final = 100.0
+MAX_POINTS: Final = 500
 HUGE: Final = 1e100
 TYPE_NAMES: Final = {
     bool: "a truth value",
@@ -37,7 +37,7 @@ class Limits(NamedTuple):
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
-COORDINATE: Final = Limits(-FARTHEST_M, FARTHEST_M, "m")
+COORDINATE: Final = Limits(-MAX_COORDINATE_M, MAX_COORDINATE_M, "m")
 
 
 def type_name(value: object) -> str:
@@ -137,8 +137,8 @@ class Table:
         if not isinstance(value, list):
             self._wrong_type(key, "a list of points", value)
             return ()
-        if not fewest <= len(value) <= MOST_POINTS:
-            reason = f"{len(value)} points, expected {fewest} to {MOST_POINTS}"
+        if not fewest <= len(value) <= MAX_POINTS:
+            reason = f"{len(value)} points, expected {fewest} to {MAX_POINTS}"
             self.refuse(key, reason, f"write at least {fewest} points, as {self._examples[key]}")
             return ()
         read = [

@@ -11,7 +11,7 @@ from typing import Final
 from plant.model.types import Circle, Obstacle, Point, Polygon, Setting, Settings, World
 from runtime.cli.terminal import printable
 
-MOST_DECIMALS: Final = 15
+MAX_DECIMALS: Final = 15
 
 
 def dumps(world: World, says: str = "") -> str:
@@ -80,7 +80,7 @@ def _keyed(name: str, value: Setting) -> str:
 def in_degrees(angle_rad: float) -> float:
     """The shortest number of degrees that makes exactly this angle, or else the nearest."""
     angle_deg = degrees(angle_rad)
-    tries = [round(angle_deg, decimals) for decimals in range(MOST_DECIMALS + 1)]
+    tries = [round(angle_deg, decimals) for decimals in range(MAX_DECIMALS + 1)]
     below, above = nextafter(angle_deg, -inf), nextafter(angle_deg, inf)
     tries += [angle_deg, below, above, nextafter(below, -inf), nextafter(above, inf)]
     return next((one for one in tries if radians(one) == angle_rad), angle_deg)

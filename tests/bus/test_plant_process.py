@@ -77,7 +77,7 @@ def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> 
             world, wake = load("open"), Wake()
             plant = Plant(world, 0, noise_of(world, "none"))
             assembled = assemble(plant, bus, ["r1"], wake, lockstep=lockstep, paused=paused)
-            process = Process(plant, assembled.wires, assembled.desk, wake, patience_s=0.05)
+            process = Process(plant, assembled.links, assembled.requests, wake, patience_s=0.05)
             driver = Driver(robot)
             loops = [
                 threading.Thread(target=process.run_lockstep, args=(speed,))

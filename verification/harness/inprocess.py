@@ -81,7 +81,7 @@ class InProcess(Peers):
         if self.operator and self._ticks % BEAT_TICKS == 0:
             self._send(self._beat.key, lambda: self._beat.put(OPERATOR_BEAT), self.robot)
         if self.plant is not None and "plant" not in self.hanging:
-            wires = self.plant.wires[0]
+            wires = self.plant.links[0]
             self._send(wires.publishers[-1].key, self.plant.publish, self.robot)
 
     def _think(self) -> None:

@@ -195,7 +195,7 @@ class Peers:
         """Wait until plant and operator have found a robot that was started again."""
         if self.plant is None or self.robot is None:
             raise RuntimeError("start robot and plant before the ground connects to them")
-        publishers = [self.plant.wires[0].publishers[-1], self._beat, self.robot.reports.cycle]
+        publishers = [self.plant.links[0].publishers[-1], self._beat, self.robot.reports.cycle]
         await_subscribers(self.ground, publishers, FRAME_S)
 
     def start_all(self) -> None:

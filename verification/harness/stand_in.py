@@ -65,13 +65,13 @@ class PlantStandIn:
         published_ns = monotonic_ns()
         for publisher, frame in frames:
             publisher.put_frame(frame)
-        self._link.tell(self.plant)
+        self._link.publish_clock_and_truth(self.plant)
         while answered := self._arrived.wait(patience_s):
             if self._link.answered:
                 break
             self._arrived.clear()
         took_ns = self._arrived_ns - published_ns
-        self._link.obey(self.plant)
+        self._link.apply_command(self.plant)
         self.plant.advance()
         self._keep_driving()
         return took_ns if answered else None

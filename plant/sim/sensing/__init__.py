@@ -1,1 +1,1 @@
-"""Sonars: rays, surfaces, echoes."""
+"""Sonar simulation: rays, surfaces and echoes."""

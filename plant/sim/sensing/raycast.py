@@ -1,9 +1,9 @@
-"""Casts all forty rays of a sonar ring at once, as a few products of small matrices.
+"""Cast all forty rays of a sonar ring at once, as a few products of small matrices.
 
 Rows are surfaces, columns are rays. Every surface gives each ray a *nearness*, the inverse of the
-distance from the robot's centre along the ray, not above zero where they do not meet; the largest
-in a column is what the ray hits first. With the ray's direction u and origin o (a disc of centre c
-and radius r; an edge from a to b; x the cross product):
+distance from the robot's centre along the ray, not above zero if they do not meet. The largest
+value in a column belongs to the surface that the ray hits first. With the ray's direction u and
+origin o (a disc of centre c and radius r; an edge from a to b; x the cross product):
 
 - disc: p = u.(c - o), q = |c - o|^2 - r^2, nearness (p + sqrt(p^2 - q)) / q;
 - edge: d = u x (a - b), n = (o - a) x (b - a), nearness d / n, if u x (a - o) >= 0 >= u x (b - o).
@@ -26,22 +26,22 @@ RAYS: Final = SONARS * RAYS_PER_SONAR
 EARLY: Final = RAYS // 2
 CONE_RAD: Final = radians(22.5)
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
-"""Sonars in the order of the columns: first the group pinged early, then the late one."""
+"""Sonars in column order: first the early group, then the late group."""
 
 DRIFT: Final = PoseTolerance(way_m=0.35, turn_rad=radians(30.0))
-"""The surfaces in sight are chosen anew when the robot has moved or turned farther than that."""
+"""Motion of the robot after which the surfaces in sight are selected again."""
 
-LEAST_TURN_COSINE: Final = cos(DRIFT.turn_rad)
+MIN_TURN_COSINE: Final = cos(DRIFT.turn_rad)
 
 TINY: Final = np.array(1e-12)
-"""An array, as numpy would make one of a number at every cast."""
+"""A constant array: numpy would otherwise create one from a number at every cast."""
 TINY.setflags(write=False)
 _AIM: Final = Struct(4 * "4d16x" + 4 * "32x2d")
 """Two blocks in an 8 by 6 matrix, 4 by 4 at its upper left and 4 by 2 at its lower right."""
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
-    """Bearings of the rays from the heading, column by column, evenly spaced over the ring."""
+    """Return the bearings of the rays from the heading, by column, evenly spaced over the ring."""
     return tuple(
         (sonar - 3.5) * CONE_RAD + (ray - 2) * CONE_RAD / RAYS_PER_SONAR
         for sonar in ORDER
@@ -50,10 +50,10 @@ def ray_bearings_rad() -> tuple[float, ...]:
 
 
 class Caster:
-    """What one ring sees: the surfaces in sight, and the rays that meet them."""
+    """The view of one ring: the surfaces in sight, and the rays that meet them."""
 
     def __init__(self, scene: Scene, reach_m: float, incidence_limit_rad: float) -> None:
-        """`reach_m` counts from the centre of the robot."""
+        """Create a caster; `reach_m` is measured from the centre of the robot."""
         self._surfaces = Surfaces(scene)
         self._reach_m = reach_m
         self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
@@ -71,9 +71,9 @@ class Caster:
     def cast(
         self, early: Pose, late: Pose, moved: tuple[Sequence[Disc], Sequence[Disc]] = ((), ())
     ) -> list[float]:
-        """The nearness, per sonar in `ORDER`, of its nearest echo; not above zero without one.
+        """Return the nearness of each sonar's nearest echo, in `ORDER`; not above zero without one.
 
-        `moved`: the discs that move, where they are at the early and at the late ping.
+        `moved`: positions of the moving discs at the early and at the late ping.
         """
         moving = 2 * len(moved[0])
         if moving != self._moving or self._drifted(late) or self._drifted(early):
@@ -94,20 +94,20 @@ class Caster:
         return nearness
 
     def _drifted(self, at: Pose) -> bool:
-        """Whether the surfaces were chosen for too different a pose."""
+        """Return whether the pose differs too much from that of the chosen surfaces."""
         x_m, y_m, heading_rad = self._chosen_at
         gone_m = hypot(at[0] - x_m, at[1] - y_m)
-        return gone_m > DRIFT.way_m or cos(at[2] - heading_rad) < LEAST_TURN_COSINE
+        return gone_m > DRIFT.way_m or cos(at[2] - heading_rad) < MIN_TURN_COSINE
 
     def _choose(self, at: Pose, moving: int) -> None:
-        """Take the surfaces in sight."""
+        """Select the surfaces in sight."""
         self._moving = moving
         self._chosen_at = at
         self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
         self._sheet = RayArrays(self._chosen, self._least_cosine > 0.0)
 
     def _aim(self, early: Pose, late: Pose) -> None:
-        """Turn the fan of rays to the heading and put it where the robot is, per group."""
+        """Rotate the fan of rays to the heading and move it to the robot, per group."""
         (x0, y0, heading0), (x1, y1, heading1) = early, late
         c0, s0, c1, s1 = cos(heading0), sin(heading0), cos(heading1), sin(heading1)
         along0, across0 = x0 * c0 + y0 * s0, x0 * s0 - y0 * c0
@@ -125,7 +125,7 @@ class Caster:
         self._aim_matrix.dot(self._fan, self._aimed)
 
     def _lose_grazing(self) -> None:
-        """No echo comes back along a ray that meets its surface too obliquely."""
+        """Remove the echoes of rays that meet their surface too obliquely."""
         sheet = self._sheet
         if not len(sheet.near):
             return
@@ -135,10 +135,10 @@ class Caster:
 
 
 class RayArrays:
-    """The arrays in which the chosen surfaces meet the rays, laid out once for all of their casts.
+    """Preallocated arrays for the intersection of the chosen surfaces with the rays.
 
-    `near` is the nearness, above zero only where they meet; `across` the length of a chosen
-    surface times the cosine under which a ray meets it, kept only for those who ask for it.
+    `near` is the nearness, above zero only where they meet. `across` is the length of a chosen
+    surface times the cosine of the ray's incidence, computed only if needed.
     """
 
     __slots__ = (
@@ -162,7 +162,7 @@ class RayArrays:
         self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
 
     def meet(self, rays: Floats, starts: Floats) -> None:
-        """The nearness of every surface to every ray."""
+        """Compute the nearness of every surface to every ray."""
         chosen, near, inverse = self._chosen, self.near, self._inverse
         chosen.ray_rows.dot(rays, self._met)
         chosen.origin_rows.dot(starts, inverse)
@@ -194,7 +194,7 @@ class RayArrays:
 
 @cache
 def _fan() -> Floats:
-    """Cosines and sines of the bearings, a pair of rows per group; and which column is whose."""
+    """Return cosines and sines of the bearings, two rows per group, and each group's columns."""
     bearings = np.array(ray_bearings_rad())
     halves = np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
     cosines, sines = np.cos(bearings), np.sin(bearings)

@@ -1,6 +1,6 @@
-"""A ring of eight sonars: what comes back of what the rays met, as the millimetres it reads.
+"""A ring of eight sonars: converts the nearest surfaces into readings in millimetres.
 
-Even sonars are pinged half a period before the stamp of the scan, odd ones at the stamp.
+Even sonars ping half a period before the stamp of the scan, odd ones at the stamp.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ ALL: Final = (1 << SONARS) - 1
 
 
 class Reading(NamedTuple):
-    """Per sonar a range in millimetres (0 without an echo); bit i is sonar i."""
+    """Range per sonar in millimetres (0 without an echo), and bit fields; bit i is sonar i."""
 
     range_mm: tuple[int, ...]
     valid: int
@@ -29,7 +29,7 @@ SILENT: Final = Reading((0,) * SONARS, ALL, 0)
 
 
 class Ring:
-    """Turns what is nearest in each cone into readings, with noise and faults."""
+    """Convert the nearest surface in each cone into readings, with noise and faults."""
 
     def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
         self._rim_m = body.radius_m
@@ -46,7 +46,7 @@ class Ring:
         self._last = SILENT
 
     def read(self, nearness: Sequence[float], trouble: SonarFaults | None) -> Reading:
-        """One scan; `nearness` per sonar in the order of `raycast.ORDER`."""
+        """Return one scan; `nearness` per sonar in the order of `raycast.ORDER`."""
         reading = self._measured(nearness)
         if trouble is not None:
             reading = self._disturbed(reading, trouble)
@@ -71,7 +71,7 @@ class Ring:
                 range_m += errors[sonar] * (sigma_m + sigma_ratio * range_m)
             else:
                 continue
-            # Compared, as min() and max() here cost more than all the rest of the ring.
+            # Comparisons: min() and max() would dominate the cost of the ring.
             read_mm = round(range_m * 1e3)
             if read_mm > most_mm:
                 read_mm = most_mm
@@ -101,5 +101,5 @@ class Ring:
 
 
 def _within(range_mm: int) -> int:
-    """What the field can carry: a lying sonar keeps no other limit."""
+    """Limit a range to the wire field; a faulty sonar has no other limit."""
     return max(0, min(65535, range_mm))

@@ -1,7 +1,7 @@
-"""The surfaces of a scene as rows of matrices, and of them those that a ring may see.
+"""The surfaces of a scene as rows of matrices, and the selection of those visible to a ring.
 
 A row times a ray's (ux, uy, -u.o, -u x o) gives p of a disc, u x (a - o) or -u x (b - o) of an
-edge; a row times its origin's (ox, oy, 1, |o|^2) gives q of a disc, n of an edge. The letters are
+edge. A row times its origin's (ox, oy, 1, |o|^2) gives q of a disc, n of an edge. The letters are
 those of `plant.sim.sensing.raycast`.
 """
 
@@ -19,7 +19,7 @@ Mask: TypeAlias = npt.NDArray[np.bool_]
 
 
 class PoseTolerance(NamedTuple):
-    """How far a ring may come from a pose, and how far it may turn either way (below pi / 2)."""
+    """Largest distance from a pose, and largest turn in either direction (below pi / 2)."""
 
     way_m: float
     turn_rad: float
@@ -42,9 +42,10 @@ class Surfaces:
     def in_sight(
         self, at: Pose, reach_m: float, drift: PoseTolerance, moving: int
     ) -> "ChosenSurfaces":
-        """Those within reach of a ring, and not all behind it, that may drift from there.
+        """Return the surfaces within reach of a ring and not all behind it.
 
-        `moving` rows before them are left free for discs.
+        The selection holds for poses within `drift`. The first `moving` rows are left free for
+        moving discs.
         """
         axes = _extreme_axes(at[2], drift.turn_rad)
         farthest_m = reach_m + drift.way_m
@@ -91,7 +92,7 @@ class ChosenSurfaces:
         self.edges = len(sizes) - discs
 
     def place(self, moved: Sequence[Disc]) -> None:
-        """Put moving discs into the rows left free for them."""
+        """Put moving discs into the rows reserved for them."""
         rows = slice(len(moved))
         self.ray_rows[rows, :2] = [disc[:2] for disc in moved]
         self.origin_rows[rows] = [
@@ -117,12 +118,12 @@ def _edge_rows(edges: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _extreme_axes(heading_rad: float, turn_rad: float) -> Floats:
-    """The headings farthest to both sides, as columns: what is behind at both is so between."""
+    """Return the extreme headings as columns: a point behind both is behind all between them."""
     right_rad, left_rad = heading_rad - turn_rad, heading_rad + turn_rad
     return np.array(((cos(right_rad), cos(left_rad)), (sin(right_rad), sin(left_rad))))
 
 
 def _ahead_m(gaps: Floats, axes: Floats) -> Floats:
-    """How far each point is ahead, at the heading at which it is farthest ahead."""
+    """Return how far each point is ahead, at the heading at which it is farthest ahead."""
     ahead = gaps @ axes
     return np.maximum(ahead[:, 0], ahead[:, 1])

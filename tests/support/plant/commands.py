@@ -1,6 +1,6 @@
 """Wheel commands, and a gate that has been sent ticks, as the tests of both use them."""
 
-from plant.process.command_gate import CommandGate, Demand
+from plant.process.command_gate import CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import UINT32
@@ -35,7 +35,7 @@ def gate_at(tick: int, first: int = 0) -> CommandGate:
     return gate
 
 
-def taken(gate: CommandGate, *commands: WheelCommand) -> Demand | None:
+def taken(gate: CommandGate, *commands: WheelCommand) -> WheelOutput | None:
     for one in commands:
         gate.receive(one)
     return gate.take()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from plant.corpus import GRID_FAMILIES, generate
 from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
 from plant.corpus.draft import Frame
-from plant.corpus.forests import LEAST_PASSAGE_M
+from plant.corpus.forests import MIN_PASSAGE_M
 from plant.corpus.grids import MAPS
 from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
@@ -81,7 +81,7 @@ def test_a_forest_has_its_density_and_a_passage_between_any_two_trunks(
             dist((a.x_m, a.y_m), (b.x_m, b.y_m)) - a.radius_m - b.radius_m
             for a, b in combinations(trunks, 2)
         )
-        assert min(gaps_m) >= LEAST_PASSAGE_M > 2.0 * Body().radius_m
+        assert min(gaps_m) >= MIN_PASSAGE_M > 2.0 * Body().radius_m
 
 
 def test_a_spiral_winds_and_its_arms_leave_the_robot_room() -> None:

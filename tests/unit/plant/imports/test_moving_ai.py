@@ -3,7 +3,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.cells import Cells
-from plant.imports.moving_ai import MOST_CELLS, Scenario, fits, parse_map, parse_scenarios
+from plant.imports.moving_ai import MAX_CELLS, Scenario, fits, parse_map, parse_scenarios
 from plant.model.errors import WorldError
 from tests.support.plant.imports.files import MAP, SCEN, refused
 
@@ -47,7 +47,7 @@ BAD_MAPS = [
     ("no height", MAP.replace("height 5", "hight 5"), 2, "height", "found 'hight 5'"),
     ("height zero", MAP.replace("height 5", "height 0"), 2, "height", "found 'height 0'"),
     ("height no number", MAP.replace("height 5", "height five"), 2, "height", "five"),
-    ("width huge", MAP.replace("width 8", f"width {MOST_CELLS + 1}"), 3, "width", "4097"),
+    ("width huge", MAP.replace("width 8", f"width {MAX_CELLS + 1}"), 3, "width", "4097"),
     ("width twice", MAP.replace("height 5", "width 8"), 3, "width", "found 'width 8'"),
     ("cut header", "type octile\nheight 5", 3, "width", "found ''"),
     ("no map", MAP.replace("map\n", ""), 4, "map", "missing"),

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from plant.imports.cells import Cells, Mask
-from plant.imports.outlines import MOST_POINTS, outlines
+from plant.imports.outlines import MAX_POINTS, outlines
 from plant.model.geometry import area_m2, crossing_edges, folded_corner, inside
 
 masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
@@ -32,7 +32,7 @@ def test_the_outlines_cover_what_is_blocked_and_nothing_else(mask: Mask) -> None
 @example(PINCHED)
 def test_each_outline_is_one_that_a_world_may_have(mask: Mask) -> None:
     for polygon in outlines(Cells(mask, 0.4)):
-        assert 4 <= len(polygon.points_m) <= MOST_POINTS
+        assert 4 <= len(polygon.points_m) <= MAX_POINTS
         assert crossing_edges(polygon.points_m) is None
         assert folded_corner(polygon.points_m) is None
 
@@ -57,5 +57,5 @@ def test_a_comb_with_many_teeth_is_cut_to_size() -> None:
     mask = np.ones((2, 101), dtype=bool)
     mask[1, ::2] = False
     polygons = outlines(Cells(mask, 1.0))
-    assert max(len(one.points_m) for one in polygons) <= MOST_POINTS
+    assert max(len(one.points_m) for one in polygons) <= MAX_POINTS
     assert sum(area_m2(one.points_m) for one in polygons) == mask.sum()

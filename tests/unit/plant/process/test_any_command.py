@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from plant.model.body import Body
 from plant.model.noise import LEVELS
-from plant.process.command_gate import CommandGate, Demand
+from plant.process.command_gate import CommandGate, WheelOutput
 from plant.sim.active_faults import NO_TROUBLE
 from plant.sim.drive import Drive
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
@@ -90,5 +90,5 @@ def test_a_robot_that_is_alone_is_always_obeyed(
     for tick, (left_mrad_s, right_mrad_s, lost) in enumerate(told):
         gate.begin_tick(tick)
         one = forged((0, tick, left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS, epoch), tick)
-        expected = None if lost else Demand(left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
+        expected = None if lost else WheelOutput(left_mrad_s, right_mrad_s, MAX_WHEEL_TTL_MS)
         assert taken(gate, *[] if lost else [one]) == expected

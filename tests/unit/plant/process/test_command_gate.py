@@ -2,13 +2,14 @@
 
 import pytest
 
-from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, Demand
+from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, UINT32
 from tests.support.plant.commands import FAST, command, gate_at, taken
 
-BRAKE = Demand(0, 0, 0)
+BRAKE = WheelOutput(0, 0, 0)
+DRIVE = WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
 @pytest.mark.parametrize(
@@ -16,7 +17,7 @@ BRAKE = Demand(0, 0, 0)
 )
 def test_a_command_counts_from_the_tick_it_answers(age: int, left_ms: int | None) -> None:
     """A future tick, the age of 3 periods and the one beyond are the boundaries."""
-    expected = None if left_ms is None else Demand(FAST, FAST, left_ms)
+    expected = None if left_ms is None else WheelOutput(FAST, FAST, left_ms)
     assert taken(gate_at(20), command(20 - age)) == expected
 
 
@@ -24,21 +25,19 @@ def test_a_command_counts_from_the_tick_it_answers(age: int, left_ms: int | None
     ("ttl_ms", "left_ms"), [(1, 1), (149, 149), (150, 150), (151, 150), (65535, 150)]
 )
 def test_the_time_to_live_is_capped(ttl_ms: int, left_ms: int) -> None:
-    assert taken(gate_at(20), command(20, ttl_ms=ttl_ms)) == Demand(FAST, FAST, left_ms)
+    assert taken(gate_at(20), command(20, ttl_ms=ttl_ms)) == WheelOutput(FAST, FAST, left_ms)
 
 
 @pytest.mark.parametrize(("age", "left_ms"), [(1, 10), (2, 0), (3, 0)])
 def test_a_short_time_to_live_counts_from_the_tick_too(age: int, left_ms: int) -> None:
-    assert taken(gate_at(20), command(20 - age, ttl_ms=60)) == Demand(FAST, FAST, left_ms)
+    assert taken(gate_at(20), command(20 - age, ttl_ms=60)) == WheelOutput(FAST, FAST, left_ms)
 
 
 def test_the_frame_of_finding_a3_is_refused() -> None:
     gate = gate_at(20)
     assert gate.receive(command(UINT32, ttl_ms=65535)) == "answers a tick that was never sent"
     assert gate.take() is None
-    assert taken(gate, command(20)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS), (
-        "and nothing is deaf after it"
-    )
+    assert taken(gate, command(20)) == DRIVE, "and nothing is deaf after it"
 
 
 @pytest.mark.parametrize("age", [1, 2, 3])
@@ -51,7 +50,7 @@ def test_no_tick_before_the_first_one_counts(age: int) -> None:
 @pytest.mark.parametrize("tick", [UINT32 - 1, UINT32, UINT32 + 1, UINT32 + 2])
 def test_the_number_of_a_tick_may_wrap(tick: int) -> None:
     gate = gate_at(tick, first=UINT32 - 5)
-    assert taken(gate, command(tick - 2)) == Demand(FAST, FAST, 50)
+    assert taken(gate, command(tick - 2)) == WheelOutput(FAST, FAST, 50)
     assert taken(gate, command(tick + 1)) is None
 
 
@@ -75,7 +74,7 @@ def test_a_robot_that_remembers_the_plant_before_is_not_obeyed() -> None:
     """Its larger numbers must not keep out the answers to the ticks of the plant that is there."""
     gate = gate_at(0)
     assert taken(gate, command(4000, seq=4000)) is None
-    assert taken(gate, command(0, seq=4001)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(0, seq=4001)) == DRIVE
 
 
 @pytest.mark.parametrize(
@@ -85,21 +84,21 @@ def test_of_two_commands_the_newer_counts(tick: int, seq: int, obeyed: bool) -> 
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
     found = taken(gate, command(tick, seq=seq, mrad_s=1000))
-    assert found == (Demand(1000, 1000, MAX_WHEEL_TTL_MS) if obeyed else None)
+    assert found == (WheelOutput(1000, 1000, MAX_WHEEL_TTL_MS) if obeyed else None)
 
 
 def test_a_robot_that_began_anew_counts_from_0_again() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=4000))
     gate.begin_tick(21)
-    assert taken(gate, command(21, seq=0)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(21, seq=0)) == DRIVE
 
 
 def test_a_command_that_comes_between_two_ticks_ages() -> None:
     gate = gate_at(20)
     gate.receive(command(20))
     gate.begin_tick(21)
-    assert gate.take() == Demand(FAST, FAST, 100)
+    assert gate.take() == WheelOutput(FAST, FAST, 100)
 
 
 @pytest.mark.parametrize("sense_seq", [20, 19, 17, 16, 0, 21, 4000, UINT32])
@@ -120,7 +119,7 @@ def test_a_brake_is_obeyed_whatever_its_numbers(
 
 def test_a_brake_in_time_runs_the_motors_down_like_any_command() -> None:
     """So that a trajectory is the same to the bit with and without processes."""
-    assert taken(gate_at(20), command(19, mrad_s=0)) == Demand(0, 0, 100)
+    assert taken(gate_at(20), command(19, mrad_s=0)) == WheelOutput(0, 0, 100)
 
 
 @pytest.mark.parametrize("first", [0, FAST])
@@ -134,7 +133,9 @@ def test_a_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
         assert why == "moves the wheels while the robot brakes"
         assert gate.take() is None
     gate.begin_tick(20 + HELD_TICKS)
-    assert taken(gate, command(20 + HELD_TICKS, seq=99)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(20 + HELD_TICKS, seq=99)) == WheelOutput(
+        FAST, FAST, MAX_WHEEL_TTL_MS
+    )
 
 
 def test_a_brake_out_of_time_contradicts_a_move_for_this_tick() -> None:
@@ -165,17 +166,17 @@ def test_a_late_brake_for_another_tick_does_not_hold_the_wheels(braked: int) -> 
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
     late = taken(gate, command(braked, seq=9, mrad_s=0))
-    assert late == Demand(0, 0, (braked - 17) * PERIOD_MS), "it is obeyed"
+    assert late == WheelOutput(0, 0, (braked - 17) * PERIOD_MS), "it is obeyed"
     assert gate.answered
     assert taken(gate, command(20, seq=5)) is None, "a copy of what it stopped is not"
-    assert taken(gate, command(20, seq=6)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(20, seq=6)) == DRIVE
 
 
 def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0))
     gate.begin_tick(21)
-    assert taken(gate, command(21, seq=2)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(21, seq=2)) == DRIVE
 
 
 # Two robots of one name.
@@ -184,11 +185,11 @@ def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
 def test_the_robot_started_last_drives() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=900, epoch=5))
-    assert taken(gate, command(20, seq=0, mrad_s=1000, epoch=6)) == Demand(
+    assert taken(gate, command(20, seq=0, mrad_s=1000, epoch=6)) == WheelOutput(
         1000, 1000, MAX_WHEEL_TTL_MS
     )
     why = gate.receive(command(20, seq=901, epoch=5))
-    assert why == "is of a robot that was started before the one that drives"
+    assert why == "comes from a robot that was started before the active one"
     assert gate.take() is None
 
 
@@ -201,7 +202,7 @@ def test_a_braking_newer_robot_keeps_the_older_out() -> None:
 def test_an_older_robot_is_obeyed_when_it_brakes_and_takes_nothing_over() -> None:
     gate = gate_at(20)
     taken(gate, command(19, epoch=6))
-    assert taken(gate, command(18, mrad_s=0, epoch=5)) == Demand(0, 0, 50)
+    assert taken(gate, command(18, mrad_s=0, epoch=5)) == WheelOutput(0, 0, 50)
     assert taken(gate, command(20, epoch=5)) is None
 
 
@@ -213,7 +214,9 @@ def test_a_newer_robot_lives_while_its_late_commands_come() -> None:
     gate.begin_tick(21 + SILENT_TICKS)
     assert taken(gate, command(21 + SILENT_TICKS, epoch=5)) is None
     gate.begin_tick(22 + SILENT_TICKS)
-    assert taken(gate, command(22 + SILENT_TICKS, epoch=5)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(22 + SILENT_TICKS, epoch=5)) == WheelOutput(
+        FAST, FAST, MAX_WHEEL_TTL_MS
+    )
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
@@ -223,7 +226,7 @@ def test_an_older_robot_drives_when_the_newer_is_silent(silent: int, drives: boo
     for tick in range(21, 21 + silent):
         gate.begin_tick(tick)
     found = taken(gate, command(20 + silent, epoch=5))
-    assert found == (Demand(FAST, FAST, MAX_WHEEL_TTL_MS) if drives else None)
+    assert found == (WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS) if drives else None)
 
 
 def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
@@ -232,7 +235,7 @@ def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
         gate, command(16, epoch=UINT32), command(16, mrad_s=0, epoch=UINT32), command(21, epoch=9)
     )
     gate.begin_tick(21)
-    assert taken(gate, command(21, epoch=5)) == Demand(FAST, FAST, MAX_WHEEL_TTL_MS)
+    assert taken(gate, command(21, epoch=5)) == DRIVE
 
 
 @pytest.mark.parametrize(

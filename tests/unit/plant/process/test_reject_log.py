@@ -12,7 +12,7 @@ def test_the_first_is_told_at_once_and_a_flood_in_few_lines() -> None:
     for count in range(1, 1001):
         counts["drive/wheels"] = count
         unreadable.look()
-    assert told[0].startswith("plant: 1 unreadable or refused on drive/wheels")
+    assert told[0].startswith("plant: 1 rejected on drive/wheels")
     assert 5 < len(told) < 12
 
 

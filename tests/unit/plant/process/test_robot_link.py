@@ -27,14 +27,14 @@ class Bench:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"])
         bus = cast(Bus, self._bus)
-        self.wires = RobotLink(bus, "r1", 0, lambda _: None, lockstep=True)
+        self.link = RobotLink(bus, "r1", 0, lambda _: None, lockstep=True)
         for _ in range(20):
-            self.wires.publish(self.plant)
+            self.link.publish(self.plant)
             self.plant.advance()
 
     def tick(self, *commands: tuple[int, int, int]) -> float:
         """A period in which these came: number, tick of their senses, speed. The speed after it."""
-        self.wires.publish(self.plant)
+        self.link.publish(self.plant)
         for seq, sense_seq, mrad_s in commands:
             self._bus.say(
                 DRIVE,
@@ -47,7 +47,7 @@ class Bench:
                     ttl_ms=150,
                 ),
             )
-        self.wires.obey(self.plant)
+        self.link.apply_command(self.plant)
         self.plant.advance()
         return self.plant.truth().speed_m_s
 
@@ -91,7 +91,7 @@ class Listener:
     def __init__(self, *, lockstep: bool, at_ns: int = 0) -> None:
         self._bus = PlayedBus(ManualClock())
         self.plant = Plant(load("open"), 0, LEVELS["none"], robots=2, at_ns=at_ns)
-        self.wires = RobotLink(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
+        self.link = RobotLink(cast(Bus, self._bus), "r2", 1, lambda _: None, lockstep=lockstep)
         self.said: list[Message] = []
         for publisher in self._bus.publishers.values():
             publisher.heard = self.said.append
@@ -99,13 +99,13 @@ class Listener:
     def heard(self) -> list[Message]:
         """Return what is published for this tick."""
         self.said.clear()
-        self.wires.publish(self.plant)
+        self.link.publish(self.plant)
         return list(self.said)
 
     def topics(self) -> list[str]:
         """Return the paths of the topics that the robot must subscribe to."""
         paths = {id(one): path for (_, path), one in self._bus.publishers.items()}
-        return [paths[id(one)] for one in self.wires.publishers]
+        return [paths[id(one)] for one in self.link.publishers]
 
 
 def test_senses_leave_before_the_clock_and_the_truth() -> None:
@@ -148,8 +148,8 @@ def test_a_robot_must_subscribe_to_senses_and_clock(lockstep: bool, clock: list[
 
 def test_a_link_names_its_robot_and_tells_whether_it_has_answered() -> None:
     bench = Bench()
-    assert bench.wires.robot == "r1"
+    assert bench.link.robot == "r1"
     bench.tick((1, 19, FAST))
-    assert not bench.wires.answered, "it answered the tick before"
+    assert not bench.link.answered, "it answered the tick before"
     bench.tick((2, 21, FAST))
-    assert bench.wires.answered
+    assert bench.link.answered

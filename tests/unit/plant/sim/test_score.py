@@ -81,7 +81,7 @@ def test_a_contact_is_the_robots_own_when_it_closed_in_as_the_touch_began() -> N
 
 
 def test_a_full_score_says_so_and_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(score_module, "MOST_TICKS", 5)
+    monkeypatch.setattr(score_module, "MAX_TICKS", 5)
     run = square_run()
     assert run.full
     before = run.until(10**18)
