@@ -45,7 +45,7 @@ class Authority:
     def __init__(self, since: datetime, until: datetime) -> None:
         self._times = (since, until)
         self._key = generate_private_key(SECP256R1())
-        # A unique name tells certificates of other authorities from forged ones.
+        # A unique name distinguishes certificates of other authorities from forged ones.
         self._name = named(f"{AUTHORITY} {x509.random_serial_number():040x}"[:MAX_NAME])
         public = self._key.public_key()
         usage = key_usage(signs_certificates=True)

@@ -1,4 +1,4 @@
-"""Words of the verbs that are one command, and of the emergency stop, the lease and a mark."""
+"""Arguments of the verbs that are one command, and of the emergency stop, lease and mark."""
 
 import argparse
 from collections.abc import Mapping
@@ -28,87 +28,107 @@ LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
 
 
 class CommandWords(Words):
-    """A verb without arguments of its own."""
+    """The arguments of a command without arguments of its own."""
 
     timeout: float | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         add_common(parser)
         parser.add_argument(
             "--timeout",
             type=seconds,
             metavar="S",
-            help="give up after this long, in three tries (1.5)",
+            help="give up after this time, in three attempts (1.5)",
         )
 
     def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
         return PLAIN[self.verb](timeout_s=self.timeout)
 
 
 class ModeWords(CommandWords):
+    """The arguments of `mode`."""
+
     mode: str
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         names = [mode.name.lower() for mode in Mode]
         parser.add_argument("mode", type=str.lower, choices=names, help=", ".join(names))
         super().declare(parser)
 
     def operation(self) -> SetMode:
+        """Return the operation for the parsed arguments."""
         return SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
 
 
 class NavigatorWords(CommandWords):
+    """The arguments of `navigator`."""
+
     navigator: str
     side: str | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         parser.add_argument("navigator", type=str.lower, choices=list(NAVIGATORS))
         parser.add_argument(
             "side",
             nargs="?",
             type=str.lower,
             choices=list(SIDES),
-            help="on which obstacles are passed",
+            help="side on which obstacles are passed",
         )
         super().declare(parser)
 
     def operation(self) -> SetNavigator:
+        """Return the operation for the parsed arguments."""
         side = 0 if self.side is None else SIDES[self.side]
         navigator = NAVIGATORS[self.navigator]
         return SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
 
 
 class StopWords(Words):
+    """The arguments of `estop`."""
+
     timeout: float | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         add_common(parser)
-        help = f"repeat it for so long until it shows ({STOP_S:g})"
+        help = f"repeat until the robot's status shows it, for at most ({STOP_S:g})"
         parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
 
     def operation(self) -> StopNow:
+        """Return the operation for the parsed arguments."""
         return StopNow(timeout_s=STOP_S if self.timeout is None else self.timeout)
 
 
 class LeaseWords(Words):
+    """The arguments of `lease`."""
+
     name: str | None
     hold: float | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
-        help = "take: refused while another holds it"
+        """Declare the arguments."""
+        help = "take is refused while another operator holds it"
         parser.add_argument("action", choices=LEASE_ACTIONS, help=help)
-        parser.add_argument("--name", metavar="N", help="what others call you (your user name)")
         parser.add_argument(
-            "--for", dest="hold", type=seconds, metavar="S", help="give it back after this long"
+            "--name", metavar="N", help="name shown to other operators (your user name)"
+        )
+        parser.add_argument(
+            "--for", dest="hold", type=seconds, metavar="S", help="give it back after this time"
         )
         add_common(parser)
 
     def operation(self) -> ShowLease | ChangeLease:
+        """Return the operation for the parsed arguments."""
         if self.action == "show":
             return ShowLease()
         action = LeaseAction[self.action.upper()]
@@ -116,12 +136,16 @@ class LeaseWords(Words):
 
 
 class MarkWords(Words):
+    """The arguments of `mark`."""
+
     text: list[str]
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("text", nargs="+", metavar="TEXT", help="what is to be remembered")
+        """Declare the arguments."""
+        parser.add_argument("text", nargs="+", metavar="TEXT", help="the remark")
         add_common(parser)
 
     def operation(self) -> Mark:
+        """Return the operation for the parsed arguments."""
         return Mark(remark=" ".join(self.text))

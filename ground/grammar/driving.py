@@ -1,4 +1,4 @@
-"""Words of `goto` and `teleop`."""
+"""Arguments of `goto` and `teleop`."""
 
 import argparse
 
@@ -14,6 +14,8 @@ from protocol.options import finite
 
 
 class GotoWords(Words):
+    """The arguments of `goto`."""
+
     x: float
     y: float
     heading: float | None
@@ -25,10 +27,11 @@ class GotoWords(Words):
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         parser.add_argument("x", type=finite, metavar="X", help="metres")
         parser.add_argument("y", type=finite, metavar="Y", help="metres")
         parser.add_argument(
-            "heading", type=finite, nargs="?", metavar="DEG", help="final heading; any without it"
+            "heading", type=finite, nargs="?", metavar="DEG", help="final heading; without it any"
         )
         parser.add_argument(
             "--tolerance",
@@ -50,15 +53,18 @@ class GotoWords(Words):
             "--frame",
             choices=FRAMES,
             default="world",
-            help="body: X ahead of the robot, Y to its left, DEG from where it looks (world)",
+            help="body: X ahead of the robot, Y to its left, DEG from its heading (world)",
         )
         add_common(parser)
         parser.add_argument(
-            "--no-wait", action="store_true", help="in AUTO, which needs no operator; do not wait"
+            "--no-wait",
+            action="store_true",
+            help="drive in AUTO, which needs no operator; do not wait",
         )
-        parser.add_argument("--timeout", type=seconds, metavar="S", help="abort after this long")
+        parser.add_argument("--timeout", type=seconds, metavar="S", help="abort after this time")
 
     def operation(self) -> Goto:
+        """Return the operation for the parsed arguments."""
         goal = destination(
             [self.x, self.y] + ([] if self.heading is None else [self.heading]),
             position_tolerance_m=self.tolerance,
@@ -69,18 +75,22 @@ class GotoWords(Words):
 
 
 class TeleopWords(Words):
+    """The arguments of `teleop`."""
+
     speed: float
     turn: float
     last: float | None
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         parser.add_argument("speed", type=finite, metavar="SPEED", help="m/s, negative: backwards")
         parser.add_argument("turn", type=finite, metavar="YAW_DEG_S", help="deg/s, positive: left")
         parser.add_argument(
-            "--for", dest="last", type=seconds, metavar="S", help="stop after this long"
+            "--for", dest="last", type=seconds, metavar="S", help="stop after this time"
         )
         add_common(parser)
 
     def operation(self) -> DriveByHand:
+        """Return the operation for the parsed arguments."""
         return DriveByHand(speed_m_s=self.speed, turn_deg_s=self.turn, for_s=self.last)

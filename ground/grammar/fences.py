@@ -1,4 +1,4 @@
-"""Words of `fence`."""
+"""Arguments of `fence`."""
 
 import argparse
 from dataclasses import dataclass
@@ -26,13 +26,17 @@ class SetFenceOfFile:
     file: Path
 
     def read(self) -> SetFence:
+        """Read the file; MissionError names its faults."""
         return SetFence(fence=read_fence(self.file))
 
     def perform(self, session: Session) -> TransferOutcome:
+        """Read the file and upload the fence."""
         return self.read().perform(session)
 
 
 class FenceWords(Words):
+    """The arguments of `fence`."""
+
     x: float
     y: float
     radius: float
@@ -40,21 +44,23 @@ class FenceWords(Words):
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         names = "circle|polygon|off|show"
         actions = parser.add_subparsers(dest="action", required=True, metavar=names)
         circling = actions.add_parser("circle", help="stay within R metres of X Y")
         circling.add_argument("x", type=finite, metavar="X", help="metres")
         circling.add_argument("y", type=finite, metavar="Y", help="metres")
         circling.add_argument("radius", type=positive, metavar="R", help="metres")
-        outlining = actions.add_parser("polygon", help="stay inside of these corners")
+        outlining = actions.add_parser("polygon", help="stay inside these corners")
         help = "a mission file with a fence, or X Y X Y X Y ..."
         outlining.add_argument("corners", nargs="+", metavar="FILE", help=help)
-        clearing = actions.add_parser("off", help="take the fence away")
-        showing = actions.add_parser("show", help="which fence the robot has")
+        clearing = actions.add_parser("off", help="remove the fence")
+        showing = actions.add_parser("show", help="show the robot's fence")
         for action in (circling, outlining, clearing, showing):
             add_common(action)
 
     def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
         if self.action == "show":
             return ShowFence()
         if self.action == "off":
@@ -73,16 +79,16 @@ class FenceWords(Words):
 
 
 def outlined(words: list[str]) -> Polygon:
-    """X Y X Y ... as corners; UserError when they are no fence."""
+    """Parse X Y X Y ... as corners; UserError if they enclose no area."""
     try:
         numbers = [finite(word) for word in words]
     except argparse.ArgumentTypeError as error:
         raise UserError(f"{error}; a fence is X Y X Y X Y ..., or a mission file") from error
     if len(numbers) % 2:
-        raise UserError(f"{len(numbers)} numbers are no corners: X Y for each")
+        raise UserError(f"{len(numbers)} numbers are not pairs: give X Y for each corner")
     for value in numbers:
         within(value, -FARTHEST_M, FARTHEST_M, "corner", "m")
     polygon = Polygon(corners=tuple(zip(numbers[::2], numbers[1::2], strict=True)))
     if fault := fault_of(polygon.corners):
-        raise UserError(f"this is no fence: {fault}; put the corners in order, round the place")
+        raise UserError(f"not a fence: {fault}; give the corners in order around the area")
     return polygon

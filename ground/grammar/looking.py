@@ -1,4 +1,4 @@
-"""Words of the verbs that look and change nothing."""
+"""Arguments of the verbs that read the state of a robot or a recording."""
 
 import argparse
 from typing import Final
@@ -18,38 +18,49 @@ moment: Final = up_to(LONGEST_S)
 
 
 class WatchWords(Words):
+    """The arguments of `watch`."""
+
     once: bool
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         add_common(parser)
-        help = "look once, as --json does, and end"
+        help = "print the state once, as --json does"
         parser.add_argument("--once", action="store_true", help=help)
 
     def operation(self) -> LookOnce:
+        """Return the operation for the parsed arguments."""
         return LookOnce()
 
 
 class DoctorWords(Words):
+    """The arguments of `doctor`."""
+
     timeout: float
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         add_common(parser)
-        help = f"listen for this long ({LISTEN_S:g})"
+        help = f"listen for this time ({LISTEN_S:g})"
         parser.add_argument("--timeout", type=seconds, default=LISTEN_S, metavar="S", help=help)
 
     def operation(self) -> Diagnose:
+        """Return the operation for the parsed arguments."""
         return Diagnose(listen_s=self.timeout)
 
 
 class ExplainWords(Words):
+    """The arguments of `explain`."""
+
     file: str | None
     at: float | None
     turns: bool
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         help = "a recording; else the robot, now"
         parser.add_argument("file", nargs="?", metavar="FILE", help=help)
         help = "seconds of the recording (the last turning point)"
@@ -58,14 +69,17 @@ class ExplainWords(Words):
         add_common(parser)
 
     def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
         if self.file is not None:
             return ExplainRecording(file=self.file, at_s=self.at, turns=self.turns, robot=self.id)
         if self.at is not None or self.turns:
-            raise UserError("--at and --turns look into a recording: name its FILE")
+            raise UserError("--at and --turns need a recording: name its FILE")
         return ExplainNow()
 
 
 class ExportWords(Words):
+    """The arguments of `export`."""
+
     file: str
     format: str
     shape: str
@@ -76,6 +90,7 @@ class ExportWords(Words):
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
         parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="(csv)")
         help = "a row per value that came, or per instant of a grid (long)"
@@ -89,8 +104,9 @@ class ExportWords(Words):
         add_json(parser)
 
     def operation(self) -> Export:
+        """Return the operation for the parsed arguments."""
         if self.json and self.out is None:
-            raise UserError("--json and the table cannot both be standard output: add --out FILE")
+            raise UserError("--json and the table cannot both use standard output: add --out FILE")
         return Export(
             file=self.file,
             format=self.format,
@@ -103,6 +119,8 @@ class ExportWords(Words):
 
 
 class PlotWords(Words):
+    """The arguments of `plot`."""
+
     file: str
     out: str
     world: str | None
@@ -111,9 +129,10 @@ class PlotWords(Words):
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
         parser.add_argument("--out", default="", metavar="FILE", help="a .png or .svg (FILE.png)")
-        help = "the world it was in; an .mcap knows it already"
+        help = "the world of the run; an .mcap contains it"
         parser.add_argument("--world", metavar="W", help=help)
         help = "begin at this second of the robot's stamps"
         parser.add_argument("--from", dest="begin", type=finite, metavar="S", help=help)
@@ -121,6 +140,7 @@ class PlotWords(Words):
         add_json(parser)
 
     def operation(self) -> Plot:
+        """Return the operation for the parsed arguments."""
         return Plot(
             file=self.file, out=self.out, world=self.world, begin_s=self.begin, end_s=self.end
         )

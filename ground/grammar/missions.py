@@ -1,4 +1,4 @@
-"""Words of `mission`, and its operations on files."""
+"""Arguments of `mission`, and its operations on files."""
 
 import argparse
 import sys
@@ -33,14 +33,14 @@ from protocol.options import finite, whole
 from runtime.errors import UserError
 
 MOST_ITEMS: Final = 65_535
-"""People count items from 1; the wire begins with 0."""
+"""Limit of an item's number; people count from 1, the wire from 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionFile:
-    """A mission file to be read; `-` is standard input, or a text that was `typed`.
+    """A mission file to read; `-` is standard input, or the text returned by `typed`.
 
-    `drop`: leave out what the robot cannot do.
+    `drop`: leave out items that the robot cannot carry out.
     """
 
     file: Path
@@ -49,7 +49,7 @@ class MissionFile:
     typed: Callable[[], str] | None = None
 
     def read(self) -> Foreign:
-        """MissionError names all that is wrong with it."""
+        """Read the mission; MissionError names all faults of the file."""
         if self.file != files.DASH:
             return files.read(self.file, home=self.home, drop=self.drop)
         text = sys.stdin.read(files.LARGEST_BYTES) if self.typed is None else self.typed()
@@ -65,16 +65,18 @@ class UploadMissionFile:
     source: MissionFile
 
     def read(self) -> UploadMission:
+        """Read the file."""
         found = self.source.read()
         return UploadMission(mission=found.mission, dropped=found.dropped)
 
     def perform(self, session: Session) -> TransferOutcome:
+        """Read the file and upload the mission."""
         return self.read().perform(session)
 
 
 @dataclass(frozen=True, slots=True)
 class MissionChecked(Success):
-    """A mission file that can be used; written as `out`, without what that has no room for."""
+    """A valid mission file; written as `out`, without the items in `lost`."""
 
     found: Foreign
     out: Path | None = None
@@ -82,10 +84,12 @@ class MissionChecked(Success):
 
     @property
     def text(self) -> str:
+        """The mission, or the file that was written."""
         mission = self.found.mission
         return f"ok, {mission}" if self.out is None else files.written(self.out, mission, self.lost)
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return counts and losses as a row."""
         row: dict[str, object] = {
             "verb": verb,
             "ok": True,
@@ -99,7 +103,7 @@ class MissionChecked(Success):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckMission:
-    """Read a mission file; with `out`, write it in the format of that ending."""
+    """Read a mission file; with `out`, write it in the format of that suffix."""
 
     moves: ClassVar[bool] = False
     source: MissionFile
@@ -107,62 +111,68 @@ class CheckMission:
 
     @property
     def verb(self) -> str:
+        """The verb, by whether a file is written."""
         return "mission check" if self.out is None else "mission convert"
 
     def run(self, progress: Progress) -> MissionChecked:
+        """Check the file without a robot."""
         found, lost = self.source.read(), tuple[str, ...]()
         if self.out is not None:
             if self.out.resolve() == self.source.file.resolve():
-                raise UserError(f"{self.out} would be overwritten: give another name")
+                raise UserError(f"{self.out} is also the input: give another name")
             lost = files.write(self.out, found.mission)
         for what in found.dropped:
             progress.note(f"left out: {what}")
         return MissionChecked(found, self.out, lost)
 
     def perform(self, session: Session) -> MissionChecked:
+        """Check the file without using the session's robot."""
         return self.run(session.progress)
 
 
 class MissionWords(Words):
+    """The arguments of `mission`."""
+
     file: Path
     out: Path
     item: int | None
     home: tuple[float, float] | None
     drop: bool
     typed: Callable[[], str] | None = None
-    """What `-` stands for; standard input without it."""
+    """Returns the text for the file `-`; without it, standard input is read."""
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
         names = "check|upload|download|list|start|pause|resume|abort|jump|status|clear|convert"
         actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-        checking = actions.add_parser("check", help="say what is wrong with a file")
-        help = "from one format to another, by the endings"
+        checking = actions.add_parser("check", help="report the faults of a file")
+        help = "convert between formats, chosen by the suffixes"
         converting = actions.add_parser("convert", help=help)
         endings = ".toml, .plan or .waypoints"
         checking.add_argument("file", type=Path, metavar="FILE", help=endings)
         converting.add_argument("file", type=Path, metavar="IN")
         converting.add_argument("out", type=Path, metavar="OUT")
-        help = "give it to the robot, with its fence if any"
+        help = "send it to the robot, with its fence if it has one"
         uploading = actions.add_parser("upload", help=help)
-        downloading = actions.add_parser("download", help="write what the robot has to a file")
+        downloading = actions.add_parser("download", help="write the robot's mission to a file")
         for action in (uploading, downloading):
             action.add_argument("file", type=Path, metavar="FILE", help=endings)
         starting = actions.add_parser("start", help="drive it, from an item on")
         item, help = whole(1, MOST_ITEMS), "from 1; without it the current one, or the first"
         help += " of a mission that is done"
         starting.add_argument("item", nargs="?", type=item, metavar="ITEM", help=help)
-        jumping = actions.add_parser("jump", help="go on with another item")
+        jumping = actions.add_parser("jump", help="continue with another item")
         jumping.add_argument("item", type=item, metavar="ITEM", help="from 1")
         others = {
-            "pause": "stand still",
-            "resume": "go on",
-            "abort": "drop it and stand still",
-            "list": "the items the robot has",
-            "status": "how far it is",
+            "pause": "stop",
+            "resume": "continue",
+            "abort": "cancel it and stop",
+            "list": "show the robot's items",
+            "status": "show its progress",
             "clear": "delete it from the robot",
         }
-        plain = [actions.add_parser(name, help=says) for name, says in others.items()]
+        plain = [actions.add_parser(name, help=text) for name, text in others.items()]
         for action in (checking, converting, uploading, downloading):
             add_reading(action)
         for action in (checking, converting):
@@ -171,6 +181,7 @@ class MissionWords(Words):
             add_common(action)
 
     def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
         meanings: dict[str, Callable[[], Operation[Outcome]]] = {
             "check": lambda: CheckMission(source=self._source()),
             "convert": lambda: CheckMission(source=self._source(), out=self.out),
@@ -195,13 +206,16 @@ class MissionWords(Words):
 
 
 def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Declare the options for reading mission files."""
     parser.add_argument(
         "--home",
         nargs=2,
         type=finite,
         metavar=("LATITUDE", "LONGITUDE"),
-        help="where x and y are 0 on Earth, x east and y north, for .plan and .waypoints",
+        help="origin of x (east) and y (north) on Earth, for .plan and .waypoints",
     )
     parser.add_argument(
-        "--drop", action="store_true", help="leave out what the robot cannot do, and say what"
+        "--drop",
+        action="store_true",
+        help="leave out and list items that the robot cannot carry out",
     )

@@ -1,4 +1,4 @@
-"""What was read of one command: a typed object that argparse fills, and the operation it means."""
+"""The parsed arguments of a verb: a typed object that argparse fills, and its operation."""
 
 import argparse
 from importlib import import_module
@@ -15,9 +15,9 @@ seconds: Final = above_zero(LONGEST_S)
 
 
 class Words:
-    """The words of one verb; `declare` says which there are, `operation` what they mean.
+    """The arguments of one verb.
 
-    Attributes are those that were declared. An `action` is there where the verb has several.
+    The attributes are those that `declare` declares. Verbs with several actions have an `action`.
     """
 
     verb: str
@@ -32,27 +32,27 @@ class Words:
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
-        """Add the arguments of the verb to what reads them."""
+        """Declare the arguments of the verb on its parser."""
         raise NotImplementedError
 
     def operation(self) -> Operation[Outcome]:
-        """UserError names what is out of range."""
+        """Return the operation for the parsed arguments; UserError for a value out of range."""
         raise NotImplementedError
 
     @property
     def title(self) -> str:
-        """The verb, with its action if there are several."""
+        """The verb, with its action if it has several."""
         return f"{self.verb} {self.action}" if hasattr(self, "action") else self.verb
 
 
 def words_of(verb: Verb) -> type[Words]:
-    """Import the class that reads the words of a verb."""
+    """Import the class for the arguments of a verb."""
     found: type[Words] = getattr(import_module(verb.module), verb.words)
     return found
 
 
 def common_verbs() -> dict[str, Verb]:
-    """The verbs that are typed operations, which the app's command line has, too."""
+    """Return the verbs that are typed operations, which the app's command line has too."""
     return {word: verb for word, verb in VERBS.items() if verb.words}
 
 
@@ -60,18 +60,20 @@ def common_verbs() -> dict[str, Verb]:
 class Offline(Protocol):
     """An operation on files, which needs no robot."""
 
-    def run(self, progress: Progress) -> Outcome: ...
+    def run(self, progress: Progress) -> Outcome:
+        """Carry it out."""
 
 
 @runtime_checkable
 class FromFile(Protocol):
-    """An operation whose values are in a file; `read` raises UserError when they cannot be used."""
+    """An operation whose values are in a file."""
 
-    def read(self) -> Operation[Outcome]: ...
+    def read(self) -> Operation[Outcome]:
+        """Read the file; UserError if its values are invalid."""
 
 
 def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
-    """`--connect` (or `--listen`), `--id`, `--config` and `--json`."""
+    """Declare `--connect` (or `--listen`), `--id`, `--config` and `--json`."""
     if listens:
         parser.add_argument("--listen", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
     else:
@@ -82,4 +84,5 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
+    """Declare `--json`."""
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

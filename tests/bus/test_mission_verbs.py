@@ -120,7 +120,7 @@ def test_check_and_convert_need_no_robot(
     assert main(["mission", "convert", mission, str(plan)]) == 2
     assert main(["mission", "convert", mission, str(plan), "--home", "47.4", "8.5"]) == 0
     assert main(["mission", "convert", mission, mission]) == 2
-    assert "would be overwritten" in capsys.readouterr().err
+    assert "is also the input" in capsys.readouterr().err
     assert read(plan).mission.waypoints == read(Path(mission)).mission.waypoints
 
 
@@ -217,7 +217,7 @@ def test_a_fence_comes_from_a_file_that_has_nothing_else(
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (("polygon", "0", "0", "1"), "3 numbers are no corners"),
+        (("polygon", "0", "0", "1"), "3 numbers are not pairs"),
         (("polygon", "0", "0", "1", "1"), "has 2 corners"),
         (("polygon", "a", "b"), "'a' is not a number"),
         (("circle", "0", "9e9", "1"), "y 9e+09 m is out of range"),

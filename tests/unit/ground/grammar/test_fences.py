@@ -47,8 +47,8 @@ def test_every_outline_can_be_typed(polygon: Polygon) -> None:
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["0"], "1 numbers are no corners: X Y for each"),
-        (["0", "0", "1", "1"], "has 2 corners, a fence needs at least 3; put the corners"),
+        (["0"], "1 numbers are not pairs: give X Y for each corner"),
+        (["0", "0", "1", "1"], "has 2 corners, a fence needs at least 3; give the corners"),
         (["0", "0", "x", "1"], "'x' is not a number; a fence is X Y X Y"),
         (["0", "0", "inf", "1"], "'inf' is not a finite number"),
         (["0", "0", "9e9", "1", "1", "1"], "corner 9e[+]09 m is out of range"),
