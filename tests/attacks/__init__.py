@@ -1,1 +1,1 @@
-"""What a process that is no part of the stack sends, and what must not come of it."""
+"""Frames of processes outside the stack, and the effects they must not have."""

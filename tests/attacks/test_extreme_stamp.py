@@ -1,4 +1,4 @@
-"""One frame does not end the robot, however far in the future it says that it was made."""
+"""A frame with a stamp far in the future does not end the robot."""
 
 import pytest
 
@@ -26,7 +26,7 @@ def scan(time_ns: int, seq: int) -> SonarScan:
 
 
 def robot(bus: Net) -> Process:
-    """The robot's loop in wall time, to be turned by hand."""
+    """Return the robot's loop in wall time, which the test runs step by step."""
     vehicle, clock = Vehicle(DEFAULTS, Store(None)), WallClock()
     senses = Senses(bus.robot, lockstep=False, accept=vehicle.lease.allows)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
@@ -36,8 +36,8 @@ def robot(bus: Net) -> Process:
 
 
 @pytest.mark.parametrize("stamp_ns", EXTREME)
-def test_a_scan_of_the_far_future_ends_nothing(stamp_ns: int) -> None:
-    """A4: its stamp left 64 bits in the next tick, and the process ended without its brake."""
+def test_scan_from_the_far_future_does_not_end_the_robot(stamp_ns: int) -> None:
+    """A4: the next stamp exceeded 64 bits, and the process ended without braking."""
     with net() as bus:
         process = robot(bus)
         commands = bus.plant.mailbox(DRIVE)
@@ -60,6 +60,6 @@ def counted(newest: tuple[WheelCommand, int] | None) -> int:
 
 
 def seen(attacker: Attacker, arrived: list[int], message: SonarScan) -> bool:
-    """Whether the robot hears the attacker by now."""
+    """Return whether the robot receives the attacker's frames by now."""
     attacker.put(SONAR, message)
     return bool(arrived)

@@ -1,4 +1,4 @@
-"""Forged wheel commands on an open bus: the wheels of a robot that is to stand, stand."""
+"""Forged wheel commands on an open bus do not move the wheels of a stopped robot."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -19,7 +19,7 @@ UINT32 = 0xFFFFFFFF
 UINT16 = 0xFFFF
 FAST = 9000
 STANDS_S = 0.25
-"""200 ms, and the period after them in which nothing may move."""
+"""200 ms, and the period after them in which no wheel may move."""
 
 WATCHED_S = 2.0
 
@@ -38,7 +38,7 @@ def forged(sense_seq: int, *, seq: int = UINT32, epoch: int = 0, ttl_ms: int = U
 
 
 Forge = Callable[[int], bytes]
-"""What to send at this tick of the plant."""
+"""Return the frames to send at this tick of the plant."""
 
 FRAMES: dict[str, Forge] = {
     "finding A3": lambda tick: forged(UINT32),
@@ -50,11 +50,11 @@ FRAMES: dict[str, Forge] = {
 }
 
 ANSWERS = {"this tick", "this tick, newest epoch", "an earlier tick"}
-"""Those of them that answer a tick which still counts."""
+"""Return those frames that answer a tick within its time-to-live."""
 
 
 class Attacked(Stack):
-    """A stack with a stranger on its bus, who sends before and after the robot in each tick."""
+    """A stack with an attacker on its bus, which sends before and after the robot in each tick."""
 
     before: Iterator[Sequence[Forge]] = repeat(())
     after: Iterator[Sequence[Forge]] = repeat(())
@@ -71,14 +71,14 @@ class Attacked(Stack):
         self._forge(next(self.after))
 
     def _forge(self, forges: Sequence[Forge]) -> None:
-        """Send, and wait until the plant has received it."""
+        """Send a frame, and wait until the plant has received it."""
         assert self.plant is not None
         for forge in forges:
             frame, key = forge(self.plant.plant.now_ns // PERIOD_NS), self.key_at_plant
             self._send(key, partial(self._forger.put_frame, frame), self.plant)
 
     def attack(self, *forges: Forge, always: bool = False) -> None:
-        """From the next tick on send these, once before the robot's command or always around it."""
+        """Send these from the next tick on, once before the robot's command or always around it."""
         if always:
             self.before, self.after = repeat(forges), repeat(forges)
         else:
@@ -115,7 +115,7 @@ def test_one_frame_moves_no_wheel(name: str, prepare: Callable[[Attacked], None]
         assert stack.stands_throughout(STANDS_S)
 
 
-def test_a_robot_is_driven_as_ever_after_the_frame_of_finding_a3() -> None:
+def test_robot_drives_normally_after_the_frame_of_finding_a3() -> None:
     with Attacked("open") as stack:
         stack.attack(FRAMES["finding A3"])
         stack.forward(0.05)
@@ -145,8 +145,8 @@ def test_an_emergency_stop_holds_while_frames_stream() -> None:
 
 
 @pytest.mark.parametrize("name", FRAMES)
-def test_one_frame_runs_the_wheels_of_a_dead_robot_200_ms_at_most(name: str) -> None:
-    """On an open bus a stranger may answer a tick as the robot does: for its 150 ms, no longer."""
+def test_one_frame_moves_a_dead_robot_for_at_most_200_ms(name: str) -> None:
+    """Attackers on an open bus may answer a tick as the robot does: for 150 ms, not longer."""
     with Attacked("open", router=True) as stack:
         stack.kill("robot")
         stack.forward(0.5)

@@ -1,4 +1,4 @@
-"""An operator whose frames come late, or who has been replaced, moves nothing."""
+"""An operator with late frames, or without the lease, moves no wheel."""
 
 import pytest
 
@@ -13,17 +13,17 @@ from tests.support.operators import Operator
 LOST_S = 1.7
 BRAKING_S = 0.4
 STILL_M = 1e-4
-"""Less than wheels run out after braking."""
+"""Less than the braking distance of the wheels."""
 
 
 def delay(stack: Stack, seconds: float) -> None:
-    """From now on whatever operators say reaches the robot so much later."""
+    """Delay all frames of operators from now on."""
     trouble = LinkFaults(delay_ms=1000.0 * seconds, paths=("op/",))
     stack.buses["robot"].faults.disturb(trouble)
 
 
 def by_hand(stack: Stack, operator: Operator, seconds: float = 1.0) -> None:
-    """Beat and steer, ten times a second."""
+    """Send heartbeats and teleop frames ten times a second."""
     for _ in range(round(10 * seconds)):
         operator.beat()
         operator.steer(0.3)
@@ -31,7 +31,7 @@ def by_hand(stack: Stack, operator: Operator, seconds: float = 1.0) -> None:
 
 
 def moved_m(stack: Stack, seconds: float) -> float:
-    """How far the robot comes meanwhile."""
+    """Return the distance that the robot moves in this time."""
     way_m = 0.0
     for _ in range(round(seconds * 20)):
         stack.cycle()
@@ -39,23 +39,23 @@ def moved_m(stack: Stack, seconds: float) -> float:
     return way_m
 
 
-def test_frames_three_seconds_late_drive_nobody_who_has_let_go() -> None:
-    """A7: the robot drove until 3.1 s after its operator had let go, and missed it after 4.5 s."""
+def test_frames_three_seconds_late_do_not_move_the_robot() -> None:
+    """A7: the robot drove for 3.1 s after its operator's last frame, and missed it after 4.5 s."""
     with Stack("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
         delay(stack, 3.0)
         by_hand(stack, ada, 4.0)
         assert ada.command(Command.COMPONENT_ARM_DISARM, 1) == Reason.NONE
-        ada.manual()  # may be refused: nobody is there
+        ada.manual()  # may be refused: there is no operator
         by_hand(stack, ada)
         stack.forward(LOST_S)
         assert moved_m(stack, 4.0) < STILL_M
 
 
 @pytest.mark.parametrize("late_s", [1.0, 3.0])
-def test_a_robot_under_way_stops_when_its_operators_frames_begin_to_be_late(late_s: float) -> None:
-    """A7: OPERATOR_LOST counts from when a heartbeat was sent, however late it comes."""
+def test_driving_robot_stops_when_frames_become_late(late_s: float) -> None:
+    """A7: OPERATOR_LOST counts from when a heartbeat was sent, however late it arrives."""
     with Stack("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
@@ -77,8 +77,8 @@ def test_a_robot_under_way_stops_when_its_operators_frames_begin_to_be_late(late
 
 
 @pytest.mark.parametrize("late_s", [1.0, 3.0])
-def test_steering_that_begins_to_be_late_stops_the_robot_for_good(late_s: float) -> None:
-    """A7: a frame's time to live counts from when it was sent."""
+def test_late_teleop_frames_stop_the_robot(late_s: float) -> None:
+    """A7: the time-to-live of a frame counts from when it was sent."""
     with Stack("open") as stack:
         stack.operator = False
         ada = Operator(stack, "ada")
@@ -93,8 +93,8 @@ def test_steering_that_begins_to_be_late_stops_the_robot_for_good(late_s: float)
 
 
 @pytest.mark.parametrize("late_s", [0.05, 0.9])
-def test_a_request_is_not_acted_upon_after_its_asker_gave_up(late_s: float) -> None:
-    """A7: arm and goto were acted upon 0.9 s after their askers had been told: no answer."""
+def test_request_is_not_acted_on_after_its_timeout(late_s: float) -> None:
+    """A7: arm and goto were acted on 0.9 s after their senders had reported no answer."""
     with attacked() as (stack, attacker):
         goal = GoalRequest(
             request_id=6, x_mm=3000, y_mm=2000, heading_urad=0, position_tolerance_mm=50,
@@ -110,8 +110,8 @@ def test_a_request_is_not_acted_upon_after_its_asker_gave_up(late_s: float) -> N
         assert moved_m(stack, 1.0) < STILL_M
 
 
-def test_who_has_lost_the_lease_steers_no_more_not_by_a_frame_already_there() -> None:
-    """A12: a frame that had arrived before the seizure was read after it, and drove."""
+def test_frames_from_before_losing_the_lease_are_ignored() -> None:
+    """A12: a frame from before the seizure was read after it, and moved the robot."""
     with Stack("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")

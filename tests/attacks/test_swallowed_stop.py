@@ -1,6 +1,6 @@
-"""Attacks on the emergency stop: it is neither swallowed nor crowded out, nor acknowledged falsely.
+"""Attacks on the emergency stop: it is not lost, not delayed, and not acknowledged falsely.
 
-The operator presses the stop of the app, `EmergencyStop`, while somebody else floods the robot.
+The operator presses the stop of the app, `EmergencyStop`, while an attacker floods the robot.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ def drives(stack: Stack) -> None:
 
 
 def press(stack: Stack) -> StopOutcome:
-    """As the app does, in a thread, while the robot's loop goes round."""
+    """Press the stop as the app does, in a thread, while the robot's loop runs."""
     publisher = stack.ground.publisher(STOP)
     assert stack.ground.await_matched([publisher], PATIENCE_S) == []
     stop = EmergencyStop(
@@ -57,8 +57,8 @@ def ids_in(heard: Sequence[Message]) -> list[int]:
     return [one.request_id for one in heard if isinstance(one, CommandRequest)]
 
 
-def test_a_stop_under_the_id_of_a_command_that_was_answered_stops() -> None:
-    """A1: the answer to another's request, or to another request, was the answer to the stop."""
+def test_stop_with_the_id_of_an_answered_command_stops() -> None:
+    """A1: the stop got the answer of another operator's request, or of another request."""
     with attacked() as (stack, attacker):
         heard = attacker.listen(COMMANDED)
         drives(stack)
@@ -78,8 +78,8 @@ def test_a_stop_under_the_id_of_a_command_that_was_answered_stops() -> None:
         assert stack.until(stack.standing, within_s=2.0) <= STANDS_S
 
 
-def test_the_apps_stop_is_not_answered_with_what_another_asked() -> None:
-    """A1, by the app: its request has an id that nobody can have used before."""
+def test_stop_of_the_app_gets_its_own_answer() -> None:
+    """A1 with the app: its request has an id that no other sender can have used before."""
     with attacked() as (stack, attacker):
         heard = attacker.listen(COMMANDED)
         drives(stack)
@@ -95,8 +95,8 @@ def test_the_apps_stop_is_not_answered_with_what_another_asked() -> None:
         assert stopped(stack)
 
 
-def test_another_request_under_a_known_id_is_refused_and_not_answered_as_the_first() -> None:
-    """A1: replies are bound to who asked, and to what."""
+def test_other_request_with_a_known_id_is_refused() -> None:
+    """A1: answers are bound to operator and request."""
     with attacked() as (stack, attacker):
         good_ns = stack.clock.now_ns() + GOOD_NS
         first = attacker.ask(order(7, Command.COMPONENT_ARM_DISARM, 1.0), good_ns)
@@ -115,7 +115,7 @@ def test_another_request_under_a_known_id_is_refused_and_not_answered_as_the_fir
 
 
 def flooded(attacker: Attacker, stack: Stack) -> list[Reply]:
-    """More of everything than any line holds."""
+    """Send more of everything than any queue holds."""
     good_ns = stack.clock.now_ns() + GOOD_NS
     replies = []
     for number in range(2 * MAX_WAITING):
@@ -126,8 +126,8 @@ def flooded(attacker: Attacker, stack: Stack) -> list[Reply]:
     return replies
 
 
-def test_the_apps_stop_is_acknowledged_while_all_lines_are_full() -> None:
-    """A2: one "too many requests" was the end of the operator's stop."""
+def test_stop_of_the_app_is_acknowledged_with_full_queues() -> None:
+    """A2: one answer "too many requests" ended the operator's stop."""
     with attacked() as (stack, attacker):
         drives(stack)
         flooded(attacker, stack)
@@ -137,8 +137,8 @@ def test_the_apps_stop_is_acknowledged_while_all_lines_are_full() -> None:
         assert stack.until(stack.standing, within_s=2.0) <= STANDS_S
 
 
-def test_the_apps_stop_is_acknowledged_in_a_flood_of_stops() -> None:
-    """A2: the line of stops could be filled with stops that were none."""
+def test_stop_of_the_app_is_acknowledged_in_a_flood_of_stops() -> None:
+    """A2: frames that were no stops could fill the queue of stops."""
     with attacked() as (stack, attacker):
         drives(stack)
         for number in range(2 * MAX_WAITING):
@@ -153,8 +153,8 @@ def test_the_apps_stop_is_acknowledged_in_a_flood_of_stops() -> None:
         assert stack.until(stack.standing, within_s=2.0) <= STANDS_S
 
 
-def test_whoever_asks_for_a_stop_is_told_yes_and_the_robot_stands() -> None:
-    """A2: told no and done yes, or told yes and not done: neither."""
+def test_every_stop_request_is_accepted_and_stops_the_robot() -> None:
+    """A2: neither a refusal of an executed stop, nor an acknowledgement without a stop."""
     with attacked() as (stack, attacker):
         drives(stack)
         stop = order(1, Command.DO_FLIGHTTERMINATION, 1.0)

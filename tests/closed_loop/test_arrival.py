@@ -1,4 +1,4 @@
-"""How a goal ends at its place: in the middle where there is room, and never by insisting."""
+"""Arrival at a goal: in the middle where there is room, within the tolerance otherwise."""
 
 from math import cos, hypot, pi, sin
 
@@ -21,7 +21,7 @@ def believed(state: brain.State, goal: Goal) -> float:
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.3, 5.0), st.floats(-pi, pi), st.floats(-pi, pi))
-def test_in_the_open_it_stops_in_the_middle_of_the_tolerance_and_well_aligned(
+def test_in_the_open_it_stops_in_the_middle_and_aligned(
     distance_m: float, at_rad: float, heading_rad: float
 ) -> None:
     goal = Goal(distance_m * cos(at_rad), distance_m * sin(at_rad), heading_rad, 0.05, 0.0524)
@@ -45,18 +45,18 @@ def test_a_wide_heading_tolerance_is_used(tolerance_deg: float, turns: bool) -> 
     error_rad = abs(wrap(state.odometry.pose.heading_rad - pi / 2))
     assert error_rad <= goal.heading_tolerance_rad
     assert (state.odometry.pose.heading_rad != 0.0) is turns
-    assert error_rad > 3 * pi / 180  # no farther than asked
+    assert error_rad > 3 * pi / 180  # within the tolerance
 
 
 def test_a_false_echo_at_the_goal_does_not_end_the_way_early() -> None:
     goal, ticks = Goal(1.0, 0.0, None, 0.05, TOLERANCE_RAD), [0]
 
-    class Haunted(Toy):
+    class FalseEchoes(Toy):
         def sonar_m(self, i: int) -> float:
             ticks[0] += 1
             return 0.2 if i == 7 and ticks[0] // 8 % 3 == 0 else super().sonar_m(i)
 
-    state = drive_to(Haunted(), goal, states.BUG)
+    state = drive_to(FalseEchoes(), goal, states.BUG)
     assert state.machine.goal_state == states.REACHED
     assert believed(state, goal) <= 0.03
 
@@ -90,7 +90,7 @@ def test_in_front_of_a_wall_the_tolerance_will_do(navigator: int, gap_m: float) 
     assert toy.clearance_m > 0.0
 
 
-def test_a_goal_that_the_robot_stands_within_is_reached_at_once() -> None:
+def test_goal_around_the_robot_is_reached_at_once() -> None:
     goal = Goal(-0.04, 0.0, None, 0.05, TOLERANCE_RAD)
     state = drive_to(Toy(), goal, limit_s=1.0)
     assert (state.machine.goal_state, state.machine.goal_reason) == (states.REACHED, reasons.OK)
@@ -105,10 +105,10 @@ def test_a_goal_at_the_robot_asks_for_a_turn_at_most() -> None:
     assert toy.heading_rad == pytest.approx(pi / 2, abs=2 * pi / 180)
 
 
-def test_held_short_of_the_middle_it_takes_the_tolerance_in_the_end(
+def test_stopped_within_the_tolerance_it_counts_as_reached(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Something that walks keeps it from going on; that must not end as stuck."""
+    """Stopping for a pedestrian must not end the goal as stuck."""
     goal = Goal(1.0, 0.0, None, 0.1, TOLERANCE_RAD)
 
     def no_farther(state: brain.State, _outputs: Outputs) -> None:

@@ -1,4 +1,4 @@
-"""Goals that cannot be, starts that should not be, senses that fail: each ends, and says why."""
+"""Impossible goals, bad starts and failing sensors: each run ends with a reason."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -74,8 +74,10 @@ def test_a_world_without_any_obstacle_is_crossed_straight(navigator: str, walls:
 @every_navigator
 @pytest.mark.parametrize("heading_deg", [0, 60, 120, 180])
 def test_a_robot_that_starts_in_contact_does_not_push(navigator: str, heading_deg: int) -> None:
-    """Its back to the wall it gets away or stops; its face to it, it turns or stops. Only vgm goes
-    off along the tangent, as the paper has it, and grazes what it touches."""
+    """Check that it drives away or stops with its back to the wall, and turns or stops facing it.
+
+    Only vgm follows the tangent, as in the paper, and scrapes along the wall it touches.
+    """
     pillar = Circle(x_m=1.0 + 0.12 + 0.3, y_m=2.0, radius_m=0.3)
     world = room(pillar, goal=(4.0, 2.0))
     start = replace(world.start, heading_rad=heading_deg * pi / 180)
@@ -97,7 +99,7 @@ def test_sonars_that_freeze_beside_an_obstacle_stop_the_robot(navigator: str) ->
 
 @every_navigator
 @pytest.mark.parametrize("range_m", [0.0, 60.0])
-def test_a_sonar_that_reads_what_cannot_be_stops_the_robot(navigator: str, range_m: float) -> None:
+def test_impossible_range_stops_the_robot(navigator: str, range_m: float) -> None:
     fault: Settings = {"kind": "sonar_fixed", "target": "4", "start_s": 6.0, "value": range_m}
     outcome = ends(replace(room(BLOCK, goal=(4.4, 2.0)), faults=(fault,)), navigator)
     assert (outcome.outcome, outcome.reason) == ("aborted", "sonar values are impossible")
@@ -106,9 +108,7 @@ def test_a_sonar_that_reads_what_cannot_be_stops_the_robot(navigator: str, range
 
 @every_navigator
 @pytest.mark.parametrize("value", [nan, inf])
-def test_a_pose_that_is_no_number_in_mid_follow_stops_the_robot(
-    navigator: str, value: float
-) -> None:
+def test_pose_with_nan_while_following_stops_the_robot(navigator: str, value: float) -> None:
     def spoil(plant: Plant, onboard: CoreLoop, _outputs: Outputs) -> None:
         if plant.now_ns == 6_000_000_000:
             odometry = onboard.state.odometry

@@ -1,4 +1,4 @@
-"""The literature's bugs in the real plant: traps are left, walled-in goals are given up."""
+"""The bug algorithms of the literature in the real plant: traps and unreachable goals."""
 
 import pytest
 
@@ -52,5 +52,5 @@ def test_a_goal_without_a_way_to_it_is_unreachable(index: int, navigator: str) -
 
 
 @pytest.mark.parametrize("navigator", BUGS)
-def test_people_who_walk_across_are_not_driven_into(navigator: str) -> None:
+def test_crossing_pedestrians_are_not_hit(navigator: str) -> None:
     assert run("moving", navigator, "default").own_contacts == 0

@@ -1,4 +1,4 @@
-"""Core and a kinematic toy in a loop: it arrives, gets round things, and keeps its limits."""
+"""The core with a kinematic model: it arrives, passes obstacles, and keeps its limits."""
 
 from math import cos, hypot, pi, sin
 

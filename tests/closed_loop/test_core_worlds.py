@@ -1,4 +1,4 @@
-"""The core in the real plant: the box is passed, and no failsafe trips where nothing is wrong."""
+"""The core in the real plant: it passes the box, and no failsafe trips without a fault."""
 
 import pytest
 

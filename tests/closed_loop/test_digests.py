@@ -1,4 +1,4 @@
-"""The same trial gives the same digest on every Python, in every process and on every processor."""
+"""The same trial gives the same digest with every Python, process and processor."""
 
 import os
 import subprocess
@@ -31,7 +31,7 @@ PLAIN_PROCESSOR = {
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX2,-AVX2_Usable,-FMA_Usable",
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 X86_V3",
 }
-"""The C library and numpy compute without the instructions that round differently."""
+"""The C library and numpy compute without instructions that round differently."""
 
 
 @pytest.mark.parametrize("navigator", NAVIGATORS)
@@ -50,7 +50,7 @@ def test_other_hashes_and_a_plainer_processor_drive_the_same_way(navigator: str)
 
 
 def test_the_trials_differ_from_each_other() -> None:
-    """Equal digests would prove nothing if every drive had the same one."""
+    """Equal digests would prove nothing if every run had the same one."""
     assert {"bug", "vgm"} <= {run.navigator for run in RUNS}
     assert len({KNOWN[str(run)] for run in RUNS if run.navigator == "vgm"}) == len(
         [run for run in RUNS if run.navigator == "vgm"]

@@ -1,4 +1,4 @@
-"""The robot knows how wrong it is: on good ground, and better than before on ground that slips."""
+"""The estimated uncertainty matches the error, on good ground and with slip."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,7 +28,7 @@ EACH = 25
 
 
 @pytest.mark.parametrize("level", ["default", "lossy", "harsh"])
-def test_over_a_hundred_drives_the_error_is_as_large_as_the_covariance_says(level: str) -> None:
+def test_errors_of_a_hundred_runs_match_the_covariance(level: str) -> None:
     first = 100_000 * list(LEVELS).index(level)
     found = consistency_of([drive(kind, level, first + k) for kind in KINDS for k in range(EACH)])
     assert found.drives == 100
@@ -36,13 +36,13 @@ def test_over_a_hundred_drives_the_error_is_as_large_as_the_covariance_says(leve
     assert 0.92 <= found.inside <= 0.98
 
 
-def test_without_noise_fractions_of_ticks_are_what_the_robot_is_unsure_of() -> None:
+def test_without_noise_only_tick_fractions_are_uncertain() -> None:
     found = consistency_of([drive("obstacles", "none", k) for k in range(40)])
     assert found.inside >= 0.90
     assert 1.0 < found.position < 3.0
 
 
-def test_calibration_cuts_the_systematic_error_of_harsh_noise_tenfold() -> None:
+def test_calibration_cuts_the_error_of_harsh_noise_tenfold() -> None:
     even = replace(LEVELS["harsh"], slip_variance_m=0.0)
     after = with_values(DEFAULTS, settings_of({}, "harsh", calibrated=True))
     largest_m = [
@@ -54,7 +54,7 @@ def test_calibration_cuts_the_systematic_error_of_harsh_noise_tenfold() -> None:
 
 
 def slippery(number: int, kind: str) -> World:
-    """A hall with a few things in it and a fault that begins on the way across."""
+    """Return a hall with a few obstacles and a fault that begins on the way across."""
     rng = np.random.default_rng(number)
     start = Start(x_m=0.6, y_m=rng.uniform(1.0, 4.0))
     goal = GoalPose(x_m=5.4, y_m=rng.uniform(1.0, 4.0))
@@ -81,7 +81,7 @@ def slippery(number: int, kind: str) -> World:
 
 
 def inside(worlds: Sequence[World]) -> float:
-    """Share of the drives at whose end the truth lies inside the 95 % ellipse."""
+    """Return the share of runs whose final true pose is inside the 95 % ellipse."""
     count = 0
     for seed, world in enumerate(worlds):
         last: list[tuple[Plant, CoreLoop]] = []
@@ -107,7 +107,7 @@ def unwatched(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stalls, "doubt", lambda *_: None)
 
 
-def test_on_ground_that_slips_the_truth_is_far_more_often_inside_the_ellipse(
+def test_with_slip_the_true_pose_is_more_often_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     worlds = [slippery(k, "wheel_slip") for k in range(40)]
@@ -116,7 +116,7 @@ def test_on_ground_that_slips_the_truth_is_far_more_often_inside_the_ellipse(
     assert watched > inside(worlds) + 0.3
 
 
-def test_with_an_encoder_that_stands_the_truth_is_nearly_always_inside_the_ellipse(
+def test_with_a_failed_encoder_the_true_pose_stays_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     worlds = [slippery(k, "encoder_stuck") for k in range(60)]
@@ -126,7 +126,7 @@ def test_with_an_encoder_that_stands_the_truth_is_nearly_always_inside_the_ellip
 
 
 @pytest.mark.parametrize("noise", ["default", "lossy"])
-def test_where_nothing_slips_nobody_says_so(noise: str) -> None:
+def test_without_slip_none_is_reported(noise: str) -> None:
     doubts: list[float] = []
 
     def watch(_: Plant, onboard: CoreLoop, __: Outputs) -> None:

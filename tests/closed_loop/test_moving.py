@@ -1,4 +1,4 @@
-"""Among people who walk across: they may run into the robot, the robot runs into nobody."""
+"""Among crossing pedestrians, which may run into the robot, the robot hits none of them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The whole stack over real sockets, driven by a test that owns time."""
+"""The whole stack over real sockets, with the time controlled by the test."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def test_the_robot_drives_around_the_box_to_its_goal(navigator: str, router: boo
 
 
 def trajectory(router: bool, seed: int) -> str:
-    """Digest of the run that `sidestep trial` does without a bus."""
+    """Return the digest of the run that `sidestep trial` does without a bus."""
     with Stack("u_trap", navigator="bug", noise="default", seed=seed, router=router) as stack:
         stack.arm()
         stack.goto_goal(Mode.AUTO)

@@ -1,4 +1,4 @@
-"""vgm_memory in the real plant: every family's goals are reached or known to be out of reach."""
+"""vgm_memory in the real plant: goals are reached, or found to be unreachable."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -56,12 +56,12 @@ def test_every_family_has_its_worlds_here() -> None:
 
 
 @pytest.mark.parametrize("path", FIXED, ids=lambda path: path.stem)
-def test_a_goal_is_reached_where_there_is_a_way_and_given_up_where_there_is_none(
+def test_reachable_goals_are_reached_and_others_given_up(
     path: Path,
 ) -> None:
     world = load(str(path))
     outcome, behaviour = run(world, "default")
-    if world.family == "moving":  # somebody may still walk into the robot, and that ends it
+    if world.family == "moving":  # a pedestrian may still run into the robot, which ends the run
         assert outcome.own_contacts == 0
         assert outcome.outcome == "reached" or outcome.contacts > 0
         return
@@ -75,7 +75,7 @@ def test_a_goal_is_reached_where_there_is_a_way_and_given_up_where_there_is_none
 
 
 @pytest.mark.parametrize("noise", ["none", "default", "lossy"])
-def test_among_people_who_walk_across_it_makes_no_contact_of_its_own(noise: str) -> None:
+def test_crossing_pedestrians_are_not_hit_by_the_robot(noise: str) -> None:
     world = load("moving")
     for seed in range(4):
         outcome, behaviour = run(world, noise, seed)

@@ -1,4 +1,4 @@
-"""Bad links over the whole stack, in simulated time: late is not fresh, old is not obeyed."""
+"""Bad links over the whole stack in simulated time: late frames are ignored."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults)
 
 
 @pytest.mark.parametrize("delay_ms", [300, 500])
-def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) -> None:
+def test_very_late_sensor_frames_count_as_lost(delay_ms: int) -> None:
     with Stack("corridor", noise="default") as stack:
         under_way(stack)
         stack.buses["robot"].faults.disturb(LinkFaults(delay_ms=delay_ms, paths=("sense/",)))
@@ -50,7 +50,7 @@ def test_senses_that_are_long_on_their_way_are_as_good_as_lost(delay_ms: int) ->
         assert stack.standing()
 
 
-def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() -> None:
+def test_reordered_scan_does_not_replace_a_newer_one() -> None:
     with Stack("open") as stack:
         under_way(stack)
         stack.buses["robot"].faults.disturb(LinkFaults(jitter_ms=140, paths=("sense/",)))
@@ -62,7 +62,7 @@ def test_a_scan_that_was_overtaken_does_not_take_the_place_of_the_newer_one() ->
         assert heard == sorted(heard), "it never goes back to what it knew before"
 
 
-def test_neither_a_late_command_nor_its_copies_keep_the_wheels_of_a_dead_robot_turning() -> None:
+def test_late_or_repeated_commands_do_not_keep_wheels_turning() -> None:
     with Stack("open") as stack:
         under_way(stack)
         late = LinkFaults(delay_ms=100, duplicate=1.0, jitter_ms=100)

@@ -1,4 +1,4 @@
-"""Driving by hand over the whole stack: silence, and whoever is not in command, stop the robot."""
+"""Teleop over the whole stack: silence and operators without the lease stop the robot."""
 
 import pytest
 
@@ -11,7 +11,7 @@ PERIOD_S = 0.05
 
 
 def by_hand(stack: Stack) -> Operator:
-    """Armed, in MANUAL, steered straight ahead at full speed."""
+    """Return an armed robot in MANUAL, driven straight ahead at full speed."""
     operator = Operator(stack, "ada")
     stack.arm()
     assert operator.manual() == Reason.NONE
@@ -27,7 +27,7 @@ def told_to_stand(stack: Stack) -> bool:
 
 
 @pytest.mark.parametrize("ttl_ms", [100, 300, 500])
-def test_the_robot_stands_soon_after_the_last_frame(ttl_ms: int) -> None:
+def test_robot_stops_soon_after_the_last_frame(ttl_ms: int) -> None:
     with Stack("open") as stack:
         operator = by_hand(stack)
         operator.steer(0.3, ttl_ms=ttl_ms)
@@ -41,14 +41,14 @@ def test_the_robot_stands_soon_after_the_last_frame(ttl_ms: int) -> None:
         assert stack.truth.yaw_rate_rad_s > 0.1
 
 
-def test_an_operator_who_is_gone_stops_the_robot_even_if_it_says_nothing() -> None:
+def test_lost_operator_stops_the_robot() -> None:
     with Stack("open") as stack:
         by_hand(stack)
         stack.kill("ground")
         assert stack.until(lambda: told_to_stand(stack), within_s=2.0) <= 0.3 + 2 * PERIOD_S
 
 
-def test_a_frame_that_would_count_too_long_drives_nothing_and_is_told() -> None:
+def test_frame_with_too_long_ttl_is_ignored_and_announced() -> None:
     with Stack("open") as stack:
         operator = Operator(stack, "ada")
         stack.arm()
@@ -92,7 +92,7 @@ def test_only_the_holder_of_the_lease_steers() -> None:
         assert stack.status.mode == Mode.MANUAL
 
 
-def test_nobody_drives_into_a_wall_by_hand() -> None:
+def test_teleop_does_not_hit_a_wall() -> None:
     with Stack("box") as stack:
         operator = Operator(stack, "ada")
         stack.arm()

@@ -1,4 +1,4 @@
-"""Every row of the failsafe table, over the whole stack: the robot stops, says why, and when."""
+"""Every row of the failsafe table over the whole stack: stop, reason and time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from verification.faults_matrix.table import FAULTS
 
 @dataclass(frozen=True)
 class Row:
-    """A fault, what the robot must call it, and when it must have noticed."""
+    """A fault, its reason, and the time limit for its detection."""
 
     kind: str
     target: str
@@ -67,7 +67,7 @@ def leave_fence(stack: Stack) -> None:
 
 
 class BreakableStack(Stack, BreakableInProcess):
-    """A stack for whatever has no name in a world file."""
+    """A stack with faults that a world file cannot describe."""
 
 
 CAUSES: dict[Reason, tuple[Callable[[Stack], object], float]] = {
@@ -78,11 +78,11 @@ CAUSES: dict[Reason, tuple[Callable[[Stack], object], float]] = {
     Reason.NAME_TAKEN: (second_robot, 0.05),
     Reason.FENCE_BREACHED: (leave_fence, 0.45),
 }
-"""What trips those rows that no fault of the body does, and when that must have been noticed."""
+"""The triggers of rows without a fault in the plant, and the time limit of their detection."""
 
 
 @pytest.mark.parametrize("reason", CAUSES, ids=lambda reason: reason.name)
-def test_what_happens_to_the_robot_itself_stops_it_too(reason: Reason) -> None:
+def test_faults_of_the_robot_process_stop_it(reason: Reason) -> None:
     with BreakableStack("corridor", noise="default", enforced=True) as stack:
         stack.arm()
         stack.goto_goal()
@@ -102,14 +102,14 @@ def test_every_row_of_the_failsafe_table_is_tested_here() -> None:
     assert {Reason(row.reason) for row in failsafe.ROWS} == tested
 
 
-def test_and_all_but_two_are_in_the_fault_matrix() -> None:
+def test_all_rows_but_two_are_in_the_fault_matrix() -> None:
     rows = {Reason(row.reason) for row in failsafe.ROWS}
     measured = {reason for fault in FAULTS for reason in fault.reasons}
     assert rows - measured == {Reason.NOT_FINITE, Reason.FENCE_BREACHED}
 
 
 @pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.kind}-{row.target or 'all'}")
-def test_the_robot_stops_and_says_why(row: Row) -> None:
+def test_robot_stops_with_the_reason(row: Row) -> None:
     with Stack("corridor", noise="default") as stack:
         stack.forward(1.0)
         stack.arm()
@@ -127,7 +127,7 @@ def test_the_robot_stops_and_says_why(row: Row) -> None:
         assert stack.status.vehicle_reason == row.reason
 
 
-def test_a_failsafe_holds_until_its_cause_is_gone_and_the_operator_arms_again() -> None:
+def test_failsafe_holds_until_the_operator_arms_again() -> None:
     with Stack("open") as stack:
         stack.arm()
         stack.goto_goal()
@@ -183,8 +183,8 @@ def test_noise_without_a_fault_trips_nothing() -> None:
         assert stack.why in (Reason.NONE, Reason.BUMPER)
 
 
-def test_an_emergency_stop_stands_within_two_periods_and_braking() -> None:
-    """The motors are short-circuited: their ramp and lag alone take 0.35 s."""
+def test_emergency_stop_ends_within_two_periods_and_braking() -> None:
+    """Motors are short-circuited: a ramp and their lag alone would take 0.35 s."""
     with Stack("corridor", noise="default") as stack:
         stack.arm()
         stack.goto_goal()

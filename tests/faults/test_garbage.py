@@ -1,4 +1,4 @@
-"""Bytes that are no frames, on every topic and service: counted, shown, ignored."""
+"""Bytes that are no frames, on every topic and service, are counted, shown and ignored."""
 
 import pytest
 
@@ -12,7 +12,7 @@ GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumpe
 BROKEN = (b"", b"\x00", GOOD[:-1], GOOD[:9], b"\xff" * 300, GOOD[:-1] + b"\x00", b"\xfd rubbish")
 
 
-def test_garbage_on_every_topic_but_the_stop_does_not_keep_the_robot_from_its_goal() -> None:
+def test_invalid_bytes_do_not_prevent_reaching_the_goal() -> None:
     with Stack("open") as stack:
         stack.arm()
         stack.goto_goal()
@@ -25,7 +25,7 @@ def test_garbage_on_every_topic_but_the_stop_does_not_keep_the_robot_from_its_go
 
 
 @pytest.mark.parametrize("frame", BROKEN)
-def test_whatever_arrives_on_the_topic_of_stops_is_a_stop(frame: bytes) -> None:
+def test_any_bytes_on_the_stop_topic_are_a_stop(frame: bytes) -> None:
     with Stack("open") as stack:
         stack.arm()
         stack.goto_goal()
@@ -50,7 +50,7 @@ def test_what_cannot_be_read_is_counted_and_shown() -> None:
         assert stack.rejected_shown() == 0
         for topic in (SONAR, WHEELS, OPERATOR):
             stack.send_raw(topic, b"\xfd rubbish")
-        stack.kill("plant")  # else its next frame would cover the bad one before it is looked at
+        stack.kill("plant")  # otherwise the next frame would replace the bad one before it is read
         stack.forward(0.1)
         assert stack.rejected_shown() == 3
 

@@ -1,4 +1,4 @@
-"""What is counted in 32 bits goes on when they are full: a robot drives across it as ever."""
+"""32-bit counters wrap: a robot drives across the wrap without a change."""
 
 import pytest
 

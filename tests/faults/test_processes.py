@@ -1,4 +1,4 @@
-"""Processes that die: the others notice, stop, say so, and go on when they are back."""
+"""Killed processes: the others detect it, stop, report it, and continue after a restart."""
 
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
@@ -19,7 +19,7 @@ def test_wheels_stop_within_200_ms_of_the_robots_death() -> None:
         assert took_s <= 0.2 + 1e-9
 
 
-def test_a_restarted_robot_stands_still_disarmed_and_says_so() -> None:
+def test_restarted_robot_is_disarmed_with_a_text() -> None:
     with Stack("open") as stack:
         driving_stack(stack)
         stack.kill("robot")
@@ -33,7 +33,7 @@ def test_a_restarted_robot_stands_still_disarmed_and_says_so() -> None:
         assert "started: disarmed, standing still" in stack.texts
 
 
-def test_without_its_plant_the_robot_stops_and_names_the_lost_sense() -> None:
+def test_without_a_plant_the_robot_stops_with_its_reason() -> None:
     with Stack("open") as stack:
         driving_stack(stack)
         stack.kill("plant")

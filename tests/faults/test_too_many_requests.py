@@ -1,4 +1,4 @@
-"""More is asked of the robot than it can answer: the rest is refused, and stops come first."""
+"""More requests than the robot can answer: the excess is refused, and stops come first."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ Take = Callable[[ServiceRequest], object]
 
 
 class Question(ServiceRequest):
-    """As the bus would hand it on; what is answered is kept."""
+    """A request as the bus passes it on, which stores its answers."""
 
     def __init__(self, message: Message, operator: str = "eve") -> None:
         self.message = message
@@ -53,7 +53,7 @@ class Question(ServiceRequest):
 
 @pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Take]:
-    """What takes the requests of each service."""
+    """Return the handlers of the requests of each service."""
     found: dict[str, Take] = {}
     real = Bus.serve
 
@@ -70,7 +70,7 @@ def question(number: int, command: Command, operator: str = "eve") -> Question:
     return Question(request, operator)
 
 
-def test_what_does_not_fit_the_line_is_refused_at_once_with_its_reason(
+def test_excess_request_is_refused_at_once_with_its_reason(
     served: dict[str, Take],
 ) -> None:
     with Stack("open") as stack:
@@ -87,7 +87,7 @@ def test_what_does_not_fit_the_line_is_refused_at_once_with_its_reason(
         assert sum(bool(one.answers) for one in asked) == 30 + MAX_ANSWERED
 
 
-def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> None:
+def test_emergency_stop_overtakes_all_queued_requests(served: dict[str, Take]) -> None:
     with Stack("open") as stack:
         for n in range(MAX_WAITING + 5):
             served[COMMAND.path](question(n, Command.DO_PAUSE_CONTINUE))
@@ -98,10 +98,10 @@ def test_an_emergency_stop_overtakes_all_that_waits(served: dict[str, Take]) -> 
         assert stack.state == Vehicle.EMERGENCY_STOP
 
 
-def test_who_asks_for_a_stop_and_is_too_much_is_sent_away_and_not_kept(
+def test_excess_stop_request_is_dropped_and_not_stored(
     served: dict[str, Take],
 ) -> None:
-    """A robot that stood in a flood of stops for ten minutes grew by 250 MB."""
+    """Reproduce a flood of stops that had increased the memory by 250 MB in ten minutes."""
     with Stack("open") as stack:
         asked = [question(n, Command.DO_FLIGHTTERMINATION) for n in range(MAX_WAITING + 30)]
         for one in asked:
@@ -112,10 +112,10 @@ def test_who_asks_for_a_stop_and_is_too_much_is_sent_away_and_not_kept(
         assert stack.state == Vehicle.EMERGENCY_STOP
 
 
-def test_a_request_read_after_its_stop_was_acted_upon_is_acknowledged(
+def test_request_read_after_its_stop_is_acknowledged(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The bus's thread sets the latch before another thread reads the request."""
+    """Threads of the bus set the latch before another thread reads the request."""
     handlers: list[Take] = []
     real = Bus.serve_stop
 
@@ -136,10 +136,10 @@ def test_a_request_read_after_its_stop_was_acted_upon_is_acknowledged(
         assert later.dropped, "it was acted upon, and holds no more"
 
 
-def test_a_stop_asked_for_as_a_command_is_answered_whenever_the_loop_looks(
+def test_stop_sent_as_a_command_is_always_answered(
     served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The loop drops those who wait for a stop that was not pressed: pressing comes first."""
+    """Setting the latch comes first, because the loop drops requests without a stop."""
     with Stack("open") as stack:
         real, robot = StopLatch.press, stack.robot
         assert robot is not None
@@ -156,7 +156,7 @@ def test_a_stop_asked_for_as_a_command_is_answered_whenever_the_loop_looks(
         assert stop.reason == Reason.NONE
 
 
-def test_a_stop_that_comes_just_after_the_loop_looked_is_answered_at_its_next_look(
+def test_stop_just_after_a_read_is_answered_at_the_next(
     served: dict[str, Take], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Stack("open") as stack:
@@ -175,7 +175,7 @@ def test_a_stop_that_comes_just_after_the_loop_looked_is_answered_at_its_next_lo
         assert stop.reason == Reason.NONE
 
 
-def test_strangers_do_not_hold_up_who_has_the_lease(served: dict[str, Take]) -> None:
+def test_other_operators_do_not_delay_the_lease_holder(served: dict[str, Take]) -> None:
     with Stack("open") as stack:
         take = LeaseRequest(request_id=1, action=LeaseAction.TAKE, name="ada")
         stack.vehicle.receive(take, stack.clock.now_ns(), "ada")

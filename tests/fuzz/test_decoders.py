@@ -1,4 +1,4 @@
-"""Every decoder takes what is good, and of everything else raises only what it may."""
+"""Every decoder accepts valid input and raises only permitted errors for any other."""
 
 import argparse
 from pathlib import Path
@@ -15,7 +15,7 @@ from verification.fuzz.targets import TARGETS
 
 FEW = 25
 BEYOND = 10_000
-"""A number of an input that is no sample any more."""
+"""The number of an input that is no longer a sample."""
 
 every_target = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
 
@@ -26,7 +26,7 @@ def tried(target: Target, data: bytes) -> bool:
 
 
 @every_target
-def test_good_samples_are_taken(target: Target) -> None:
+def test_valid_samples_are_accepted(target: Target) -> None:
     assert [tried(target, sample) for sample in target.good].count(False) == 0
     assert target.good
 
@@ -34,18 +34,14 @@ def test_good_samples_are_taken(target: Target) -> None:
 @every_target
 @settings(max_examples=FEW, deadline=None)
 @given(data=st.binary(max_size=300))
-def test_whatever_the_bytes_nothing_but_a_refusal_comes_of_them(
-    target: Target, data: bytes
-) -> None:
+def test_any_bytes_are_accepted_or_refused(target: Target, data: bytes) -> None:
     tried(target, data)
 
 
 @every_target
 @settings(max_examples=FEW, deadline=None)
 @given(seed=st.integers(0, 1 << 32))
-def test_whatever_becomes_of_a_good_one_nothing_but_a_refusal_comes_of_it(
-    target: Target, seed: int
-) -> None:
+def test_any_mutation_of_a_sample_is_accepted_or_refused(target: Target, seed: int) -> None:
     tried(target, target.input(seed, BEYOND))
 
 

@@ -1,4 +1,4 @@
-"""What the fuzzer has found: each once crashed its decoder, or kept it busy without end."""
+"""Findings of the fuzzer: each input once crashed its decoder, or kept it busy without end."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The hunt itself finds what it looks for: errors, endless loops, much memory, dead processes."""
+"""The fuzzer finds errors, endless loops, excessive memory and dead processes."""
 
 import argparse
 import os
@@ -44,7 +44,7 @@ def grow(_data: bytes, _folder: Path) -> int:
     return len(bytearray(400_000_000))
 
 
-def test_an_error_that_is_not_allowed_is_found_with_its_input_and_place(
+def test_forbidden_error_is_found_with_input_and_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     tally = hunted(monkeypatch, of(divide))
@@ -65,7 +65,7 @@ def test_memory_beyond_measure_is_found(monkeypatch: pytest.MonkeyPatch) -> None
     assert hunted(monkeypatch, of(grow), inputs=1).finds[0].where == "memory"
 
 
-def test_a_refusal_is_none_and_what_is_taken_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refusal_is_no_finding_and_accepted_inputs_count(monkeypatch: pytest.MonkeyPatch) -> None:
     assert hunted(monkeypatch, of(refuse)).finds == []
     taken = hunted(monkeypatch, of(lambda data, _: data))
     assert (taken.accepted, taken.finds) == (3, [])
@@ -93,7 +93,7 @@ def test_inputs_are_shared_out_by_weight_and_none_twice() -> None:
         assert [block.begin for block in mine[1:]] == [block.end for block in mine[:-1]]
 
 
-def test_what_was_found_is_kept_once_for_each_defect_and_can_be_had_again(
+def test_finding_is_stored_once_per_defect(
     tmp_path: Path,
 ) -> None:
     finds = [

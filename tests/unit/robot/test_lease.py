@@ -168,7 +168,7 @@ steps = st.lists(
 def test_any_order_of_requests_leaves_one_holder_at_most(
     asked: list[tuple[int | None, str, int]],
 ) -> None:
-    """None is a heartbeat of the holder. The expected result repeats the rules independently."""
+    """Compare with the rules, written independently; None is a heartbeat of the holder."""
     lease, holder, heard_ns, now_ns = Lease(), "", 0, 0
     for action, operator, later_ns in asked:
         now_ns += later_ns

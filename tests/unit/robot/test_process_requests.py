@@ -95,7 +95,7 @@ def test_a_request_without_an_operator_is_refused() -> None:
 def test_request_counts_until_a_deadline_within_a_minute(
     good_for_ns: int | None, reason: Reason
 ) -> None:
-    """The request is read one period of 50 ms after its arrival."""
+    """Read the request one period of 50 ms after its arrival."""
     rig = Rig().ready()
     request = rig.ask(goal(1, 1.0, 0.0), good_for_ns=good_for_ns)
     rig.cycle()

@@ -81,7 +81,7 @@ def test_stop_is_acknowledged_only_once_in_force(idle: bool) -> None:
 
 
 def test_stop_request_is_answered_if_the_loop_was_faster() -> None:
-    """In lockstep the loop sleeps until a nudge; the request arrives when it sleeps again."""
+    """Queue the request when the loop sleeps again; in lockstep it sleeps until a nudge."""
     rig = Rig()
     rig.process.serve(nudge=rig.process.idle)
     rig.cycle()
@@ -111,7 +111,7 @@ def test_the_first_64_stop_requests_are_answered() -> None:
 
 
 def test_a_release_that_came_before_a_stop_does_not_undo_it() -> None:
-    """The stop overtook the release and was acknowledged, but the robot drove on."""
+    """Reproduce a stop that overtook the release and was acknowledged, but did not last."""
     rig = driving()
     earlier = [rig.ask(one) for one in (clear(21), arm(22), goal(23, 3.0, 0.0))]
     rig.clock.advance(MS)

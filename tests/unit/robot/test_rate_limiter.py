@@ -1,4 +1,4 @@
-"""When a value is published again."""
+"""Timing of repeated publications of a value."""
 
 from hypothesis import given
 from hypothesis import strategies as st

@@ -111,7 +111,7 @@ def test_a_teleop_frame_counts_from_when_it_was_sent() -> None:
 
 @pytest.mark.parametrize(("late_ns", "age_ms"), [(1_500 * MS, 1_500), (1_500 * MS + 1, None)])
 def test_first_heartbeat_too_old_is_ignored(late_ns: int, age_ms: int | None) -> None:
-    """The usual delay of the operator is not known yet."""
+    """Send the first frame, before the usual delay of the operator is known."""
     rig = SensesRig()
     rig.beat(late_ns)
     assert rig.read().operator_age_ms == age_ms
@@ -207,7 +207,7 @@ def test_in_lockstep_the_tick_is_that_of_the_clock() -> None:
 
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_older_sensor_frames_are_refused_in_wall_time(lockstep: bool) -> None:
-    """In lockstep the clock shows a restart of the plant."""
+    """Restarts of the plant in lockstep are detected by the clock."""
     rig = SensesRig(lockstep=lockstep)
     for seq, time_ns in ((8, 8 * PERIOD_NS), (7, 7 * PERIOD_NS)):
         rig.bus.say(WHEELS, wheels(seq, time_ns))

@@ -40,6 +40,6 @@ def test_the_epoch_is_the_time_in_seconds() -> None:
 @pytest.mark.parametrize("stamp_ns", [0, (1 << 62) - 1, 1 << 62, 1 << 64, 1 << 80, -1])
 @pytest.mark.parametrize("sense_seq", [0, (1 << 32) - 1, 1 << 32, -1])
 def test_last_brake_has_a_valid_stamp(stamp_ns: int, sense_seq: int) -> None:
-    """With an invalid stamp the wheels would run on until the last command expires."""
+    """Invalid stamps would let the wheels run on until the last command expires."""
     last = decoded(0, stamp_ns, sense_seq)[-1]
     assert (last.seq, last.left_mrad_s, last.right_mrad_s, last.ttl_ms) == (1, 0, 0, 0)

@@ -119,7 +119,7 @@ presses = st.tuples(st.sampled_from([ADA, BOB, STRANGER]), st.binary(max_size=40
 def test_stop_is_returned_if_one_arrived_since_the_last_read(
     events: list[tuple[str, bytes] | None],
 ) -> None:
-    """None reads the latch; any other element sets it."""
+    """Elements that are None read the latch; all others set it."""
     pressed, waiting = latch(), False
     for event in [*events, None]:
         if event is None:

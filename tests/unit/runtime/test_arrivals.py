@@ -123,7 +123,7 @@ def interrupted(handler: Callable[[], object], after_s: float) -> Iterator[None]
 def test_a_signal_handler_slower_than_the_deadline_ends_the_wait(
     made: Callable[[], tuple[Callable[[], object], Callable[[], None]]],
 ) -> None:
-    """In CPython before 3.13 a timed SimpleQueue.get never returns then."""
+    """Cover CPython before 3.13, in which a timed SimpleQueue.get never returns then."""
     began_s = monotonic()
     wait, rescue = made()
     timer = threading.Timer(RESCUED_S, rescue)

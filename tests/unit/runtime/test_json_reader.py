@@ -21,7 +21,7 @@ def test_valid_json_is_read() -> None:
 
 @pytest.mark.parametrize("depth", [MAX_DEPTH + 1, 900, 5000, 100_000])
 def test_too_deep_nesting_is_refused(depth: int) -> None:
-    """The parser may accept it, but a writer would not."""
+    """Refuse it even if the parser accepts it, because a writer would not."""
     with pytest.raises(ValueError, match="nested too deeply"):
         value_in(nested(depth))
     with pytest.raises(ValueError, match="nested too deeply"):

@@ -1,7 +1,7 @@
-"""That a tick of the core ends, and soon, is read off its source: no loop or call without a bound.
+"""The source of the core shows that each tick ends: every loop and every call chain is bounded.
 
-Whoever calls a function by a name that only the run knows (a row's trigger, a navigator's step) is
-not followed; these tables are flat.
+Calls through names that are only known at run time (a row's trigger, a navigator's step) are not
+followed; these tables are flat.
 """
 
 import ast
@@ -12,7 +12,7 @@ import pytest
 from tests.support.robot.core.sources import CORE, FILES
 
 NAMES = [".".join(file.relative_to(CORE).with_suffix("").parts) for file in FILES]
-"""Modules of the core: `brain`, `safety.guard`."""
+"""Return the modules of the core, such as `brain` and `safety.guard`."""
 
 FORMATTING = {"str", "repr", "format", "print", "round"}
 
@@ -24,7 +24,7 @@ def tree(name: str) -> ast.Module:
 
 
 def changed_in(body: list[ast.stmt]) -> set[str]:
-    """Names that a loop's body sets: `k -= 1`, `swept, last = end, k`."""
+    """Return the names that a loop's body sets: `k -= 1`, `swept, last = end, k`."""
     return {
         node.id
         for one in body
@@ -34,7 +34,7 @@ def changed_in(body: list[ast.stmt]) -> set[str]:
 
 
 def compared_in(test: ast.expr) -> set[str]:
-    """Names held against a limit by what must be true for the loop to go on."""
+    """Return the names that the loop's condition compares with a limit."""
     parts = test.values if isinstance(test, ast.BoolOp) and isinstance(test.op, ast.And) else [test]
     ordered = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
     return {
@@ -55,7 +55,7 @@ def unbounded(module: ast.AST) -> list[str]:
 
 
 def aliases(module: ast.Module) -> dict[str, str]:
-    """What the core's names mean here: `rings` is ring, `wrap` is geometry.wrap."""
+    """Map the aliases of a module to core modules and functions, such as `rings` and `wrap`."""
     known: dict[str, str] = {}
     for node in ast.walk(module):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("robot.core"):
@@ -86,7 +86,7 @@ def calls_of(name: str, module: ast.Module) -> Calls:
 
 
 def circle(calls: Calls) -> list[str] | None:
-    """A function that comes to call itself, with the way there."""
+    """Return a function that calls itself, directly or not, with the call chain."""
     done: set[str] = set()
 
     def follow(function: str, way: list[str]) -> list[str] | None:
@@ -126,7 +126,7 @@ def test_nothing_is_formatted_or_printed(name: str) -> None:
     assert not formatting(tree(name))
 
 
-def test_nothing_in_the_core_comes_to_call_itself() -> None:
+def test_no_recursion_in_the_core() -> None:
     calls: Calls = {}
     for name in NAMES:
         calls |= calls_of(name, tree(name))

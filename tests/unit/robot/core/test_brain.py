@@ -31,11 +31,11 @@ def test_stages_are_marked_in_the_order_of_the_budget() -> None:
     assert sum(stage.mcu_percent for stage in budget.STAGES) <= 50
 
 
-def test_a_core_that_was_never_armed_stands() -> None:
+def test_disarmed_core_does_not_move() -> None:
     assert Driven().forward(1.0).stands
 
 
-def test_the_goal_goes_from_accepted_by_driving_to_reached() -> None:
+def test_goal_states_are_accepted_driving_reached() -> None:
     driven = armed()
     driven.goto(AHEAD._replace(heading_rad=pi / 2, x_m=1.0))
     assert driven.machine.goal_state == states.ACCEPTED
@@ -61,7 +61,7 @@ def test_a_free_heading_needs_no_aligning() -> None:
     assert driven.machine.goal_state == states.REACHED
 
 
-def test_a_goal_where_it_stands_is_reached_without_moving() -> None:
+def test_goal_at_the_robots_place_is_reached_without_moving() -> None:
     driven = armed()
     driven.goto(Goal(0.0, 0.0, 0.0, 0.05, 0.05))
     driven.tick()
@@ -69,14 +69,14 @@ def test_a_goal_where_it_stands_is_reached_without_moving() -> None:
     assert driven.left == driven.right == 0.0
 
 
-def test_reached_is_said_only_when_the_robot_stands() -> None:
+def test_goal_is_reached_only_when_the_robot_has_stopped() -> None:
     driven = until_ended(driving())
     assert driven.machine.goal_state == states.REACHED
     assert driven.stands
     assert driven.state.odometry.speed_m_s == pytest.approx(0.0, abs=0.02)
 
 
-def test_a_little_off_it_goes_on_aligning_and_far_off_it_drives_again() -> None:
+def test_small_offset_aligns_and_large_offset_drives_again() -> None:
     driven = armed()
     driven.goto(Goal(1.0, 0.0, pi, 0.05, 0.02))
     while driven.machine.goal_state != states.ALIGNING:
@@ -100,7 +100,7 @@ def test_even_the_finest_tolerance_is_reached(tolerance_deg: float) -> None:
     assert driven.state.goal_distance_m <= 0.015
 
 
-def test_an_obstacle_ahead_is_avoided_and_said_so() -> None:
+def test_obstacle_ahead_sets_the_state_to_avoiding() -> None:
     driven = driving(params=VGM)
     driven.scan = Scan((0, 0, 0, 290, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
     outputs = driven.tick()
@@ -131,7 +131,7 @@ def test_armed_again_in_contact_it_turns_away_on_the_spot() -> None:
     assert driven.outputs.right_mrad_s == -driven.outputs.left_mrad_s != 0
 
 
-def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
+def test_robot_without_motion_is_blocked_after_ten_seconds() -> None:
     params = VGM._replace(guard_stop_m=0.9, spin_room_m=0.0, d_obs_m=0.1)
     driven = armed(params)
     driven.scan = Scan((0, 0, 0, 800, 0, 0, 0, 0), AGES, 0xFF, 1 << 3)
@@ -148,9 +148,9 @@ def test_who_tries_and_does_not_move_is_blocked_after_ten_seconds() -> None:
     assert driven.stands
 
 
-def test_who_comes_no_closer_for_two_minutes_gives_up() -> None:
+def test_no_progress_for_two_minutes_ends_the_goal() -> None:
     driven = driving(params=VGM)
-    driven.scan = Scan((0, 0, 250, 0, 0, 0, 0, 0), AGES, 0xFF, 1 << 2)  # always just there
+    driven.scan = Scan((0, 0, 250, 0, 0, 0, 0, 0), AGES, 0xFF, 1 << 2)  # obstacle always just ahead
     driven.params = VGM._replace(freeze_m=1e9)
     driven.forward(100.0)
     assert driven.machine.goal_state == states.AVOIDING
@@ -178,7 +178,7 @@ def test_the_way_back_follows_the_trail_to_the_start() -> None:
     assert len(driven.state.trail.xs_m) <= 2
 
 
-def test_stopping_by_command_ramps_and_stopping_by_failsafe_does_not() -> None:
+def test_only_a_stop_by_command_uses_the_ramp() -> None:
     held, failed = driving(), driving()
     modes.hold(held.machine)
     held.tick()
@@ -200,7 +200,7 @@ senses = st.tuples(
 
 @settings(max_examples=60)
 @given(st.lists(senses, max_size=60), st.sampled_from([states.BUG, states.VGM]))
-def test_whatever_the_senses_say_the_limits_hold(
+def test_limits_hold_for_any_inputs(
     story: list[tuple[tuple[int, int] | None, list[int] | None, int, int, int]], navigator: int
 ) -> None:
     driven = armed(DEFAULTS._replace(navigator=navigator))
@@ -220,7 +220,7 @@ def test_whatever_the_senses_say_the_limits_hold(
             assert outputs.left_mrad_s == outputs.right_mrad_s == 0
 
 
-def test_unequal_wheels_are_told_unequal_speeds_so_that_straight_on_is_straight() -> None:
+def test_unequal_wheels_get_speeds_for_a_straight_line() -> None:
     driven = armed(DEFAULTS._replace(wheel_ratio=1.02))
     driven.goto(Goal(5.0, 0.0, None, 0.05, 0.05))
     driven.forward(2.0)

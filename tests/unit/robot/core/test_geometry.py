@@ -8,7 +8,7 @@ from robot.core.geometry import BEARINGS, COSINES, SINES, wrap
 
 
 @given(st.floats(-1e6, 1e6))
-def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle_rad: float) -> None:
+def test_wrapped_angle_has_the_same_direction(angle_rad: float) -> None:
     wrapped_rad = wrap(angle_rad)
     assert -pi < wrapped_rad <= pi
     assert cos(wrapped_rad) == pytest.approx(cos(angle_rad), abs=1e-9)
@@ -27,7 +27,7 @@ def test_half_a_turn_is_counted_to_the_left() -> None:
 
 
 @pytest.mark.parametrize("nowhere", [nan, inf, -inf])
-def test_what_has_no_direction_is_not_a_number(nowhere: float) -> None:
+def test_infinite_angle_becomes_nan(nowhere: float) -> None:
     assert isnan(wrap(nowhere))
 
 

@@ -1,4 +1,4 @@
-"""When vgm_memory comes round: for the goal again, the other way round, or no way leads there."""
+"""vgm_memory after a closed loop: head for the goal, reverse the direction, or give up."""
 
 import pytest
 
@@ -11,7 +11,7 @@ from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
 
 
 def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
-    """A loop of two metres about a place, walked to the left (1) or to the right (-1)."""
+    """Drive a loop of two metres around a place, to the left (1) or to the right (-1)."""
     corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
     for _ in range(times):
         memory.following = True
@@ -30,8 +30,8 @@ def heading_for(goal: Goal, side: int) -> Memory:
 
 
 @SIDES
-def test_round_an_island_it_goes_for_the_goal_again_but_not_for_ever(side: int) -> None:
-    """With the island on its right it walks to the right."""
+def test_islands_lead_back_to_the_goal_a_limited_number_of_times(side: int) -> None:
+    """Circle to the right around an island on the right."""
     memory = heading_for(GOAL, side)
     close_loop(memory, -side, 0)
     assert not memory.following
@@ -42,10 +42,10 @@ def test_round_an_island_it_goes_for_the_goal_again_but_not_for_ever(side: int) 
 
 @SIDES
 @pytest.mark.parametrize(("round_goal", "x_cm"), [(True, 300), (False, 0)])
-def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
+def test_loop_between_robot_and_goal_proves_unreachability(
     side: int, round_goal: bool, x_cm: int
 ) -> None:
-    """Round the goal, or along the inside of what the goal is not in."""
+    """Around the goal, or along the inside of a boundary that excludes it."""
     memory = heading_for(GOAL, side)
     close_loop(memory, -side if round_goal else side, x_cm)
     assert memory.given_up
@@ -53,7 +53,7 @@ def test_a_loop_that_keeps_robot_and_goal_apart_proves_that_no_way_leads_there(
 
 
 @SIDES
-def test_after_a_turn_about_the_loop_is_walked_the_other_way_round_first(side: int) -> None:
+def test_loop_with_a_reversal_is_repeated_in_reverse(side: int) -> None:
     memory = heading_for(GOAL, side)
     memory.doubtful = True
     close_loop(memory, side, 0)
@@ -89,7 +89,7 @@ def test_a_walled_in_robot_gives_up() -> None:
     assert walk.gave_up
 
 
-def test_a_goal_begun_again_forgets_as_much_as_a_new_memory_has() -> None:
+def test_repeated_goal_starts_like_a_new_memory() -> None:
     memory = heading_for(GOAL, states.LEFT)
     fresh = Memory()
     stand(fresh, SILENT, 1)

@@ -1,5 +1,8 @@
-"""What holds for every navigator, whatever its senses say: total, finite, bounded, never forward
-into what is seen to be too near, the same twice, and the same in a mirror."""
+"""Invariants of every navigator for any inputs.
+
+Outputs are total, finite and bounded. The robot never drives forward into a near echo. Equal inputs
+give equal outputs, and mirrored inputs give mirrored outputs.
+"""
 
 from math import atan2, cos, inf, isfinite, nan, pi, sin
 
@@ -35,7 +38,7 @@ floats = st.floats()  # NaN and infinity included
 
 
 def check_bounds(outputs: Outputs) -> None:
-    """Whole and within the wheels' limits; the twist finite."""
+    """Check that wheel speeds are whole and within limits, and that the twist is finite."""
     for mrad_s in (outputs.left_mrad_s, outputs.right_mrad_s):
         assert isinstance(mrad_s, int)
         assert abs(mrad_s) <= LIMIT_MRAD_S
@@ -43,14 +46,14 @@ def check_bounds(outputs: Outputs) -> None:
 
 
 def check_room(driver: Driver, outputs: Outputs) -> None:
-    """No speed forward while a front sonar sees something nearer than the minimum distance."""
+    """Check that there is no forward speed with an echo ahead below the minimum distance."""
     ranges_m = [driver.state.ring.range_m[i] for i in FRONT]
     if any(range_m is not None and range_m <= DEFAULTS.guard_stop_m for range_m in ranges_m):
         assert outputs.left_mrad_s + outputs.right_mrad_s <= 0
 
 
 class Ticks(RuleBasedStateMachine):
-    """Any sequence of sound and broken ticks, for any navigator, with goals that come anew."""
+    """Any sequence of valid and invalid ticks, for any navigator, with repeated goals."""
 
     @initialize(navigator=numbers, goal=goals, side=st.sampled_from([states.LEFT, states.RIGHT]))
     def begin(self, navigator: int, goal: Goal, side: int) -> None:
@@ -100,7 +103,7 @@ def test_no_pose_goal_or_ring_breaks_a_navigator(
     range_mm: tuple[float, ...],
     echo: int,
 ) -> None:
-    """Its step alone, without the failsafes that would keep such numbers from it."""
+    """Test the step alone, without the failsafes that would stop such numbers."""
     memory, ring = new_memory(navigator, states.LEFT), seen(range_mm, echo)
     goal = Goal(x_m, y_m, None, 0.05, 0.05)
     for pose in poses:
@@ -114,7 +117,7 @@ def test_no_pose_goal_or_ring_breaks_a_navigator(
     st.floats(-pi, pi),
     st.sampled_from([states.TO_GOAL, states.PASS_LEFT, states.PASS_RIGHT]),
 )
-def test_a_navigator_gone_mad_cannot_drive_into_what_is_seen(
+def test_faulty_navigator_cannot_drive_into_an_echo(
     story: list[Tick], turn_rad: float, branch: int
 ) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -143,7 +146,7 @@ def test_a_navigator_gone_mad_cannot_drive_into_what_is_seen(
     st.floats(-pi, pi),
     st.floats(0.5, 20.0),
 )
-def test_the_virtual_goal_is_tangent_to_the_nearest_echo_to_a_billionth(
+def test_virtual_goal_is_tangent_to_the_nearest_echo(
     pose: Pose, sonar: int, near_mm: int, goal_at_rad: float, distance_m: float
 ) -> None:
     range_mm = [3000] * SONARS
@@ -188,7 +191,7 @@ def test_the_same_inputs_give_the_same_outputs(
 
 
 def check_mirror(one: Driver, other: Driver, tick: Tick) -> None:
-    """Two echoes equally near have no mirror image, so there are none here."""
+    """Exclude two echoes at equal range, which have no mirror image."""
     assert tick.range_mm is not None
     assume(len(set(tick.range_mm)) == SONARS)
     ours, theirs = one.tick(tick), other.tick(mirrored(tick))
@@ -204,10 +207,10 @@ sides = pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
 @sides
 @settings(max_examples=25, deadline=None)
 @given(st.lists(sound, min_size=1, max_size=40), goals)
-def test_in_the_mirror_it_does_the_mirrored_thing(
+def test_mirrored_inputs_give_mirrored_outputs(
     side: int, navigator: int, story: list[Tick], goal: Goal
 ) -> None:
-    """The side it prefers swapped too."""
+    """Mirror the preferred side too."""
     assume(abs(goal.y_m) > 1e-3)
     one, other = Driver(navigator, goal, side), Driver(navigator, mirrored_goal(goal), -side)
     for tick in story:
@@ -218,11 +221,13 @@ def test_in_the_mirror_it_does_the_mirrored_thing(
 @sides
 @settings(max_examples=25, deadline=None)
 @given(sound, st.integers(1, 6), goals)
-def test_a_scene_that_stays_is_mirrored_by_every_navigator_in_floats(
+def test_static_scene_is_mirrored_by_float_navigators(
     side: int, navigator: int, tick: Tick, times: int, goal: Goal
 ) -> None:
-    """Standing still: what a memory makes of echoes that jump depends on which came first. The
-    navigator in whole numbers has a test of its own, test_mirror."""
+    """Keep the robot in place: the state of a memory after jumping echoes depends on their order.
+
+    The navigator with integers has its own test, test_mirror.
+    """
     assume(abs(goal.y_m) > 1e-3)
     one, other = Driver(navigator, goal, side), Driver(navigator, mirrored_goal(goal), -side)
     for _ in range(times):

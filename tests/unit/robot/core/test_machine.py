@@ -1,4 +1,4 @@
-"""The machine: how it is born, what a living goal is, and how goals begin and end."""
+"""The machine: its initial state, active goals, and how goals begin and end."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def started(now_ms: int = 1_000) -> Machine:
     return made
 
 
-def test_a_new_machine_is_at_rest_and_trusts_nothing() -> None:
+def test_new_machine_is_stopped_without_sensors_and_operator() -> None:
     made = Machine(DEFAULTS)
     assert {name: getattr(made, name) for name in Machine.__slots__} == {
         "vehicle": states.BOOT,
@@ -52,15 +52,13 @@ def test_a_new_machine_is_at_rest_and_trusts_nothing() -> None:
 
 
 @pytest.mark.parametrize("goal_state", GOAL_STATES)
-def test_a_goal_lives_from_its_acceptance_to_its_end(goal_state: int) -> None:
+def test_goal_is_active_from_acceptance_to_its_end(goal_state: int) -> None:
     assert machines.goal_is_active(machine(goal_state)) == (goal_state in LIVING)
 
 
 @pytest.mark.parametrize("vehicle", range(states.EMERGENCY_STOP + 1))
 @pytest.mark.parametrize("mode", MODES)
-def test_a_robot_drives_only_armed_in_a_driving_mode_with_a_living_goal(
-    mode: int, vehicle: int
-) -> None:
+def test_driving_needs_arming_mode_and_an_active_goal(mode: int, vehicle: int) -> None:
     may_drive = vehicle == states.ACTIVE and mode not in (states.MANUAL, states.HOLD)
     for goal_state in GOAL_STATES:
         made = machine(goal_state)
@@ -68,7 +66,7 @@ def test_a_robot_drives_only_armed_in_a_driving_mode_with_a_living_goal(
         assert machines.drives(made) == (may_drive and goal_state in LIVING)
 
 
-def test_a_goal_starts_with_its_mode_and_time_and_nothing_of_an_earlier_one() -> None:
+def test_goal_starts_without_state_of_an_earlier_one() -> None:
     made = machine()
     made.goal_state, made.goal_reason, made.goal_ended_ms = states.STUCK, reasons.BUMPER, 500
     machines.start_goal(made, AHEAD, states.AUTO, 1_000)
@@ -77,7 +75,7 @@ def test_a_goal_starts_with_its_mode_and_time_and_nothing_of_an_earlier_one() ->
     assert (made.serial, made.pursuits, made.replaced_serial) == (1, 1, 0)
 
 
-def test_a_goal_that_replaces_a_living_one_tells_which() -> None:
+def test_replaced_goal_is_noted() -> None:
     made = started()
     machines.start_goal(made, AHEAD, states.AUTO, 2_000)
     assert (made.serial, made.pursuits, made.replaced_serial) == (2, 2, 1)
@@ -92,7 +90,7 @@ def test_a_goal_after_one_that_has_ended_replaces_none() -> None:
 
 
 @pytest.mark.parametrize("goal_state", GOAL_STATES)
-def test_only_a_living_goal_is_ended_and_its_outcome_stays(goal_state: int) -> None:
+def test_only_an_active_goal_is_ended_and_its_outcome_stays(goal_state: int) -> None:
     made = machine(goal_state)
     machines.end_goal(made, states.ABORTED, reasons.DISARMED, 2_000)
     ended = (made.goal_state, made.goal_reason, made.goal_ended_ms)

@@ -1,4 +1,4 @@
-"""MANUAL: the operator steers, the limits and the guard stay, and nobody there is a stand."""
+"""MANUAL: the operator steers within limits and guard; without an operator the robot stops."""
 
 from math import inf, nan
 
@@ -20,7 +20,7 @@ def manual() -> Driven:
     return driven
 
 
-def test_the_robot_drives_as_it_is_steered_and_no_faster_than_it_can_accelerate() -> None:
+def test_robot_follows_the_operator_within_its_acceleration() -> None:
     driven = manual()
     driven.state.manual = Twist(0.2, 0.0)
     first = driven.tick().twist.speed_m_s
@@ -35,7 +35,7 @@ def test_the_robot_drives_as_it_is_steered_and_no_faster_than_it_can_accelerate(
     assert driven.outputs.twist == Twist(0.0, 1.0)
 
 
-def test_without_anybody_steering_the_wheels_stop_in_that_tick() -> None:
+def test_without_teleop_the_wheels_stop_in_that_tick() -> None:
     driven = manual()
     driven.state.manual = Twist(0.3, 0.5)
     driven.forward(1.0)
@@ -44,7 +44,7 @@ def test_without_anybody_steering_the_wheels_stop_in_that_tick() -> None:
     assert driven.stands
 
 
-def test_nobody_steers_a_robot_that_is_not_in_manual_or_not_armed() -> None:
+def test_teleop_needs_manual_mode_and_arming() -> None:
     driven = armed()
     driven.state.manual = Twist(0.2, 0.0)
     assert driven.forward(0.5).stands, "in HOLD"
@@ -54,7 +54,7 @@ def test_nobody_steers_a_robot_that_is_not_in_manual_or_not_armed() -> None:
     assert driven.forward(0.5).stands
 
 
-def test_the_guard_lets_nobody_drive_into_a_wall() -> None:
+def test_guard_stops_teleop_before_a_wall() -> None:
     driven = manual()
     driven.scan = WALL_AHEAD
     driven.state.manual = Twist(0.3, 0.0)
@@ -79,7 +79,7 @@ def test_whatever_is_wanted_wheels_and_robot_keep_their_limits(
 
 
 @pytest.mark.parametrize("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(0.0, inf)])
-def test_a_wish_that_is_no_number_turns_no_wheel(twist: Twist) -> None:
+def test_teleop_with_nan_turns_no_wheel(twist: Twist) -> None:
     driven = manual()
     driven.state.manual = twist
     driven.tick()

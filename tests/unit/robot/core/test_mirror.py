@@ -1,4 +1,4 @@
-"""A mirrored scene gives a mirrored choice, as near as whole millimetres and brads allow."""
+"""A mirrored scene gives a mirrored choice, within the rounding to millimetres and brads."""
 
 from collections.abc import Sequence
 from math import cos, hypot, sin
@@ -23,7 +23,7 @@ scenes = st.tuples(*[nearby] * SONARS)
 def looked_at(
     pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int, turn: int
 ) -> tuple[int, float, float]:
-    """What vgm_memory makes of a scene that stays, beginning with this ping group."""
+    """Return the choice of vgm_memory for a static scene, starting with this ping group."""
     memory, ring = new_memory(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
     memory.phase = turn
     for _ in range(LOOKS):
@@ -42,8 +42,7 @@ def is_like(
 
 
 def is_on_the_verge(pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int) -> bool:
-    """Whether a few millimetres or milliradians, or the ping group it began with, change what is
-    chosen."""
+    """Return whether a small change of the scene, or the first ping group, changes the choice."""
     here = looked_at(pose, goal, range_mm, echo, 0)
     for k in range(JOLTS):
         most_mm = 1 + k // 8 * 2
@@ -67,13 +66,15 @@ def is_on_the_verge(pose: Pose, goal: Goal, range_mm: Sequence[int], echo: int) 
     st.integers(0, ALL),
     goals,
 )
-def test_a_scene_that_stays_is_mirrored_by_vgm_memory(
+def test_static_scene_is_mirrored_by_vgm_memory(
     pose: Pose, range_mm: tuple[int, ...], echo: int, goal: Goal
 ) -> None:
-    """It counts in whole millimetres and brads, and those round down on either side of the axis;
-    of its ping groups the even one has the odd one for its mirror image, and its points are faded
-    in the order they came in. So the mirrored memory begins with the other group, the tolerance is
-    that of the roundings, and scenes on the verge between two choices do not count."""
+    """Integers round down on both sides of the axis.
+
+    The even ping group is the mirror image of the odd one, and points lose weight in the order of
+    their arrival. So the mirrored memory starts with the other group, the tolerance is that of the
+    rounding, and scenes on the limit between two choices are excluded.
+    """
     assume(hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) > 0.1)
     assume(not is_on_the_verge(pose, goal, range_mm, echo))
     twin = Pose(pose.x_m, -pose.y_m, -pose.heading_rad)

@@ -16,7 +16,7 @@ def outcome(driven: Driven) -> tuple[int, int]:
     return driven.machine.goal_state, driven.machine.goal_reason
 
 
-def test_a_booted_robot_stands_by_once_it_has_its_senses() -> None:
+def test_boot_ends_with_the_first_sensor_data() -> None:
     driven = Driven()
     driven.has_wheels = False
     driven.tick()
@@ -60,7 +60,7 @@ def test_guided_needs_an_operator_and_auto_does_not() -> None:
         (AHEAD._replace(heading_tolerance_rad=pi + 0.01), reasons.TOLERANCE_OUT_OF_RANGE),
     ],
 )
-def test_a_goal_that_makes_no_sense_is_refused(goal: Goal, refusal: int) -> None:
+def test_invalid_goal_is_refused(goal: Goal, refusal: int) -> None:
     driven = armed()
     assert driven.goto(goal) == refusal
     assert outcome(driven) == (states.REFUSED, refusal)
@@ -122,7 +122,7 @@ def test_a_failsafe_reason_is_cleared_by_arming_and_disarming(
     assert (driven.machine.vehicle, driven.machine.vehicle_reason) == (vehicle, left_over)
 
 
-def test_an_emergency_stop_names_the_operator_until_it_is_cleared() -> None:
+def test_emergency_stop_has_the_operator_as_its_reason() -> None:
     machine = driving().machine
     modes.estop(machine, 0)
     modes.disarm(machine, 0)
@@ -139,7 +139,7 @@ def test_resume_out_of_hold_leaves_the_mode_alone(mode: int) -> None:
     assert driven.machine.mode == mode
 
 
-def test_resume_out_of_hold_asks_for_no_operator() -> None:
+def test_resume_out_of_hold_needs_no_operator() -> None:
     driven = driving(states.AUTO)
     driven.operator_age_ms = None
     driven.tick()
@@ -148,14 +148,14 @@ def test_resume_out_of_hold_asks_for_no_operator() -> None:
     assert driven.machine.mode == states.AUTO
 
 
-def test_a_refused_goal_leaves_the_living_one_alone() -> None:
+def test_refused_goal_leaves_the_active_one_unchanged() -> None:
     driven = driving()
     assert driven.goto(AHEAD._replace(x_m=nan)) == reasons.GOAL_OUT_OF_RANGE
     assert driven.goto(mode=states.MANUAL) == reasons.UNKNOWN_MODE
     assert driven.machine.goal_state == states.DRIVING
 
 
-def test_a_new_goal_replaces_the_old_one_and_says_so() -> None:
+def test_new_goal_replaces_the_old_one_with_a_reason() -> None:
     driven = driving()
     old = driven.machine.serial
     assert driven.goto(AHEAD._replace(y_m=1.0)) == reasons.OK
@@ -282,7 +282,7 @@ def test_the_way_back_needs_a_trail_and_an_armed_robot() -> None:
     assert modes.set_mode(machine, trail, states.SMART_RTL, 0) == reasons.NO_TRAIL
 
 
-def test_a_goal_is_refused_in_the_tick_in_which_the_senses_went() -> None:
+def test_goal_is_refused_in_the_tick_of_sensor_loss() -> None:
     driven = armed()
     driven.machine.senses = False
     assert driven.goto() == reasons.NO_SENSES
@@ -311,7 +311,7 @@ COMMANDS = ("arm", "disarm", "hold", "resume", "abort", "estop", "clear", "goto"
 
 
 @given(st.lists(st.sampled_from(COMMANDS), max_size=40))
-def test_whatever_is_commanded_wheels_turn_only_when_armed_with_a_living_goal(
+def test_wheels_turn_only_when_armed_with_an_active_goal(
     commands: list[str],
 ) -> None:
     driven = Driven()

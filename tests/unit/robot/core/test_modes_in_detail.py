@@ -1,4 +1,4 @@
-"""Commands on a machine whose every field the test has set: each condition by itself."""
+"""Commands on a machine with all fields set by the test: each condition separately."""
 
 from math import pi
 
@@ -18,7 +18,7 @@ ELSEWHERE = Fence((10.0,), (0.0,), 1.0)
 
 
 def machine(vehicle: int = states.ACTIVE) -> Machine:
-    """With senses and without operator, cause or goal."""
+    """Return a machine with sensor data, without operator, failsafe cause and goal."""
     made = Machine(DEFAULTS)
     made.vehicle, made.senses = vehicle, True
     return made
@@ -61,7 +61,7 @@ def test_arming_an_armed_robot_changes_nothing() -> None:
     assert (armed.vehicle, armed.vehicle_reason) == (states.ACTIVE, reasons.BY_OPERATOR)
 
 
-def test_the_way_back_leads_to_the_first_crumb_without_an_operator() -> None:
+def test_way_back_leads_to_the_start_without_an_operator() -> None:
     away = machine()
     assert modes.rtl(away, WAY, 1_000) == reasons.OK
     assert away.mode == states.SMART_RTL
@@ -98,7 +98,7 @@ def test_another_driving_mode_keeps_the_goal() -> None:
     assert machines.goal_is_active(on_its_way)
 
 
-def test_a_fence_without_the_robot_is_taken_only_before_it_knows_its_place() -> None:
+def test_fence_without_the_robot_is_accepted_only_in_boot() -> None:
     assert modes.set_fence(machine(states.BOOT), ELSEWHERE, ORIGIN) == reasons.OK
     for vehicle in (states.STANDBY, states.ACTIVE, states.FAILSAFE, states.EMERGENCY_STOP):
         refused = machine(vehicle)
@@ -127,6 +127,6 @@ def test_another_navigator_or_side_begins_afresh_once(
 @pytest.mark.parametrize(
     "tolerance_rad", [0.2 * pi / 180.0 - 1.2e-6, pi + 1.2e-6], ids=["below", "above"]
 )
-def test_a_heading_tolerance_is_forgiven_one_unit_of_the_wire(tolerance_rad: float) -> None:
+def test_heading_tolerance_may_be_off_by_one_wire_unit(tolerance_rad: float) -> None:
     goal = AHEAD._replace(heading_tolerance_rad=tolerance_rad)
     assert modes.goto(machine(), goal, states.AUTO, 0) == reasons.TOLERANCE_OUT_OF_RANGE

@@ -1,4 +1,4 @@
-"""The core stays within what MicroPython on a small controller can run."""
+"""The core uses only features of MicroPython on a small controller."""
 
 import ast
 import shutil
@@ -24,7 +24,7 @@ def imported(node: ast.AST) -> str | None:
 
 
 def complaint(node: ast.AST) -> str | None:
-    """What in this node MicroPython lacks, or what may not be in the core for its own sake."""
+    """Return what in this node MicroPython lacks, or what is forbidden in the core."""
     if isinstance(node, ast.Match):
         return "match"
     if isinstance(node, ast.Dict) and None in node.keys:
@@ -39,7 +39,7 @@ def complaint(node: ast.AST) -> str | None:
     return None
 
 
-def test_there_is_a_core_to_look_at() -> None:
+def test_source_files_of_the_core_are_found() -> None:
     assert len(FILES) > 15
 
 
@@ -83,7 +83,7 @@ WITHOUT_TYPING = "import sys; sys.modules['typing'] = None\n"
 
 
 def interpreters() -> list[list[str]]:
-    """CPython without typing always, and MicroPython's Unix port where it is installed."""
+    """Return CPython without `typing`, and MicroPython's Unix port if it is installed."""
     micropython = shutil.which("micropython")
     return [[sys.executable, "-S"], *([[micropython]] if micropython else [])]
 

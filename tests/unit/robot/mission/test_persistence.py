@@ -276,7 +276,7 @@ def test_what_is_kept_already_is_not_written_again(
 
 
 def test_replayed_requests_restore_another_robot(tmp_path: Path) -> None:
-    """A recording that contains them can therefore be re-executed."""
+    """Recordings that contain them can therefore be re-executed."""
     kept(tmp_path, NEAR, line(3))
     desk = Desk(Store(tmp_path))
     exchange = desk.vehicle.restore()

@@ -153,7 +153,7 @@ def test_configuration_may_be_weaker_than_the_default(tmp_path: Path) -> None:
 
 
 def test_saved_values_are_held_to_the_configuration(tmp_path: Path) -> None:
-    """The values were saved by an older robot, or with another configuration."""
+    """Load values saved by an older robot, or with another configuration."""
     weaker: dict[str, float] = dict(WEAKER)
     (tmp_path / FILE_NAME).write_text(json.dumps(weaker | {"d_obs_m": 0.4, "wheel_time_ms": 400}))
     vehicle = started(tmp_path)

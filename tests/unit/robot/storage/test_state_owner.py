@@ -25,7 +25,7 @@ def test_another_robot_is_refused_and_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_robot_process_does_not_start_on_the_state_of_another(tmp_path: Path) -> None:
-    """It would otherwise drive with the other robot's fence, or without one."""
+    """Driving with the other robot's fence, or without one, must be impossible."""
     own(tmp_path, "r2")
     (tmp_path / "fence.json").write_text("[]")
     with pytest.raises(UserError, match="belongs to robot 'r2'"):

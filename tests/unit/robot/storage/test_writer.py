@@ -141,7 +141,7 @@ def test_slow_disk_receives_only_the_newest_values(robot: Robot, tmp_path: Path)
 
 
 def test_newer_content_saves_an_older_failed_one(robot: Robot) -> None:
-    """The newer content contains both values."""
+    """Newer content contains both values."""
     first, second = robot.ask(setting(0.45)), robot.ask(setting(0.6, "k_rho"))
     robot.writer.finish(FULL)
     robot.desk.vehicle.collect_saved()
@@ -312,7 +312,7 @@ def test_the_control_loop_touches_no_disk(
 def test_no_control_period_touches_the_disk(
     tmp_path: Path, thread: WriterThread, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The whole loop: requests and answers, telemetry, a stop, and the marks of a run."""
+    """Run the whole loop: requests and answers, telemetry, a stop, and the marks of a run."""
     store = Store(tmp_path / "state", thread)
     rig, life = Rig(store).ready(), PreviousRun(store.directory)
     life.begin()

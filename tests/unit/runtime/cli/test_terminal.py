@@ -1,4 +1,4 @@
-"""No control character reaches a terminal, whatever the source of the text."""
+"""Control characters never reach a terminal, whatever the source of the text."""
 
 import subprocess
 import sys

@@ -21,9 +21,7 @@ def rim_m_s(speed: float, yaw: float) -> float:
 
 
 @given(distances, bearings)
-def test_the_position_controller_never_lets_its_lyapunov_function_grow(
-    rho: float, alpha: float
-) -> None:
+def test_lyapunov_function_of_position_controller_never_grows(rho: float, alpha: float) -> None:
     speed, yaw = toward(rho, alpha, DEFAULTS)
     rho_dot, alpha_dot = -speed * cos(alpha), -yaw + speed * sin(alpha) / rho
     assert rho * rho_dot + alpha * alpha_dot <= 1e-9
@@ -31,7 +29,7 @@ def test_the_position_controller_never_lets_its_lyapunov_function_grow(
 
 
 @given(distances, st.floats(-1.5, 1.5), bearings)
-def test_the_pose_controller_never_lets_its_lyapunov_function_grow(
+def test_lyapunov_function_of_pose_controller_never_grows(
     rho: float, alpha: float, theta: float
 ) -> None:
     speed, yaw = into(rho, alpha, theta, DEFAULTS)

@@ -37,25 +37,25 @@ def mirrored(seen: Ring) -> Ring:
     return heard(seen.range_m[::-1])
 
 
-def test_with_nothing_near_it_goes_at_full_speed() -> None:
+def test_without_near_echoes_the_speed_is_full() -> None:
     assert speed(SILENT) == MOST_M_S
     assert speed(only(3, CLOSE_M)) == MOST_M_S
 
 
 @pytest.mark.parametrize("sonar", AHEAD)
-def test_the_nearer_something_ahead_the_slower(sonar: int) -> None:
+def test_nearer_echo_ahead_means_lower_speed(sonar: int) -> None:
     speeds_m_s = [speed(only(sonar, 0.01 * k)) for k in range(2, 40)]
     assert speeds_m_s == sorted(speeds_m_s)
     assert speeds_m_s[0] < 0.05 < speeds_m_s[-1]
 
 
 @pytest.mark.parametrize("sonar", AHEAD)
-def test_where_the_guard_would_stop_it_it_does_not_push(sonar: int) -> None:
+def test_speed_is_zero_where_the_guard_would_stop(sonar: int) -> None:
     assert speed(only(sonar, DEFAULTS.guard_stop_m)) == 0.0
 
 
 @pytest.mark.parametrize("sonar", [0, 7])
-def test_a_wall_beside_it_is_passed_quickly_unless_it_nearly_touches(sonar: int) -> None:
+def test_wall_beside_is_passed_fast_unless_nearly_touching(sonar: int) -> None:
     assert speed(only(sonar, 0.12)) == MOST_M_S
     assert 0.0 < speed(only(sonar, 0.03)) < MOST_M_S
 
@@ -63,7 +63,7 @@ def test_a_wall_beside_it_is_passed_quickly_unless_it_nearly_touches(sonar: int)
 @pytest.mark.parametrize(("right_m", "left_m"), [(0.02, 0.02), (0.02, 0.029), (0.029, 0.02)])
 @pytest.mark.parametrize("right", [0, 1])
 @pytest.mark.parametrize("left", [6, 7])
-def test_into_a_gap_that_sonars_cannot_tell_the_width_of_it_does_not_drive(
+def test_gap_of_unknown_width_is_not_entered(
     right_m: float, left_m: float, right: int, left: int
 ) -> None:
     ranges: Ranges = [inf] * SONARS
@@ -73,7 +73,7 @@ def test_into_a_gap_that_sonars_cannot_tell_the_width_of_it_does_not_drive(
     assert speed(heard(ranges)) > 0.0
 
 
-def test_a_gap_that_leaves_three_centimetres_on_either_side_is_driven_through() -> None:
+def test_gap_with_three_centimetres_each_side_is_entered() -> None:
     assert speed(heard([0.03, 0.032, inf, inf, inf, inf, 0.034, 0.03])) > 0.0
 
 
@@ -104,7 +104,7 @@ def test_the_speed_is_the_same_in_the_mirror(seen: Ring, free_mm: int, error_rad
 
 
 @given(rings, st.integers(0, SONARS - 1), st.floats(0.02, 0.3), rooms)
-def test_one_echo_more_never_makes_it_quicker(
+def test_additional_echo_never_increases_the_speed(
     seen: Ring, sonar: int, range_m: float, free_mm: int
 ) -> None:
     more = list(seen.range_m)
@@ -121,7 +121,7 @@ def test_it_keeps_off_a_flank_that_is_too_near(sonar: int) -> None:
     assert abs(pace.keep_off(only(sonar, 0.25 * FLANK_M))) > abs(away_rad)
 
 
-def test_between_two_equally_near_flanks_and_far_from_all_it_keeps_its_heading() -> None:
+def test_equal_or_far_flanks_do_not_bias_the_heading() -> None:
     both: Ranges = [inf] * SONARS
     both[0] = both[7] = 0.5 * FLANK_M
     assert pace.keep_off(heard(both)) == 0.0
@@ -162,7 +162,7 @@ def test_an_echo_aside_that_the_body_passes_leaves_the_way_free() -> None:
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
-def test_a_sonar_that_says_nothing_promises_nothing(sonar: int) -> None:
+def test_missing_measurement_means_no_free_distance(sonar: int) -> None:
     ranges: Ranges = [inf] * SONARS
     ranges[sonar] = None
     assert free(heard(ranges), BEARINGS[sonar]) == 0.0
@@ -170,14 +170,14 @@ def test_a_sonar_that_says_nothing_promises_nothing(sonar: int) -> None:
 
 
 @given(rings, errors, st.floats(0.0, 20.0))
-def test_what_is_free_is_never_beyond_the_goal_nor_more_than_without_echoes(
+def test_free_distance_is_at_most_that_of_the_goal(
     seen: Ring, alpha_rad: float, distance_m: float
 ) -> None:
     assert 0.0 <= free(seen, alpha_rad, distance_m) <= free(SILENT, alpha_rad, distance_m)
 
 
 @given(st.integers(0, SONARS - 1), st.floats(0.02, 3.0), errors, st.floats(0.0, 20.0))
-def test_to_the_left_as_much_is_free_as_to_the_right(
+def test_free_distance_is_symmetric(
     sonar: int, range_m: float, alpha_rad: float, distance_m: float
 ) -> None:
     seen = only(sonar, range_m)

@@ -19,7 +19,7 @@ def test_crumbs_are_a_spacing_apart() -> None:
 
 
 @given(st.floats(0.0, 400.0))
-def test_however_far_it_goes_the_trail_is_bounded_and_starts_at_the_start(far_m: float) -> None:
+def test_trail_is_bounded_and_begins_at_the_start(far_m: float) -> None:
     trail = walked(far_m)
     assert 1 <= len(trail.xs_m) == len(trail.ys_m) <= LIMIT
     assert (trail.xs_m[0], trail.ys_m[0]) == (0.0, 0.0)

@@ -25,7 +25,7 @@ def started(pose: Pose, seen: Ring, toward_deg: float, side: int = 1) -> Followe
 
 
 def turn_deg(follower: Follower, pose: Pose, seen: Ring, ticks: int = 12) -> float:
-    """Where it wants to go when it has stood there for a while."""
+    """Return the steered direction after a while at the same place."""
     wanted_rad = 0.0
     for _ in range(ticks):
         followers.sense(follower, pose, seen, DEFAULTS)
@@ -36,7 +36,7 @@ def turn_deg(follower: Follower, pose: Pose, seen: Ring, ticks: int = 12) -> flo
 def walk(
     pose: Pose, walls: list[Wall], discs: list[Disc], seconds: float, side: int = 1
 ) -> tuple[list[Pose], Follower]:
-    """Follow what is ahead; the robot turns towards where it wants to go and slows when it must."""
+    """Follow the obstacle ahead; the robot turns towards its heading and slows down as needed."""
     follower = started(pose, seen_from(pose, walls, discs), 0.0, side)
     poses = [pose]
     for _ in range(round(seconds * 20)):
@@ -77,14 +77,14 @@ def test_a_wall_that_ends_is_remembered_where_the_ring_is_blind() -> None:
     assert not follower.lost
 
 
-def test_what_is_never_seen_again_is_given_up_in_the_end() -> None:
+def test_points_without_new_echoes_are_dropped_in_the_end() -> None:
     follower = started(HERE, seen_from(HERE, BELOW), -80.0)
     turn_deg(follower, HERE, seen_from(HERE, BELOW))
     turn_deg(follower, HERE, ring({}), followers.OLD_TICKS + 2)
     assert follower.lost
 
 
-def test_what_is_seen_through_is_given_up_at_once() -> None:
+def test_contradicted_points_are_dropped_at_once() -> None:
     ahead = ring({3: 150, 4: 150})
     follower = started(HERE, ahead, 0.0)
     turn_deg(follower, HERE, ahead)
@@ -103,7 +103,7 @@ def test_walls_all_round_leave_no_way_but_to_turn() -> None:
         assert follower.boxed or abs(turned_rad) > 0.5
 
 
-def test_a_single_ghost_and_a_single_dropout_are_not_believed() -> None:
+def test_single_false_echo_or_dropout_is_ignored() -> None:
     follower = Follower()
     for range_mm in (1500, 1505, 300, 1498, None, 1502):
         followers.sense(follower, HERE, ring({} if range_mm is None else {4: range_mm}), DEFAULTS)
@@ -126,7 +126,7 @@ def test_a_disc_is_circled_at_a_steady_distance(side: int) -> None:
     assert not follower.lost
 
 
-def test_the_end_of_a_thin_wall_is_rounded_and_the_other_side_followed_back() -> None:
+def test_thin_wall_is_followed_around_its_end() -> None:
     wall: list[Wall] = [(0.4, -3.0, 0.4, 0.5)]
     poses, _ = walk(HERE, wall, [], 25.0)
     assert min(clearance_m(pose, wall) for pose in poses) > 0.07
@@ -174,7 +174,7 @@ def test_left_and_right_are_mirror_images(
 
 
 def equally_near(scan: list[int | None]) -> bool:
-    """Two echoes of one range, or none: which of them is the nearest is a matter of order."""
+    """Return whether two echoes have the same range, or there is none: the order decides then."""
     near = [mm for mm in scan if mm is not None]
     return len(set(near)) < len(near)
 

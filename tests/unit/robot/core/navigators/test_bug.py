@@ -24,7 +24,7 @@ def memory(side: int = states.LEFT) -> Memory:
 
 
 def steered_deg(decision: Decision, pose: Pose = HERE) -> float:
-    """Where the virtual goal lies, seen from the heading."""
+    """Return the bearing of the virtual goal."""
     dx_m, dy_m = decision.virtual_x_m - pose.x_m, decision.virtual_y_m - pose.y_m
     return degrees(wrap(atan2(dy_m, dx_m) - pose.heading_rad))
 
@@ -34,7 +34,7 @@ def step(remembered: Memory, echoes: dict[int, int], goal: Goal = AHEAD) -> Deci
 
 
 def following(side: int = states.LEFT) -> Memory:
-    """Met an obstacle ahead and turned until it is beside the robot."""
+    """Meet an obstacle ahead and turn until it is beside the robot."""
     remembered = memory(side)
     step(remembered, {3: 250, 4: 250})
     step(remembered, RIGHT_WALL if side == states.LEFT else mirrored(RIGHT_WALL), behind(side))
@@ -48,7 +48,7 @@ def mirrored(echoes: dict[int, int]) -> dict[int, int]:
 
 
 def behind(side: int) -> Goal:
-    """A goal on the far side of the wall, out of view: no reason to leave."""
+    """Return a goal behind the wall, out of view, which is no reason to leave."""
     return Goal(-1.0, -3.0 * side, None, 0.05, 0.05)
 
 
@@ -70,7 +70,7 @@ def test_an_obstacle_beyond_the_goal_is_not_in_the_way() -> None:
     assert step(memory(), {3: 250}, Goal(0.2, 0.0, None, 0.05, 0.05)).branch == states.TO_GOAL
 
 
-def test_it_leaves_as_soon_as_the_way_to_the_goal_is_open() -> None:
+def test_it_leaves_when_the_way_to_the_goal_is_open() -> None:
     remembered = following()
     assert step(remembered, RIGHT_WALL).branch == states.TO_GOAL
     assert not remembered.following
@@ -99,13 +99,13 @@ def test_an_inner_corner_turns_it_away() -> None:
     assert steered_deg(step(following(), corner, behind(states.LEFT))) > 45.0
 
 
-def test_a_wall_opposite_is_not_taken_for_the_followed_one() -> None:
+def test_opposite_wall_is_not_the_followed_one() -> None:
     gap = {3: 400, 4: 380, 5: 330}
     decision = step(following(), gap, behind(states.LEFT))
-    assert steered_deg(decision) < -10.0  # round the end of its own wall, into the gap
+    assert steered_deg(decision) < -10.0  # around the end of the followed wall, into the gap
 
 
-def test_a_lost_wall_is_sought_for_three_quarters_of_a_turn_and_no_longer() -> None:
+def test_lost_wall_is_searched_for_three_quarters_of_a_turn() -> None:
     remembered, heading_rad, turned_rad = following(), 0.0, 0.0
     while remembered.following:
         heading_rad = wrap(heading_rad - 0.1)

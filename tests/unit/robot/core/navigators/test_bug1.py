@@ -17,7 +17,7 @@ def test_with_a_free_way_it_drives_straight_to_the_goal() -> None:
 
 
 @pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
-def test_it_goes_all_the_way_round_before_it_leaves_at_the_nearest_point(side: int) -> None:
+def test_full_lap_precedes_leaving_at_the_nearest_point(side: int) -> None:
     walk = walk_to(states.BUG1, FAR, [], DISC, side=side)
     assert walk.arrived
     assert min(clearance_m(pose, [], DISC) for pose in walk.poses) > 0.05
@@ -27,7 +27,7 @@ def test_it_goes_all_the_way_round_before_it_leaves_at_the_nearest_point(side: i
         for a, b, on in zip(walk.poses, walk.poses[1:], followed[1:], strict=False)
         if on
     )
-    assert round_m > 3.0  # the way round the disc at the robot's distance, and back to the point
+    assert round_m > 3.0  # around the disc at the robot's distance, and back to the point
     last = max(k for k, on in enumerate(followed) if on)
     assert walk.poses[last].x_m > 1.6
 

@@ -40,7 +40,7 @@ def test_a_trap_is_entered_and_left(side: int) -> None:
     assert min(clearance_m(pose, U_TRAP) for pose in walk.poses) > 0.05
 
 
-def test_crossing_the_line_farther_from_the_goal_than_the_hit_is_no_reason_to_leave() -> None:
+def test_line_crossed_farther_than_the_hit_is_not_left() -> None:
     boundary = bug2.Memory().boundary
     boundary.begun_m = 2.0
     boundary.distance_m = 2.5
@@ -50,7 +50,7 @@ def test_crossing_the_line_farther_from_the_goal_than_the_hit_is_no_reason_to_le
     assert not bug2.leaves(boundary, False, DEFAULTS)
 
 
-def test_the_line_is_noticed_when_it_is_jumped_over() -> None:
+def test_line_crossed_between_two_ticks_is_detected() -> None:
     memory = bug2.Memory()
     assert not bug2.crosses(memory, Pose(1.0, 0.2, 0.0), GOAL)
     assert bug2.crosses(memory, Pose(1.0, -0.2, 0.0), GOAL)
@@ -61,13 +61,13 @@ def test_a_goal_that_is_walled_in_is_unreachable() -> None:
     assert walk_to(states.BUG2, GOAL, BOX_AROUND_THE_GOAL, []).gave_up
 
 
-def test_a_robot_that_is_walled_in_finds_out() -> None:
+def test_walled_in_robot_gives_up() -> None:
     room: list[Wall] = [(-0.7, -0.7, 0.7, -0.7), (0.7, -0.7, 0.7, 0.7)]
     room += [(0.7, 0.7, -0.7, 0.7), (-0.7, 0.7, -0.7, -0.7)]
     assert walk_to(states.BUG2, GOAL, room, []).gave_up
 
 
-def test_a_disc_that_hides_nothing_is_no_reason_to_give_up() -> None:
+def test_disc_before_a_reachable_goal_is_passed() -> None:
     posts: list[Disc] = [(0.8, 0.0, 0.06), (1.3, 0.1, 0.06), (1.8, -0.1, 0.06)]
     walk = walk_to(states.BUG2, GOAL, [], posts)
     assert walk.arrived

@@ -26,17 +26,17 @@ def looking(echoes: dict[int, int], goal: Goal = GOAL, ticks: int = 3) -> Bounda
 
 
 def met(boundary: Boundary) -> bool:
-    """Whether it counts as met when it stays as it is."""
+    """Return whether an unchanged obstacle counts as met."""
     return [boundaries.meets(boundary, DEFAULTS) for _ in range(boundaries.HIT_TICKS)][-1]
 
 
-def test_what_stands_in_the_way_is_met_when_it_is_near() -> None:
+def test_near_obstacle_in_the_way_is_met() -> None:
     assert met(looking({3: 180, 4: 180}))
     assert not met(looking({3: 500, 4: 500}))
     assert not met(looking({0: 60, 7: 60}))
 
 
-def test_what_stands_beyond_the_goal_is_not_in_the_way() -> None:
+def test_obstacle_beyond_the_goal_is_not_in_the_way() -> None:
     near = Goal(0.2, 0.0, None, 0.05, 0.05)
     assert not met(looking({3: 230, 4: 230}, near))
     assert met(looking({3: 100, 4: 100}, near))
@@ -50,7 +50,7 @@ def test_walls_along_the_way_leave_it_free() -> None:
     assert not met(boundary)
 
 
-def test_the_goal_is_at_hand_when_it_is_near_and_the_way_to_it_is_seen_to_be_free() -> None:
+def test_near_goal_with_a_free_way_is_at_hand() -> None:
     near = Goal(0.5, 0.0, None, 0.05, 0.05)
     assert boundaries.goal_at_hand(looking({}, near), DEFAULTS)
     assert not boundaries.goal_at_hand(looking({}), DEFAULTS)
@@ -69,7 +69,7 @@ def test_a_new_goal_starts_afresh() -> None:
     assert boundary.best_m == 9.0
 
 
-def test_hope_that_led_no_nearer_is_the_end() -> None:
+def test_leaving_at_the_nearest_point_without_gain_is_the_end() -> None:
     boundary = looking({})
     boundary.near_m = 2.0
     assert not boundaries.is_unreachable(boundary)
@@ -79,7 +79,7 @@ def test_hope_that_led_no_nearer_is_the_end() -> None:
     assert not boundaries.is_unreachable(boundary)
 
 
-def test_what_is_met_is_not_left_before_the_robot_has_got_away_from_there() -> None:
+def test_boundary_is_not_left_at_the_meeting_point() -> None:
     boundary = looking({3: 180, 4: 180})
     boundaries.follow(boundary, HERE, states.LEFT, DEFAULTS)
     boundaries.circle(boundary, HERE, True)
@@ -89,7 +89,7 @@ def test_what_is_met_is_not_left_before_the_robot_has_got_away_from_there() -> N
     assert boundaries.under_way(boundary)
 
 
-def test_a_boundary_met_no_nearer_is_the_one_before_and_its_lap_goes_on() -> None:
+def test_boundary_met_no_nearer_continues_its_lap() -> None:
     boundary = looking({3: 180, 4: 180})
     for near_m, begun_m, laps in ((3.0, 3.0, 0), (2.95, 3.0, 1), (2.8, 2.8, 0)):
         boundaries.leave(boundary)
@@ -101,7 +101,7 @@ def test_a_boundary_met_no_nearer_is_the_one_before_and_its_lap_goes_on() -> Non
         assert (boundary.begun_m, boundary.laps) == (begun_m, laps)
 
 
-def test_where_hope_is_spent_or_all_is_rounded_it_does_not_go_on() -> None:
+def test_after_nearest_point_or_all_laps_it_gives_up() -> None:
     boundary = looking({3: 180, 4: 180})
     boundary.left_at_nearest, boundary.near_m = True, 2.0
     steps = [
@@ -117,7 +117,7 @@ ranges = st.lists(st.one_of(st.none(), st.just(inf), st.floats(0.03, 3.0)), min_
 
 
 @given(ranges)
-def test_no_echo_is_closed_in_on_faster_than_it_can_be_stopped_before(
+def test_speed_permits_stopping_before_any_echo(
     range_m: list[float | None],
 ) -> None:
     seen = Ring()
@@ -133,7 +133,7 @@ def test_no_echo_is_closed_in_on_faster_than_it_can_be_stopped_before(
         assert slow or limit_m_s * closing * boundaries.TIME_S <= room_m + 1e-9
 
 
-def test_blind_ahead_it_creeps_and_close_ahead_it_stands() -> None:
+def test_it_creeps_without_range_ahead_and_stops_close_ahead() -> None:
     seen = ring({})
     assert boundaries.speed_limit_m_s(seen, DEFAULTS) == DEFAULTS.v_max_m_s
     seen.range_m[3] = None
@@ -176,7 +176,7 @@ def finite(number: float) -> bool:
 
 
 @pytest.mark.parametrize("number", BUGS)
-def test_sonars_that_stop_measuring_in_mid_follow_leave_only_creeping(number: int) -> None:
+def test_missing_ranges_while_following_limit_to_creeping(number: int) -> None:
     memory, step = registry.new_memory(number, states.LEFT), registry.NAVIGATORS[number].step
     for _ in range(5):
         step(memory, HERE, ring({3: 180, 4: 180}), GOAL, DEFAULTS)
@@ -186,7 +186,7 @@ def test_sonars_that_stop_measuring_in_mid_follow_leave_only_creeping(number: in
 
 
 @pytest.mark.parametrize("flank", [0, 1, 6, 7])
-def test_a_wall_beside_it_allows_no_more_than_what_is_ahead(flank: int) -> None:
+def test_wall_beside_does_not_raise_the_speed_limit(flank: int) -> None:
     ahead = {3: 24, 4: 24}
     limit_m_s = boundaries.speed_limit_m_s(ring(ahead), DEFAULTS)
     assert limit_m_s < boundaries.CREEP_M_S

@@ -70,14 +70,14 @@ def test_a_goal_that_is_walled_in_is_unreachable() -> None:
     assert walk_to(states.DISTBUG, GOAL, BOX_AROUND_THE_GOAL, []).gave_up
 
 
-def test_a_way_that_the_free_range_never_shows_is_tried_at_the_nearest_point() -> None:
+def test_hidden_way_is_tried_at_the_nearest_point() -> None:
     slalom: list[Wall] = [(0.7, -3.0, 0.7, 0.5), (1.15, -0.5, 1.15, 3.0), (1.6, -3.0, 1.6, 0.5)]
     walk = walk_to(states.DISTBUG, GOAL, slalom, [], seconds=300.0)
     assert walk.arrived
     assert min(clearance_m(pose, slalom) for pose in walk.poses) > 0.04
 
 
-def test_hope_is_spent_once_and_only_at_the_nearest_point() -> None:
+def test_nearest_point_is_tried_once_only() -> None:
     boundary = distbug.Memory().boundary
     boundary.distance_m = boundary.near_m = 1.0
     assert not boundaries.leave_at_nearest(boundary)

@@ -72,7 +72,7 @@ def closed(away_mm: int, body_mm: int) -> int:
 
 
 def half_of(away_mm: float, body_mm: float, slip: float) -> float:
-    """Half the closed sector by geometry, with the sine (or cosine) off by `slip`."""
+    """Return half the closed sector by geometry, with the sine or cosine off by `slip`."""
     square = away_mm * away_mm - body_mm * body_mm
     if square <= LOOK_MM * LOOK_MM:
         return BRADS * asin(max(0.0, min(1.0, body_mm / away_mm + slip)))
@@ -81,9 +81,7 @@ def half_of(away_mm: float, body_mm: float, slip: float) -> float:
 
 
 @given(st.integers(1, 300), st.integers(1, LOOK_MM - 1))
-def test_half_a_sector_is_what_geometry_says_within_a_step_of_the_table(
-    body_mm: int, beyond_mm: int
-) -> None:
+def test_half_sector_matches_geometry_within_a_table_step(body_mm: int, beyond_mm: int) -> None:
     away_mm = body_mm + beyond_mm
     half = closed(away_mm, body_mm)
     ends = [half_of(away_mm, body_mm, slip) for slip in (-1.0 / TABLE, 0.0, 1.0 / TABLE)]
@@ -91,9 +89,7 @@ def test_half_a_sector_is_what_geometry_says_within_a_step_of_the_table(
 
 
 @given(st.integers(20, 300), st.integers(1, LOOK_MM - 1), sides)
-def test_along_a_heading_beside_the_sector_the_disc_meets_the_point_at_most_slightly(
-    body_mm: int, beyond_mm: int, side: int
-) -> None:
+def test_disc_beside_the_sector_misses_the_point(body_mm: int, beyond_mm: int, side: int) -> None:
     away_mm = body_mm + beyond_mm
     turn_rad = side * closed(away_mm, body_mm) / BRADS
     along_mm = min(max(away_mm * cos(turn_rad), 0.0), LOOK_MM)
@@ -101,7 +97,7 @@ def test_along_a_heading_beside_the_sector_the_disc_meets_the_point_at_most_slig
     assert miss_mm > body_mm - away_mm / TABLE - 1.0
 
 
-def test_what_is_out_of_the_look_closes_nothing_and_what_touches_closes_a_flank() -> None:
+def test_far_points_close_nothing_and_touching_ones_a_flank() -> None:
     assert closed(LOOK_MM + 100, 100) == 0
     assert closed(100, 100) == QUARTER
     assert closed(50, 100) == QUARTER
@@ -133,7 +129,7 @@ def test_bearings_are_those_of_the_odometry_frame() -> None:
     assert sectors.bearing[0] == pytest.approx(-QUARTER, abs=1)
 
 
-def test_what_only_one_echo_has_told_of_closes_nothing_but_slows_down() -> None:
+def test_unconfirmed_point_closes_nothing_but_slows_down() -> None:
     for x_mm in (RADIUS_MM + 20, RADIUS_MM + WARY_MM + 30):
         sectors = measured(points((x_mm, 0), weight=SURE - 1))
         assert sectors.count == 0
@@ -158,7 +154,7 @@ def test_beside_and_behind_nothing_bounds_the_way_ahead() -> None:
     assert sectors.free_mm == FREE_MM
 
 
-def test_the_doubt_about_a_place_opens_headings_and_makes_it_no_faster() -> None:
+def test_spread_opens_headings_without_more_speed() -> None:
     sure, doubtful = measured(points((250, 0))), measured(points((250, 0), spread_mm=25))
     assert doubtful.tight[0] < sure.tight[0]
     assert doubtful.free_mm == sure.free_mm
@@ -169,8 +165,8 @@ def test_eased_margins_close_less() -> None:
 
 
 @given(st.integers(-80, 80), st.integers(-80, 80))
-def test_where_the_robot_stands_no_point_stays(x_mm: int, y_mm: int) -> None:
-    """It goes out to the rim, or just beyond it where whole millimetres make a direction coarse."""
+def test_points_within_the_robot_are_moved_out(x_mm: int, y_mm: int) -> None:
+    """Points move to the rim, or just beyond it where whole millimetres make a direction coarse."""
     assume((x_mm, y_mm) != (0, 0))
     echoes = points((x_mm, y_mm))
     sectors = measured(echoes)
@@ -189,7 +185,7 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
     assert echoes.weight[0] == SURE - 1
 
 
-def test_what_was_heard_before_a_point_was_there_does_not_weaken_it() -> None:
+def test_echo_before_a_point_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
         update_through(echoes, seen, RADIUS_MM)
@@ -207,7 +203,7 @@ def test_when_there_is_no_room_one_of_the_far_sectors_goes() -> None:
     assert min(kept) == 150
     gone = set(range(200, 200 + NEAR)) - set(kept)
     assert len(gone) == 1
-    assert gone.pop() % FEW == 200 % FEW + FEW - 1  # the farthest of those that were compared
+    assert gone.pop() % FEW == 200 % FEW + FEW - 1  # the farthest of the compared sectors
     assert measured(points((150, 0), *crowd)).count == NEAR
 
 
@@ -222,7 +218,7 @@ def walker(at_rad: float, range_m: float, approach_m_s: float, across_m_s: float
 
 
 @pytest.mark.parametrize("at_rad", [-2.5, -1.0, 0.0, 0.7, 3.0])
-def test_who_walks_at_the_robot_closes_the_headings_that_meet_him(at_rad: float) -> None:
+def test_approaching_pedestrian_closes_headings(at_rad: float) -> None:
     sectors = measured(Echoes(), seen=walker(at_rad, 0.5, 0.1))
     assert sectors.count == 1
     assert sectors.point[0] == NOTHING
@@ -232,28 +228,28 @@ def test_who_walks_at_the_robot_closes_the_headings_that_meet_him(at_rad: float)
 
 
 @pytest.mark.parametrize("across_m_s", [0.15, -0.15])
-def test_who_walks_across_is_met_where_he_will_be(across_m_s: float) -> None:
-    """With 0.15 m/s across the line of sight and 0.3 m/s of its own it meets him at 30 degrees."""
+def test_crossing_pedestrian_closes_its_future_place(across_m_s: float) -> None:
+    """Crossing at 0.15 m/s, the pedestrian meets a robot of 0.3 m/s at 30 degrees."""
     sectors = measured(Echoes(), seen=walker(0.0, 1.0, 0.0, across_m_s))
     aside = 1.0 if across_m_s > 0.0 else -1.0
     assert sectors.bearing[0] == pytest.approx(aside * BRADS * pi / 6, rel=0.1)
     assert abs(sectors.bearing[0]) - sectors.tight[0] > 0
 
 
-def test_who_only_may_walk_or_is_far_away_closes_nothing() -> None:
+def test_unconfirmed_or_far_pedestrian_closes_nothing() -> None:
     unsure = walker(0.0, 0.5, 0.1)
     unsure.pedestrians.sure[0] = 0
     assert measured(Echoes(), seen=unsure).count == 0
     assert measured(Echoes(), seen=walker(0.0, 1.3, 0.1)).count == 0
 
 
-def test_who_walks_is_not_squeezed_past() -> None:
+def test_pedestrian_keeps_its_margin_in_a_gap() -> None:
     sectors = measured(Echoes(), seen=walker(0.0, 0.3, 0.1))
     squeeze(sectors)
     assert sectors.squeezed[0] == sectors.tight[0]
 
 
-def test_among_many_points_who_walks_still_counts() -> None:
+def test_pedestrian_counts_among_many_points() -> None:
     crowd = [(200 + k, 0) for k in range(NEAR)]
     sectors = measured(points(*crowd), seen=walker(1.0, 0.3, 0.1))
     assert sectors.count == NEAR

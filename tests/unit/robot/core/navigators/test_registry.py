@@ -10,14 +10,14 @@ from study.trial.trial import NAVIGATORS as NAMES
 from tests.support.robot.core.driving import AHEAD, armed
 
 
-def test_every_navigator_of_the_dialect_is_there_and_has_its_name() -> None:
+def test_every_navigator_of_the_dialect_is_registered() -> None:
     assert set(NAVIGATORS) == {int(number) for number in Numbers}
     assert dict(NAMES) == {number.name.lower(): int(number) for number in Numbers}
 
 
 @pytest.mark.parametrize("number", NAVIGATORS)
 @pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
-def test_a_fresh_memory_is_a_new_one_with_the_side_asked_for(number: int, side: int) -> None:
+def test_new_memory_has_the_requested_side(number: int, side: int) -> None:
     one, other = registry.new_memory(number, side), registry.new_memory(number, side)
     assert one is not other
     assert one.side == side
@@ -43,7 +43,7 @@ def test_a_goal_takes_the_memory_of_the_navigator_that_is_chosen() -> None:
 
 
 def chosen(branch: int, speed_limit_m_s: float) -> Navigator:
-    """A navigator that always says the same."""
+    """Return a step with a constant decision."""
 
     def step(*_: object, **__: object) -> Decision:
         return Decision(branch, None, 9.0, 0.0, 0.0, AHEAD.x_m, AHEAD.y_m, speed_limit_m_s)
@@ -71,7 +71,7 @@ def test_the_speed_limit_of_a_navigator_holds(monkeypatch: pytest.MonkeyPatch) -
     assert driven.outputs.twist.speed_m_s == pytest.approx(0.07)
 
 
-def test_who_judges_progress_itself_may_stay_away_for_longer_than_the_others(
+def test_navigator_judging_progress_has_no_time_limit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     ends = []

@@ -10,7 +10,7 @@ BOTH = pytest.mark.parametrize("side", [1, -1])
 
 
 def chain(*given: tuple[int, int]) -> Sectors:
-    """Sectors of these bearings and halves; the later ones are farther away."""
+    """Return sectors with these bearings and half widths; later ones are farther away."""
     sectors = Sectors()
     sectors.count = len(given)
     for k, (bearing, half) in enumerate(given):
@@ -24,11 +24,11 @@ def is_open(given: list[tuple[int, int]], heading: int) -> bool:
 
 
 def smallest(given: list[tuple[int, int]], start: int, side: int) -> int:
-    """By trying every heading there is."""
+    """Return the smallest turn, found by trying every heading."""
     return next((t for t in range(CIRCLE) if is_open(given, start + side * t)), CIRCLE)
 
 
-# Some close nothing, most a part, few a whole flank, as near points do.
+# Some close nothing, most a part, few a whole flank, as for near points.
 halves = st.one_of(st.integers(0, 300), st.integers(0, QUARTER))
 bearings = st.integers(-2 * CIRCLE, 2 * CIRCLE)
 sectors_given = st.lists(st.tuples(bearings, halves), max_size=NEAR)
@@ -47,7 +47,7 @@ def test_a_sweep_finds_the_smallest_open_rotation_on_either_side(
 
 
 @given(sectors_given, bearings, sides, st.integers(0, HALF_CIRCLE), st.integers(1, HALF_CIRCLE))
-def test_a_sweep_from_farther_on_finds_the_next_open_heading_before_its_end(
+def test_sweep_with_limits_finds_the_next_open_heading(
     given: list[tuple[int, int]], start: int, side: int, turn: int, more: int
 ) -> None:
     sectors = chain(*given)

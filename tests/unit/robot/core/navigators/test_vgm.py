@@ -31,7 +31,7 @@ def bearing_of_virtual_goal(pose: Pose, decision: Decision) -> float:
 
 
 @given(poses, st.integers(0, 7), st.integers(20, 299), st.floats(-pi, pi), st.floats(0.1, 20))
-def test_the_virtual_goal_is_as_far_as_the_goal_and_tangent_to_the_obstacle(
+def test_virtual_goal_keeps_distance_and_is_tangent(
     pose: Pose, sonar: int, range_mm: int, goal_at_rad: float, distance_m: float
 ) -> None:
     x_m, y_m = pose.x_m + distance_m * cos(goal_at_rad), pose.y_m + distance_m * sin(goal_at_rad)
@@ -68,7 +68,7 @@ def test_only_the_nearest_echo_counts() -> None:
 
 
 @given(poses, st.integers(0, 7), places, places)
-def test_it_turns_about_the_robot_so_moving_the_map_changes_nothing(
+def test_rotation_about_the_robot_is_independent_of_the_map(
     pose: Pose, sonar: int, shift_x_m: float, shift_y_m: float
 ) -> None:
     seen = ring({sonar: 200})
@@ -79,7 +79,7 @@ def test_it_turns_about_the_robot_so_moving_the_map_changes_nothing(
     assert there.virtual_x_m - shift_x_m == pytest.approx(here.virtual_x_m, abs=1e-9)
 
 
-def test_it_remembers_nothing() -> None:
+def test_it_has_no_memory() -> None:
     memory, pose = Memory(), Pose(0.0, 0.0, 0.0)
     first = vgm.step(memory, pose, ring({}), goal(3.0, 0.0), DEFAULTS)
     for _ in range(50):

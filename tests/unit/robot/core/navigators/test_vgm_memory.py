@@ -22,7 +22,7 @@ PASSING = {states.PASS_LEFT, states.PASS_RIGHT}
 
 
 def contents(thing: object) -> object:
-    """All that a memory holds, to be compared."""
+    """Return all contents of a memory, for comparison."""
     slots = getattr(thing, "__slots__", ())
     if not slots:
         return repr(thing)
@@ -30,7 +30,7 @@ def contents(thing: object) -> object:
 
 
 def size(thing: object) -> int:
-    """How many numbers a memory holds."""
+    """Return the number of values in a memory."""
     slots = getattr(thing, "__slots__", ())
     if slots:
         return sum(size(getattr(thing, name)) for name in slots)
@@ -42,7 +42,7 @@ def branch_of(side: int) -> int:
 
 
 def slanting(side: int) -> Ring:
-    """Something in the way that leaves less to turn on this side."""
+    """Return an obstacle in the way that needs a smaller turn on this side."""
     echoes = {4: 150, 3: 130, 2: 160, 1: 220}
     return ring({i if side == states.LEFT else 7 - i: mm for i, mm in echoes.items()})
 
@@ -69,7 +69,7 @@ near = st.lists(st.one_of(st.integers(20, 400), st.just(0)), min_size=SONARS, ma
 
 
 @given(poses, near, places, places)
-def test_the_virtual_goal_is_as_far_as_the_goal_turned_by_the_rotation(
+def test_virtual_goal_is_the_rotated_goal(
     pose: Pose, range_mm: list[int], x_m: float, y_m: float
 ) -> None:
     memory, goal = Memory(), Goal(x_m, y_m, None, 0.05, 0.05)
@@ -86,7 +86,7 @@ def test_the_virtual_goal_is_as_far_as_the_goal_turned_by_the_rotation(
 
 
 @SIDES
-def test_what_stands_in_the_way_is_passed_on_the_side_of_the_smaller_rotation(side: int) -> None:
+def test_obstacle_is_passed_on_the_side_of_less_rotation(side: int) -> None:
     discs: list[Disc] = [(1.5, -0.22 * side, 0.3)]
     walk = walk_to(states.VGM_MEMORY, GOAL, [], discs)
     assert walk.arrived
@@ -97,7 +97,7 @@ def test_what_stands_in_the_way_is_passed_on_the_side_of_the_smaller_rotation(si
 
 @SIDES
 def test_the_side_is_latched_until_the_obstacle_is_left(side: int) -> None:
-    """Even if the other side would do with less by now."""
+    """Keep the side even if the other one would now need less rotation."""
     memory = Memory()
     seen = slanting(side)
     assert stand(memory, seen, 12).branch == branch_of(side)
@@ -124,7 +124,7 @@ def test_one_echo_alone_turns_nothing(side: int) -> None:
 
 
 def alongside(best_m: float) -> Memory:
-    """Following a wall to its right, with the way to the goal open."""
+    """Follow a wall on the right, with an open way to the goal."""
     memory = Memory()
     beside = ring({0: 130})
     stand(memory, beside, 8)
@@ -134,11 +134,11 @@ def alongside(best_m: float) -> Memory:
     return memory
 
 
-def test_the_obstacle_is_left_where_the_way_on_is_nearer_than_ever() -> None:
+def test_obstacle_is_left_where_the_way_leads_nearer() -> None:
     assert stand(alongside(inf), ring({0: 130}), 2).branch == states.TO_GOAL
 
 
-def test_promised_progress_is_enough_only_while_promises_are_kept() -> None:
+def test_free_range_counts_only_until_too_many_failed_leaves() -> None:
     memory = alongside(1.0)
     assert stand(memory, ring({0: 130}), 2).branch == states.TO_GOAL
     doubtful = alongside(1.0)
@@ -147,7 +147,7 @@ def test_promised_progress_is_enough_only_while_promises_are_kept() -> None:
 
 
 def test_without_progress_the_obstacle_is_followed_on() -> None:
-    """Something far ahead in the way to the goal promises no more than it lets through."""
+    """Place an obstacle far ahead on the way to the goal, which limits the free distance."""
     memory = alongside(1.0)
     assert stand(memory, ring({0: 130, 3: 900, 4: 900}), 2).branch == states.PASS_LEFT
 
@@ -175,7 +175,7 @@ def test_a_goal_just_before_a_wall_is_driven_to() -> None:
     assert walk_to(states.VGM_MEMORY, GOAL, wall, []).arrived
 
 
-def test_shut_in_on_all_sides_it_looks_round_and_in_the_end_believes_none_of_it() -> None:
+def test_shut_in_robot_turns_and_finally_drops_its_echoes() -> None:
     memory = Memory()
     ghosts = ring(dict.fromkeys(range(SONARS), 30))
     for k in range(80):
@@ -189,7 +189,7 @@ def test_shut_in_on_all_sides_it_looks_round_and_in_the_end_believes_none_of_it(
 
 
 @SIDES
-def test_who_walks_alongside_is_let_go_ahead(side: int) -> None:
+def test_pedestrian_alongside_is_let_ahead(side: int) -> None:
     memory, x_m = Memory(), 0.0
     beside = ring({7: 100, 6: 2500} if side == states.LEFT else {0: 100, 1: 2500})
     while memory.flank_walker.ticks == 0 and x_m < 1.0:
@@ -203,7 +203,7 @@ def test_who_walks_alongside_is_let_go_ahead(side: int) -> None:
     assert decisions[-1].speed_limit_m_s > 0.0
 
 
-def test_a_new_goal_begins_afresh_and_the_echoes_stay_true() -> None:
+def test_new_goal_resets_all_but_the_echoes() -> None:
     memory = Memory()
     stand(memory, slanting(states.LEFT), 8)
     memory.given_up, points = True, memory.echoes.count
@@ -229,7 +229,7 @@ def test_a_new_goal_begins_afresh_and_the_echoes_stay_true() -> None:
         Pose(0.0, 0.0, 1e300),
     ],
 )
-def test_a_pose_that_is_none_stops_it_and_is_not_remembered(pose: Pose) -> None:
+def test_invalid_pose_stops_it_and_is_not_stored(pose: Pose) -> None:
     memory = Memory()
     seen = slanting(states.LEFT)
     stand(memory, seen, 8)
@@ -254,7 +254,7 @@ wild = st.one_of(poses, st.builds(Pose, st.floats(), st.floats(), st.floats()))
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(scans, wild, st.integers(1, 9)), max_size=30), places, places)
-def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
+def test_any_inputs_give_a_decision_and_constant_memory(
     story: list[tuple[Scan, Pose, int]], x_m: float, y_m: float
 ) -> None:
     memory, seen, now_ms = Memory(), Ring(), 0
@@ -272,8 +272,8 @@ def test_whatever_is_heard_wherever_it_decides_and_nothing_grows(
     assert size(memory) == held
 
 
-def test_a_heading_that_lets_nothing_through_is_barred_in_the_end() -> None:
-    """The sonars see a way and the robot gets nowhere on it, as between two rims too near."""
+def test_heading_without_progress_is_blocked_in_the_end() -> None:
+    """Show a way to the sonars on which the robot cannot move, as between two close edges."""
     memory = Memory()
     assert stand(memory, SILENT, 3 * MAX_STILL).branch == states.TO_GOAL
     assert stand(memory, SILENT, 6).branch in PASSING

@@ -26,7 +26,7 @@ scans = st.lists(
 
 
 class Onlooker:
-    """A robot that is carried about, and what it makes of what it sees."""
+    """A robot that the test moves, and its tracks."""
 
     def __init__(self, speed_m_s: float = 0.0, yaw_rate_rad_s: float = 0.0) -> None:
         self.odometry, self.pedestrians = Odometry(), Pedestrians()
@@ -35,7 +35,7 @@ class Onlooker:
     def among(
         self, person: "tuple[float, float, float, float] | None", walls: list[Wall], ticks: int
     ) -> Ring:
-        """A person at x, y that walks by vx, vy; the ring after the last tick."""
+        """Move a person from x, y by vx, vy; return the ring after the last tick."""
         ring = Ring()
         for tick in range(ticks):
             pose, discs = self.odometry.pose, []
@@ -61,7 +61,7 @@ class Onlooker:
 
 @pytest.mark.parametrize("bearing_rad", [-1.2, -0.6, 0.0, 0.4, 1.0])
 @pytest.mark.parametrize("speed_m_s", [0.0, 0.3])
-def test_a_person_who_stands_does_not_walk(bearing_rad: float, speed_m_s: float) -> None:
+def test_stationary_person_has_no_speed(bearing_rad: float, speed_m_s: float) -> None:
     onlooker = Onlooker(speed_m_s)
     place = (1.1 * cos(bearing_rad), 1.1 * sin(bearing_rad), 0.0, 0.0)
     for ticks in (10, 20, 30):
@@ -72,7 +72,7 @@ def test_a_person_who_stands_does_not_walk(bearing_rad: float, speed_m_s: float)
 
 @pytest.mark.parametrize("bearing_rad", [-0.9, -0.3, 0.1, 0.7])
 @pytest.mark.parametrize("speed_m_s", [0.0, 0.1])
-def test_who_comes_at_the_robot_is_known_by_how_fast(bearing_rad: float, speed_m_s: float) -> None:
+def test_speed_of_an_approaching_person_is_estimated(bearing_rad: float, speed_m_s: float) -> None:
     c, s = cos(bearing_rad), sin(bearing_rad)
     onlooker = Onlooker(speed_m_s)
     ring = onlooker.among((1.1 * c, 1.1 * s, -0.15 * c, -0.15 * s), [], 36)
@@ -80,21 +80,21 @@ def test_who_comes_at_the_robot_is_known_by_how_fast(bearing_rad: float, speed_m
     assert 0.1 < max(ring.approach_m_s) < 0.2
 
 
-def test_who_goes_away_walks_too_but_not_at_the_robot() -> None:
+def test_receding_person_is_a_pedestrian_without_approach() -> None:
     onlooker = Onlooker()
     assert max(onlooker.among((0.8, 0.1, 0.15, 0.0), [], 40).approach_m_s) == 0.0
     (k,) = onlooker.believed()
     assert onlooker.pedestrians.approach_m_s[k] < -0.1
 
 
-def test_who_walks_across_is_known_by_how_fast() -> None:
+def test_speed_of_a_crossing_person_is_estimated() -> None:
     onlooker = Onlooker(0.1)
     onlooker.among((1.0, -0.5, 0.0, 0.15), [], 50)
     (k,) = onlooker.believed()
     assert 0.08 < onlooker.pedestrians.across_m_s[k] < 0.22
 
 
-def test_who_has_been_seen_walks_on_behind_the_robot_for_a_while() -> None:
+def test_track_continues_behind_the_robot_for_a_while() -> None:
     onlooker = Onlooker()
     onlooker.among((0.8, 0.5, -0.2, 0.0), [], 85)
     (k,) = onlooker.believed()
@@ -162,7 +162,7 @@ def test_it_is_total_and_what_walks_is_a_finite_speed(
             assert approach_m_s == 0.0 or (range_m is not None and isfinite(approach_m_s + range_m))
 
 
-def test_a_speed_that_is_no_number_forgets_everybody() -> None:
+def test_speed_with_nan_clears_all_tracks() -> None:
     onlooker = Onlooker()
     onlooker.among((1.0, 0.0, -0.15, 0.0), [], 30)
     onlooker.odometry.speed_m_s = nan
@@ -171,7 +171,7 @@ def test_a_speed_that_is_no_number_forgets_everybody() -> None:
     assert not onlooker.believed()
 
 
-def test_more_echoes_than_tracks_keep_who_walks() -> None:
+def test_pedestrians_keep_their_tracks_among_many_echoes() -> None:
     onlooker = Onlooker()
     onlooker.among((0.8, 0.0, -0.1, 0.0), [], 30)
     (k,) = onlooker.believed()
@@ -192,7 +192,7 @@ def seen(range_m: float, i: int, approach_m_s: float) -> Ring:
 
 def test_the_limit_lets_a_walker_pass_and_takes_only_speed_away() -> None:
     assert closings.limit_m_s(seen(0.5, 3, 0.0), 0.3) == 0.3
-    assert closings.limit_m_s(seen(0.3, 0, 0.2), 0.3) == 0.3  # beside, not ahead
+    assert closings.limit_m_s(seen(0.3, 0, 0.2), 0.3) == 0.3  # beside the robot, not ahead
     assert 0.0 < closings.limit_m_s(seen(0.5, 3, 0.05), 0.3) < 0.1
     assert closings.limit_m_s(seen(0.5, 3, 0.05), 0.01) == 0.01
     assert closings.limit_m_s(seen(0.5, 3, 0.2), 0.3) == 0.0

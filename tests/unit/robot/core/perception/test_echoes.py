@@ -50,7 +50,7 @@ def remembered(seen: Ring, looks: int = 2, pose: Pose = HERE) -> Echoes:
 
 
 def blind() -> Ring:
-    """No sonar has measured anything."""
+    """Return a ring without any measurement."""
     return Ring()
 
 
@@ -73,7 +73,7 @@ def test_a_point_lies_where_its_sonar_looks(sonar: int, heading_rad: float) -> N
     assert echoes.y_mm[0] == pytest.approx(1000.0 * (-0.7 + away_m * sin(bearing_rad)), abs=4)
 
 
-def test_what_was_pinged_between_two_ticks_is_placed_between_their_poses() -> None:
+def test_ping_between_two_ticks_is_placed_between_poses() -> None:
     echoes = Echoes()
     look(echoes, ring({4: 300}), 1, Pose(0.04, 0.0, -BEARINGS[4]), Pose(0.00, 0.0, -BEARINGS[4]))
     assert echoes.count == 1
@@ -108,7 +108,7 @@ def test_a_longer_echo_elsewhere_erases_nothing() -> None:
     assert echoes.count == 1
 
 
-def test_what_is_never_seen_again_is_forgotten_in_the_end() -> None:
+def test_point_without_new_echoes_is_dropped_in_the_end() -> None:
     echoes = remembered(ring({3: 300}))
     look(echoes, SILENT, FADE_TURNS * (MOST_WEIGHT + 1))
     assert echoes.count == 0
@@ -139,7 +139,7 @@ def test_echoes_from_afar_are_not_remembered() -> None:
         ({3: 300, 2: 250}, -1),
         ({3: 300, 2: 250, 4: 250}, 0),
         ({3: 300, 4: 350}, 0),
-        ({3: 600, 4: 30}, 0),  # nothing reaches from so near to so far within a cone
+        ({3: 600, 4: 30}, 0),  # no surface spans such ranges within a cone
     ],
 )
 def test_an_echo_leans_to_the_neighbour_that_sees_it_nearer(
@@ -158,7 +158,7 @@ def test_the_outermost_sonars_have_one_neighbour_to_lean_to(sonar: int, neighbou
 
 
 @pytest.mark.parametrize("neighbour", [2, 4])
-def test_a_leaning_point_lies_aside_in_its_cone_and_is_surer_of_its_place(neighbour: int) -> None:
+def test_leaning_point_is_aside_with_a_smaller_spread(neighbour: int) -> None:
     upright = remembered(ring({3: 300}), 1)
     leaning = remembered(ring({3: 300, neighbour: 250}), 1)
     turned_mm = leaning.y_mm[0] - upright.y_mm[0]
@@ -168,7 +168,7 @@ def test_a_leaning_point_lies_aside_in_its_cone_and_is_surer_of_its_place(neighb
     assert leaning.spread_mm[0] < upright.spread_mm[0]
 
 
-def test_from_nearer_by_a_place_is_known_better() -> None:
+def test_nearer_echo_reduces_the_spread() -> None:
     echoes, doubts_mm = Echoes(), []
     for k in range(50):
         pose = Pose(0.01 * k, 0.0, -BEARINGS[3])
@@ -253,7 +253,7 @@ places = st.builds(Pose, st.floats(-1, 1), st.floats(-1, 1), st.floats(-pi, pi))
 
 
 @given(st.lists(st.tuples(any_ranges, places), max_size=60))
-def test_whatever_is_heard_the_memory_keeps_its_size_and_its_whole_numbers(
+def test_any_echoes_keep_size_and_integers_of_the_memory(
     story: list[tuple[Ranges, Pose]],
 ) -> None:
     echoes = Echoes()

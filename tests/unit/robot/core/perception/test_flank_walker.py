@@ -26,7 +26,7 @@ def watch(flank_walker: FlankWalker, pose: Pose, seen: Ring) -> bool:
 
 
 def beside(side: int, range_m: float = 0.5 * NEAR_M) -> Ring:
-    """Only the last sonar of a flank sees something near."""
+    """Return a ring in which only the last sonar of a flank has a near echo."""
     last, before = (7, 6) if side > 0 else (0, 1)
     return ring({last: round(1000.0 * range_m), before: 2500})
 
@@ -38,7 +38,7 @@ def straight(ticks: int, heading_rad: float = 0.0) -> list[Pose]:
 
 @FLANKS
 @pytest.mark.parametrize("heading_rad", [0.0, 2.0, pi - 0.01])
-def test_who_walks_alongside_is_noticed_and_turned_away_from(side: int, heading_rad: float) -> None:
+def test_pedestrian_alongside_is_detected(side: int, heading_rad: float) -> None:
     flank_walker = FlankWalker()
     told = [watch(flank_walker, pose, beside(side)) for pose in straight(ALONG_TICKS, heading_rad)]
     assert sum(told) == 1
@@ -48,7 +48,7 @@ def test_who_walks_alongside_is_noticed_and_turned_away_from(side: int, heading_
 
 
 @FLANKS
-def test_the_end_of_a_wall_that_is_passed_is_nobody(side: int) -> None:
+def test_passed_end_of_a_wall_is_no_pedestrian(side: int) -> None:
     wall: list[Wall] = [(-3.0, side * 0.25, 0.0, side * 0.25)]
     flank_walker = FlankWalker()
     for k in range(200):
@@ -57,7 +57,7 @@ def test_the_end_of_a_wall_that_is_passed_is_nobody(side: int) -> None:
 
 
 @FLANKS
-def test_a_post_that_is_passed_is_nobody(side: int) -> None:
+def test_passed_post_is_no_pedestrian(side: int) -> None:
     flank_walker = FlankWalker()
     for k in range(200):
         pose = Pose(-1.0 + STEP_M * k, 0.0, 0.0)
@@ -65,7 +65,7 @@ def test_a_post_that_is_passed_is_nobody(side: int) -> None:
 
 
 @FLANKS
-def test_a_disc_that_keeps_up_is_somebody(side: int) -> None:
+def test_disc_that_keeps_up_is_a_pedestrian(side: int) -> None:
     flank_walker = FlankWalker()
     told = []
     for pose in straight(ALONG_TICKS):
@@ -74,15 +74,15 @@ def test_a_disc_that_keeps_up_is_somebody(side: int) -> None:
     assert any(told)
 
 
-def test_a_wall_that_goes_on_is_nobody() -> None:
+def test_continuing_wall_is_no_pedestrian() -> None:
     flank_walker = FlankWalker()
     wall: list[Wall] = [(-3.0, -0.25, 3.0, -0.25)]
     assert not any(watch(flank_walker, pose, seen_from(pose, wall)) for pose in straight(100))
 
 
 @FLANKS
-def test_round_a_pillar_on_an_arc_it_is_nobody_who_walks(side: int) -> None:
-    """What stands still stays beside a robot that turns about it."""
+def test_pillar_circled_on_an_arc_is_no_pedestrian(side: int) -> None:
+    """Circle a static obstacle, which stays beside the robot."""
     flank_walker, radius_m = FlankWalker(), 0.3
     for k in range(400):
         angle_rad = side * k * STEP_M / radius_m
@@ -91,7 +91,7 @@ def test_round_a_pillar_on_an_arc_it_is_nobody_who_walks(side: int) -> None:
 
 
 @FLANKS
-def test_who_comes_to_the_other_flank_is_watched_anew(side: int) -> None:
+def test_change_of_flank_restarts_the_measurement(side: int) -> None:
     flank_walker = FlankWalker()
     half = ALONG_TICKS * 2 // 3
     told = [
@@ -101,13 +101,13 @@ def test_who_comes_to_the_other_flank_is_watched_anew(side: int) -> None:
     assert not any(told)
 
 
-def test_a_robot_that_stands_is_escorted_by_nobody() -> None:
+def test_stationary_robot_detects_no_pedestrian() -> None:
     flank_walker = FlankWalker()
     assert not any(watch(flank_walker, Pose(1.0, 1.0, 0.5), beside(1)) for _ in range(500))
 
 
 @FLANKS
-def test_a_flank_is_where_only_the_last_sonar_sees_something_near(side: int) -> None:
+def test_flank_is_where_only_the_last_sonar_has_an_echo(side: int) -> None:
     last, before = (7, 6) if side > 0 else (0, 1)
     near_mm, far_mm = round(500.0 * NEAR_M), round(1000.0 * (NEAR_M + BEFORE_M))
     assert flank_walkers.flank(ring({last: near_mm, before: near_mm + far_mm})) == side
@@ -119,7 +119,7 @@ def test_a_flank_is_where_only_the_last_sonar_sees_something_near(side: int) -> 
 
 @FLANKS
 @pytest.mark.parametrize("silent", [0, 1])
-def test_a_flank_with_a_sonar_that_says_nothing_is_none(side: int, silent: int) -> None:
+def test_flank_with_a_missing_sonar_does_not_count(side: int, silent: int) -> None:
     seen = beside(side)
     seen.range_m[(7 - silent) if side > 0 else silent] = None
     assert flank_walkers.flank(seen) == 0

@@ -1,4 +1,4 @@
-"""The one way from a message into the core, for host and trial alike."""
+"""Conversion of messages to inputs of the core, used by host and trial."""
 
 from math import pi
 from typing import NamedTuple
@@ -28,7 +28,7 @@ GROUPS_US = (25_000, 0) * 4
 mm = st.integers(-(2**31), 2**31 - 1)
 
 
-def test_a_stamp_within_a_millisecond_belongs_to_the_millisecond_begun() -> None:
+def test_stamp_is_truncated_to_milliseconds() -> None:
     assert [now_ms_of(ns) for ns in (0, 999_999, 1_000_000, 50_000_000)] == [0, 0, 1, 50]
 
 

@@ -50,7 +50,7 @@ def test_noisy_sonars_that_fall_silent_in_a_corridor_are_frozen() -> None:
     assert sonars.verdict
 
 
-def test_circling_a_disc_without_noise_is_not_frozen_and_turning_beside_it_is() -> None:
+def test_circling_a_disc_is_not_frozen_turning_beside_it_is() -> None:
     circling, turning = FrozenSonar(), FrozenSonar()
     drive(circling, scan({0: 150, 1: 210, 2: 390}), ticks=200, turned=-0.02)
     drive(turning, scan({0: 150, 1: 210, 2: 390}), ticks=40, moved_m=0.004, turned=-0.04)
@@ -68,13 +68,13 @@ def test_an_echo_ahead_that_stops_coming_closer_is_frozen() -> None:
     assert sonars.verdict
 
 
-def test_an_echo_ahead_that_never_came_closer_may_be_a_wall_along_the_way() -> None:
+def test_echo_ahead_that_never_closed_may_be_a_wall() -> None:
     sonars = FrozenSonar()
     drive(sonars, scan({0: 1880, 3: 2017, 4: 2017, 7: 1880}), ticks=40)
     assert not sonars.verdict
 
 
-def test_echoes_that_went_to_and_fro_on_the_way_and_then_stay_are_frozen() -> None:
+def test_alternating_echoes_that_then_stay_are_frozen() -> None:
     noisy, smooth = FrozenSonar(), FrozenSonar()
     for k in range(8):
         drive(noisy, scan({0: 900 + 8 * (k % 2)}), ticks=1)
@@ -91,7 +91,7 @@ def test_a_missing_scan_is_not_judged() -> None:
     assert not sonars.verdict
 
 
-def test_on_a_bend_past_one_obstacle_only_what_is_close_ahead_has_to_change() -> None:
+def test_on_a_bend_only_a_close_echo_ahead_must_change() -> None:
     close, far = FrozenSonar(), FrozenSonar()
     drive(close, scan({2: 300, 3: 350}), ticks=8, turned=0.012)
     drive(far, scan({2: 300}), ticks=8, turned=0.012)
@@ -100,7 +100,7 @@ def test_on_a_bend_past_one_obstacle_only_what_is_close_ahead_has_to_change() ->
 
 
 def swinging(turned_rad: float) -> FrozenSonar:
-    """Drives on while an echo swings to and fro by 12 mm, and then no more."""
+    """Drive on while an echo alternates by 12 mm, and then no longer does."""
     sonars = FrozenSonar()
     for k in range(12):
         drive(sonars, scan({0: 280, 2: 500 + 12 * (k % 2), 7: 280}), ticks=1, turned=turned_rad)
@@ -108,6 +108,6 @@ def swinging(turned_rad: float) -> FrozenSonar:
     return sonars
 
 
-def test_echoes_that_swing_because_the_robot_wavers_do_not_make_the_sonars_noisy() -> None:
+def test_echoes_of_a_wavering_robot_are_not_noise() -> None:
     assert swinging(0.0).verdict
     assert not swinging(0.01).verdict

@@ -17,7 +17,7 @@ steps = st.floats(-0.03, 0.03)
 
 
 def arc(p: Array, right_m: float, left_m: float) -> Array:
-    """Eq. 8, as a plain function of pose and wheel travel, to differentiate numerically."""
+    """Return eq. 8 as a function of pose and wheel distances, for numerical derivatives."""
     turn_rad, step_m = (right_m - left_m) / TRACK_M, (right_m + left_m) / 2
     middle_rad = p[2] + turn_rad / 2
     moved: Array = p + np.array([step_m * cos(middle_rad), step_m * sin(middle_rad), turn_rad])
@@ -66,7 +66,7 @@ def test_covariance_follows_the_finite_differences_of_the_motion(
     assert covariance(odometry) == pytest.approx(after, abs=1e-11)
 
 
-def test_a_quarter_circle_ends_within_a_twentieth_of_a_millimetre() -> None:
+def test_quarter_circle_is_accurate_to_0_05_mm() -> None:
     radius_m, step_m = 0.5, 0.015
     count = round(radius_m * pi / 2 / step_m)
     turn_rad = pi / 2 / count
@@ -84,7 +84,7 @@ def test_a_quarter_circle_ends_within_a_twentieth_of_a_millimetre() -> None:
     assert printed_m == pytest.approx(0.0105, abs=3e-4)
 
 
-def test_the_standing_left_wheel_is_the_pivot_when_only_the_right_one_turns() -> None:
+def test_stopped_left_wheel_is_the_pivot() -> None:
     odometry = at(Pose(0.0, 0.0, 0.0))
     for _ in range(100):
         odometries.roll(odometry, 0.0, 0.002, DEFAULTS)
@@ -94,8 +94,8 @@ def test_the_standing_left_wheel_is_the_pivot_when_only_the_right_one_turns() ->
     assert heading_rad == pytest.approx(0.2 / TRACK_M)
 
 
-def test_the_covariance_is_honest() -> None:
-    """Monte Carlo over 5 m of S-curve: the normalised estimation error squared is 3 on average."""
+def test_covariance_matches_the_errors() -> None:
+    """Monte Carlo over 5 m of S-curve: the mean normalised estimation error squared is 3."""
     rng = np.random.default_rng(7)
     runs, ticks = 4000, 250
     odometry = at(Pose(0.0, 0.0, 0.0))
@@ -141,7 +141,7 @@ def test_speeds_are_those_of_the_wheels() -> None:
     assert odometry.moved_m == pytest.approx(0.01)
 
 
-def test_a_missing_sample_keeps_the_pose_and_the_next_one_catches_up() -> None:
+def test_next_sample_includes_a_missing_one() -> None:
     patient, steady = Odometry(), Odometry()
     for at_ms, count in ((0, 0), (50, 50), (100, 100), (150, 150)):
         odometries.update(steady, wheels(count, count, at_ms), DEFAULTS)
@@ -170,7 +170,7 @@ def test_a_jump_no_wheel_can_make_is_reported_and_ignored() -> None:
     assert odometry.pose.x_m == pytest.approx(0.01)
 
 
-def test_a_clock_that_stands_gives_no_new_speed() -> None:
+def test_paused_clock_gives_no_new_speed() -> None:
     odometry = Odometry()
     for at_ms, count in ((0, 0), (50, 50), (50, 60)):
         odometries.update(odometry, wheels(count, count, at_ms), DEFAULTS)
@@ -178,10 +178,8 @@ def test_a_clock_that_stands_gives_no_new_speed() -> None:
     assert odometry.speed_m_s == pytest.approx(0.2)
 
 
-def test_a_sample_that_is_read_again_leaves_the_speeds_and_the_next_one_is_over_its_own_time() -> (
-    None
-):
-    """A tick that comes before its sample, and one so late that two samples lie between."""
+def test_repeated_sample_keeps_the_speeds() -> None:
+    """Read a tick before its sample, and one so late that two samples lie between."""
     odometry, speeds = Odometry(), []
     for at_ms in (0, 50, 50, 100, 200):
         odometries.update(odometry, wheels(-at_ms, at_ms, at_ms), DEFAULTS)
@@ -190,7 +188,7 @@ def test_a_sample_that_is_read_again_leaves_the_speeds_and_the_next_one_is_over_
     assert speeds == pytest.approx([0.0, *[turned_rad_s] * 4])
 
 
-def test_counts_of_a_long_gap_are_no_jump_and_those_of_a_short_one_are() -> None:
+def test_jump_limit_depends_on_the_elapsed_time() -> None:
     for at_ms, jumped in ((50, True), (500, False)):
         odometry = Odometry()
         odometries.update(odometry, wheels(0, 0), DEFAULTS)
@@ -207,7 +205,7 @@ def driven(level_ticks: "list[tuple[int, int]]", params: Params = DEFAULTS) -> O
     return odometry
 
 
-def test_whole_ticks_alone_leave_the_position_a_fraction_of_a_millimetre_uncertain() -> None:
+def test_whole_ticks_cause_a_small_uncertainty() -> None:
     exact = DEFAULTS._replace(k_r_m=0.0, k_l_m=0.0)
     odometry = driven([(75, 75)] * 400, exact)  # six metres
     assert 1e-4 < odometry.pxx**0.5 < 4e-4
@@ -216,7 +214,7 @@ def test_whole_ticks_alone_leave_the_position_a_fraction_of_a_millimetre_uncerta
 
 
 def test_an_uncertain_heading_makes_the_way_uncertain_too() -> None:
-    """Against many robots that drive straight on by their wheels and wander off by slip."""
+    """Compared with many robots that drive straight by their wheels and drift by slip."""
     params = DEFAULTS._replace(k_r_m=2e-5, k_l_m=2e-5)
     steps_count, step_m = 667, 0.015
     odometry = driven([(75, 75)] * steps_count, params)

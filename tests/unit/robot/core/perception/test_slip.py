@@ -18,7 +18,7 @@ STEP_M = STEP_TICKS * DEFAULTS.m_per_tick
 
 
 class Drive:
-    """Towards a wall straight ahead on wheels that may lose a share of their way."""
+    """Drive towards a wall straight ahead on wheels that may lose a share of their distance."""
 
     def __init__(self, wall_m: float = 2.0) -> None:
         self.slip, self.odometry, self.ring = Slip(), Odometry(), Ring()
@@ -64,7 +64,7 @@ def test_wheels_that_grip_are_not_called_slipping() -> None:
 
 
 @pytest.mark.parametrize("lost", [0.3, 0.5, 0.9])
-def test_wheels_that_slip_are_noticed_and_the_place_is_less_sure_by_what_was_lost(
+def test_slip_is_detected_and_extends_the_covariance(
     lost: float,
 ) -> None:
     drive = Drive().go(0.5).go(0.8, lost)
@@ -72,7 +72,7 @@ def test_wheels_that_slip_are_noticed_and_the_place_is_less_sure_by_what_was_los
     assert 0.5 * drive.off_m < drive.sigma_m < 3.0 * drive.off_m
 
 
-def test_slip_that_begins_within_a_stretch_is_widened_from_before_it_was_noticed() -> None:
+def test_covariance_includes_slip_before_its_detection() -> None:
     drive = Drive().go(0.5).go(0.5, 0.6)
     assert drive.off_m < 2.0 * drive.sigma_m
 
@@ -124,7 +124,7 @@ def test_noise_of_the_sonars_alone_is_no_sign_of_slip() -> None:
             assert drive.slip.share == 0.0
 
 
-def test_something_that_comes_towards_the_robot_is_no_sign_of_slip() -> None:
+def test_approaching_object_is_no_sign_of_slip() -> None:
     drive = Drive(2.4)
     for _ in range(80):
         drive.wall_m -= 0.008
@@ -132,7 +132,7 @@ def test_something_that_comes_towards_the_robot_is_no_sign_of_slip() -> None:
         assert drive.slip.share == 0.0
 
 
-def test_standing_tells_nothing() -> None:
+def test_stationary_robot_gives_no_evidence() -> None:
     drive = Drive()
     drive.see()
     for _ in range(50):

@@ -58,7 +58,7 @@ def test_each_sonar_grows_stale_by_the_age_of_its_own_ping() -> None:
     assert ring.fresh == 0
 
 
-def test_an_echo_from_nowhere_or_from_beyond_the_range_is_impossible() -> None:
+def test_echo_at_zero_or_beyond_the_range_is_impossible() -> None:
     for impossible_mm in (0, 3301, 65535):
         ring = seen(scan({4: impossible_mm}))
         assert ring.impossible

@@ -1,4 +1,4 @@
-"""A wheel that does not turn as told: when it is stuck, and what is not known of the place then."""
+"""A wheel that does not turn as commanded: when it is stuck, and the uncertainty of the pose."""
 
 from math import cos, sin
 
@@ -9,14 +9,14 @@ from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.stall import Stall, Wheel
 
-TOLD_M_S = 0.2
-TOLD_M = TOLD_M_S * DEFAULTS.period_s
+COMMAND_M_S = 0.2
+COMMAND_M = COMMAND_M_S * DEFAULTS.period_s
 TIME_MS = DEFAULTS.wheel_time_ms
 TRACK_M = DEFAULTS.track_m
 
 
-def told(speed_m_s: float = TOLD_M_S, since_ms: int = 0) -> Wheel:
-    """A wheel that was told to turn like this a moment ago."""
+def commanded(speed_m_s: float = COMMAND_M_S, since_ms: int = 0) -> Wheel:
+    """Return a wheel that was commanded like this in the last period."""
     wheel = Wheel()
     stalls.command(wheel, speed_m_s, since_ms, DEFAULTS)
     return wheel
@@ -26,7 +26,7 @@ def fields(wheel: Wheel) -> dict[str, float]:
     return {name: getattr(wheel, name) for name in Wheel.__slots__}
 
 
-def test_a_new_wheel_is_told_nothing_and_misses_nothing() -> None:
+def test_new_wheel_has_no_command_and_misses_nothing() -> None:
     stall = Stall()
     assert not stall.stuck
     for wheel in (stall.left, stall.right):
@@ -34,14 +34,14 @@ def test_a_new_wheel_is_told_nothing_and_misses_nothing() -> None:
     assert stall.left is not stall.right
 
 
-# What it misses.
+# Missing distance.
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("share", "misses"), [(1.0, 0.0), (0.5, 0.0), (0.49, 0.51), (0.0, 1.0), (-0.5, 1.5)]
 )
-def test_a_wheel_that_turns_less_than_half_of_what_it_is_told_misses_the_rest(
+def test_wheel_below_half_of_its_command_misses_the_rest(
     sign: float, share: float, misses: float
 ) -> None:
     wheel = Wheel()
@@ -59,27 +59,27 @@ def test_a_wheel_that_is_not_to_turn_misses_nothing() -> None:
     assert (wheel.missing_m, wheel.doubted_m) == (0.0, 0.0)
 
 
-# What is doubted.
+# Uncertainty.
 
 
 def doubted(missing_m: float, *, left: bool, odometry: Odometry | None = None) -> Odometry:
-    """The belief after a period in which that much of a wheel's way was missing already."""
+    """Return the state after a period in which this distance of a wheel was missing before."""
     odometry = odometry or Odometry()
     odometry.cosine, odometry.sine = cos(0.3), sin(0.3)
     odometry.pxx = odometry.pxy = odometry.pxh = 0.0
     odometry.pyy = odometry.pyh = odometry.phh = 0.0
     stall = Stall()
     wheel = stall.left if left else stall.right
-    stalls.command(wheel, TOLD_M_S, 0, DEFAULTS)
-    wheel.missing_m = missing_m - TOLD_M
+    stalls.command(wheel, COMMAND_M_S, 0, DEFAULTS)
+    wheel.missing_m = missing_m - COMMAND_M
     stalls.watch(stall, odometry, 0, DEFAULTS)
     return odometry
 
 
 @pytest.mark.parametrize("left", [True, False])
 @pytest.mark.parametrize("missing_m", [0.06, -0.06, 0.3])
-def test_the_place_is_unsure_by_all_that_a_wheel_misses(missing_m: float, left: bool) -> None:
-    """The way there, half of it to every side, and the turn about the other wheel."""
+def test_covariance_includes_all_missing_distance(missing_m: float, left: bool) -> None:
+    """Include the distance, half of it in every direction, and the turn about the other wheel."""
     odometry = doubted(missing_m, left=left)
     m2, turn = missing_m * missing_m, (-1.0 if left else 1.0) / TRACK_M
     ahead, aside = 0.5 * cos(0.3), 0.5 * sin(0.3)
@@ -97,7 +97,7 @@ def test_five_centimetres_are_the_motors_slack(left: bool) -> None:
     assert doubted(0.0500001, left=left).phh > 0.0
 
 
-def test_what_was_doubted_before_is_not_doubted_twice() -> None:
+def test_missing_distance_is_not_included_twice() -> None:
     wheel, odometry = Wheel(), Odometry()
     before = odometry.phh
     for missing_m in (0.1, 0.2, 0.2):
@@ -107,40 +107,36 @@ def test_what_was_doubted_before_is_not_doubted_twice() -> None:
         assert odometry.phh - before == pytest.approx(4.0 * missing_m * missing_m)
 
 
-# When it is stuck.
+# Stuck wheels.
 
 
 @pytest.mark.parametrize(("late_ms", "stuck"), [(0, False), (1, True)])
-def test_a_wheel_is_judged_when_it_was_told_to_turn_for_long_enough(
-    late_ms: int, stuck: bool
-) -> None:
-    wheel = told(since_ms=1_000)
+def test_wheel_is_judged_after_a_long_enough_command(late_ms: int, stuck: bool) -> None:
+    wheel = commanded(since_ms=1_000)
     now_ms = 1_000 + TIME_MS + late_ms
     assert stalls.is_stuck(wheel, 0.0, now_ms, DEFAULTS) == stuck
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("share", "stuck"), [(-1.0, True), (0.249, True), (0.25, False)])
-def test_a_wheel_that_turns_its_share_of_all_it_was_told_is_not_stuck(
-    sign: float, share: float, stuck: bool
-) -> None:
+def test_wheel_turning_its_share_is_not_stuck(sign: float, share: float, stuck: bool) -> None:
     params = DEFAULTS._replace(wheel_share=0.25, period_s=0.0625)
-    wheel = told(sign * 0.5)
+    wheel = commanded(sign * 0.5)
     wheel.commanded_m, wheel.turned_m = sign * 0.96875, sign * share
     assert stalls.is_stuck(wheel, 0.0, TIME_MS + 1, params) == stuck, "of one metre"
 
 
 def test_both_sums_go_on_until_the_verdict() -> None:
-    wheel = told()
+    wheel = commanded()
     for number in (1, 2, 3):
         assert not stalls.is_stuck(wheel, 0.002, 0, DEFAULTS)
-        assert wheel.commanded_m == pytest.approx(number * TOLD_M)
+        assert wheel.commanded_m == pytest.approx(number * COMMAND_M)
         assert wheel.turned_m == pytest.approx(number * 0.002)
 
 
-@pytest.mark.parametrize(("turned_m", "stuck"), [(0.0, True), (TOLD_M, False)])
+@pytest.mark.parametrize(("turned_m", "stuck"), [(0.0, True), (COMMAND_M, False)])
 def test_after_the_verdict_it_is_judged_anew(turned_m: float, stuck: bool) -> None:
-    wheel = told()
+    wheel = commanded()
     now_ms = TIME_MS + 1
     assert stalls.is_stuck(wheel, turned_m, now_ms, DEFAULTS) == stuck
     assert (wheel.commanded_m, wheel.turned_m, wheel.commanded_m_s) == (0.0, 0.0, 0.0)
@@ -148,10 +144,10 @@ def test_after_the_verdict_it_is_judged_anew(turned_m: float, stuck: bool) -> No
 
 
 def test_a_stuck_wheel_misses_its_coasting_as_well() -> None:
-    stuck, turning = told(), told()
+    stuck, turning = commanded(), commanded()
     stalls.is_stuck(stuck, 0.0, TIME_MS + 1, DEFAULTS)
-    assert stuck.missing_m == pytest.approx(TOLD_M + TOLD_M_S * 0.15)
-    stalls.is_stuck(turning, TOLD_M, TIME_MS + 1, DEFAULTS)
+    assert stuck.missing_m == pytest.approx(COMMAND_M + COMMAND_M_S * 0.15)
+    stalls.is_stuck(turning, COMMAND_M, TIME_MS + 1, DEFAULTS)
     assert turning.missing_m == 0.0
 
 
@@ -159,16 +155,16 @@ def test_a_stuck_wheel_misses_its_coasting_as_well() -> None:
 def test_one_stuck_wheel_is_enough(left_stands: bool, right_stands: bool) -> None:
     stall, odometry = Stall(), Odometry()
     for wheel in (stall.left, stall.right):
-        stalls.command(wheel, TOLD_M_S, 0, DEFAULTS)
-    odometry.left_m = 0.0 if left_stands else TOLD_M
-    odometry.right_m = 0.0 if right_stands else TOLD_M
+        stalls.command(wheel, COMMAND_M_S, 0, DEFAULTS)
+    odometry.left_m = 0.0 if left_stands else COMMAND_M
+    odometry.right_m = 0.0 if right_stands else COMMAND_M
     stalls.watch(stall, odometry, TIME_MS + 1, DEFAULTS)
     assert stall.stuck
     stalls.watch(stall, odometry, TIME_MS + 2, DEFAULTS)
     assert not stall.stuck, "the verdict is that of one period"
 
 
-# What it is told.
+# Commands.
 
 
 @pytest.mark.parametrize(
@@ -185,10 +181,10 @@ def test_one_stuck_wheel_is_enough(left_stands: bool, right_stands: bool) -> Non
         (0.2, 0.0, True, 0.0),
     ],
 )
-def test_a_stop_a_slow_command_or_a_change_of_direction_begins_afresh(
+def test_stop_slow_command_or_reversal_restarts(
     before_m_s: float, now_m_s: float, afresh: bool, kept_m_s: float
 ) -> None:
-    wheel = told(before_m_s, since_ms=1_000)
+    wheel = commanded(before_m_s, since_ms=1_000)
     wheel.commanded_m, wheel.turned_m = 0.5, 0.25
     since_ms = wheel.since_ms
     stalls.command(wheel, now_m_s, 2_000, DEFAULTS)

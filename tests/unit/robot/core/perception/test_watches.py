@@ -15,7 +15,7 @@ PERIOD_MS = 50
 
 
 def told(left_m_s: float, turned: float, seconds: float) -> bool:
-    """Whether the left wheel is called stuck while it turns this share of what it is told."""
+    """Return whether the left wheel is stuck if it turns this share of its command."""
     stall, odometry = Stall(), Odometry()
     odometry.left_m = left_m_s * DEFAULTS.period_s * turned
     stuck = False
@@ -41,7 +41,7 @@ def test_a_wheel_that_turns_the_wrong_way_is_stuck() -> None:
     assert told(0.2, -1.0, 0.7)
 
 
-def test_a_wheel_told_to_creep_is_not_judged() -> None:
+def test_wheel_with_a_slow_command_is_not_judged() -> None:
     assert not told(0.04, 0.0, 5.0)
 
 
@@ -62,7 +62,7 @@ def verdict(poses: "list[Pose]", distances_m: "list[float]", step_ms: int = 1000
     return reason
 
 
-def test_standing_is_blocked_after_ten_seconds() -> None:
+def test_no_motion_is_blocked_after_ten_seconds() -> None:
     here = Pose(1.0, 2.0, pi)
     assert verdict([here] * 11, [3.0] * 11) == reasons.OK
     assert verdict([here] * 12, [3.0] * 12) == reasons.BLOCKED
@@ -78,7 +78,7 @@ def test_turning_on_the_spot_is_getting_somewhere() -> None:
     assert verdict(poses, [3.0] * 60) == reasons.OK
 
 
-def test_driving_about_without_coming_closer_ends_after_two_minutes() -> None:
+def test_no_progress_ends_the_goal_after_two_minutes() -> None:
     poses = [Pose(k % 7 * 1.0, 0.0, 0.0) for k in range(122)]
     assert verdict(poses[:121], [3.0] * 121) == reasons.OK
     assert verdict(poses, [3.0] * 122) == reasons.NO_PROGRESS
@@ -86,7 +86,7 @@ def test_driving_about_without_coming_closer_ends_after_two_minutes() -> None:
     assert verdict(poses, closer) == reasons.OK
 
 
-def test_a_navigator_that_judges_its_progress_itself_is_only_told_when_it_is_blocked() -> None:
+def test_patient_navigator_ends_only_when_blocked() -> None:
     progress, here = Progress(), Pose(0.0, 0.0, 0.0)
     progresses.restart(progress, here, 0)
     for k in range(600):
@@ -97,7 +97,7 @@ def test_a_navigator_that_judges_its_progress_itself_is_only_told_when_it_is_blo
 
 
 def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odometry:
-    """What the odometry is unsure of when the left wheel turns this share of what it is told."""
+    """Return the uncertainty of the pose if the left wheel turns this share of its command."""
     stall, odometry = Stall(), Odometry()
     for k in range(round(seconds * 20)):
         odometry.left_m = speed_m_s * DEFAULTS.period_s * left_turned if k else 0.0
@@ -108,14 +108,14 @@ def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odome
     return odometry
 
 
-def test_while_a_wheel_does_not_turn_the_pose_is_unsure_by_all_it_should_have_turned() -> None:
-    odometry = doubted(0.0, 0.45)  # eight periods were told: 80 mm
+def test_covariance_includes_motion_of_a_stopped_wheel() -> None:
+    odometry = doubted(0.0, 0.45)  # eight periods were commanded: 80 mm
     missing_m = 0.08
     assert odometry.phh**0.5 == pytest.approx(missing_m / DEFAULTS.track_m)
     assert odometry.pxx == pytest.approx(0.5 * missing_m * missing_m)
 
 
-def test_a_wheel_that_turns_or_is_only_slow_to_start_leaves_the_pose_sure() -> None:
+def test_slow_start_does_not_extend_the_covariance() -> None:
     assert doubted(1.0, 5.0).phh == 0.0
     assert doubted(0.6, 5.0).phh == 0.0
     assert doubted(0.0, 0.15).phh == 0.0

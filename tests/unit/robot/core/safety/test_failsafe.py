@@ -17,7 +17,7 @@ AGES = (25, 0) * 4
 
 
 def stopped_by(driven: Driven, reason: int, within_ticks: int = 1) -> None:
-    """The robot stops with this reason within so many ticks, and its goal ends with it."""
+    """Check that the robot stops with this reason within this many ticks, and its goal ends."""
     for _ in range(within_ticks):
         driven.tick()
         if driven.machine.vehicle == states.FAILSAFE:
@@ -74,7 +74,7 @@ def test_a_lost_scan_stops_the_robot_in_the_tick_it_is_missed() -> None:
     stopped_by(driven, reasons.SCAN_LOST)
 
 
-def test_a_ring_in_which_no_sonar_measures_is_lost_after_its_last_ping_is_stale() -> None:
+def test_ring_without_measurements_is_lost_once_stale() -> None:
     driven = driving()
     driven.scan = Scan((0,) * 8, AGES, 0, 0)
     driven.forward(0.1)
@@ -104,7 +104,7 @@ def test_a_jumping_encoder_stops_the_robot() -> None:
     stopped_by(driven, reasons.ENCODER_IMPOSSIBLE)
 
 
-def test_a_jammed_wheel_stops_the_robot_in_little_more_than_half_a_second() -> None:
+def test_jammed_wheel_stops_the_robot_in_half_a_second() -> None:
     driven = driving()
     driven.jammed = True
     stopped_by(driven, reasons.WHEEL_STUCK, within_ticks=22)
@@ -136,7 +136,7 @@ def test_a_lost_operator_stops_guided_after_a_second_and_a_half() -> None:
     stopped_by(driven, reasons.OPERATOR_LOST)
 
 
-def test_auto_goes_on_without_an_operator_and_so_does_a_guided_robot_without_a_goal() -> None:
+def test_auto_and_idle_guided_need_no_operator() -> None:
     driven = driving(states.AUTO)
     driven.operator_age_ms = None
     driven.forward(1.0)
@@ -195,7 +195,7 @@ def test_infinities_of_opposite_sign_do_not_cancel() -> None:
     stopped_by(driven, reasons.NOT_FINITE)
 
 
-def test_a_controller_that_goes_mad_moves_no_wheel_and_is_stopped() -> None:
+def test_controller_with_nan_moves_no_wheel_and_is_stopped() -> None:
     driven = driving()
     driven.params = DEFAULTS._replace(k_omega=nan)
     driven.tick()
@@ -204,7 +204,7 @@ def test_a_controller_that_goes_mad_moves_no_wheel_and_is_stopped() -> None:
 
 
 @pytest.mark.parametrize("reason", [reasons.BUDGET, reasons.CORE_EXCEPTION, reasons.NAME_TAKEN])
-def test_what_only_the_host_can_see_stops_the_robot_too(reason: int) -> None:
+def test_reasons_reported_by_the_host_stop_the_robot(reason: int) -> None:
     driven = driving()
     driven.state.reported = reason
     stopped_by(driven, reason)
@@ -231,7 +231,7 @@ def test_a_failsafe_does_not_loosen_an_emergency_stop() -> None:
     assert driven.machine.vehicle == states.EMERGENCY_STOP
 
 
-def test_a_standing_disarmed_robot_has_no_failsafe() -> None:
+def test_disarmed_robot_has_no_failsafe() -> None:
     driven = Driven()
     driven.tick()
     driven.scan = None
@@ -245,7 +245,7 @@ fences_of_a_metre = pytest.mark.parametrize("fence", [SQUARE, CIRCLE], ids=["pol
 
 
 def at(x_m: float, y_m: float, fence: Fence | None) -> Driven:
-    """Armed at a place, then given a fence without being asked whether it may have it."""
+    """Arm at a place, then set a fence without its check."""
     driven = armed()
     driven.state.odometry.pose = Pose(x_m, y_m, 0.0)
     driven.machine.fence = fence
@@ -274,13 +274,13 @@ def test_a_robot_outside_its_fence_stops_in_that_tick(
     assert machine.cause == reasons.FENCE_BREACHED
 
 
-def test_a_robot_without_a_fence_is_nowhere_outside() -> None:
+def test_without_a_fence_no_place_is_outside() -> None:
     driven = at(90.0, -90.0, None)
     driven.tick()
     assert (driven.machine.vehicle, driven.machine.cause) == (states.ACTIVE, reasons.OK)
 
 
-def test_a_robot_that_leaves_its_fence_stops_at_its_edge_until_it_is_lifted() -> None:
+def test_leaving_the_fence_stops_the_robot_until_it_is_removed() -> None:
     driven = driving()
     start_m = driven.state.odometry.pose.x_m
     driven.machine.fence = Fence((0.0,), (0.0,), 0.5)

@@ -1,4 +1,4 @@
-"""The fence: what is inside, what is no fence, and what the robot makes of it."""
+"""The fence: which points are inside, which fences are invalid, and the effect on the robot."""
 
 from math import atan2, cos, hypot, inf, nan, pi, remainder, sin
 
@@ -26,7 +26,7 @@ anything = st.floats(allow_nan=True, allow_infinity=True)
 
 @st.composite
 def stars(draw: st.DrawFn) -> Fence:
-    """A polygon seen whole from its middle: corners in order of their bearing."""
+    """Return a star-shaped polygon: its corners in order of their bearing from the middle."""
     corners = draw(st.integers(3, 16))
     middle_x_m, middle_y_m = draw(coordinates), draw(coordinates)
     far_m = [draw(st.floats(0.5, 9.0)) for _ in range(corners)]
@@ -40,7 +40,7 @@ def stars(draw: st.DrawFn) -> Fence:
 
 
 def off_m(fence: Fence, x_m: float, y_m: float) -> float:
-    """How far a place is from the line of a polygon: measured, not decided."""
+    """Return the distance of a point from the border of a polygon."""
     nearest_m = inf
     for k in range(len(fence.xs_m)):
         ax, ay, bx, by = fence.xs_m[k - 1], fence.ys_m[k - 1], fence.xs_m[k], fence.ys_m[k]
@@ -54,7 +54,7 @@ def off_m(fence: Fence, x_m: float, y_m: float) -> float:
 
 
 def turns(fence: Fence, x_m: float, y_m: float) -> int:
-    """How often the line of a polygon goes around a place, by adding up bearings."""
+    """Return the winding number of a polygon around a point, by adding bearings."""
     total_rad = 0.0
     for k in range(len(fence.xs_m)):
         before_rad = atan2(fence.ys_m[k - 1] - y_m, fence.xs_m[k - 1] - x_m)
@@ -64,7 +64,7 @@ def turns(fence: Fence, x_m: float, y_m: float) -> int:
 
 
 @pytest.mark.parametrize("fence", [SQUARE, ELL, ROUND, AROUND])
-def test_a_fence_is_none_of_those_that_are_refused(fence: Fence) -> None:
+def test_valid_fence_is_accepted(fence: Fence) -> None:
     assert fences.refusal_of(fence) == reasons.OK
 
 
@@ -83,7 +83,7 @@ def test_a_fence_is_none_of_those_that_are_refused(fence: Fence) -> None:
         (-5.0, 0.0, False),
     ],
 )
-def test_an_l_holds_its_inside_its_line_and_its_corners(
+def test_l_shape_contains_its_inside_border_and_corners(
     x_m: float, y_m: float, within: bool
 ) -> None:
     assert fences.inside(ELL, x_m, y_m) is within
@@ -122,7 +122,7 @@ def test_a_star_is_simple_and_so_is_its_mirror_image(fence: Fence) -> None:
 
 @given(stars(), st.data())
 def test_a_fence_whose_sides_cross_is_refused(fence: Fence, data: st.DataObject) -> None:
-    """Two neighbours of a convex polygon of four or more corners change places."""
+    """Swap two adjacent corners of a convex polygon with four or more."""
     corners = len(fence.xs_m)
     assume(corners >= 4)
     k = data.draw(st.integers(0, corners - 2))
@@ -155,7 +155,7 @@ def polygon(places: Places) -> Fence:
         [(0.0, 0.0), (1e6, 0.0), (1.0, 1.0)],
     ],
 )
-def test_what_is_no_simple_polygon_is_refused(places: Places) -> None:
+def test_polygon_that_is_not_simple_is_refused(places: Places) -> None:
     assert fences.refusal_of(polygon(places)) == reasons.FENCE_NOT_SIMPLE
 
 
@@ -170,7 +170,7 @@ def test_a_circle_has_one_middle() -> None:
 
 
 @given(st.lists(st.tuples(anything, anything), max_size=18), anything, anything, anything)
-def test_no_fence_and_no_place_whatever_its_numbers_brings_the_core_down(
+def test_any_fence_and_place_raise_no_exception(
     places: Places, radius_m: float, x_m: float, y_m: float
 ) -> None:
     fence = polygon(places)
@@ -184,7 +184,7 @@ def test_no_fence_and_no_place_whatever_its_numbers_brings_the_core_down(
         assert not fences.inside(fence, x_m, -inf)
 
 
-def test_a_goal_outside_of_the_fence_is_refused_and_one_inside_is_not() -> None:
+def test_only_goals_outside_the_fence_are_refused() -> None:
     driven = armed()
     assert modes.set_fence(driven.machine, AROUND, Pose(0.0, 0.0, 0.0)) == reasons.OK
     assert driven.goto(AHEAD) == reasons.OUTSIDE_FENCE
@@ -194,7 +194,7 @@ def test_a_goal_outside_of_the_fence_is_refused_and_one_inside_is_not() -> None:
     assert driven.goto(AHEAD) == reasons.OK
 
 
-def test_a_fence_has_to_hold_the_robot_and_its_living_goal() -> None:
+def test_fence_must_contain_the_robot_and_its_active_goal() -> None:
     driven = driving()
     here, there = driven.state.odometry.pose, Pose(9.0, 9.0, 0.0)
     assert modes.set_fence(driven.machine, AROUND, there) == reasons.FENCE_LEAVES_ROBOT_OUT

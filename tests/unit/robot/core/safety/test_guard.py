@@ -47,9 +47,7 @@ def test_the_guard_never_adds_speed_and_never_steers(
 
 
 @given(st.floats(0.01, 0.3), ranges_mm)
-def test_no_echo_ahead_is_closed_in_on_faster_than_it_allows(
-    speed: float, ranges: list[int | None]
-) -> None:
+def test_guard_limits_the_approach_to_an_echo_ahead(speed: float, ranges: list[int | None]) -> None:
     seen = ring({i: mm for i, mm in enumerate(ranges) if mm is not None})
     factor, _ = limit(speed, 0.0, seen)
     room_m = max(seen.front_m - DEFAULTS.guard_stop_m, 0.0)
@@ -58,7 +56,7 @@ def test_no_echo_ahead_is_closed_in_on_faster_than_it_allows(
 
 
 @pytest.mark.parametrize(("speed", "yaw"), [(nan, 0.0), (0.0, nan), (inf, 0.0), (0.1, -inf)])
-def test_what_is_not_finite_stands_still(speed: float, yaw: float) -> None:
+def test_command_with_nan_or_infinity_stops(speed: float, yaw: float) -> None:
     assert limit(speed, yaw, ring()) == (0.0, reasons.NOT_FINITE)
 
 
@@ -67,7 +65,7 @@ def test_without_senses_nothing_moves() -> None:
     assert limit(0.0, 1.0, Ring()) == (0.0, reasons.NO_SENSES)
 
 
-def test_blind_ahead_there_is_no_going_forward_but_turning() -> None:
+def test_without_range_ahead_only_turning_is_possible() -> None:
     blind = ring(valid=0xFF & ~0b0001_1000)
     assert limit(0.1, 0.0, blind) == (0.0, reasons.OBSTACLE_AHEAD)
     assert limit(0.0, 1.0, blind) == (1.0, reasons.OK)
@@ -78,7 +76,7 @@ def test_one_dead_sonar_does_not_stop_the_robot(dead: int) -> None:
     assert limit(0.1, 0.0, ring(valid=0xFF & ~(1 << dead))) == (1.0, reasons.OK)
 
 
-def test_standing_still_needs_no_reason() -> None:
+def test_zero_command_has_no_reason() -> None:
     assert limit(0.0, 0.0, Ring(), wheels=None) == (1.0, reasons.OK)
 
 
@@ -96,7 +94,7 @@ def test_a_command_at_the_wheel_limit_passes_up_to_rounding() -> None:
 
 
 @pytest.mark.parametrize("i", FRONT)
-def test_an_echo_ahead_leaves_the_speed_that_closes_in_as_fast_as_allowed(i: int) -> None:
+def test_echo_ahead_permits_the_maximum_approach_speed(i: int) -> None:
     factor, reason = limit(0.3, 0.0, ring({i: 60}))
     closing_m_s = factor * 0.3 * COSINES[i]
     assert closing_m_s == pytest.approx((0.06 - DEFAULTS.guard_stop_m) / DEFAULTS.guard_time_s)
@@ -123,14 +121,14 @@ def test_an_echo_beside_the_robot_is_not_in_its_way() -> None:
     assert limit(0.3, 0.0, ring({0: 30, 7: 30})) == (1.0, reasons.OK)
 
 
-def test_what_walks_at_a_flank_does_not_keep_the_robot_in_its_way() -> None:
+def test_pedestrian_at_a_flank_does_not_stop_the_robot() -> None:
     for i in (0, 1, 6, 7):
         near = ring({i: 60})
         near.approach_m_s[i] = 0.1
         assert limit(0.3, 0.0, near) == (1.0, reasons.OK)
 
 
-def test_what_walks_ahead_leaves_less_room() -> None:
+def test_pedestrian_ahead_reduces_the_speed() -> None:
     seen = ring({3: 120})
     standing, _ = limit(0.3, 0.0, seen)
     seen.approach_m_s[3] = 0.1
@@ -145,7 +143,7 @@ def test_the_obstacle_part_can_be_switched_off() -> None:
     assert limit(0.3, 0.0, ring({3: 20}), params=off) == (1.0, reasons.OK)
 
 
-def test_a_turn_on_the_spot_and_backing_away_stay_possible_in_front_of_an_obstacle() -> None:
+def test_obstacle_ahead_permits_turning_and_reversing() -> None:
     wall = ring(dict.fromkeys(range(8), 30))
     assert limit(0.0, 2.0, wall) == (1.0, reasons.OK)
     assert limit(-0.1, 0.0, wall) == (1.0, reasons.OK)

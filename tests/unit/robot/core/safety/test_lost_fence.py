@@ -1,4 +1,4 @@
-"""A robot whose fence cannot be read is not armed until it has another, or is to have none."""
+"""A robot with an unreadable fence is armed only after the fence is replaced or removed."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ def shown(machine: Machine) -> tuple[int, int]:
 
 @pytest.fixture
 def machine() -> Machine:
-    """Standing by, without the fence of before."""
+    """Return a machine in STANDBY that has lost its saved fence."""
     driven = Driven()
     modes.lose_fence(driven.machine)
     assert shown(driven.machine) == (states.BOOT, reasons.FENCE_UNREADABLE)
@@ -54,7 +54,7 @@ def test_lost_fence_is_forgotten_with_another_or_none(
     assert shown(machine) == (states.STANDBY, reasons.OK)
 
 
-def test_refused_fence_does_not_stand_in_for_the_lost_one(machine: Machine) -> None:
+def test_refused_fence_does_not_replace_the_lost_one(machine: Machine) -> None:
     assert modes.set_fence(machine, ELSEWHERE, HERE) == reasons.FENCE_LEAVES_ROBOT_OUT
     assert modes.arm(machine) == reasons.FENCE_UNREADABLE
     assert shown(machine) == (states.STANDBY, reasons.FENCE_UNREADABLE)

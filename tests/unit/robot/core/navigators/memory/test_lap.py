@@ -18,13 +18,13 @@ def begun(pose: Pose) -> Lap:
 
 
 def on_circle(radius_m: float, angle_rad: float) -> Pose:
-    """Counter-clockwise about the origin."""
+    """Return a pose on a counter-clockwise circle about the origin."""
     x_m, y_m = radius_m * cos(angle_rad), radius_m * sin(angle_rad)
     return Pose(x_m, y_m, wrap(angle_rad + 0.5 * pi))
 
 
 def closings(poses: list[Pose]) -> list[int]:
-    """The ticks at which a lap was closed."""
+    """Return the ticks at which a lap was closed."""
     lap = begun(poses[0])
     return [k for k, pose in enumerate(poses) if laps.closed(lap, pose)]
 
@@ -35,7 +35,7 @@ def circle(radius_m: float, turns: float) -> list[Pose]:
 
 
 @given(st.floats(0.17, 5.0), st.booleans())
-def test_every_time_round_is_noticed_once(radius_m: float, mirrored: bool) -> None:
+def test_every_lap_is_detected_once(radius_m: float, mirrored: bool) -> None:
     poses = circle(radius_m, 3.6)
     if mirrored:
         poses = [Pose(x_m, -y_m, -heading_rad) for x_m, y_m, heading_rad in poses]
@@ -43,14 +43,14 @@ def test_every_time_round_is_noticed_once(radius_m: float, mirrored: bool) -> No
     assert not closings(poses[: len(poses) // 5])
 
 
-def test_there_and_back_through_a_corridor_is_not_all_the_way_round() -> None:
+def test_return_through_a_corridor_is_no_lap() -> None:
     there = [Pose(k * STEP_M, 0.0, 0.0) for k in range(200)]
     turn = [Pose(3.0, 0.2 * k / 30, pi * k / 30) for k in range(31)]
     back = [Pose(3.0 - k * STEP_M, 0.2, pi) for k in range(200)]
     assert not closings(there + turn + back)
 
 
-def test_the_same_place_the_same_way_without_having_turned_round_proves_nothing() -> None:
+def test_same_pose_without_a_full_turn_is_no_lap() -> None:
     there = [Pose(k * STEP_M, 0.0, 0.0) for k in range(100)]
     left = [Pose(1.5, 0.0, pi * k / 30) for k in range(31)]
     back = [Pose(1.5 - k * STEP_M, 0.0, pi) for k in range(100)]
@@ -64,7 +64,7 @@ def test_a_robot_that_can_only_spin_is_boxed_in() -> None:
     assert not closings(spun[:120])
 
 
-def test_turning_while_away_from_the_boundary_counts_the_way_there_does_not() -> None:
+def test_turns_off_the_boundary_count_but_distance_does_not() -> None:
     lap = begun(Pose(0.0, 0.0, 0.0))
     laps.resume(lap, Pose(5.0, 0.0, 1.0))
     assert not laps.closed(lap, Pose(5.01, 0.0, 1.5))

@@ -22,7 +22,7 @@ LEFT, RIGHT = 1, -1
 
 
 def walk_round(loops: Loops, radius_cm: float, laps: float, turn: int = 1) -> float | None:
-    """Round a circle in steps of a few centimetres; after how many laps it was noticed."""
+    """Walk around a circle in small steps; return the number of laps until detection."""
     steps = round(laps * 2.0 * pi * radius_cm / 4.0)
     for k in range(steps):
         angle_rad = turn * 4.0 * k / radius_cm
@@ -34,7 +34,7 @@ def walk_round(loops: Loops, radius_cm: float, laps: float, turn: int = 1) -> fl
 
 
 def walk_along(loops: Loops, *places: tuple[float, float]) -> bool:
-    """Straight from place to place, turning on the spot there."""
+    """Walk straight from place to place, turning on the spot at each."""
     for (x0, y0), (x1, y1) in pairwise(places):
         heading = int(BRADS * atan2(y1 - y0, x1 - x0))
         steps = int(max(abs(x1 - x0), abs(y1 - y0)) / 4.0)
@@ -54,7 +54,7 @@ def test_a_closed_way_is_noticed_early_in_its_second_lap(radius_cm: float, turn:
 
 
 @pytest.mark.parametrize("radius_cm", [500.0, 1000.0, 2500.0])
-def test_a_way_longer_than_its_crumbs_is_thinned_and_noticed_all_the_same(radius_cm: float) -> None:
+def test_long_way_is_thinned_and_still_detected(radius_cm: float) -> None:
     assert 2.0 * pi * radius_cm > CRUMBS * SPACING_CM
     loops = Loops()
     laps = walk_round(loops, radius_cm, 4.0)
@@ -65,7 +65,7 @@ def test_a_way_longer_than_its_crumbs_is_thinned_and_noticed_all_the_same(radius
 
 @pytest.mark.parametrize("times", [1, 4])
 def test_there_and_back_along_a_corridor_is_no_loop(times: int) -> None:
-    """The same places, but in the other direction."""
+    """Visit the same places in the other direction."""
     loops = Loops()
     assert not walk_along(loops, (0.0, 0.0), (400.0, 0.0), (0.0, 0.0))
     assert not walk_along(loops, (0.0, 60.0), (0.0, 460.0), (0.0, 60.0))
@@ -92,7 +92,7 @@ def test_a_single_place_seen_again_is_no_loop_yet() -> None:
     assert loops.matches == 0
 
 
-def test_who_stands_still_drops_one_crumb() -> None:
+def test_stationary_robot_stores_one_point() -> None:
     loops = Loops()
     for heading in range(0, 4096, 64):
         assert not way.drop(loops, 10, 10, heading)
@@ -154,7 +154,7 @@ def test_after_a_hit_the_way_begins_anew() -> None:
 
 
 def closed_way(corners: list[tuple[int, int]], before: int = 0) -> Loops:
-    """A loop through these places, with a few crumbs from before it."""
+    """Return a loop through these places, with a few points before it."""
     loops = Loops()
     places = [(-900, 800)] * before + corners
     for k, (x_cm, y_cm) in enumerate(places):
@@ -164,7 +164,7 @@ def closed_way(corners: list[tuple[int, int]], before: int = 0) -> Loops:
 
 
 def crossings_cm(corners: list[tuple[int, int]], x_cm: int, y_cm: int) -> list[Fraction]:
-    """Where the line to the right and left of a place meets the loop, exactly."""
+    """Return where the line to the right and left of a place crosses the loop, exactly."""
     found = []
     for (x1, y1), (x2, y2) in zip(corners, [*corners[1:], corners[0]], strict=True):
         if (y1 > y_cm) != (y2 > y_cm):
@@ -177,10 +177,10 @@ corners = st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=20)
 
 
 @given(corners, coordinates, coordinates, st.integers(0, 9))
-def test_a_place_within_the_loop_is_told_from_one_without(
+def test_places_inside_and_outside_a_loop_are_distinguished(
     corners: list[tuple[int, int]], x_cm: int, y_cm: int, before: int
 ) -> None:
-    """However the loop winds; but for places within a centimetre of it."""
+    """Test any winding of the loop, except for places within a centimetre of it."""
     met = crossings_cm(corners, x_cm, y_cm)
     assume(all(abs(x) > 1 for x in met))
     inside = sum(1 for x in met if x > 0) % 2 == 1
