@@ -19,7 +19,7 @@ from tests.support.harness import Stack
 Take = Callable[[ServiceRequest], object]
 
 
-class Question(ServiceRequest):
+class FakeRequest(ServiceRequest):
     """A request as the bus passes it on, which stores its answers."""
 
     def __init__(self, message: Message, operator: str = "eve") -> None:
@@ -65,9 +65,9 @@ def served(monkeypatch: pytest.MonkeyPatch) -> dict[str, Take]:
     return found
 
 
-def question(number: int, command: Command, operator: str = "eve") -> Question:
+def question(number: int, command: Command, operator: str = "eve") -> FakeRequest:
     request = CommandRequest(request_id=number, command=command, param1=0.0, param2=0.0)
-    return Question(request, operator)
+    return FakeRequest(request, operator)
 
 
 def test_excess_request_is_refused_at_once_with_its_reason(

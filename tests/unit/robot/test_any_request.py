@@ -48,10 +48,10 @@ def test_any_request_gets_an_answer_that_can_be_sent(
         encoder.encode(desk.vehicle.receive(request, desk.now_ns, operator))
         desk.vehicle.receive_teleop(teleop, desk.now_ns)
         desk.step()
-        for told in (
+        for message in (
             desk.vehicle.lease_status(desk.now_ns, desk.now_ns),
             desk.vehicle.mission_status(desk.now_ns, desk.now_ns),
             *desk.vehicle.texts(),
         ):
-            if told is not None:
-                check(told)
+            if message is not None:
+                check(message)

@@ -34,7 +34,7 @@ def read(stamps: list[int], *, lockstep: bool) -> Vehicle:
     return vehicle
 
 
-def said(vehicle: Vehicle) -> list[str]:
+def announced(vehicle: Vehicle) -> list[str]:
     return [text.text for text in vehicle.texts() if text.severity == Severity.ERROR]
 
 
@@ -43,13 +43,13 @@ def test_restarted_sensors_stop_the_robot_with_a_text() -> None:
     machine = vehicle.state.machine
     assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.TICKS_LOST)
     assert machine.goal_state == states.ABORTED
-    assert "".join(said(vehicle)).startswith(LOST)
+    assert "".join(announced(vehicle)).startswith(LOST)
 
 
 def test_increasing_counts_keep_the_robot_driving() -> None:
     vehicle = read([*range(100, 120)], lockstep=False)
     assert vehicle.state.machine.vehicle == states.ACTIVE
-    assert said(vehicle) == []
+    assert announced(vehicle) == []
 
 
 def test_in_lockstep_restarted_sensors_are_ignored() -> None:
@@ -61,4 +61,4 @@ def test_wrapped_tick_count_is_no_restart() -> None:
     stamps = [number & 0xFFFFFFFF for number in range((1 << 32) - 10, (1 << 32) + 10)]
     vehicle = read(stamps, lockstep=False)
     assert vehicle.state.machine.vehicle == states.ACTIVE
-    assert said(vehicle) == []
+    assert announced(vehicle) == []

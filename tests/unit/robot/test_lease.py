@@ -285,11 +285,11 @@ def manual() -> CommandRequest:
 
 def test_lease_status_is_published_twice_a_second_and_on_change() -> None:
     desk = Desk()
-    told = []
+    published = []
     for _ in range(41):
         desk.step()
-        told.append(desk.vehicle.lease_status(desk.now_ns, desk.now_ns) is not None)
-    assert sum(told) == 5
+        published.append(desk.vehicle.lease_status(desk.now_ns, desk.now_ns) is not None)
+    assert sum(published) == 5
     desk.vehicle.receive(ask(LeaseAction.TAKE, "Ada"), desk.now_ns, ADA)
     status = desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
     assert status is not None
@@ -302,6 +302,6 @@ def test_lapsed_lease_is_announced() -> None:
     for _ in range(70):
         desk.step()
         desk.vehicle.lease_status(desk.now_ns, desk.now_ns)
-    told = "".join(text.text for text in desk.vehicle.texts())
-    assert "lease of Ada lapsed: no heartbeat for 3 s" in told
+    published = "".join(text.text for text in desk.vehicle.texts())
+    assert "lease of Ada lapsed: no heartbeat for 3 s" in published
     assert desk.vehicle.lease.allows(BOB)

@@ -80,7 +80,7 @@ def test_the_sixteen_newest_senders_are_kept() -> None:
     delays = used_to(0.0)
     for number in range(15):
         late(delays, 0.0, 0, f"op/{number}")
-    assert late(delays, 300.0, 1, ADA), "heard again, and so the last of all"
+    assert late(delays, 300.0, 1, ADA), "its frame makes it the newest sender"
     for number in range(15, 30):
         late(delays, 0.0, 1, f"op/{number}")
     assert late(delays, 300.0, 2, ADA)

@@ -126,10 +126,10 @@ def test_teleop_drives_and_is_in_the_inputs() -> None:
     rig.bus.say_as(TELEOP, frame, ADA)
     rig.cycle()
     assert speeds(rig.command)[0] > 0
-    told = rig.sent(INPUTS)[-1]
-    assert (told.speed_mm_s, told.tick) == (200, rig.ticks)
-    assert told.requests == rig.process.reports.recorded == 1
-    assert (told.wheels_seq, told.scan_seq) == (rig.ticks, rig.ticks)
+    published = rig.sent(INPUTS)[-1]
+    assert (published.speed_mm_s, published.tick) == (200, rig.ticks)
+    assert published.requests == rig.process.reports.recorded == 1
+    assert (published.wheels_seq, published.scan_seq) == (rig.ticks, rig.ticks)
 
 
 def command_to(mode: Mode) -> CommandRequest:
@@ -140,8 +140,8 @@ def test_each_period_publishes_a_cycle_report() -> None:
     rig = Rig().ready()
     rig.bus.rejected = {"one": 2, "two": 3}
     rig.cycle()
-    told = rig.sent(CYCLE)[-1]
-    assert (told.tick, told.rejected, told.sense_age_us) == (rig.ticks, 5, 0)
+    published = rig.sent(CYCLE)[-1]
+    assert (published.tick, published.rejected, published.sense_age_us) == (rig.ticks, 5, 0)
 
 
 def test_inputs_flag_the_present_sensors() -> None:

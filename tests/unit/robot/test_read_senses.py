@@ -178,8 +178,8 @@ def test_a_scan_counts_for_250_ms(after_ns: int, there: bool) -> None:
     rig = SensesRig()
     rig.bus.say(SONAR, scan(3))
     assert (rig.read(after_ns).scan is not None) == there
-    told = (rig.senses.scan_seq, rig.senses.scan_age_ms, rig.senses.ping_age_us)
-    assert told == ((3, 250, 20_000) if there else (0, 0, 0))
+    reported = (rig.senses.scan_seq, rig.senses.scan_age_ms, rig.senses.ping_age_us)
+    assert reported == ((3, 250, 20_000) if there else (0, 0, 0))
 
 
 def test_in_lockstep_senses_count_by_their_stamps() -> None:

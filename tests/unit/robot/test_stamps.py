@@ -21,12 +21,12 @@ def scan(number: int) -> SonarScan:
     )
 
 
-def stamps_ms(heard: list[tuple[int, int]]) -> list[int]:
+def stamps_ms(scans: list[tuple[int, int]]) -> list[int]:
     """Return the stamps of ticks a period apart, each with its newest scan and arrival in ms."""
     bus = Wireless()
     senses, vehicle = Senses(bus, lockstep=False), Vehicle(DEFAULTS, Store(None))
     found = []
-    for number, (sent, arrived_ms) in enumerate(heard):
+    for number, (sent, arrived_ms) in enumerate(scans):
         bus.boxes["sense/sonar"].newest = (scan(sent), arrived_ms * MS)
         senses.read(Tick(number, number * PERIOD, 0, 0), number * PERIOD, vehicle)
         found.append(senses.stamp_ns // MS)

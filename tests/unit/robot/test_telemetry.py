@@ -49,14 +49,14 @@ def test_heartbeat_is_that_of_an_ardupilot_rover() -> None:
 
 
 def test_missing_decision_is_nan() -> None:
-    told = telemetry.decision(Outputs(0, 0, 0, Twist(0.0, 0.0), None), 0.3, 7)
-    assert isnan(told.nearest_range_m)
-    assert told.branch == Branch.NONE
+    message = telemetry.decision(Outputs(0, 0, 0, Twist(0.0, 0.0), None), 0.3, 7)
+    assert isnan(message.nearest_range_m)
+    assert message.branch == Branch.NONE
 
 
 def test_no_echo_is_infinitely_far_and_has_no_bearing() -> None:
     chosen = Decision(states.TO_GOAL, None, inf, 0.1, 0.0, 1.0, 2.0, inf)
-    told = telemetry.decision(Outputs(1, 2, 0, Twist(0.1, 0.2), chosen), 0.3, 7)
-    assert told.nearest_range_m == inf
-    assert isnan(told.nearest_bearing_rad)
-    assert (told.virtual_x_m, told.virtual_y_m, told.zone_m) == (1.0, 2.0, 0.3)
+    message = telemetry.decision(Outputs(1, 2, 0, Twist(0.1, 0.2), chosen), 0.3, 7)
+    assert message.nearest_range_m == inf
+    assert isnan(message.nearest_bearing_rad)
+    assert (message.virtual_x_m, message.virtual_y_m, message.zone_m) == (1.0, 2.0, 0.3)

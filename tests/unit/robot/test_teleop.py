@@ -57,5 +57,5 @@ def test_vehicle_announces_an_ignored_frame() -> None:
     desk.vehicle.texts()
     for _ in range(3):
         desk.vehicle.receive_teleop(frame(900), 0)
-    told = "".join(text.text for text in desk.vehicle.texts())
-    assert told == f"teleop ignored: valid for 900 ms, at most {MAX_TELEOP_TTL_MS} are allowed"
+    announced = "".join(text.text for text in desk.vehicle.texts())
+    assert announced == f"teleop ignored: valid for 900 ms, at most {MAX_TELEOP_TTL_MS} are allowed"

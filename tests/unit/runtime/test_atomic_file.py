@@ -15,7 +15,7 @@ HOME = Path("/state")
 FILE = HOME / "fence.json"
 
 
-class Story:
+class FileHistory:
     """The contents of a file in order, each acknowledged before the next."""
 
     def __init__(self, disk: Any, path: Path = FILE) -> None:
@@ -47,7 +47,7 @@ class Story:
 
 def contents_of(disk: Any, path: Path = FILE) -> list[str]:
     """Return the states of a file over its whole life."""
-    story = Story(disk, path)
+    story = FileHistory(disk, path)
     for text in ("first", "second, longer", "x", None, "again", None, None, "", "the last"):
         story.put(text)
     return story.problems

@@ -12,7 +12,7 @@ PERIOD = 50 * MS
 SLACK = PERIOD // 4
 
 
-class Beats:
+class KnownArrivals:
     """Known arrivals on a clock that jumps to them."""
 
     def __init__(self, clock: ManualClock, arrivals_ns: list[int]) -> None:
@@ -34,7 +34,7 @@ class Beats:
 def run(arrivals_ms: list[float], work_ms: list[float]) -> list[Tick]:
     """Run one tick per piece of work, which takes this long."""
     clock = ManualClock()
-    grid = ticks(clock, 20.0, Beats(clock, [round(at * MS) for at in arrivals_ms]))
+    grid = ticks(clock, 20.0, KnownArrivals(clock, [round(at * MS) for at in arrivals_ms]))
     seen = []
     for cost_ms in work_ms:
         seen.append(next(grid))

@@ -224,7 +224,7 @@ def test_unequal_wheels_get_speeds_for_a_straight_line() -> None:
     driven = armed(DEFAULTS._replace(wheel_ratio=1.02))
     driven.goto(Goal(5.0, 0.0, None, 0.05, 0.05))
     driven.forward(2.0)
-    told = driven.outputs
-    assert told.left_mrad_s / told.right_mrad_s == pytest.approx(1.02, rel=2e-3)
-    assert told.left_mrad_s * 0.033e-3 <= DEFAULTS.wheel_max_m_s
+    outputs = driven.outputs
+    assert outputs.left_mrad_s / outputs.right_mrad_s == pytest.approx(1.02, rel=2e-3)
+    assert outputs.left_mrad_s * 0.033e-3 <= DEFAULTS.wheel_max_m_s
     assert abs(driven.state.odometry.pose.heading_rad) < 0.01

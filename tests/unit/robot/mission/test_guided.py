@@ -157,12 +157,12 @@ def obey(desk: Desk, order: object) -> None:
 @settings(max_examples=150, deadline=None)
 @given(st.lists(st.tuples(orders, st.integers(0, 40)), min_size=3, max_size=20))
 def test_only_a_command_leaves_guided(
-    told: list[tuple[object, int]],
+    steps: list[tuple[object, int]],
 ) -> None:
     """Only a command enters a mode without an operator; without one GUIDED stops."""
     desk = ready(3, hold_s=0.4)
     machine = desk.vehicle.state.machine
-    for order, ticks in told:
+    for order, ticks in steps:
         obey(desk, order)
         for _ in range(ticks):
             mode = machine.mode

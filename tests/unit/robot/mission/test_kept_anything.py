@@ -34,7 +34,7 @@ def starts(fence: str, mission: str) -> None:
         (Path(folder) / "mission.json").write_text(mission, encoding="utf-8")
         desk = Desk(Store(Path(folder)))
         desk.vehicle.restore()
-        assert len(desk.vehicle.restored) == 2, "each is told of, for good or ill"
+        assert len(desk.vehicle.restored) == 2, "each is announced, restored or not"
         for text in desk.vehicle.texts():
             check(text)
         desk.step()

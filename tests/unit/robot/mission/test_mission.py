@@ -208,23 +208,25 @@ def test_status_shows_the_progress() -> None:
     desk = ready(2)
     start(desk)
     until(desk, MissionState.DONE)
-    told = [(text.severity, text.text) for text in desk.vehicle.texts()]
-    assert (Severity.INFO, "mission DONE (item 2 of 2)") in told
+    published = [(text.severity, text.text) for text in desk.vehicle.texts()]
+    assert (Severity.INFO, "mission DONE (item 2 of 2)") in published
     start(desk)
     desk.step()
     estop(desk)
     desk.step()
-    told = [(text.severity, text.text) for text in desk.vehicle.texts() if "FAILED" in text.text]
-    assert told[0][0] == Severity.ERROR
+    published = [
+        (text.severity, text.text) for text in desk.vehicle.texts() if "FAILED" in text.text
+    ]
+    assert published[0][0] == Severity.ERROR
 
 
 def test_mission_status_is_sent_twice_a_second_and_on_change() -> None:
     desk = ready(2)
-    told = []
+    published = []
     for _ in range(41):
         desk.step()
-        told.append(desk.vehicle.mission_status(desk.now_ns, desk.now_ns) is not None)
-    assert sum(told) == 5
+        published.append(desk.vehicle.mission_status(desk.now_ns, desk.now_ns) is not None)
+    assert sum(published) == 5
     start(desk)
     status = desk.vehicle.mission_status(desk.now_ns, desk.now_ns)
     assert status is not None

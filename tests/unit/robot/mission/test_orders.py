@@ -108,12 +108,12 @@ def obey(desk: Desk, order: Any) -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(orders, st.integers(0, 30)), min_size=3, max_size=25))
 def test_any_order_of_messages_keeps_the_status_consistent(
-    told: list[tuple[Any, int]],
+    steps: list[tuple[Any, int]],
 ) -> None:
     desk = ready(3, hold_s=0.2)
     desk.operator = True
     machine, mission = desk.vehicle.state.machine, desk.vehicle.mission
-    for order, ticks in told:
+    for order, ticks in steps:
         obey(desk, order)
         for _ in range(ticks):
             desk.vehicle.mission.step(desk.now_ns // 1_000_000)

@@ -158,9 +158,9 @@ def test_saved_values_are_held_to_the_configuration(tmp_path: Path) -> None:
     (tmp_path / FILE_NAME).write_text(json.dumps(weaker | {"d_obs_m": 0.4, "wheel_time_ms": 400}))
     vehicle = started(tmp_path)
     assert vehicle.params == DEFAULTS._replace(d_obs_m=0.4, wheel_time_ms=400)
-    told = warnings(vehicle)
-    assert all(f"{name}: ignored" in told for name in weaker)
-    assert "op_lost_ms: ignored (60000 is less safe than configured, 1500)" in told
+    announced = warnings(vehicle)
+    assert all(f"{name}: ignored" in announced for name in weaker)
+    assert "op_lost_ms: ignored (60000 is less safe than configured, 1500)" in announced
 
 
 def test_safe_saved_values_do_not_tighten_the_configuration(tmp_path: Path) -> None:

@@ -126,6 +126,12 @@ def test_report_values_are_limited_to_32_bits(count: int) -> None:
     report = decode(Encoder(1, 1).encode(meter.report(0, sense_age_us=count, rejected=count)))
     assert isinstance(report.message, CycleReport)
     assert report.message.tick == count & UINT32
-    told = report.message
-    counted = (told.missed, told.overruns, told.rejected, told.late_us, told.sense_age_us)
+    message = report.message
+    counted = (
+        message.missed,
+        message.overruns,
+        message.rejected,
+        message.late_us,
+        message.sense_age_us,
+    )
     assert counted == (min(count, UINT32),) * 5

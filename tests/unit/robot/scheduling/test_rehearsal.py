@@ -5,7 +5,7 @@ MS = 1_000_000
 PATIENCE_NS = 12 * MS
 
 
-class Script:
+class ScriptedPulse:
     """A pulse with scripted results of each wait."""
 
     def __init__(self, *answers: int | None) -> None:
@@ -27,8 +27,8 @@ class Counted(Rehearsal):
         return super().run()
 
 
-def rehearsed(*answers: int | None) -> tuple[RehearsingPulse, Script, Counted]:
-    script, rehearsal = Script(*answers), Counted()
+def rehearsed(*answers: int | None) -> tuple[RehearsingPulse, ScriptedPulse, Counted]:
+    script, rehearsal = ScriptedPulse(*answers), Counted()
     return RehearsingPulse(script, rehearsal, PATIENCE_NS), script, rehearsal
 
 

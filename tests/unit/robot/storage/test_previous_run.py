@@ -119,9 +119,9 @@ def test_ending_is_announced_and_printed(capsys: pytest.CaptureFixture[str]) -> 
     report_previous_run(vehicle, "r1", PreviousRun(Directory(None)), "signal SIGKILL")
     texts = vehicle.texts()
     words = f"restarted: the previous run {KILLED}"
-    told = "".join(text.text for text in texts)
-    assert words in told
-    assert PLACE_UNKNOWN in told
+    announced = "".join(text.text for text in texts)
+    assert words in announced
+    assert PLACE_UNKNOWN in announced
     assert max(text.severity for text in texts) == Severity.INFO
     assert min(text.severity for text in texts) == Severity.WARNING
     assert capsys.readouterr().err == f"robot r1: {words}\nrobot r1: {PLACE_UNKNOWN}\n"

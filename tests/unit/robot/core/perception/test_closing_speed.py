@@ -25,7 +25,7 @@ scans = st.lists(
 )
 
 
-class Onlooker:
+class Observer:
     """A robot that the test moves, and its tracks."""
 
     def __init__(self, speed_m_s: float = 0.0, yaw_rate_rad_s: float = 0.0) -> None:
@@ -62,88 +62,88 @@ class Onlooker:
 @pytest.mark.parametrize("bearing_rad", [-1.2, -0.6, 0.0, 0.4, 1.0])
 @pytest.mark.parametrize("speed_m_s", [0.0, 0.3])
 def test_stationary_person_has_no_speed(bearing_rad: float, speed_m_s: float) -> None:
-    onlooker = Onlooker(speed_m_s)
+    observer = Observer(speed_m_s)
     place = (1.1 * cos(bearing_rad), 1.1 * sin(bearing_rad), 0.0, 0.0)
     for ticks in (10, 20, 30):
-        assert max(onlooker.among(place, [], ticks).approach_m_s) == 0.0
-        assert not onlooker.believed()
-        onlooker = Onlooker(speed_m_s)
+        assert max(observer.among(place, [], ticks).approach_m_s) == 0.0
+        assert not observer.believed()
+        observer = Observer(speed_m_s)
 
 
 @pytest.mark.parametrize("bearing_rad", [-0.9, -0.3, 0.1, 0.7])
 @pytest.mark.parametrize("speed_m_s", [0.0, 0.1])
 def test_speed_of_an_approaching_person_is_estimated(bearing_rad: float, speed_m_s: float) -> None:
     c, s = cos(bearing_rad), sin(bearing_rad)
-    onlooker = Onlooker(speed_m_s)
-    ring = onlooker.among((1.1 * c, 1.1 * s, -0.15 * c, -0.15 * s), [], 36)
-    assert len(onlooker.believed()) == 1
+    observer = Observer(speed_m_s)
+    ring = observer.among((1.1 * c, 1.1 * s, -0.15 * c, -0.15 * s), [], 36)
+    assert len(observer.believed()) == 1
     assert 0.1 < max(ring.approach_m_s) < 0.2
 
 
 def test_receding_person_is_a_pedestrian_without_approach() -> None:
-    onlooker = Onlooker()
-    assert max(onlooker.among((0.8, 0.1, 0.15, 0.0), [], 40).approach_m_s) == 0.0
-    (k,) = onlooker.believed()
-    assert onlooker.pedestrians.approach_m_s[k] < -0.1
+    observer = Observer()
+    assert max(observer.among((0.8, 0.1, 0.15, 0.0), [], 40).approach_m_s) == 0.0
+    (k,) = observer.believed()
+    assert observer.pedestrians.approach_m_s[k] < -0.1
 
 
 def test_speed_of_a_crossing_person_is_estimated() -> None:
-    onlooker = Onlooker(0.1)
-    onlooker.among((1.0, -0.5, 0.0, 0.15), [], 50)
-    (k,) = onlooker.believed()
-    assert 0.08 < onlooker.pedestrians.across_m_s[k] < 0.22
+    observer = Observer(0.1)
+    observer.among((1.0, -0.5, 0.0, 0.15), [], 50)
+    (k,) = observer.believed()
+    assert 0.08 < observer.pedestrians.across_m_s[k] < 0.22
 
 
 def test_track_continues_behind_the_robot_for_a_while() -> None:
-    onlooker = Onlooker()
-    onlooker.among((0.8, 0.5, -0.2, 0.0), [], 85)
-    (k,) = onlooker.believed()
-    onlooker.among(None, [], BEHIND // 2)
-    assert onlooker.believed() == [k]
+    observer = Observer()
+    observer.among((0.8, 0.5, -0.2, 0.0), [], 85)
+    (k,) = observer.believed()
+    observer.among(None, [], BEHIND // 2)
+    assert observer.believed() == [k]
     at_rad, away_m = (
-        onlooker.pedestrians.at_rad[k],
-        onlooker.pedestrians.range_m[k] + 0.12 + PERSON_M,
+        observer.pedestrians.at_rad[k],
+        observer.pedestrians.range_m[k] + 0.12 + PERSON_M,
     )
     x_m = 0.8 - 0.2 * PERIOD_S * (85 + BEHIND // 2)
     assert hypot(away_m * cos(at_rad) - x_m, away_m * sin(at_rad) - 0.5) < 0.3
-    onlooker.among(None, [], BEHIND)
-    assert not onlooker.believed()
-    assert not onlooker.pedestrians.any
+    observer.among(None, [], BEHIND)
+    assert not observer.believed()
+    assert not observer.pedestrians.any
 
 
 @pytest.mark.parametrize("yaw_rate_rad_s", [-0.8, 0.8])
 def test_turning_on_the_spot_makes_nothing_walk(yaw_rate_rad_s: float) -> None:
-    onlooker = Onlooker(0.0, yaw_rate_rad_s)
+    observer = Observer(0.0, yaw_rate_rad_s)
     walls: list[Wall] = [(-2.0, 0.5, 2.0, 0.5), (0.9, -2.0, 0.9, 2.0), (-2.0, -0.7, 2.0, -0.7)]
     for _ in range(12):
-        assert max(onlooker.among(None, walls, 10).approach_m_s) == 0.0
+        assert max(observer.among(None, walls, 10).approach_m_s) == 0.0
 
 
 @pytest.mark.parametrize("y_m", [0.2, 0.5, -0.4])
 def test_a_wall_beside_the_way_walks_nowhere(y_m: float) -> None:
-    onlooker = Onlooker(0.3)
-    ring = onlooker.among(None, [(-3.0, y_m, 4.0, y_m + 0.4)], 80)
+    observer = Observer(0.3)
+    ring = observer.among(None, [(-3.0, y_m, 4.0, y_m + 0.4)], 80)
     assert max(ring.approach_m_s) == 0.0
-    assert not onlooker.believed()
+    assert not observer.believed()
 
 
 def test_another_echo_is_not_the_last_one_come_nearer() -> None:
-    onlooker = Onlooker()
-    onlooker.among((0.9, 0.0, 0.0, 0.0), [], 20)
+    observer = Observer()
+    observer.among((0.9, 0.0, 0.0, 0.0), [], 20)
     for _ in range(4):
-        onlooker.among((0.7, 0.0, 0.0, 0.0), [], 1)
-    assert not onlooker.believed()
+        observer.among((0.7, 0.0, 0.0, 0.0), [], 1)
+    assert not observer.believed()
 
 
 def test_far_away_nothing_is_followed() -> None:
-    onlooker = Onlooker()
-    onlooker.among((2.5, 0.0, -0.2, 0.0), [], 20)
-    assert not onlooker.pedestrians.any
+    observer = Observer()
+    observer.among((2.5, 0.0, -0.2, 0.0), [], 20)
+    assert not observer.pedestrians.any
 
 
 def test_too_near_to_be_measured_it_still_walks() -> None:
-    onlooker = Onlooker()
-    ring = onlooker.among((0.72, 0.0, -0.2, 0.0), [], 40)
+    observer = Observer()
+    ring = observer.among((0.72, 0.0, -0.2, 0.0), [], 40)
     assert max(ring.approach_m_s) > 0.1
 
 
@@ -151,36 +151,36 @@ def test_too_near_to_be_measured_it_still_walks() -> None:
 def test_it_is_total_and_what_walks_is_a_finite_speed(
     given_scans: list[tuple[list[int], int, float, float]],
 ) -> None:
-    onlooker, ring = Onlooker(), Ring()
+    observer, ring = Observer(), Ring()
     for tick, (ranges, bits, speed_m_s, heading_rad) in enumerate(given_scans):
         rings.update(ring, Scan(tuple(ranges), (0,) * 8, bits, 0xFF), tick * 50, DEFAULTS)
-        onlooker.odometry.speed_m_s = speed_m_s
-        onlooker.odometry.pose = Pose(0.0, 0.0, heading_rad)
-        closings.watch(onlooker.pedestrians, ring, onlooker.odometry, DEFAULTS)
+        observer.odometry.speed_m_s = speed_m_s
+        observer.odometry.pose = Pose(0.0, 0.0, heading_rad)
+        closings.watch(observer.pedestrians, ring, observer.odometry, DEFAULTS)
         for approach_m_s, range_m in zip(ring.approach_m_s, ring.range_m, strict=True):
             assert approach_m_s >= 0.0
             assert approach_m_s == 0.0 or (range_m is not None and isfinite(approach_m_s + range_m))
 
 
 def test_speed_with_nan_clears_all_tracks() -> None:
-    onlooker = Onlooker()
-    onlooker.among((1.0, 0.0, -0.15, 0.0), [], 30)
-    onlooker.odometry.speed_m_s = nan
-    onlooker.among(None, [], 1)
-    assert not onlooker.pedestrians.any
-    assert not onlooker.believed()
+    observer = Observer()
+    observer.among((1.0, 0.0, -0.15, 0.0), [], 30)
+    observer.odometry.speed_m_s = nan
+    observer.among(None, [], 1)
+    assert not observer.pedestrians.any
+    assert not observer.believed()
 
 
 def test_pedestrians_keep_their_tracks_among_many_echoes() -> None:
-    onlooker = Onlooker()
-    onlooker.among((0.8, 0.0, -0.1, 0.0), [], 30)
-    (k,) = onlooker.believed()
+    observer = Observer()
+    observer.among((0.8, 0.0, -0.1, 0.0), [], 30)
+    (k,) = observer.believed()
     posts = [(0.5 * cos(b), 0.5 * sin(b), 0.05) for b in (-1.3, -0.8, 0.8, 1.3)]
     person = (0.65, 0.0, PERSON_M)
     for _ in range(3):
-        ring = seen_from(onlooker.odometry.pose, [], [*posts, person])
-        closings.watch(onlooker.pedestrians, ring, onlooker.odometry, DEFAULTS)
-    assert k in onlooker.believed()
+        ring = seen_from(observer.odometry.pose, [], [*posts, person])
+        closings.watch(observer.pedestrians, ring, observer.odometry, DEFAULTS)
+    assert k in observer.believed()
 
 
 def seen(range_m: float, i: int, approach_m_s: float) -> Ring:

@@ -14,7 +14,7 @@ from robot.core.values import Pose
 PERIOD_MS = 50
 
 
-def told(left_m_s: float, turned: float, seconds: float) -> bool:
+def is_stuck_after(left_m_s: float, turned: float, seconds: float) -> bool:
     """Return whether the left wheel is stuck if it turns this share of its command."""
     stall, odometry = Stall(), Odometry()
     odometry.left_m = left_m_s * DEFAULTS.period_s * turned
@@ -27,22 +27,22 @@ def told(left_m_s: float, turned: float, seconds: float) -> bool:
 
 
 def test_a_wheel_that_does_not_turn_is_stuck_after_half_a_second() -> None:
-    assert not told(0.2, 0.0, 0.5)
-    assert told(0.2, 0.0, 0.7)
-    assert told(-0.2, 0.0, 0.7)
+    assert not is_stuck_after(0.2, 0.0, 0.5)
+    assert is_stuck_after(0.2, 0.0, 0.7)
+    assert is_stuck_after(-0.2, 0.0, 0.7)
 
 
 def test_a_wheel_that_turns_a_little_is_not_stuck() -> None:
-    assert not told(0.2, 0.2, 5.0)
-    assert not told(-0.2, 1.0, 5.0)
+    assert not is_stuck_after(0.2, 0.2, 5.0)
+    assert not is_stuck_after(-0.2, 1.0, 5.0)
 
 
 def test_a_wheel_that_turns_the_wrong_way_is_stuck() -> None:
-    assert told(0.2, -1.0, 0.7)
+    assert is_stuck_after(0.2, -1.0, 0.7)
 
 
 def test_wheel_with_a_slow_command_is_not_judged() -> None:
-    assert not told(0.04, 0.0, 5.0)
+    assert not is_stuck_after(0.04, 0.0, 5.0)
 
 
 def test_a_command_to_and_fro_is_never_stuck() -> None:
@@ -96,7 +96,7 @@ def test_patient_navigator_ends_only_when_blocked() -> None:
     assert ends == [reasons.OK, reasons.BLOCKED]
 
 
-def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odometry:
+def variances_after(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odometry:
     """Return the uncertainty of the pose if the left wheel turns this share of its command."""
     stall, odometry = Stall(), Odometry()
     for k in range(round(seconds * 20)):
@@ -109,17 +109,17 @@ def doubted(left_turned: float, seconds: float, speed_m_s: float = 0.2) -> Odome
 
 
 def test_covariance_includes_motion_of_a_stopped_wheel() -> None:
-    odometry = doubted(0.0, 0.45)  # eight periods were commanded: 80 mm
+    odometry = variances_after(0.0, 0.45)  # eight periods were commanded: 80 mm
     missing_m = 0.08
     assert odometry.phh**0.5 == pytest.approx(missing_m / DEFAULTS.track_m)
     assert odometry.pxx == pytest.approx(0.5 * missing_m * missing_m)
 
 
 def test_slow_start_does_not_extend_the_covariance() -> None:
-    assert doubted(1.0, 5.0).phh == 0.0
-    assert doubted(0.6, 5.0).phh == 0.0
-    assert doubted(0.0, 0.15).phh == 0.0
+    assert variances_after(1.0, 5.0).phh == 0.0
+    assert variances_after(0.6, 5.0).phh == 0.0
+    assert variances_after(0.0, 0.15).phh == 0.0
 
 
 def test_a_stuck_wheel_widens_both_ways_of_turning_alike() -> None:
-    assert doubted(0.0, 0.6, 0.2).phh == pytest.approx(doubted(0.0, 0.6, -0.2).phh)
+    assert variances_after(0.0, 0.6, 0.2).phh == pytest.approx(variances_after(0.0, 0.6, -0.2).phh)
