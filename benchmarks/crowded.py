@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
@@ -99,7 +99,7 @@ class NoCommands:
     """Ignore every command."""
 
     last = ""
-    draft_items: tuple[Target, ...] = ()
+    draft_items: tuple[MapTarget, ...] = ()
 
     def run_line(self, line: str) -> None:
         """Ignore a command line."""

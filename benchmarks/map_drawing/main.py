@@ -21,7 +21,7 @@ from benchmarks.map_drawing.scene import (
 )
 from benchmarks.map_drawing.stage import FrameCost, measure_frames
 from ground.app.widgets.map import MapWidget
-from ground.map import Scene
+from ground.map import MapScene
 from verification.harness.figures import Figure, Report, ratios
 
 MAX_FRAME_MS: Final = 4.0
@@ -90,7 +90,7 @@ def figures(
     )
 
 
-def ours(scenes: list[Scene]) -> FrameCost:
+def ours(scenes: list[MapScene]) -> FrameCost:
     """Draw the scenes with our widget."""
     styles = {role: Style(color=colour) for role, colour in COLOURS.items()}
     widget = MapWidget(styles)

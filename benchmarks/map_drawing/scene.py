@@ -4,7 +4,19 @@ from collections.abc import Iterable
 from math import atan2, cos, sin
 from typing import Final
 
-from ground.map import Canvas, Disc, Outline, Point, Robot, Scene, Shape, Target, View, draw, floor
+from ground.map import (
+    Canvas,
+    Disc,
+    MapScene,
+    MapTarget,
+    Outline,
+    Point,
+    RobotMark,
+    Shape,
+    View,
+    draw,
+    floor,
+)
 from ground.map.canvas import Dot
 
 TRAIL_POINTS: Final = 360
@@ -28,14 +40,14 @@ class RecordingCanvas(Canvas):
         super().polyline(recorded_canvas, role)
 
 
-def driving_trails(count: int) -> list[Scene]:
+def driving_trails(count: int) -> list[MapScene]:
     """Return scenes of a drive: the trail grows by one step per frame."""
     way = [_place(step, 0.0) for step in range(TRAIL_POINTS + count)]
     obstacles = _obstacles()
     return [_scene(tuple(way[i : i + TRAIL_POINTS]), obstacles) for i in range(count)]
 
 
-def moving_trails(count: int) -> list[Scene]:
+def moving_trails(count: int) -> list[MapScene]:
     """Return the most expensive scenes: the whole trail moves with each frame."""
     obstacles = _obstacles()
     return [
@@ -44,7 +56,7 @@ def moving_trails(count: int) -> list[Scene]:
     ]
 
 
-def recorded_canvas(scene: Scene, columns: int, rows: int) -> RecordingCanvas:
+def recorded_canvas(scene: MapScene, columns: int, rows: int) -> RecordingCanvas:
     """Draw a scene and return its lines in dots."""
     canvas = RecordingCanvas(columns, rows)
     draw(scene, View.fit(scene.box(), columns, rows), canvas)
@@ -56,18 +68,18 @@ def segments(canvas: RecordingCanvas) -> int:
     return sum(len(dots) - 1 for _, dots in canvas.polylines if dots)
 
 
-def _scene(trail: tuple[Point, ...], obstacles: tuple[Shape, ...]) -> Scene:
+def _scene(trail: tuple[Point, ...], obstacles: tuple[Shape, ...]) -> MapScene:
     (before_x_m, before_y_m), (x_m, y_m) = trail[-2:]
     heading_rad = atan2(y_m - before_y_m, x_m - before_x_m)
-    return Scene(
+    return MapScene(
         size_m=SIZE_M,
         obstacles=obstacles,
         trail=trail,
-        robot=Robot(x_m, y_m, heading_rad),
+        robot=RobotMark(x_m, y_m, heading_rad),
         covariance=(0.02, 0.008, 0.01),
         ranges_m=RANGES_M,
         zone_m=0.3,
-        goal=Target(9.2, 7.2, 0.5, 0.1),
+        goal=MapTarget(9.2, 7.2, 0.5, 0.1),
         virtual_goal=(x_m + 2.0 * cos(heading_rad), y_m + 2.0 * sin(heading_rad)),
     )
 

@@ -32,7 +32,7 @@ from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.client.telemetry import Age
 from ground.console import AppCommand
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT
 from protocol.wire.enums import Severity
@@ -165,7 +165,7 @@ class GroundApp(App[int]):
         return self._commands.is_local(line)
 
     @property
-    def draft_items(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
         return self._commands.draft_items
 

@@ -5,7 +5,7 @@ from typing import Self
 
 from ground.ghost.ghost import Ghost
 from ground.ghost.predicted_path import PredictedPath
-from ground.map import Ghost as Trail
+from ground.map import GhostTrail
 
 
 class Ghosts:
@@ -52,10 +52,10 @@ class Ghosts:
     def pids(self) -> list[int]:
         return [ghost.pid for ghost in self._ghosts.values() if ghost.pid is not None]
 
-    def trails(self) -> list[Trail]:
+    def trails(self) -> list[GhostTrail]:
         """For the map; of one that drives as far as it has come, with an outcome of none."""
         return [
-            Trail(label, ghost.path_m, "" if course is None else course.outcome)
+            GhostTrail(label, ghost.path_m, "" if course is None else course.outcome)
             for (label, ghost), course in zip(
                 self._ghosts.items(), self.courses.values(), strict=True
             )

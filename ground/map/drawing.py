@@ -19,7 +19,7 @@ from ground.map.moving_layers import (
     draw_zone,
 )
 from ground.map.pen import Pen
-from ground.map.scene import LAYERS, Scene
+from ground.map.scene import LAYERS, MapScene
 from ground.map.static_layers import (
     draw_draft,
     draw_fence,
@@ -31,7 +31,7 @@ from ground.map.static_layers import (
 )
 from ground.map.view import MIN_LEGEND_ROWS, View
 
-Layer = Callable[[Pen, Scene], None]
+Layer = Callable[[Pen, MapScene], None]
 
 STATIC: Final[tuple[tuple[str, Layer], ...]] = (
     ("walls", draw_walls),
@@ -45,7 +45,7 @@ TRUTH: Final = "walls: simulation truth"
 NOT_LIVE: Final = "NOT LIVE"
 
 
-def draw_legend(pen: Pen, scene: Scene) -> None:
+def draw_legend(pen: Pen, scene: MapScene) -> None:
     """Draw the scale bar and the legend into the last row, when there are rows enough."""
     canvas = pen.canvas
     row = canvas.rows - 1
@@ -62,7 +62,7 @@ def draw_legend(pen: Pen, scene: Scene) -> None:
     canvas.text(canvas.columns - len(legend), row, legend, "text")
 
 
-def legend_text(scene: Scene, room: int) -> str:
+def legend_text(scene: MapScene, room: int) -> str:
     """Return as many parts of the legend as fit into `room` columns, the most important first."""
     walled = scene.truth and (scene.obstacles or scene.size_m)
     legend = ""
@@ -99,29 +99,33 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
 )
 
 
-def draw(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
+def draw(scene: MapScene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
     """Draw the named layers of a scene (see `scene.LAYERS`)."""
     draw_static(scene, view, canvas, layers)
     draw_moving(scene, view, canvas, layers)
 
 
-def draw_static(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
+def draw_static(
+    scene: MapScene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS
+) -> None:
     """Draw the layers that stay the same while `static_parts` does."""
     _draw(STATIC, scene, Pen(canvas, view), layers)
 
 
-def draw_moving(scene: Scene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
+def draw_moving(
+    scene: MapScene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS
+) -> None:
     """Draw all other layers."""
     _draw(MOVING, scene, Pen(canvas, view), layers)
 
 
-def static_parts(scene: Scene) -> tuple[object, ...]:
+def static_parts(scene: MapScene) -> tuple[object, ...]:
     """Return the parts of a scene that `draw_static` draws, for comparison."""
     return scene.size_m, scene.obstacles, scene.truth, scene.fence
 
 
 def _draw(
-    table: tuple[tuple[str, Layer], ...], scene: Scene, pen: Pen, layers: Collection[str]
+    table: tuple[tuple[str, Layer], ...], scene: MapScene, pen: Pen, layers: Collection[str]
 ) -> None:
     for name, layer in table:
         if name in layers:

@@ -6,7 +6,7 @@ from typing import Final
 
 from ground.map.ellipse import ellipse
 from ground.map.pen import Pen
-from ground.map.scene import BEAM_RAD, Robot, Scene
+from ground.map.scene import BEAM_RAD, MapScene, RobotMark
 from ground.map.static_layers import distance_m, draw_heading, heads_right
 from ground.map.view import Point
 
@@ -17,12 +17,12 @@ SOLID_DOTS: Final = 6.0
 NOT_DRAWN: Final = -1.0
 
 
-def draw_trail(pen: Pen, scene: Scene) -> None:
+def draw_trail(pen: Pen, scene: MapScene) -> None:
     """Draw the way that the robot has driven."""
     pen.path(scene.trail, "trail")
 
 
-def draw_ellipse(pen: Pen, scene: Scene) -> None:
+def draw_ellipse(pen: Pen, scene: MapScene) -> None:
     """Draw the uncertainty of the robot's position."""
     robot, covariance = scene.robot, scene.covariance
     axes = ellipse(covariance) if covariance is not None else None
@@ -30,14 +30,14 @@ def draw_ellipse(pen: Pen, scene: Scene) -> None:
         pen.path(pen.curve((robot.x_m, robot.y_m), *axes), "ellipse")
 
 
-def draw_zone(pen: Pen, scene: Scene) -> None:
+def draw_zone(pen: Pen, scene: MapScene) -> None:
     """Draw the ring within which the robot avoids obstacles."""
     robot, zone_m = scene.robot, scene.zone_m
     if robot is not None and zone_m is not None and zone_m > 0.0:
         pen.circle((robot.x_m, robot.y_m), robot.radius_m + zone_m, "zone")
 
 
-def draw_sonars(pen: Pen, scene: Scene) -> None:
+def draw_sonars(pen: Pen, scene: MapScene) -> None:
     """Draw for each echo the arc on which the obstacle must lie, and the edges of its cone.
 
     Nothing is drawn when the robot is not live: old echoes may no longer be true.
@@ -59,7 +59,7 @@ def draw_sonars(pen: Pen, scene: Scene) -> None:
             pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
 
 
-def draw_virtual(pen: Pen, scene: Scene) -> None:
+def draw_virtual(pen: Pen, scene: MapScene) -> None:
     """Draw the virtual goal and a line to it, unless it is the goal itself."""
     at, robot = scene.virtual_goal, scene.robot
     if at is None or (scene.goal and distance_m(at, (scene.goal.x_m, scene.goal.y_m)) < 1e-6):
@@ -70,7 +70,7 @@ def draw_virtual(pen: Pen, scene: Scene) -> None:
     pen.off_map(at, "virtual", "virtual")
 
 
-def draw_goal(pen: Pen, scene: Scene) -> None:
+def draw_goal(pen: Pen, scene: MapScene) -> None:
     """Draw the goal; when it is off the map, an arrow with its distance in metres."""
     goal = scene.goal
     if goal is None:
@@ -82,7 +82,7 @@ def draw_goal(pen: Pen, scene: Scene) -> None:
     pen.off_map(at, "goal", "goal" if away_m is None else f"goal {away_m:.1f} m")
 
 
-def draw_others(pen: Pen, scene: Scene) -> None:
+def draw_others(pen: Pen, scene: MapScene) -> None:
     """Draw moving obstacles from the simulation truth, and other robots with their names."""
     for mover in scene.movers:
         pen.shape(mover, "truth")
@@ -92,7 +92,7 @@ def draw_others(pen: Pen, scene: Scene) -> None:
         pen.mark((other.x_m, other.y_m), "other", "other", other.name)
 
 
-def draw_robot(pen: Pen, scene: Scene) -> None:
+def draw_robot(pen: Pen, scene: MapScene) -> None:
     """Draw the robot true to scale, and a mark that stays visible at any scale."""
     robot = scene.robot
     if robot is None:
@@ -106,7 +106,7 @@ def draw_robot(pen: Pen, scene: Scene) -> None:
     pen.off_map(at, "robot", robot.name or "robot")
 
 
-def draw_cursor(pen: Pen, scene: Scene) -> None:
+def draw_cursor(pen: Pen, scene: MapScene) -> None:
     """Draw the cursor with its position in metres."""
     if scene.cursor is not None:
         words = f"{scene.cursor[0]:.2f} {scene.cursor[1]:.2f}"
@@ -119,7 +119,7 @@ def point_at(at: Point, bearing_rad: float, length_m: float) -> Point:
     return at[0] + length_m * cos(bearing_rad), at[1] + length_m * sin(bearing_rad)
 
 
-def _body(pen: Pen, robot: Robot, role: str) -> None:
+def _body(pen: Pen, robot: RobotMark, role: str) -> None:
     """Draw a robot's outline and nose; fill it when small, to differ from an obstacle."""
     at = robot.x_m, robot.y_m
     dot_m = pen.view.m_per_dot

@@ -53,7 +53,7 @@ Shape: TypeAlias = Outline | Disc
 
 
 @dataclass(frozen=True, slots=True)
-class Robot:
+class RobotMark:
     """The pose of a robot; the name is shown when there are several."""
 
     x_m: float
@@ -64,7 +64,7 @@ class Robot:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class MapTarget:
     """A goal or an item of a mission; a heading of None means that any heading will do."""
 
     x_m: float
@@ -74,7 +74,7 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Ghost:
+class GhostTrail:
     """The path of another run, and its outcome from `protocol.outcome`, or "" while it drives."""
 
     label: str
@@ -83,7 +83,7 @@ class Ghost:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class MapScene:
     """All that is to be drawn now.
 
     `size_m` is the size of the floor, from 0 0; walls around the floor are ordinary obstacles.
@@ -100,22 +100,22 @@ class Scene:
     truth: bool = True
     seen: Sequence[Point] = ()
     trail: Sequence[Point] = ()
-    robot: Robot | None = None
+    robot: RobotMark | None = None
     live: bool = True
     covariance: tuple[float, float, float] | None = None
     ranges_m: Sequence[float | None] = ()
     zone_m: float | None = None
-    goal: Target | None = None
+    goal: MapTarget | None = None
     virtual_goal: Point | None = None
     hits: Sequence[Point] = ()
     leaves: Sequence[Point] = ()
     fence: Shape | None = None
-    mission: Sequence[Target] = ()
+    mission: Sequence[MapTarget] = ()
     current: int | None = None
-    draft: Sequence[Target] = ()
+    draft: Sequence[MapTarget] = ()
     movers: Sequence[Disc] = ()
-    others: Sequence[Robot] = ()
-    ghosts: Sequence[Ghost] = ()
+    others: Sequence[RobotMark] = ()
+    ghosts: Sequence[GhostTrail] = ()
     cursor: Point | None = None
     note: str = ""
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from ground.map.canvas import DOTS_WIDE
 from ground.map.pen import Pen
-from ground.map.scene import Disc, Outline, Scene, Shape, Target, floor
+from ground.map.scene import Disc, MapScene, MapTarget, Outline, Shape, floor
 from ground.map.view import Point
 
 EDGE_SPACING: Final = 3
@@ -15,7 +15,7 @@ HEADING_DOTS: Final = 9.0
 MARKED_OUTCOMES: Final = ("reached", "collided", "stuck")
 
 
-def draw_walls(pen: Pen, scene: Scene) -> None:
+def draw_walls(pen: Pen, scene: MapScene) -> None:
     """Draw the obstacles, and the edge of the floor as dots where it has no wall."""
     role = "truth" if scene.truth else "wall"
     if scene.size_m is not None:
@@ -24,18 +24,18 @@ def draw_walls(pen: Pen, scene: Scene) -> None:
         pen.shape(obstacle, role)
 
 
-def draw_seen(pen: Pen, scene: Scene) -> None:
+def draw_seen(pen: Pen, scene: MapScene) -> None:
     """Draw the points where the robot has seen obstacles."""
     pen.dots(scene.seen, "seen")
 
 
-def draw_fence(pen: Pen, scene: Scene) -> None:
+def draw_fence(pen: Pen, scene: MapScene) -> None:
     """Draw the fence as dots, so that it differs from a wall without colours, too."""
     if scene.fence is not None:
         dotted(pen, scene.fence, "fence")
 
 
-def draw_ghosts(pen: Pen, scene: Scene) -> None:
+def draw_ghosts(pen: Pen, scene: MapScene) -> None:
     """Draw the path of each ghost, with its outcome at the end."""
     for ghost in scene.ghosts:
         pen.path(ghost.path_m, "ghost")
@@ -45,7 +45,7 @@ def draw_ghosts(pen: Pen, scene: Scene) -> None:
             pen.mark(ghost.path_m[-1], end, "ghost", label)
 
 
-def draw_hit_points(pen: Pen, scene: Scene) -> None:
+def draw_hit_points(pen: Pen, scene: MapScene) -> None:
     """Draw where the robot met and left the boundary of an obstacle."""
     for at in scene.hits:
         pen.mark(at, "hit", "hit")
@@ -53,7 +53,7 @@ def draw_hit_points(pen: Pen, scene: Scene) -> None:
         pen.mark(at, "leave", "leave")
 
 
-def draw_mission(pen: Pen, scene: Scene) -> None:
+def draw_mission(pen: Pen, scene: MapScene) -> None:
     """Draw the items of the mission, counted from 1; a `>` marks the one under way."""
     numbers = [f"{number}" for number in range(1, len(scene.mission) + 1)]
     if scene.current is not None and 0 <= scene.current < len(numbers):
@@ -63,14 +63,14 @@ def draw_mission(pen: Pen, scene: Scene) -> None:
         pen.mark((item.x_m, item.y_m), "waypoint", "mission", number, heads_right(item))
 
 
-def draw_draft(pen: Pen, scene: Scene) -> None:
+def draw_draft(pen: Pen, scene: MapScene) -> None:
     """Draw the draft of a mission with hollow marks, numbers with a `d`, and fewer dots."""
     draw_legs(pen, scene.draft, "draft", 4 * EDGE_SPACING)
     for number, item in enumerate(scene.draft, start=1):
         pen.mark((item.x_m, item.y_m), "draft", "draft", f"d{number}", heads_right(item))
 
 
-def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
+def draw_legs(pen: Pen, items: Sequence[MapTarget], role: str, every: int) -> None:
     """Draw dotted lines from item to item, and the heading at each."""
     for a, b in pairwise([(item.x_m, item.y_m) for item in items]):
         pen.dotted(a, b, role, every)
@@ -78,7 +78,7 @@ def draw_legs(pen: Pen, items: Sequence[Target], role: str, every: int) -> None:
         draw_heading(pen, item, role)
 
 
-def draw_heading(pen: Pen, target: Target, role: str) -> None:
+def draw_heading(pen: Pen, target: MapTarget, role: str) -> None:
     """Draw the tolerance, where it is large enough to see, and the heading on arrival."""
     at: Point = (target.x_m, target.y_m)
     if target.tolerance_m > DOTS_WIDE * pen.view.m_per_dot:
@@ -89,7 +89,7 @@ def draw_heading(pen: Pen, target: Target, role: str) -> None:
         pen.path((at, tip), role)
 
 
-def heads_right(target: Target) -> bool:
+def heads_right(target: MapTarget) -> bool:
     """Return whether the heading is drawn to the right, where the label would be."""
     heading_rad = target.heading_rad
     return heading_rad is not None and isfinite(heading_rad) and cos(heading_rad) > 0.5

@@ -5,7 +5,7 @@ from math import isfinite, sqrt
 from typing import Final
 
 from ground.client.telemetry import Age, age_of
-from ground.map import Robot, Scene, Target
+from ground.map import MapScene, MapTarget, RobotMark
 from ground.map.ellipse import CHI2_2
 from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import RobotModel
@@ -28,7 +28,7 @@ def scene_of(
     *,
     lost: bool,
     others: Iterable[RobotModel] = (),
-) -> Scene:
+) -> MapScene:
     """Return the scene; stale data are left out, except the pose.
 
     The map marks a pose that is not live, and `covariance` grows with what the robot may have
@@ -42,7 +42,7 @@ def scene_of(
     running = telemetry.live(MISSION, now_ns)
     pose = None if odometry is None else odometry[0]
     live = telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE and not lost
-    return Scene(
+    return MapScene(
         size_m=None if world is None else world.size_m,
         obstacles=() if world is None else world.obstacles,
         movers=() if world is None else tuple(m.at(_time_s(model)) for m in world.movers),
@@ -65,14 +65,14 @@ def scene_of(
     )
 
 
-def preview_of(world: WorldFacts) -> Scene:
+def preview_of(world: WorldFacts) -> MapScene:
     """Return the scene of a world without a run: its robot at the start."""
     x_m, y_m, heading_rad = world.start
-    return Scene(
+    return MapScene(
         size_m=world.size_m,
         obstacles=world.obstacles,
         movers=tuple(mover.at(0.0) for mover in world.movers),
-        robot=Robot(x_m, y_m, heading_rad, world.radius_m),
+        robot=RobotMark(x_m, y_m, heading_rad, world.radius_m),
         goal=world.goal,
     )
 
@@ -100,23 +100,25 @@ def status_of(model: RobotModel) -> NavigatorStatus | None:
     return None if newest is None else newest[0]
 
 
-def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> Robot:
+def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> RobotMark:
     """Return a pose as a robot on the map."""
-    return Robot(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
+    return RobotMark(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
 
 
-def other_of(model: RobotModel, now_ns: int) -> Robot | None:
+def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
     """Return another robot on the map; None without a live pose."""
     pose = model.telemetry.live(ODOMETRY, now_ns)
     return None if pose is None else robot_of(pose, model.figures.radius_m, model.robot)
 
 
-def goal_of(status: NavigatorStatus) -> Target | None:
+def goal_of(status: NavigatorStatus) -> MapTarget | None:
     """Return the present or last goal; None without one."""
     if not status.goal_id or not (isfinite(status.goal_x_m) and isfinite(status.goal_y_m)):
         return None
     heading_rad = status.goal_heading_rad
-    return Target(status.goal_x_m, status.goal_y_m, heading_rad if isfinite(heading_rad) else None)
+    return MapTarget(
+        status.goal_x_m, status.goal_y_m, heading_rad if isfinite(heading_rad) else None
+    )
 
 
 def virtual_of(decision: AvoidanceDecision) -> tuple[float, float] | None:

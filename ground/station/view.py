@@ -5,7 +5,7 @@ from typing import Any
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.telemetry import Age, AgedMessage, Telemetry
-from ground.map import Scene, Shape, Target
+from ground.map import MapScene, MapTarget, Shape
 from ground.station.history.decision_history import Moment
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
@@ -129,7 +129,7 @@ class StationView:
         return self.telemetry.live(MISSION, self._now_ns)
 
     @property
-    def mission_items(self) -> tuple[Target, ...]:
+    def mission_items(self) -> tuple[MapTarget, ...]:
         """The robot's mission, as downloaded or as uploaded by any operator."""
         return self._model.mission_items.mission
 
@@ -179,7 +179,7 @@ class StationView:
         """Return the decisions after an instant of this clock with their times, oldest first."""
         return self._model.decision_history.decisions(after_ns)
 
-    def scene(self) -> Scene:
+    def scene(self) -> MapScene:
         """Return everything the map shows, except ghosts and cursor."""
         return scene_of(
             self._model,

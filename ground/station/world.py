@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import dist, radians
 from typing import Any, Final, NamedTuple
 
-from ground.map import Disc, Outline, Shape, Target
+from ground.map import Disc, MapTarget, Outline, Shape
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.json_reader import value_in
@@ -53,7 +53,7 @@ class WorldFacts(NamedTuple):
     obstacles: tuple[Shape, ...]
     movers: tuple[Mover, ...]
     start: tuple[float, float, float]
-    goal: Target
+    goal: MapTarget
     radius_m: float
     text: str
 
@@ -106,9 +106,9 @@ def _number(value: Any) -> float:
     return number
 
 
-def _goal(goal: dict[str, Any]) -> Target:
+def _goal(goal: dict[str, Any]) -> MapTarget:
     heading_deg = goal.get("heading_deg")
-    return Target(
+    return MapTarget(
         _number(goal["x_m"]),
         _number(goal["y_m"]),
         None if heading_deg is None else radians(_number(heading_deg)),

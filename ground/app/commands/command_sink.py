@@ -5,7 +5,7 @@ from typing import Protocol
 from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.console import AppCommand
-from ground.map import Target
+from ground.map import MapTarget
 
 
 class CommandSink(Protocol):
@@ -16,7 +16,7 @@ class CommandSink(Protocol):
         """The last command as a line for a shell; empty when there was none."""
 
     @property
-    def draft_items(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
 
     def run_line(self, line: str) -> None:

@@ -15,7 +15,7 @@ from ground.console import AppCommand, History, complete, help_text, line_of, re
 from ground.console.aliases import expanded
 from ground.console.app_commands import ShowHelp
 from ground.console.tokenizer import words_of
-from ground.map import Target
+from ground.map import MapTarget
 from ground.missions.draft import Draft, Edit
 from ground.station import JobResult, Station
 from ground.station.robot.mission_items import target_of
@@ -93,7 +93,7 @@ class CommandRunner:
             return True  # a wrong line only causes a message
 
     @property
-    def draft_items(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
         return tuple(map(target_of, self.draft.mission.waypoints))
 

@@ -5,7 +5,7 @@ from typing import Final
 
 from ground.app.panels.aged import aged
 from ground.app.widgets.rows import Row, Span, head, row
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station.station import Station
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState
@@ -35,7 +35,7 @@ def draft_rows(count: int) -> list[Row]:
     return [row(head("draft   "), Span(f"{waypoints}; send: wp upload", "draft"))] if count else []
 
 
-def item_row(number: int, item: Target, current: int) -> Row:
+def item_row(number: int, item: MapTarget, current: int) -> Row:
     """Return the row of an item, counted from 1.
 
     Completed items are faint, the current one is marked.

@@ -10,7 +10,7 @@ from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
 from ground.client.results import Outcome
 from ground.console import AppCommand
 from ground.launch.launcher import Stack
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station import Station
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class ReadOnlyApp:
         return self._app.is_local(line)
 
     @property
-    def draft_items(self) -> tuple[Target, ...]:
+    def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
         return self._app.draft_items
 

@@ -24,7 +24,7 @@ from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
 from ground.app.widgets.sparklines import spark_rows
 from ground.explain import Why
-from ground.map import LAYERS, Target
+from ground.map import LAYERS, MapTarget
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class DriveScreen(AppScreen):
         if inset.size:
             inset.show(scene)
 
-    def draft(self) -> tuple[Target, ...]:
+    def draft(self) -> tuple[MapTarget, ...]:
         """Return the mission draft, until the robot has it."""
         draft_items = self.interface.draft_items
         return () if draft_items == self.interface.station.mission_items else draft_items

@@ -20,7 +20,7 @@ from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.worlds import Reached, query_worlds, read_reached_counts
 from ground.launch.scenario import Scenario
-from ground.map import Scene
+from ground.map import MapScene
 from ground.station.scene import preview_of
 from ground.station.world import parse_world
 
@@ -38,7 +38,7 @@ class WorldsScreen(ListScreen):
         super().__init__(interface)
         self._worlds: list[dict[str, str]] = []
         self._facts: dict[str, Mapping[str, Any]] = {}
-        self._scenes: dict[str, Scene] = {}
+        self._scenes: dict[str, MapScene] = {}
         self._asked: set[str] = set()
         self._reached: Reached = {}
 
@@ -66,7 +66,7 @@ class WorldsScreen(ListScreen):
         self._reached = reached
         self.redraw()
 
-    def take_world(self, found: tuple[dict[str, Any], Scene]) -> None:
+    def take_world(self, found: tuple[dict[str, Any], MapScene]) -> None:
         """Show facts and map of a world."""
         facts, scene = found
         self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
@@ -91,7 +91,7 @@ class WorldsScreen(ListScreen):
         """Draw preview and facts of the chosen world."""
         name, about, preview = self.chosen["name"], self.lines("about"), self.preview
         preview.paint(self.app.theme)
-        preview.show(self._scenes.get(name, Scene()))
+        preview.show(self._scenes.get(name, MapScene()))
         rows = fact_rows(self._facts.get(name), self.chosen["says"])
         rows += ends_rows(self._reached.get(name), about.size.width)
         about.styles.height = len(rows) + 1
@@ -130,7 +130,7 @@ class WorldsScreen(ListScreen):
             stack.restarted(scenario)
 
 
-def looked_up(name: str) -> tuple[dict[str, Any], Scene]:
+def looked_up(name: str) -> tuple[dict[str, Any], MapScene]:
     """Return facts and map of a world. Raise UserError or RemoteError when it cannot be read."""
     facts = query_worlds("show", name)
     return facts, preview_of(parse_world(json.dumps(facts)))

@@ -12,7 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from ground.app.widgets.paint import styles_of
-from ground.map import LAYERS, ROLES, Canvas, Scene, View, draw_moving, draw_static, static_parts
+from ground.map import LAYERS, ROLES, Canvas, MapScene, View, draw_moving, draw_static, static_parts
 from ground.map.view import Point
 
 WHEEL_FACTOR = 1.25
@@ -49,7 +49,7 @@ class MapWidget(Widget):
         classes: str | None = None,
     ) -> None:
         super().__init__(name=name, id=id, classes=classes)
-        self.scene = Scene()
+        self.scene = MapScene()
         self._canvas = Canvas(0, 0, ascii_only)
         self._ground = self._canvas
         self._theme = ""
@@ -120,7 +120,7 @@ class MapWidget(Widget):
         self._strips.clear()
         self.refresh()
 
-    def show(self, scene: Scene) -> None:
+    def show(self, scene: MapScene) -> None:
         """Draw a scene from now on; an equal scene costs nothing."""
         if scene == self.scene:
             return

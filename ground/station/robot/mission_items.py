@@ -4,7 +4,7 @@ from contextlib import suppress
 from math import radians
 from typing import NamedTuple
 
-from ground.map import Disc, Outline, Shape, Target
+from ground.map import Disc, MapTarget, Outline, Shape
 from ground.missions.mission import Circle, Fence, Waypoint
 from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
 from ground.missions.wire import fence_of, waypoints_of
@@ -32,7 +32,7 @@ class MissionItems:
     """Mission and fence as downloaded, or as uploaded by any operator; None without one."""
 
     def __init__(self) -> None:
-        self.mission: tuple[Target, ...] = ()
+        self.mission: tuple[MapTarget, ...] = ()
         self.fence: Shape | None = None
         self._uploads: dict[int, dict[int, MissionItemInt]] = {}
 
@@ -71,10 +71,10 @@ def shape_of(fence: Fence | None) -> Shape | None:
     return Outline(fence.corners)
 
 
-def target_of(waypoint: Waypoint) -> Target:
+def target_of(waypoint: Waypoint) -> MapTarget:
     """Return a waypoint as a target on the map."""
     heading_deg = waypoint.heading_deg
-    return Target(
+    return MapTarget(
         waypoint.x_m,
         waypoint.y_m,
         None if heading_deg is None else radians(heading_deg),

@@ -9,7 +9,7 @@ from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome
 from ground.client.telemetry import AgedMessage, Telemetry
 from ground.console import AppCommand, line_of
-from ground.map import Scene, Target
+from ground.map import MapScene, MapTarget
 from ground.station import (
     EventLog,
     JobResult,
@@ -53,14 +53,14 @@ class FakeStation(Station):
         self.stops = 0
         self.asked: list[str] = []
         self.world_now: WorldFacts | None = None
-        self.scene_now = Scene()
+        self.scene_now = MapScene()
         self.decisions_now: list[tuple[int, AvoidanceDecision]] = []
         self.loss_now: Loss | None = None
         self.ready_now, self.waiting_now = True, ""
         self.lease_now = LeaseView()
         self.parameters_now: tuple[Parameter, ...] | None = ()
         self.streams_now: list[StreamRow] = []
-        self.items_now: tuple[Target, ...] = ()
+        self.items_now: tuple[MapTarget, ...] = ()
         self.robots_now = ["r1"]
         self.robot_now = "r1"
         self.stopping_now = ""
@@ -151,7 +151,7 @@ class FakeStation(Station):
         return None
 
     @property
-    def mission_items(self) -> tuple[Target, ...]:
+    def mission_items(self) -> tuple[MapTarget, ...]:
         return self.items_now
 
     @property
@@ -191,7 +191,7 @@ class FakeStation(Station):
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
         return [pair for pair in self.decisions_now if pair[0] > after_ns]
 
-    def scene(self) -> Scene:
+    def scene(self) -> MapScene:
         return self.scene_now
 
     def refusal(self, *, moves: bool = True) -> str:
@@ -236,7 +236,7 @@ class FakeCommandSink:
         self.steered: list[tuple[float, float]] = []
         self.teleop = False
         self.last = ""
-        self.draft_items: tuple[Target, ...] = ()
+        self.draft_items: tuple[MapTarget, ...] = ()
 
     def run_line(self, line: str) -> None:
         if not line:

@@ -5,7 +5,7 @@ from typing import Any
 
 from ground.client.parameter import Parameter
 from ground.client.telemetry import Age
-from ground.map import Outline, Robot, Scene, Target
+from ground.map import MapScene, MapTarget, Outline, RobotMark
 from ground.station import StreamRow, WorldFacts
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
@@ -27,7 +27,7 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
     for topic, message in drive_messages(now_ns).items():
         station.air.put(topic, message, now_ns)
     station.world_now = WorldFacts(
-        "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), Target(9.0, 7.0, 0.0), 0.12, "{}"
+        "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), MapTarget(9.0, 7.0, 0.0), 0.12, "{}"
     )
     station.scene_now = scene()
     station.parameters_now = (
@@ -97,18 +97,18 @@ def status(
     )
 
 
-def scene() -> Scene:
+def scene() -> MapScene:
     box = ((5.0, 3.5), (6.2, 3.5), (6.2, 5.2), (5.0, 5.2))
     trail = tuple((0.8 + 0.11 * k, 1.0 + 0.061 * k) for k in range(31))
-    return Scene(
+    return MapScene(
         size_m=(10.0, 8.0),
         obstacles=(Outline(((0, 0), (10, 0), (10, 8), (0, 8))), Outline(box)),
         trail=trail,
-        robot=Robot(4.12, 2.84, radians(30)),
+        robot=RobotMark(4.12, 2.84, radians(30)),
         covariance=(0.01, 0.002, 0.02),
         ranges_m=(3.0, 1.8, 2.03, 2.12, 1.37, 0.46, 0.23, None),
         zone_m=0.3,
-        goal=Target(9.0, 7.0, 0.0),
+        goal=MapTarget(9.0, 7.0, 0.0),
         virtual_goal=(5.4, 2.6),
         hits=((3.33, 2.40),),
     )

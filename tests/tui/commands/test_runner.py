@@ -11,7 +11,7 @@ from ground.client.goal import destination
 from ground.client.operations import Goto, StopNow
 from ground.console import AppCommand, History, read
 from ground.console.app_commands import SetTheme
-from ground.map import Target
+from ground.map import MapTarget
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
@@ -106,7 +106,10 @@ def test_mission_draft_is_made_by_lines(tmp_path: Path) -> None:
     runner, station = command_runner()
     for line in ("wp add 1 2", "wp add 3 4 90", "wp list", f"wp save {tmp_path / 'm.toml'}"):
         runner.run_line(line)
-    assert runner.draft_items == (Target(1.0, 2.0, None, 0.05), Target(3.0, 4.0, pi / 2.0, 0.05))
+    assert runner.draft_items == (
+        MapTarget(1.0, 2.0, None, 0.05),
+        MapTarget(3.0, 4.0, pi / 2.0, 0.05),
+    )
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()
 

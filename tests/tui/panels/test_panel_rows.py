@@ -13,7 +13,7 @@ from ground.app.screens.app_screen import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
 from ground.app.widgets.sparklines import SPARKLINES, figure_rows
-from ground.map import Target
+from ground.map import MapTarget
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import MissionStatus
@@ -130,7 +130,7 @@ def test_all_panel_characters_have_an_ascii_form() -> None:
 def test_mission_is_listed_around_the_current_item() -> None:
     station = driving(FakeStation())
     assert mission_rows(station) == []
-    station.items_now = tuple(Target(float(k), 1.0, None if k else 0.0) for k in range(12))
+    station.items_now = tuple(MapTarget(float(k), 1.0, None if k else 0.0) for k in range(12))
     running = MissionStatus(
         time_ns=station.now_ns, mission_id=1, hold_left_ms=2000, count=12, current=7,
         state=MissionState.RUNNING, reason=0,

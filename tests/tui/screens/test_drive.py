@@ -6,7 +6,7 @@ from textual import events
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station import Loss, LossKind
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.pilot import NAMES, Stage, play, staged
@@ -89,7 +89,7 @@ def test_h_moves_the_cursor_or_holds() -> None:
 
 def test_draft_is_shown_until_the_robot_has_it() -> None:
     async def story() -> None:
-        ways = (Target(1.0, 2.0), Target(3.0, 4.0, 0.0))
+        ways = (MapTarget(1.0, 2.0), MapTarget(3.0, 4.0, 0.0))
         async with staged((110, 30)) as stage:
             assert drive_of(stage).map.scene.draft == ()
             stage.commands.draft_items = ways

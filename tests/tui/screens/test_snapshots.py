@@ -9,7 +9,7 @@ import pytest
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
-from ground.map import Target
+from ground.map import MapTarget
 from ground.station import Loss, LossKind
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
@@ -106,7 +106,11 @@ def test_loss(update_screens: bool) -> None:
 def test_mission_draft(update_screens: bool) -> None:
     async def story() -> None:
         async with staged(station=station_after_drive(), theme="mono") as stage:
-            stage.commands.draft_items = (Target(2.0, 6.5), Target(7.5, 6.0, 0.0), Target(7.0, 1.5))
+            stage.commands.draft_items = (
+                MapTarget(2.0, 6.5),
+                MapTarget(7.5, 6.0, 0.0),
+                MapTarget(7.0, 1.5),
+            )
             await stage.redraw()
             check(stage, "draft", update=update_screens)
 

@@ -4,18 +4,18 @@ from dataclasses import replace
 from math import inf, pi
 from typing import Final
 
-from ground.map import Disc, Ghost, Outline, Robot, Scene, Target, floor
+from ground.map import Disc, GhostTrail, MapScene, MapTarget, Outline, RobotMark, floor
 
-ROOM: Final = Scene(
+ROOM: Final = MapScene(
     size_m=(6.0, 4.0),
     obstacles=(
         Outline(floor((6.0, 4.0))),
         Outline(((3.0, 1.0), (3.4, 1.0), (3.4, 3.0), (3.0, 3.0))),
     ),
-    robot=Robot(1.9, 2.0, 0.0),
+    robot=RobotMark(1.9, 2.0, 0.0),
     ranges_m=(inf, inf, None, 0.9, 0.9, inf, inf, 1.6),
     trail=((0.5, 0.5), (1.0, 1.5), (1.9, 2.0)),
-    goal=Target(5.2, 3.2, pi / 2.0),
+    goal=MapTarget(5.2, 3.2, pi / 2.0),
     zone_m=0.3,
 )
 
@@ -29,12 +29,12 @@ EVERYTHING: Final = replace(
     hits=((1.2, 1.6),),
     leaves=((1.6, 1.2),),
     fence=Disc(3.0, 2.0, 1.9),
-    mission=(Target(0.6, 0.6), Target(4.4, 0.8, 0.0, 0.3)),
+    mission=(MapTarget(0.6, 0.6), MapTarget(4.4, 0.8, 0.0, 0.3)),
     current=1,
-    draft=(Target(2.4, 0.4), Target(5.6, 0.4, pi / 2.0)),
+    draft=(MapTarget(2.4, 0.4), MapTarget(5.6, 0.4, pi / 2.0)),
     movers=(Disc(4.0, 2.6, 0.3),),
-    others=(Robot(5.2, 1.6, pi, name="r2"),),
-    ghosts=(Ghost("bug", ((0.5, 0.5), (2.5, 0.6)), "stuck"),),
+    others=(RobotMark(5.2, 1.6, pi, name="r2"),),
+    ghosts=(GhostTrail("bug", ((0.5, 0.5), (2.5, 0.6)), "stuck"),),
     cursor=(0.4, 3.6),
     note="t 12 s",
 )

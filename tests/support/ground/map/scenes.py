@@ -4,21 +4,21 @@ from hypothesis import strategies as st
 
 from ground.map import (
     Disc,
-    Ghost,
+    GhostTrail,
+    MapScene,
+    MapTarget,
     Outline,
-    Robot,
-    Scene,
-    Target,
+    RobotMark,
 )
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 POINTS = st.tuples(ANY, ANY)
 MANY = st.lists(POINTS, max_size=4).map(tuple)
 SHAPES = st.builds(Outline, MANY, st.booleans()) | st.builds(Disc, ANY, ANY, ANY)
-ROBOTS = st.builds(Robot, ANY, ANY, ANY, ANY, st.text(max_size=5))
-TARGETS = st.builds(Target, ANY, ANY, st.none() | ANY, ANY)
+ROBOTS = st.builds(RobotMark, ANY, ANY, ANY, ANY, st.text(max_size=5))
+TARGETS = st.builds(MapTarget, ANY, ANY, st.none() | ANY, ANY)
 SCENES = st.builds(
-    Scene,
+    MapScene,
     size_m=st.none() | POINTS,
     obstacles=st.lists(SHAPES, max_size=3).map(tuple),
     truth=st.booleans(),
@@ -39,7 +39,9 @@ SCENES = st.builds(
     draft=st.lists(TARGETS, max_size=3),
     movers=st.lists(st.builds(Disc, ANY, ANY, ANY), max_size=2),
     others=st.lists(ROBOTS, max_size=2),
-    ghosts=st.lists(st.builds(Ghost, st.text(max_size=5), MANY, st.text(max_size=5)), max_size=2),
+    ghosts=st.lists(
+        st.builds(GhostTrail, st.text(max_size=5), MANY, st.text(max_size=5)), max_size=2
+    ),
     cursor=st.none() | POINTS,
     note=st.text(max_size=5),
 )

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from ground.map import (
     LAYERS,
     Canvas,
-    Robot,
-    Scene,
+    MapScene,
+    RobotMark,
     View,
     draw,
     draw_moving,
@@ -25,9 +25,9 @@ from tests.support.ground.map.scenes import ANY, SCENES
 
 
 @given(SCENES, st.integers(0, 60), st.integers(0, 20), st.booleans())
-@example(Scene(robot=Robot(0.0, 0.0, 1.5e308)), 9, 9, False)
+@example(MapScene(robot=RobotMark(0.0, 0.0, 1.5e308)), 9, 9, False)
 @settings(max_examples=120, deadline=None)
-def test_any_scene_can_be_drawn(scene: Scene, columns: int, rows: int, plain: bool) -> None:
+def test_any_scene_can_be_drawn(scene: MapScene, columns: int, rows: int, plain: bool) -> None:
     canvas = Canvas(columns, rows, ascii_only=plain)
     draw(scene, View.fit(scene.box(), columns, rows), canvas)
     assert [len(row) for row in canvas.to_rows()] == [columns] * rows
@@ -77,7 +77,7 @@ def test_static_and_moving_layers_make_the_whole_scene() -> None:
 
 def test_robot_without_a_position_is_not_drawn() -> None:
     unknown = replace(ROOM, size_m=None, obstacles=(), trail=(), goal=None)
-    for robot in (None, Robot(nan, 1.0, 0.0), Robot(1.0, inf, 0.0)):
+    for robot in (None, RobotMark(nan, 1.0, 0.0), RobotMark(1.0, inf, 0.0)):
         canvas = Canvas(40, 5)
         draw(replace(unknown, robot=robot), View(40, 5), canvas)
         assert "".join(canvas.to_rows()).strip() == ""
@@ -85,7 +85,7 @@ def test_robot_without_a_position_is_not_drawn() -> None:
 
 def test_trail_has_a_gap_at_a_missing_position() -> None:
     canvas = Canvas(20, 1)
-    scene = Scene(trail=((-0.9, 0.0), (-0.6, 0.0), (nan, 0.0), (0.6, 0.0), (0.9, 0.0)))
+    scene = MapScene(trail=((-0.9, 0.0), (-0.6, 0.0), (nan, 0.0), (0.6, 0.0), (0.9, 0.0)))
     draw(scene, View(20, 1, 0.0, 0.0, 0.05), canvas)
     assert canvas.to_rows() == [" ⠤⠤⠤⠄           ⠤⠤⠤⠄"]
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from ground.map import Canvas, Scene, View, draw
+from ground.map import Canvas, MapScene, View, draw
 from ground.map.drawing import NOT_LIVE, TRUTH, legend_text, length_text
 from tests.support.ground.map.rooms import ROOM
 
@@ -35,14 +35,14 @@ def test_legend_keeps_the_most_important_parts() -> None:
 
 def test_legend_names_truth_only_with_walls_drawn() -> None:
     assert legend_text(ROOM, 80) == TRUTH
-    assert legend_text(Scene(), 80) == ""
+    assert legend_text(MapScene(), 80) == ""
     assert legend_text(replace(ROOM, truth=False), 80) == ""
 
 
 @pytest.mark.parametrize("m_per_dot", [1e-4, 0.0123, 0.05, 1.0, 1e6])
 def test_scale_bar_has_its_stated_length(m_per_dot: float) -> None:
     canvas, view = Canvas(100, 8), View(100, 8, 0.0, 0.0, m_per_dot)
-    draw(Scene(), view, canvas)
+    draw(MapScene(), view, canvas)
     row = canvas.to_rows()[-1]
     length_m, cells = view.scale_bar(100 // 6)
     assert row.startswith("├" + "─" * (cells - 2) + "┤ " + length_text(length_m))
@@ -51,5 +51,5 @@ def test_scale_bar_has_its_stated_length(m_per_dot: float) -> None:
 
 def test_a_map_of_few_rows_has_no_legend() -> None:
     canvas = Canvas(60, 4)
-    draw(Scene(live=False), View(60, 4), canvas)
+    draw(MapScene(live=False), View(60, 4), canvas)
     assert "".join(canvas.to_rows()).strip() == ""

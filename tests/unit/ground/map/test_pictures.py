@@ -3,19 +3,19 @@
 from dataclasses import replace
 from math import pi
 
-from ground.map import Canvas, Scene, Target, View, draw
+from ground.map import Canvas, MapScene, MapTarget, View, draw
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 SEEN = tuple((2.9, 1.0 + 0.1 * step) for step in range(20))
 
 
-def picture(scene: Scene, view: View, ascii_only: bool = False) -> str:
+def picture(scene: MapScene, view: View, ascii_only: bool = False) -> str:
     canvas = Canvas(view.columns, view.rows, ascii_only)
     draw(scene, view, canvas)
     return "\n".join(row.rstrip() for row in canvas.to_rows())
 
 
-def fitted(scene: Scene, columns: int, rows: int, ascii_only: bool = False) -> str:
+def fitted(scene: MapScene, columns: int, rows: int, ascii_only: bool = False) -> str:
     return picture(scene, View.fit(scene.box(), columns, rows), ascii_only)
 
 
@@ -151,9 +151,9 @@ def test_picture_in_a_few_cells_has_the_robot() -> None:
 
 
 def test_draft_and_mission_differ_without_colours() -> None:
-    ways = (Target(1.0, 1.0), Target(3.0, 1.0, pi / 2.0))
-    sent = fitted(Scene(size_m=(4.0, 2.0), mission=ways), 40, 9, ascii_only=True)
-    made = fitted(Scene(size_m=(4.0, 2.0), draft=ways), 40, 9, ascii_only=True)
+    ways = (MapTarget(1.0, 1.0), MapTarget(3.0, 1.0, pi / 2.0))
+    sent = fitted(MapScene(size_m=(4.0, 2.0), mission=ways), 40, 9, ascii_only=True)
+    made = fitted(MapScene(size_m=(4.0, 2.0), draft=ways), 40, 9, ascii_only=True)
     assert ("* 1" in sent, "% d1" in sent) == (True, False)
     assert ("* 1" in made, "% d1" in made) == (False, True)
     assert made.count("|") == sent.count("|")

@@ -12,10 +12,10 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 
 from ground.app.widgets.map import MapWidget, bands
-from ground.map import Robot, Scene, Target
+from ground.map import MapScene, MapTarget, RobotMark
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
-ROOM = Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 0.0), goal=Target(5.0, 3.0))
+ROOM = MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 0.0), goal=MapTarget(5.0, 3.0))
 
 
 class CountingMap(MapWidget):
@@ -77,7 +77,9 @@ def screen(app: MapApp) -> list[str]:
 
 def test_equal_picture_paints_nothing() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.02, 2.02, 1e-9), goal=Target(5.0, 3.0)))
+        app.map.show(
+            MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 1e-9), goal=MapTarget(5.0, 3.0))
+        )
         assert (app.map.regions, app.map.whole) == ([], 0)
 
     on_screen(story)
@@ -85,7 +87,9 @@ def test_equal_picture_paints_nothing() -> None:
 
 def test_only_changed_rows_are_painted_again() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.5, 2.0, 0.0), goal=Target(5.0, 3.0)))
+        app.map.show(
+            MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.5, 2.0, 0.0), goal=MapTarget(5.0, 3.0))
+        )
         assert app.map.whole == 0
         assert 0 < sum(region.height for region in app.map.regions) <= 4
         assert all(region.width == 50 for region in app.map.regions)
@@ -96,7 +100,7 @@ def test_only_changed_rows_are_painted_again() -> None:
 def test_partial_painting_equals_full_painting() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
         for x_m in (2.5, 3.0, 3.5):
-            app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(x_m, 2.0, 0.0)))
+            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(x_m, 2.0, 0.0)))
             await pilot.pause()
         painted = screen(app)
         app.map.colour(STYLES)
@@ -114,7 +118,7 @@ def test_map_is_dim_when_the_robot_is_not_live() -> None:
             return [s.style for row in rows for s in row if s.style is not None]
 
         assert STYLES["robot"] in styles()
-        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(2.0, 2.0, 0.0), live=False))
+        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.0, 2.0, 0.0), live=False))
         assert all(style.dim for style in styles())
         assert any("?" in app.map.render_line(row).text for row in range(16))
 
@@ -150,7 +154,7 @@ def test_following_keeps_the_robot_on_the_map() -> None:
         app.map.zoom(8.0)
         app.map.following = True
         for step in range(20):
-            app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(0.3 * step, 2.0, 0.0)))
+            app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(0.3 * step, 2.0, 0.0)))
             column, row = app.map.view.cell_of(0.3 * step, 2.0) or (-1, -1)
             assert 0 <= column < 50
             assert 0 <= row < 16
@@ -203,7 +207,7 @@ def test_unbounded_map_is_not_fitted_at_every_step() -> None:
         views = []
         for step in range(200):
             trail = tuple((0.03 * i, 0.01 * i) for i in range(step + 1))
-            app.map.show(Scene(trail=trail, robot=Robot(*trail[-1], 0.3)))
+            app.map.show(MapScene(trail=trail, robot=RobotMark(*trail[-1], 0.3)))
             views.append(app.map.view)
         assert 1 < len(set(views)) < 15
 
@@ -212,9 +216,9 @@ def test_unbounded_map_is_not_fitted_at_every_step() -> None:
 
 def test_another_world_is_fitted_at_once() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.show(Scene(size_m=(2.0, 1.0)))
+        app.map.show(MapScene(size_m=(2.0, 1.0)))
         small = app.map.view
-        app.map.show(Scene(size_m=(20.0, 10.0)))
+        app.map.show(MapScene(size_m=(20.0, 10.0)))
         assert app.map.view.m_per_dot > 5.0 * small.m_per_dot
 
     on_screen(story)
@@ -224,7 +228,7 @@ def test_map_is_painted_with_no_color(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
 
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.show(Scene(size_m=(6.0, 4.0), robot=Robot(3.0, 2.0, 0.0)))
+        app.map.show(MapScene(size_m=(6.0, 4.0), robot=RobotMark(3.0, 2.0, 0.0)))
         await pilot.pause()
         assert any("▶" in row for row in screen(app))
         assert app.no_color
