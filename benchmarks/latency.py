@@ -3,8 +3,8 @@
 A substitute plant publishes wheel ticks, scan and truth 20 times a second to the real robot
 process. The latency counts from before the first put to the arrival of the command that answers
 them. Half a period later follows a ping with frames of the same sizes, so that both run under the
-same load. Both are also shown back to back, where no process sleeps, without a threshold: ours in
-lockstep, with the clock's frame and the telemetry of every tick on the same link.
+same load. Both are also shown back to back, where no process sleeps, without a threshold. There,
+ours runs in lockstep, with the clock's frame and the telemetry of every tick on the same link.
 """
 
 import argparse

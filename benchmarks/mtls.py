@@ -1,9 +1,9 @@
 """Cost of mutual TLS and access control in the closed loop, compared with an open bus.
 
-Three robot processes, each with a substitute for plant and operator, run 20 times a second and a
-third of a period apart, so that all meet the same load: an open one, a locked one with mutual TLS
-and access control on every sample, and one that also logs rejected clients, as is the default.
-Their order rotates with each block.
+Three robot processes run 20 times a second and a third of a period apart, so that all meet the same
+load. Each has a substitute for plant and operator. One is open, one is locked with mutual TLS and
+access control on every sample, and one also logs rejected clients, as is the default. Their order
+rotates with each block.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """Modelled cost of a tick of the core on the LPC1768: counted operations times a cycle table.
 
 Per navigator the recorded drives (worlds x noise levels) are repeated on a copy of the core that
-counts its operations (`counted_core`), then synthetic worst-case ticks (`hardest`). The table and
+counts its operations (`counted_core`). Synthetic worst-case ticks follow (`hardest`). The table and
 its accuracy are in `mcu`. Nothing is timed, so the figures are always the same.
 """
 

@@ -1,8 +1,8 @@
 """A copy of the core that counts its operations.
 
-The source of `robot/core` is rewritten, not the bytecode: MicroPython compiles a syntax tree nearly
-one to one, CPython's bytecode differs between versions, and only at run time is it known whether `a
-+ b` adds floats. So the counts are the same on every Python.
+The source of `robot/core` is rewritten, not the bytecode. MicroPython compiles a syntax tree nearly
+one to one, while CPython's bytecode differs between versions. Whether `a + b` adds floats is only
+known at run time. So the counts are the same on every Python.
 """
 
 import ast

@@ -1,7 +1,7 @@
 """Synthetic ticks that are expensive for the core: scenarios with places and samples, no drives.
 
-In half of the scenarios the robot is enclosed in a small irregular room with its goal outside, so
-that it follows close walls on all sides. In the other half it is moved externally while every echo
+In half of the scenarios the robot is enclosed in a small irregular room with its goal outside. So
+it follows close walls on all sides. In the other half it is moved externally while every echo
 changes with every tick. In some its trail is full, and it is in a fence that is expensive to check.
 The bound is found by search and not proved.
 """

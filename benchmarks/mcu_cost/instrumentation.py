@@ -1,7 +1,7 @@
 """Instrumentation of a syntax tree: `a + b.c` becomes `counter.binary("Add", a, counter.attr…`.
 
-Costs that do not depend on values (names, constants, jumps, stores) are added up per unit, a piece
-of code that runs as a whole; at run time each unit only counts how often it ran.
+Costs that do not depend on values (names, constants, jumps, stores) are added up per unit. A unit
+is a piece of code that runs as a whole; at run time it only counts how often it ran.
 """
 
 import ast

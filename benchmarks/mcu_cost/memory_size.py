@@ -1,10 +1,10 @@
 """Size of an object of the core on MicroPython's heap.
 
 The model has blocks of 16 bytes and words of 4. An instance is a block and a map of 8 bytes per
-attribute, whatever its `__slots__`; a list 16 bytes and a word per item; a tuple 8 and a word per
-item; a bytearray 16 and its bytes; a float a block; an int up to 30 bits nothing, a longer one two
-blocks. Numbers and strings of the program are in flash. Every float counts separately, although two
-names may share one.
+attribute, whatever its `__slots__`. A list is 16 bytes and a word per item, a tuple 8 and a word
+per item, a bytearray 16 and its bytes. A float is a block. An int up to 30 bits takes nothing, a
+longer one two blocks. Numbers and strings of the program are in flash. Every float counts
+separately, although two names may share one.
 """
 
 from typing import Any

@@ -2,8 +2,8 @@
 
 One line per control period (50 ms): `run,direction,left,right,x_m,y_m,heading_deg`. `run` is the
 number of the run, `direction` cw or ccw, `left` and `right` are the encoder counters. Only the last
-line of a run carries the pose measured at its end, relative to the robot's start: x forward, y to
-the left, heading counter-clockwise.
+line of a run carries the pose measured at its end. That pose is relative to the robot's start: x
+forward, y to the left, heading counter-clockwise.
 """
 
 import csv

@@ -3,8 +3,8 @@
 The robot starts heading along x and drives the square with left turns (ccw, y > 0) or with right
 turns (cw, y < 0). Unequal wheels bend the sides, a wrong track falsifies the corners. When driven
 in both directions, one error shows in the difference of the two centres of gravity, the other in
-their sum: with a side bent by b and a corner turned d too far (both to the left, small), ccw
-returns by 2 L (d + b) in x and as much in -y, cw by 2 L (d - b) in x and in y.
+their sum. Let a side be bent by b and a corner turned d too far, both to the left and small. Then
+ccw returns by 2 L (d + b) in x and as much in -y, cw by 2 L (d - b) in x and in y.
 """
 
 from collections.abc import Sequence

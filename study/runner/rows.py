@@ -20,7 +20,7 @@ class TrialRow:
     of `world_source` again. `own_contacts` are those that the robot's own motion caused.
     `mahalanobis2` is the squared true position error under the estimated covariance. `avoidances`
     counts how often avoiding began. `side_changes` counts changes between passing on the left and
-    on the right; heading for the goal between two avoidances on the same side is no change.
+    on the right. Heading for the goal between two avoidances on the same side is no change.
     """
 
     study: str

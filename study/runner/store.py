@@ -1,7 +1,7 @@
 """A study's directory: shards that are complete or absent, and the results.
 
-A shard is written under a temporary name, synced and renamed, so that a killed writer leaves only
-whole shards and at most one temporary file.
+A shard is written under a temporary name, synced and renamed. So a killed writer leaves only whole
+shards and at most one temporary file.
 """
 
 import os

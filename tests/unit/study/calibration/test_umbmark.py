@@ -31,7 +31,7 @@ def test_track_ratio_is_within_10_percent(track_m: float) -> None:
 
 
 def test_centres_agree_with_the_small_angle_formula() -> None:
-    """Bend sides by b to the left: ccw returns by 2 L b in x and -y, cw by -2 L b in x and y."""
+    """Bend sides by b to the left: ccw returns by 2 L b in x, -y, cw by -2 L b in x, y."""
     ratio = 1.0005
     bent_rad = (ratio - 1.0) * SIDE_M / DEFAULTS.track_m
     mark = umbmark(squares({"wheel_ratio": ratio}, 1), DEFAULTS, SIDE_M)
