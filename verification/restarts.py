@@ -71,18 +71,23 @@ def measure(options: argparse.Namespace) -> Report:
     return Report(
         benchmark="restarts",
         figures=tuple(figures),
-        notes=("SIGKILL; heard again: the robot's status and the plant's truth, from outside",),
+        notes=("SIGKILL; publishing: the robot's status and the plant's truth, from outside",),
     )
 
 
 def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
     """`most_s` is for what comes after the process itself is there."""
     heard = tuple(one.heard_s for one in took)
-    found = [Figure(name=f"{name}, kill to all heard", unit="s", values=heard)]
+    found = [Figure(name=f"{name}, kill to all publishing", unit="s", values=heard)]
     if most_s is not None:
         healing = tuple(one.heard_s - one.listens_s for one in took)
         found.append(
-            Figure(name=f"{name}, listening to all heard", unit="s", values=healing, at_most=most_s)
+            Figure(
+                name=f"{name}, listening to all publishing",
+                unit="s",
+                values=healing,
+                at_most=most_s,
+            )
         )
     return found
 
