@@ -44,7 +44,7 @@ def test_from_up_to_a_robot_that_drives(image: str, capsys: pytest.CaptureFixtur
     assert took_s < WANTED_S * PATIENCE
 
 
-def test_down_ends_all_in_time_and_nobody_is_cut_short(image: str) -> None:
+def test_down_ends_all_containers_in_time(image: str) -> None:
     with project(image) as compose:
         compose.up()
         with compose.running("logs", "--follow") as following:
@@ -59,7 +59,7 @@ def test_down_ends_all_in_time_and_nobody_is_cut_short(image: str) -> None:
     assert took_s < 5.0
 
 
-def test_a_robot_that_was_killed_comes_back_stands_disarmed_and_says_why(stack: Compose) -> None:
+def test_killed_robot_restarts_disarmed_and_reports_why(stack: Compose) -> None:
     stack.arms()
     stack.inside("robot", *KILL_ALL)
     until(lambda: stack.logs("robot").count("ready, disarmed") == 2, 30.0, "a second robot")

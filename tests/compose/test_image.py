@@ -51,7 +51,7 @@ def test_it_is_small(image: str) -> None:
     assert size_mb < MOST_MB, f"{size_mb:.0f} MB"
 
 
-def test_it_is_nobodys_and_says_what_it_is(image: str) -> None:
+def test_image_runs_as_an_unprivileged_user(image: str) -> None:
     assert within(image, "id", "-u").said.strip() == "10001"
     assert within(image, "sidestep", "--version").said.startswith("sidestep 0.")
 

@@ -38,7 +38,7 @@ def test_robots_of_one_world_have_names_and_places_of_their_own(fleet: Compose) 
     assert pose_of(fleet, "r1") != pose_of(fleet, "r2")
 
 
-def test_who_comes_back_is_whom_he_was(fleet: Compose) -> None:
+def test_restarted_robot_keeps_its_name(fleet: Compose) -> None:
     fleet.inside("robot", "sh", "-c", "kill -9 -1", number=2)
     until(lambda: fleet.inspected("robot", 2)["RestartCount"] == 1, 30.0, "another r2")
     fleet.becomes("healthy", "robot", 2)

@@ -28,13 +28,13 @@ def test_a_script_commands_a_robot_behind_locked_doors(locked: Compose) -> None:
     assert (done.code, done.object["outcome"]) == (0, "reached"), done.said
 
 
-def test_who_comes_without_a_key_gets_nowhere_and_is_told_why(locked: Compose) -> None:
+def test_client_without_a_key_is_refused_with_a_reason(locked: Compose) -> None:
     words = ("run", "--rm", "--network", locked.network(), locked.image, "hold", *OPEN_DOOR)
     with pytest.raises(AssertionError, match="accepts only TLS, and this one uses plain TCP"):
         docker(*words)
 
 
-def test_a_robots_key_commands_nobody_and_is_told_why(locked: Compose) -> None:
+def test_key_of_a_robot_cannot_command_others(locked: Compose) -> None:
     words = ("sidestep", "estop", "--config", "/keys/r1/bus.toml")
     done = locked.inside("robot", *words, user="20001")
     assert (done.code, "is the robot r1 and may not" in done.said) == (1, True), done.said

@@ -43,7 +43,7 @@ def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) ->
     assert (refused.code, "unknown verb 'fly'" in refused.said) == (2, True), refused.said
 
 
-def test_whoever_runs_in_a_container_is_nobody_there(stack: Compose, part: str) -> None:
+def test_processes_in_containers_are_unprivileged(stack: Compose, part: str) -> None:
     users = {who for words, who in stack.users(part).items() if "docker-init" not in words}
     assert users == {ROBOTS_USER if part == "robot" else USER}
     limits = stack.inspected(part)["HostConfig"]
@@ -80,7 +80,7 @@ def test_nothing_can_be_written_but_to_memory(stack: Compose, part: str) -> None
     assert stack.inside(part, "touch", "/tmp/x", user=USER).code == 0
 
 
-def test_only_the_page_is_there_for_the_machine_and_for_nobody_else(stack: Compose) -> None:
+def test_only_the_page_is_published_and_only_locally(stack: Compose) -> None:
     published = {part: stack.inspected(part)["HostConfig"]["PortBindings"] for part in PARTS}
     assert published.pop("web") == {"8765/tcp": [{"HostIp": "127.0.0.1", "HostPort": stack.port}]}
     assert not any(published.values())
@@ -135,7 +135,7 @@ def test_the_ground_station_opens_in_a_terminal_and_leaves_it(
         assert terminal.ends(30.0) == 0
 
 
-def test_nobody_is_told_more_than_he_needs(stack: Compose, part: str) -> None:
+def test_each_part_receives_only_what_it_needs(stack: Compose, part: str) -> None:
     found: dict[str, Any] = stack.inspected(part)["Config"]
     names = {entry.partition("=")[0] for entry in found["Env"]}
     own = {"PATH", "LANG", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "XDG_STATE_HOME"}

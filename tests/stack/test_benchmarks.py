@@ -25,7 +25,7 @@ def test_codec_compares_the_same_bytes() -> None:
     assert found["pymavlink / ours, encode + decode"].median > 0
 
 
-def test_core_times_as_many_steps_as_it_is_told() -> None:
+def test_core_times_the_given_number_of_steps() -> None:
     found = figures(core, "--world", "open", "--steps", "500", "--repetitions", "1")
     assert 0 < found["brain.step, median of 500"].median <= found["brain.step, worst of 500"].median
 

@@ -81,7 +81,7 @@ def test_killed_at_any_moment_it_has_all_but_the_last_second(tmp_path: Path) -> 
             recorder.says("recording")
 
 
-def test_without_room_it_says_so_loudly_and_the_robot_drives_on(tmp_path: Path) -> None:
+def test_full_disk_is_reported_and_the_drive_continues(tmp_path: Path) -> None:
     with recorded(tmp_path) as (crew, witness, recorder):
         room = (LITTLE_ROOM_BYTES, LITTLE_ROOM_BYTES)
         resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, room)

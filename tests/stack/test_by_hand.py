@@ -84,7 +84,7 @@ def test_a_mission_is_driven_from_a_file_and_comes_back_as_one(tmp_path: Path) -
     assert read(back) == read(path)
 
 
-def test_while_somebody_drives_others_are_told_who_and_may_stop_the_robot() -> None:
+def test_second_operator_sees_the_first_and_may_stop_the_robot() -> None:
     with scene() as (crew, witness):
         goto = departs(crew, witness, "goto", "5.4", "2")
         assert "another operator commands the robot: " in done(crew, "hold", code=1)
@@ -96,7 +96,7 @@ def test_while_somebody_drives_others_are_told_who_and_may_stop_the_robot() -> N
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_robot_driven_by_hand_stands_when_the_hand_is_gone(number: signal.Signals) -> None:
+def test_teleop_robot_stops_when_its_operator_exits(number: signal.Signals) -> None:
     with scene() as (crew, witness):
         hand = crew.dialling("teleop", "0.3", "20")
         until(lambda: witness.truth.speed_m_s > 0.1)

@@ -43,7 +43,7 @@ def spoilt_robot(crew: Crew, script: str) -> tuple[str, ...]:
     return (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
 
 
-def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
+def test_core_exception_stops_the_wheels_and_is_reported() -> None:
     with Crew() as crew:
         robot = crew.execute(*spoilt_robot(crew, FAILS_ON_SIGNAL))
         robot.says("ready")
@@ -64,7 +64,7 @@ def test_an_exception_in_the_core_stops_the_wheels_and_is_told() -> None:
         assert reason_text(Reason.CORE_EXCEPTION) in goto.said
 
 
-def test_a_robot_that_is_stopped_is_told_by_doctor_and_watch_from_one_that_is_not_there() -> None:
+def test_doctor_distinguishes_suspended_from_absent_robot() -> None:
     with Crew() as crew:
         crew.plant(waits=False)
         robot = crew.robot()
@@ -84,7 +84,7 @@ def test_a_robot_that_is_stopped_is_told_by_doctor_and_watch_from_one_that_is_no
         assert "it hangs" in late.said
 
 
-def test_a_loop_that_hangs_is_told_from_a_process_that_is_gone() -> None:
+def test_hanging_loop_is_distinguished_from_a_dead_process() -> None:
     with Crew() as crew:
         robot = crew.execute(*spoilt_robot(crew, HANGS_ON_SIGNAL))
         robot.says("ready")

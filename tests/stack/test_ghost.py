@@ -100,7 +100,7 @@ def test_a_robot_that_drives_is_explained_and_others_go_on_from_where_it_is() ->
         assert ghost["length_m"] == pytest.approx(5.0 - found["start"]["x_m"], abs=0.1)
 
 
-def test_where_nobody_is_it_is_said_who_is_missing() -> None:
+def test_missing_process_is_named() -> None:
     with Crew(router=True) as crew:
         for verb in (("explain",), ("ghost", "--navigator", "bug")):
             code, said = crew.run(*verb)

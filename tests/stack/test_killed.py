@@ -92,11 +92,11 @@ def stops_in_time(stage: Stage, since_ns: int) -> None:
     assert (still_ns - before_ns) / MS <= 200 + PERIOD_MS
 
 
-def test_wheels_stand_within_200_ms_of_the_robots_death(routed: Stage) -> None:
+def test_wheels_stop_within_200_ms_of_the_robots_death(routed: Stage) -> None:
     stops_in_time(routed, kill(routed.robot))
 
 
-def test_a_stopped_robot_stands_and_does_not_drive_on_when_it_is_let_go(routed: Stage) -> None:
+def test_suspended_robot_does_not_drive_on_after_sigcont(routed: Stage) -> None:
     stopped_ns = kill(routed.robot, signal.SIGSTOP)
     stops_in_time(routed, stopped_ns)
     let_go_ns = kill(routed.robot, signal.SIGCONT)
@@ -108,7 +108,7 @@ def test_a_stopped_robot_stands_and_does_not_drive_on_when_it_is_let_go(routed: 
     assert routed.goto.ends() == 1
 
 
-def test_started_again_it_stands_still_disarmed_and_says_so(stage: Stage) -> None:
+def test_restarted_robot_stays_still_and_disarmed(stage: Stage) -> None:
     stage.robot.send(signal.SIGKILL)
     stage.robot.ends()
     told, heard = len(stage.witness.statuses), len(stage.witness.truths)
@@ -126,7 +126,7 @@ def test_started_again_it_stands_still_disarmed_and_says_so(stage: Stage) -> Non
     assert all(moved_not(truth) for truth, _ in tuple(stage.witness.truths)[seen:])
 
 
-def test_without_its_plant_it_stops_within_250_ms_and_the_doctor_says_so(stage: Stage) -> None:
+def test_robot_without_plant_stops_within_250_ms(stage: Stage) -> None:
     took_ms = stage.seen(Reason.TICKS_LOST, kill(stage.plant))
     assert took_ms <= 250
     assert stage.goto.ends() == 1

@@ -180,7 +180,7 @@ def listening(keys: Path) -> Iterator[tuple[Locked, Running]]:
         yield crew, crew.router
 
 
-def test_whoever_is_not_let_in_is_told_why_on_both_sides(tmp_path: Path) -> None:
+def test_refused_connection_is_explained_on_both_sides(tmp_path: Path) -> None:
     ring = Keyring(tmp_path / "ring")
     ring.config("router")
     other = Keyring(tmp_path / "other").tls("ground")
@@ -225,7 +225,7 @@ def test_up_runs_behind_locks(keys: Path) -> None:
         assert log.stat().st_size > 10_000
 
 
-def test_a_listener_with_an_expired_certificate_says_so_and_ends(tmp_path: Path) -> None:
+def test_listener_with_expired_certificate_exits_with_a_reason(tmp_path: Path) -> None:
     ring = Keyring(tmp_path / "ring")
     ring.config("router", ring.expired("router"))
     with Locked(tmp_path / "ring") as crew:

@@ -59,7 +59,7 @@ def test_a_second_plant_at_the_hub_is_refused() -> None:
         refused(crew.dialling("plant"), 2, "there is a plant for r1 already")
 
 
-def test_where_nobody_listens_the_endpoint_is_named(tmp_path: Path) -> None:
+def test_unanswered_endpoint_is_named(tmp_path: Path) -> None:
     hasty = tmp_path / "hasty.toml"
     hasty.write_text("[network]\nconnect_timeout_s = 0.5\n")
     unknown = "tcp/no-such-host.invalid:7447"

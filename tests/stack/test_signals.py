@@ -82,7 +82,7 @@ def test_they_end_although_their_hub_is_gone_or_hangs(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("role", ["plant", "robot"])
-def test_who_still_looks_for_its_peer_ends_too(role: str, number: signal.Signals) -> None:
+def test_process_that_still_connects_ends_too(role: str, number: signal.Signals) -> None:
     with Crew() as crew:
         dialling = crew.dialling(role)
         until(lambda: opening(dialling), what="dialling")

@@ -125,19 +125,19 @@ def test_other_code_on_the_workers_is_refused(
         raise AssertionError("other code was let in")
 
 
-def test_a_scheduler_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_absent_scheduler_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
     gone = "tcp://127.0.0.1:1"
     with pytest.raises(UserError, match="no scheduler answers"), on_dask.cluster(gone):
         raise AssertionError("nobody is there")
 
 
-def test_an_address_that_is_none_is_told() -> None:
+def test_invalid_address_is_reported() -> None:
     with pytest.raises(UserError, match="--dask"), on_dask.cluster("no address: at all"):
         raise AssertionError("that is no address")
 
 
-def test_a_scheduler_without_workers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scheduler_without_workers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
     with (
         LocalCluster(n_workers=0, dashboard_address=ANYWHERE) as cluster,

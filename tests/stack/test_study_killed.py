@@ -165,7 +165,7 @@ def test_all_of_it_killed_at_once_loses_only_what_was_not_yet_written(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stopped_it_keeps_everything_and_says_how_to_go_on(
+def test_stopped_study_keeps_its_rows_and_can_continue(
     tmp_path: Path, undisturbed: Any, number: signal.Signals
 ) -> None:
     with begun(tmp_path) as process:

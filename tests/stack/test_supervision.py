@@ -163,7 +163,7 @@ def the_others_find_the_router_again(
     assert stage.witness.status.vehicle == Vehicle.FAILSAFE
 
 
-def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
+def test_hub_robot_restarts_and_its_exception_is_reported(
     sabotage: Sabotage,
 ) -> None:
     with stage_of(router=False) as stage:
@@ -174,7 +174,7 @@ def test_a_robot_that_is_the_hub_comes_back_too_and_its_exception_is_told(
         stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
 
-def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) -> None:
+def test_up_ends_when_a_process_keeps_dying(sabotage: Sabotage) -> None:
     with stage_of(router=False, policy=RestartPolicy(limit=1)) as stage:
         stage.hurt("robot r1", "SIGKILL", sabotage)
         stage.until(lambda: stage.said("restarted"), "it is back")
@@ -183,7 +183,7 @@ def test_who_dies_again_and_again_is_given_up_and_up_ends(sabotage: Sabotage) ->
             stage.until(lambda: False, "giving up")
 
 
-def test_a_robot_alone_ends_itself_when_it_hangs_and_the_next_one_says_so(
+def test_hanging_robot_ends_itself_and_the_next_reports_it(
     tmp_path: Path, sabotage: Sabotage
 ) -> None:
     """As in a container, where nobody but itself can know."""

@@ -139,7 +139,7 @@ def test_ctrl_c_while_one_is_started_again_leaves_nothing_behind(born: bool) -> 
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
-def test_the_app_tells_who_was_started_again_and_why(tmp_path: Path) -> None:
+def test_app_shows_which_process_was_restarted_and_why(tmp_path: Path) -> None:
     words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open", "--no-record"]
     with Tmux(tmp_path, words, (140, 30), {"COLUMNS": "140"}) as tmux:
         tmux.shows("read: ready", within_s=20.0)

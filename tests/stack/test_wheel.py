@@ -114,7 +114,7 @@ def test_bench_of_the_wheel_asks_for_a_checkout(installed: Path, words: list[str
     assert done.stderr.count("\n") == 1
 
 
-def test_a_verb_names_who_has_replaced_its_package(
+def test_verb_names_the_distribution_that_shadows_it(
     beside_robot_framework: Path, tmp_path: Path
 ) -> None:
     done = tried(beside_robot_framework, "robot", "--help", cwd=tmp_path)
@@ -125,7 +125,7 @@ def test_a_verb_names_who_has_replaced_its_package(
     assert "`python3 -m venv`, `pipx install` or `uvx --from`" in done.stderr
 
 
-def test_doctor_warns_of_who_shares_a_package(beside_robot_framework: Path, tmp_path: Path) -> None:
+def test_doctor_warns_about_a_shared_package(beside_robot_framework: Path, tmp_path: Path) -> None:
     nowhere = ("--connect", "tcp/127.0.0.1:1", "--json")
     done = tried(beside_robot_framework, "doctor", *nowhere, cwd=tmp_path)
     findings = json.loads(done.stdout)["findings"]
