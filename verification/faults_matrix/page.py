@@ -38,7 +38,7 @@ with BUDGET or TICKS_LOST instead of the expected reason.
   `tests/compose` cuts, pauses and kills real containers.
 - "Router impersonated" runs with access control: the process in the router's place has the key of
   another robot, enforces no access rules, and sends everything that could make the robot drive.
-  `tests/bus/test_impostor.py` covers an impostor at the start. `sidestep bench flood` attacks a
+  `tests/bus/tls/test_impostor.py` covers an impostor at the start. `sidestep bench flood` attacks a
   robot with access control.
 - A robot that hangs with the GIL held, or that was killed, is restarted.
 """

@@ -20,7 +20,7 @@ from runtime.clock import WallClock
 from tests.support.bus.lively import Lively, watching
 from tests.support.until import PATIENCE_S
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 LIMIT = 15
 
 

@@ -11,7 +11,7 @@ from ground.recording.tlog import record_bytes
 from protocol.wire.codec import Encoder
 from tests.support.bus.robots import BEAT, played
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 BROKEN_PIPE = 141
 START_US = 1_790_000_000_000_000
 

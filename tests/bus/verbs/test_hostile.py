@@ -24,7 +24,7 @@ from tests.support.hostile import TEXT as HOSTILE
 from verification.harness.terminal import Terminal
 
 PATIENCE_S = 20.0
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PARAMETERS = [
     {"name": "d_obs_m", "value": 0.4, "default": 0.3, "unit": HOSTILE, "minimum": 0.05,
      "maximum": 3.0, "doc": f"zone {HOSTILE}\n[network]\nconnect = [1]"},
