@@ -1,4 +1,4 @@
-"""`keys check` says until when each certificate is good, and what is wrong with a bad one."""
+"""`keys check` reports the expiry of each certificate, and the faults of a bad one."""
 
 import json
 from datetime import timedelta
@@ -46,7 +46,9 @@ def test_what_ends_soon_is_a_warning(keys: Path) -> None:
     assert all(one.soon and not one.wrong for one in check(keys, NOW + 80 * DAY))
 
 
-def test_bad_times_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_certificate_outside_its_validity_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     ring = Keyring(tmp_path / "ring")
     ring.expired("ground")
     ring.early("viewer")
@@ -56,7 +58,7 @@ def test_bad_times_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert f"is not valid before {NOW + DAY:%Y-%m-%d}" in told
 
 
-def test_a_certificate_of_another_authority_is_told(keys: Path, tmp_path: Path) -> None:
+def test_certificate_of_another_authority_is_reported(keys: Path, tmp_path: Path) -> None:
     other = Keyring(tmp_path / "other").tls("ground")
     (keys / "ground.pem").write_bytes(Path(other.certificate).read_bytes())
     (keys / "ground.key").write_bytes(Path(other.key).read_bytes())
@@ -64,28 +66,28 @@ def test_a_certificate_of_another_authority_is_told(keys: Path, tmp_path: Path) 
     assert wrong(keys, "plant") == ""
 
 
-def test_a_name_without_a_role_is_told(tmp_path: Path) -> None:
+def test_name_without_a_role_is_reported(tmp_path: Path) -> None:
     Keyring(tmp_path / "ring").tls("stranger")
     assert "there is no role 'stranger'" in wrong(tmp_path / "ring", "stranger")
 
 
-def test_the_key_of_another_is_told(keys: Path) -> None:
+def test_key_of_another_certificate_is_reported(keys: Path) -> None:
     (keys / "ground.key").write_bytes((keys / "viewer.key").read_bytes())
     assert "ground.key is the key of another certificate" in wrong(keys, "ground")
 
 
-def test_a_key_that_is_none_is_told_without_what_is_in_it(keys: Path) -> None:
+def test_invalid_key_is_reported_without_its_content(keys: Path) -> None:
     (keys / "ground.key").write_text("hunter2")
     assert "ground.key is not a PEM key" in wrong(keys, "ground")
     assert "hunter2" not in wrong(keys, "ground")
 
 
-def test_a_key_that_is_not_there_is_told(keys: Path) -> None:
+def test_missing_key_is_reported(keys: Path) -> None:
     (keys / "ground.key").unlink()
     assert "ground.key: No such file" in wrong(keys, "ground")
 
 
-def test_a_key_that_others_can_read_is_told(keys: Path) -> None:
+def test_key_readable_by_others_is_reported(keys: Path) -> None:
     (keys / "ground.key").chmod(0o644)
     assert "ground.key can be read by others: chmod 600 ground.key" in wrong(keys, "ground")
 

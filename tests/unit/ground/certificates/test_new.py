@@ -1,4 +1,4 @@
-"""`keys new` makes what a locked bus needs, keeps secrets secret, and overwrites nothing."""
+"""`keys new` creates the files of a bus with TLS, protects the keys and overwrites nothing."""
 
 import os
 import stat
@@ -115,7 +115,7 @@ def test_the_key_of_the_authority_is_not_kept(keys: Path) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_certificate_is_believed_and_says_whose_it_is(keys: Path, name: str) -> None:
+def test_each_certificate_is_trusted_and_names_its_holder(keys: Path, name: str) -> None:
     tls = Tls(ca=f"{keys}/ca.pem", certificate=f"{keys}/{name}.pem", key=f"{keys}/{name}.key")
     seen = own_certificate(tls)
     assert (seen.name, seen.trouble) == (name, "")
@@ -136,7 +136,7 @@ def test_no_robot_has_the_names_of_the_router_or_of_another(
 
 
 def names_in(path: Path) -> set[str]:
-    """Where its holder is dialled."""
+    """Return the host names of a certificate."""
     names = certificate(path).extensions.get_extension_for_class(x509.SubjectAlternativeName)
     addresses = {str(one) for one in names.value.get_values_for_type(x509.IPAddress)}
     return addresses | set(names.value.get_values_for_type(x509.DNSName))
@@ -155,7 +155,7 @@ def test_a_host_of_a_robot_that_there_is_not_is_refused(
     assert "--robots has no r9" in capsys.readouterr().err
 
 
-def test_who_only_dials_cannot_pose_as_one_who_is_dialled(keys: Path) -> None:
+def test_client_certificate_is_no_server_certificate(keys: Path) -> None:
     for name in ("plant", "ground", "viewer", "recorder"):
         extensions = certificate(keys / f"{name}.pem").extensions
         usage = extensions.get_extension_for_class(x509.ExtendedKeyUsage)
@@ -238,7 +238,7 @@ def test_a_place_that_is_no_folder_is_named(
     assert f"{file}: File exists: name a folder that can be created" in capsys.readouterr().err
 
 
-def test_without_the_library_it_says_what_to_install(
+def test_missing_library_names_the_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "cryptography", None)
@@ -250,9 +250,7 @@ def test_a_secret_does_not_show_in_a_message() -> None:
     assert "secret" not in repr(Pair(b"open", b"secret"))
 
 
-def test_with_json_it_says_what_there_is_now(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_lists_the_roles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), "--days", "7", "--json"]) == 0
     told = capsys.readouterr().out
     assert '"roles": ["router", "plant", "ground", "viewer", "recorder", "robot-r1"]' in told

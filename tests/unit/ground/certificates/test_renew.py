@@ -1,4 +1,4 @@
-"""`keys renew` gives a role a new certificate where the authority's key was kept."""
+"""`keys renew` gives a role a new certificate if the authority's key was kept."""
 
 import stat
 from datetime import UTC, datetime, timedelta
@@ -38,7 +38,7 @@ def test_a_kept_authority_outlives_what_it_signs(keys: Path) -> None:
     assert stat.S_IMODE((keys / "authority.key").stat().st_mode) == 0o600
 
 
-def test_who_is_renewed_has_a_new_key_and_the_names_that_it_had(keys: Path) -> None:
+def test_renewal_changes_the_key_and_keeps_the_host_names(keys: Path) -> None:
     before = {path.name: path.read_bytes() for path in keys.iterdir()}
     assert main(["keys", "renew", str(keys), "router", "ground-ada", "--days", "30"]) == 0
     after = {path.name: path.read_bytes() for path in keys.iterdir()}

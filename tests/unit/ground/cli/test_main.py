@@ -1,4 +1,4 @@
-"""The command line: which verb, which exit code, and one JSON object whatever happens."""
+"""The command line: verbs, exit codes, and one JSON object in every case."""
 
 import argparse
 import json
@@ -94,7 +94,7 @@ def test_a_negative_exponent_is_a_number_and_not_an_option() -> None:
     assert cli.parse(["up", "--goal", "-1e-3", "2e0"]).goal == [-0.001, 2.0]
 
 
-def test_what_is_wrong_with_a_number_is_said_in_its_own_words(
+def test_invalid_number_has_its_own_message(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     main(["goto", "-inf", "0"])
@@ -133,7 +133,7 @@ def test_a_table_and_json_cannot_both_be_standard_output(
     assert "--out" in json.loads(capsys.readouterr().out)["reason"]
 
 
-def test_the_result_is_not_told_twice(
+def test_result_is_printed_once(
     install: Callable[[Run], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run(options: argparse.Namespace, says: Output) -> int:

@@ -1,4 +1,4 @@
-"""Short words stand for verbs of the command line, and only for those."""
+"""Short words replace verbs of the command line, and only those."""
 
 import pytest
 
@@ -23,7 +23,7 @@ from ground.console.app_commands import LOCAL
         (["flap", "wings"], ["flap", "wings"]),
     ],
 )
-def test_a_short_word_stands_for_the_long_one(words: list[str], meant: list[str]) -> None:
+def test_short_word_replaces_the_long_one(words: list[str], meant: list[str]) -> None:
     assert expanded(words) == meant
 
 

@@ -1,4 +1,4 @@
-"""TAB: verbs, their choices, the robot's parameters and files, as whole lines."""
+"""Completions of verbs, choices, parameters and files, as whole lines."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`help`: everything that can be typed, and what one command takes."""
+"""`help` lists all commands, or the arguments of one."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What was typed before is found again: bounded, without repetitions, whatever the file is like."""
+"""The history is bounded, without repetitions, and survives a damaged file."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is typed becomes what the command line would have read, or is refused with a reason."""
+"""A typed line becomes the operation of the shell's words, or is refused with a reason."""
 
 import time
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Words out of what was typed: quotes as in a shell, nothing that cannot be seen."""
+"""A typed line is split into words: quotes as in a shell, printable characters only."""
 
 import shlex
 
@@ -56,9 +56,7 @@ def test_a_paste_is_refused_by_its_length_before_anything_else() -> None:
         ("snap 'a b' ", ["snap", "a b"], ""),
     ],
 )
-def test_the_word_under_way_is_told_from_those_before(
-    text: str, before: list[str], begun: str
-) -> None:
+def test_last_word_is_split_from_those_before(text: str, before: list[str], begun: str) -> None:
     assert last_word(text) == (before, begun)
 
 

@@ -1,4 +1,4 @@
-"""A fence as typed: a circle, corners in a row, or a file; what encloses nothing is refused."""
+"""A fence as typed: a circle, corners in order, or a file; one without an area is refused."""
 
 import argparse
 from pathlib import Path
@@ -16,7 +16,7 @@ from tests.support.ground.missions.made_up import polygons, refusal_of
 
 
 def typed(*words: str) -> Fence:
-    """The fence that is set, from a file if one was named."""
+    """Return the fence that is set, from a file if one was named."""
     parser = argparse.ArgumentParser()
     FenceWords.declare(parser)
     operation = parser.parse_args(list(words), FenceWords("fence")).operation()

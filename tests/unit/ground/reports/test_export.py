@@ -1,4 +1,4 @@
-"""`export` from the command line: what goes in, what comes out, and what is refused."""
+"""`export` from the command line: inputs, tables, and refusals."""
 
 import builtins
 import csv
@@ -117,7 +117,7 @@ def test_a_recording_is_not_overwritten_by_its_table(
     assert Path(log).read_bytes() == before
 
 
-def test_without_pyarrow_it_is_said_what_to_install(
+def test_missing_pyarrow_names_the_package(
     log: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     real_import = builtins.__import__

@@ -1,4 +1,4 @@
-"""`plot` draws a run with its world, and says why when it cannot."""
+"""`plot` draws a run with its world, or names the reason why it cannot."""
 
 import json
 import xml.etree.ElementTree as ElementTree
@@ -65,7 +65,7 @@ def test_an_svg_is_well_formed_and_names_what_it_shows(
 def test_of_very_many_echoes_a_part_is_drawn(
     tmp_path: Path, said: list[PublishedFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A picture of two hours has to be opened, too."""
+    """Keep pictures of two hours small enough to open."""
     log, drawn = mcap(tmp_path / "a.mcap", said), []
     for most in (4000, 10):
         monkeypatch.setattr("ground.recording.tables.figure.MAX_ECHOES", most)

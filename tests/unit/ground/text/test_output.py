@@ -1,4 +1,4 @@
-"""The live line: in a terminal one line that never wraps, elsewhere a line after the other."""
+"""The live line: in a terminal one line that never wraps, elsewhere one line after another."""
 
 import json
 import os
@@ -32,7 +32,7 @@ class Terminal:
         fcntl.ioctl(self.near, termios.TIOCSWINSZ, pack("HHHH", 24, columns, 0, 0))
 
     def seen(self) -> str:
-        """All that was written since the last call: read up to a mark that is written now.
+        """Read all output since the last call, up to a mark that is written now.
 
         One `read` of a terminal may return a part only.
         """

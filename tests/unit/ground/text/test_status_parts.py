@@ -1,4 +1,4 @@
-"""A line that fits: short forms first, then the last parts go; old is seen to be old."""
+"""A line that fits: short forms first, then the last parts are dropped; old values are marked."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,11 +16,11 @@ def words_of(pieces: list[Piece]) -> str:
     return "".join(piece.text for piece in pieces)
 
 
-def test_with_room_everything_is_said_in_full() -> None:
+def test_wide_line_shows_everything() -> None:
     assert plain(80) == "driving  3.25 m to go  echo 0.50 m" == in_words(LINE)
 
 
-def test_with_less_room_it_is_said_shorter() -> None:
+def test_narrow_line_uses_short_forms() -> None:
     assert plain(33) == "driving 3.25 m echo 0.50"
     assert plain(24) == "driving 3.25 m echo 0.50"
 
@@ -36,7 +36,7 @@ def test_an_old_part_is_dimmed_and_takes_no_more_room() -> None:
     assert pieces == [Piece("a"), Piece("  "), Piece("bc", dim=True)]
 
 
-def test_where_nothing_can_be_dimmed_its_age_is_said() -> None:
+def test_without_dimming_the_age_is_shown() -> None:
     old = (Part("a"), Part("bc", age_s=0.25))
     assert in_words(old) == "a  bc (0.2 s)"
     assert words_of(fitted(old, 80, dims=False)) == "a  bc (0.2 s)"

@@ -1,4 +1,4 @@
-"""Long texts come in pieces and are shown whole."""
+"""Long texts arrive in pieces and are shown whole."""
 
 import pytest
 
@@ -19,7 +19,7 @@ def test_a_short_text_is_shown_at_once() -> None:
 
 @pytest.mark.parametrize("number", [0, 7])
 def test_a_text_is_one_printable_line(number: int) -> None:
-    """A line break would let a robot write lines of somebody else's."""
+    """Escape line breaks, which would let a robot imitate other lines."""
     text = StatustextAssembler().receive(piece("a\nr2: b\x1b]0;c\x07\u202e", number))
     assert text == "a?r2: b?]0;c??"
 

@@ -1,4 +1,4 @@
-"""Left is left, whatever number stands for it, and what is no number has no side."""
+"""Directions name their side; a value that is not finite has none."""
 
 from math import inf, isfinite, nan, pi, radians
 
@@ -58,7 +58,7 @@ def test_places_and_distances_are_short_whatever_they_are(x_m: float, y_m: float
     assert echo(x_m, y_m)
 
 
-def test_an_echo_is_told_with_what_is_known_of_it() -> None:
+def test_echo_is_described_by_its_known_values() -> None:
     assert echo(0.213, BEARINGS[5]) == "echo at 0.21 m, 34 deg left (L34)"
     assert echo(0.213, 0.5) == "echo at 0.21 m, 29 deg left"
     assert echo(0.213, nan) == "echo at 0.21 m"

@@ -1,4 +1,4 @@
-"""What the bridge is told on its command line, and what it says when it cannot be."""
+"""The bridge: its arguments, its errors, and the channels it has before it listens."""
 
 import argparse
 import builtins
@@ -27,7 +27,7 @@ def test_what_is_no_place_is_refused(text: str) -> None:
         place(text)
 
 
-def test_without_the_sdk_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_sdk_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     real_import = builtins.__import__
 
     def without(name: str, *rest: Any) -> Any:
@@ -40,7 +40,7 @@ def test_without_the_sdk_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPa
         sdk()
 
 
-def test_it_has_heard_the_robot_for_a_second_before_it_listens(
+def test_bridge_collects_channels_before_it_listens(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock, rounds_ms = ManualClock(), []

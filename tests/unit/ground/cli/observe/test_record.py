@@ -1,4 +1,4 @@
-"""What ails a recording is told at once, again every so often, and when it is over."""
+"""Problems of a recording are reported at once, repeated, and reported as ended."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +22,7 @@ def test_write_error_is_reported_at_once_repeated_and_ended() -> None:
     assert said()[1].splitlines() == [trouble, trouble, goes_on]
 
 
-def test_frames_that_were_let_go_are_told_with_their_number() -> None:
+def test_dropped_frames_are_reported_with_their_number() -> None:
     says, said = speaking()
     alarms = Alarms(says)
     for at_ns, dropped in ((0, 0), (1, 7), (2, 9), (REPEAT_NS + 1, 9), (3 * REPEAT_NS, 9)):

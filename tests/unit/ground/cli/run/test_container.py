@@ -1,4 +1,4 @@
-"""A verb in a container finds out which robot it has, where that stands, and its network."""
+"""A verb in a container finds out its robot, its start pose and its network."""
 
 import argparse
 import errno
@@ -48,12 +48,12 @@ def test_a_container_has_the_robot_of_its_number() -> None:
     assert became(*SECOND, "record", "/recordings") == ["record", "--id", "r2", "/recordings"]
 
 
-def test_the_robots_name_stands_in_for_its_mark() -> None:
+def test_placeholder_is_replaced_by_the_robots_name() -> None:
     found = became(*SECOND, "robot", "--state", "/state/{id}")
     assert after(found, "--state") == ["/state/r2"]
 
 
-def test_a_robot_is_told_the_place_of_its_number_in_the_world() -> None:
+def test_robot_gets_the_start_of_its_number() -> None:
     world = load("box")
     places = starts(world, body_of(world), 2)
     for words, place in (((), places[0]), (SECOND, places[1])):
@@ -77,7 +77,7 @@ def test_a_robot_more_than_there_are_is_refused() -> None:
         became("--replica", "sidestep-robot-", "robot")
 
 
-def test_the_plant_is_told_world_noise_and_seed() -> None:
+def test_plant_gets_world_noise_and_seed() -> None:
     found = became("--world", "open", "--noise", "lossy", "--seed", "7", "plant", "--lockstep")
     told = ["--world", "open", "--seed", "7", "--robots", "r1", "--noise", "lossy", "--lockstep"]
     assert found == ["plant", *told]
@@ -102,7 +102,7 @@ def test_the_first_file_that_is_there_is_the_network(tmp_path: Path) -> None:
 
 
 def forbidding(monkeypatch: pytest.MonkeyPatch, call: str) -> None:
-    """As for a user who may not look into a folder; whoever runs the tests may be root."""
+    """Raise PermissionError, because the tests may run as root."""
 
     def refused(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
@@ -174,7 +174,7 @@ def test_failed_user_switch_or_foreign_folder_is_an_error(
     assert "belongs to user" in capsys.readouterr().err
 
 
-def test_where_no_file_is_there_the_verb_says_so(tmp_path: Path) -> None:
+def test_missing_config_is_left_to_the_verb(tmp_path: Path) -> None:
     missing = str(tmp_path / "none.toml")
     assert after(became("--config", missing, "hold"), "--config") == [missing]
 
@@ -186,7 +186,7 @@ def test_where_no_file_is_there_the_verb_says_so(tmp_path: Path) -> None:
         *((False, verb) for verb in ("worlds", "trial", "export", "fly")),
     ],
 )
-def test_a_verb_that_talks_to_nobody_is_told_no_network(takes: bool, verb: str) -> None:
+def test_offline_verb_gets_no_network_option(takes: bool, verb: str) -> None:
     assert ("--config" in became("--config", "bus.toml", verb)) is takes
 
 
@@ -195,7 +195,7 @@ def test_a_container_that_is_none_of_the_robots_is_refused() -> None:
         became("--replica", "other-", "robot")
 
 
-def test_without_a_verb_it_says_how_it_is_used(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_verb_shows_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["berth"]) == 2
     assert "the verb is missing" in capsys.readouterr().err
 
@@ -214,7 +214,7 @@ def test_it_becomes_the_executable(monkeypatch: pytest.MonkeyPatch) -> None:
     assert became == [["sidestep", "plant", "--world", "box", "--seed", "0", "--robots", "r1"]]
 
 
-def test_without_the_executable_it_says_so(
+def test_missing_executable_is_an_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", "/nowhere")
@@ -222,6 +222,6 @@ def test_without_the_executable_it_says_so(
     assert "`sidestep` is not on the PATH" in capsys.readouterr().err
 
 
-def test_a_name_that_nobody_has_leads_nowhere() -> None:
+def test_unknown_name_has_no_address() -> None:
     assert addresses("localhost") & {"127.0.0.1", "::1"}
     assert addresses("no-such-name.invalid") == frozenset()

@@ -1,4 +1,4 @@
-"""`up --record` sends the goal when every recorder writes, and does not wait for ever."""
+"""`up --record` sends the goals when every recorder writes, and waits for a limited time."""
 
 import os
 from pathlib import Path
@@ -33,7 +33,7 @@ def recorded(folder: Path, *words: str) -> Scenario:
 
 
 def waited(scenario: Scenario, logs: list[Path], at_s: float, before: set[Path]) -> float:
-    """For how many seconds."""
+    """Return the seconds until the goal was sent."""
     clock = ManualClock()
     recorders = Recorders(clock, logs, at_s)
     await_records(scenario, before, clock, recorders, Output(as_json=False))
