@@ -67,7 +67,7 @@ def dispatch(arguments: list[str]) -> int:
         return 0
     verbs = verb_table()
     if word not in verbs:
-        return complain(f"no such verb: {word!r}{nearest(word, verbs)}")
+        return complain(f"unknown verb {word!r}{nearest(word, verbs)}")
     try:
         return call(verbs[word], word, rest)
     except (BrokenPipeError, KeyboardInterrupt):
