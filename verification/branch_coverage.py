@@ -1,8 +1,8 @@
-"""`python -m verification.branch_coverage`: every branch of the safety kernel, by its unit tests.
+"""`python -m verification.branch_coverage`: check that unit tests take every branch of the kernel.
 
-The unit tests of guard, failsafe, mode machine, lease, the plant's judgement of wheel commands,
-mailbox and codec take each branch of these modules, without any other test. Ends with 1, and prints
-what is missed, if they do not, or if one fails.
+The unit tests of guard, failsafe, mode machine, lease, wheel-command validity, mailbox and codec
+must take each branch of these modules, without any other test. The exit code is 1, with a list of
+the missed branches, if they do not or if a test fails.
 """
 
 import os
@@ -27,13 +27,14 @@ KERNEL: Final = (
     "protocol/bus/mailbox.py",
     "protocol/wire/codec.py",
 )
-"""Each with the tests of its mutants, which must take each of its branches."""
+"""Modules whose mutation tests must take each of their branches."""
 
 OPTIONS: Final = ("-q", "-p", "no:xdist", "-p", "no:cov", "-m", "not hypothesis")
-"""Without properties: examples that are written down reach every branch by themselves."""
+"""Properties are left out: the written examples alone must take every branch."""
 
 
 def main() -> int:
+    """Run the tests with coverage and return the exit code."""
     os.chdir(ROOT)
     tests = dict.fromkeys(test for module in KERNEL for test in TARGETS[module])
     coverage = Coverage(data_file=None, branch=True, include=[*KERNEL], config_file=False)

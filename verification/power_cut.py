@@ -1,9 +1,9 @@
-"""A disk in memory that knows every state in which a power cut may leave it.
+"""A disk in memory that records every state in which a power cut may leave it.
 
-It stands in for the module `os` of the code under test. The model is that of a file system that
-reorders: content is durable only after an fsync of the file, and a name only after an fsync of its
-directory. Until then each write may be there as a whole, in part, as zeros or not at all. Any
-subset of the changes of names may be there, in their order; a rename is there or is not.
+It replaces the module `os` of the code under test. The model is a file system that reorders writes:
+content is durable only after an fsync of the file, and a name only after an fsync of its directory.
+Until then each write may be there as a whole, in part, as zeros or not at all. Any subset of the
+changes of names may be there, in their order; a rename is atomic.
 """
 
 import os
@@ -17,27 +17,29 @@ State: TypeAlias = frozenset[tuple[str, bytes]]
 """The files after a restart: path and content of each."""
 
 Change: TypeAlias = tuple[str | None, str | None, int]
-"""Of names in a directory: the one that goes, the one that comes, and the file it leads to."""
+"""A change of names in a directory: the removed name, the added name and its file."""
 
 
 class File:
-    """Content now, and each content that it may have after a cut."""
+    """The content of a file now, and each content that it may have after a cut."""
 
     def __init__(self) -> None:
         self.content = b""
         self.after_cut: set[bytes] = {b""}
 
     def write(self, content: bytes) -> None:
+        """Change the content."""
         self.content = content
         half = len(content) // 2
         self.after_cut |= {content, content[:half], bytes(len(content)), content[:half] + b"\0"}
 
     def sync(self) -> None:
+        """Make the content durable."""
         self.after_cut = {self.content}
 
 
 class Folder:
-    """Names now and on the disk, and the changes in between."""
+    """The names of a directory, the durable names, and the changes in between."""
 
     def __init__(self) -> None:
         self.names: dict[str, int] = {}
@@ -45,13 +47,16 @@ class Folder:
         self.changes: list[Change] = []
 
     def change(self, gone: str | None, come: str | None, number: int) -> None:
+        """Remove a name, add a name, or both."""
         apply(self.names, (gone, come, number))
         self.changes.append((gone, come, number))
 
     def sync(self) -> None:
+        """Make the names durable."""
         self.durable, self.changes = dict(self.names), []
 
     def after_cut(self) -> list[dict[str, int]]:
+        """Return the possible names after a cut."""
         found = []
         for count in range(len(self.changes) + 1):
             for some in combinations(self.changes, count):
@@ -63,8 +68,8 @@ class Folder:
         return found
 
 
-class Disk:
-    """The functions of `os` that the code under test may use; anything else is not there.
+class ReorderingDisk:
+    """Replaces `os` by the functions that the code under test may use.
 
     `cuts[n]` holds each state that a power cut right after operation n may leave. Operation 0 is
     the empty disk.
@@ -78,7 +83,7 @@ class Disk:
     O_DIRECTORY: Final = os.O_DIRECTORY
 
     def __init__(self, home: str = "/state") -> None:
-        """`home` is an empty directory that is durable."""
+        """Create an empty, durable directory `home`."""
         self.path = self
         self.cuts: list[frozenset[State]] = []
         self._nodes: list[File | Folder] = [Folder()]
@@ -89,16 +94,19 @@ class Disk:
                 self._folder(folder.parent).sync()
         self.cuts = [self._states()]
 
-    # What `os` has.
+    # Functions of `os`.
 
     def realpath(self, path: Path) -> str:
+        """Return the path itself."""
         return str(path)
 
     def isdir(self, path: Path) -> bool:
+        """Return whether a path is a directory."""
         number = self._find(path)
         return number is not None and isinstance(self._nodes[number], Folder)
 
     def open(self, path: Path, flags: int, mode: int = 0o777) -> int:
+        """Open a file or a directory."""
         number = self._find(path)
         if number is None:
             if not flags & os.O_CREAT:
@@ -115,6 +123,7 @@ class Disk:
         return handle
 
     def write(self, handle: int, data: bytes) -> int:
+        """Append to a file."""
         node = self._nodes[self._open[handle]]
         assert isinstance(node, File)
         node.write(node.content + data)
@@ -122,13 +131,16 @@ class Disk:
         return len(data)
 
     def fsync(self, handle: int) -> None:
+        """Make a file or a directory durable."""
         self._nodes[self._open[handle]].sync()
         self._done()
 
     def close(self, handle: int) -> None:
+        """Close a file."""
         del self._open[handle]
 
     def replace(self, old: Path, new: Path) -> None:
+        """Rename a file within its directory."""
         number = self._find(old)
         if number is None:
             raise FileNotFoundError(ENOENT, "No such file or directory", str(old))
@@ -137,28 +149,32 @@ class Disk:
         self._done()
 
     def unlink(self, path: Path) -> None:
+        """Remove a file."""
         if self._find(path) is None:
             raise FileNotFoundError(ENOENT, "No such file or directory", str(path))
         self._folder(path.parent).change(path.name, None, 0)
         self._done()
 
     def mkdir(self, path: PurePath) -> None:
+        """Create a directory."""
         if self._find(path) is not None:
             raise FileExistsError(EEXIST, "File exists", str(path))
         self._new(path, Folder())
 
-    # What tests need besides.
+    # Functions for tests.
 
     def isdir_open(self, handle: int) -> bool:
+        """Return whether an open file is a directory."""
         return isinstance(self._nodes[self._open[handle]], Folder)
 
     def content(self, path: Path) -> bytes:
+        """Return the content of a file now."""
         number = self._find(path)
         node = None if number is None else self._nodes[number]
         assert isinstance(node, File)
         return node.content
 
-    # What a cut leaves.
+    # States after a cut.
 
     def _done(self) -> None:
         self.cuts.append(self._states())
@@ -167,7 +183,7 @@ class Disk:
         return frozenset(frozenset(files.items()) for files in self._below(0, ""))
 
     def _below(self, number: int, path: str) -> Iterator[dict[str, bytes]]:
-        """Each set of files that may be below a directory after a cut."""
+        """Yield each set of files that may be below a directory after a cut."""
         folder = self._nodes[number]
         assert isinstance(folder, Folder)
         for names in folder.after_cut():
@@ -207,6 +223,7 @@ class Disk:
 
 
 def apply(names: dict[str, int], change: Change) -> None:
+    """Apply a change to names."""
     gone, come, number = change
     if gone is not None:
         names.pop(gone, None)
@@ -215,7 +232,7 @@ def apply(names: dict[str, int], change: Change) -> None:
 
 
 def content_of(state: State, path: Path) -> bytes | None:
-    """Return the content of a file after a cut; None when it is not there."""
+    """Return the content of a file after a cut; None if there is no such file."""
     return dict(state).get(str(path))
 
 

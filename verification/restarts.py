@@ -1,7 +1,7 @@
-"""From a kill until all is heard again: `up` starts anew who was killed, and the others find it.
+"""Measure the recovery from a kill: until `up` has restarted a process and all are received again.
 
-The time counts from the signal. What a hub takes is the start of a Python process, and then the
-next attempt of those that dial it.
+The time counts from the signal. It includes the start of a Python process, and for a hub the next
+connection attempt of its clients.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from runtime.units import NS_PER_MS, NS_PER_S
 from verification.harness.figures import Figure, Report
 
 ECHO_NS: Final = 100 * NS_PER_MS
-"""What is heard so soon after a kill was still on its way."""
+"""Samples that arrive this soon after a kill were sent before it."""
 LOOK_NS: Final = 2 * NS_PER_MS
 PATIENCE_NS: Final = 15_000 * NS_PER_MS
 SETTLED_NS: Final = 700 * NS_PER_MS
@@ -36,36 +36,39 @@ ROLES: Final = (("robot r1", False), ("plant", False), ("robot r1", True), ("rou
 
 
 class Recovery(NamedTuple):
-    """Seconds from the kill: until the hub takes calls, and until all is heard."""
+    """Seconds from the kill until the hub listens, and until robot and plant are received."""
 
     listens_s: float
-    heard_s: float
+    received_s: float
 
 
-class Ears:
-    """When each of robot and plant was heard last."""
+class ArrivalTimes:
+    """The newest arrival times of samples of robot and plant."""
 
     def __init__(self, bus: Bus) -> None:
-        self._heard_ns = {STATUS.path: 0, TRUTH.path: 0}
+        self._arrived_ns = {STATUS.path: 0, TRUTH.path: 0}
         for topic in (STATUS, TRUTH):
-            bus.stream(topic, partial(self._hear, topic.path))
+            bus.stream(topic, partial(self._record, topic.path))
 
-    def _hear(self, path: str, _key: str, _frame: bytes, at_ns: int) -> None:
-        self._heard_ns[path] = at_ns
+    def _record(self, path: str, _key: str, _frame: bytes, at_ns: int) -> None:
+        self._arrived_ns[path] = at_ns
 
     def both_since(self, since_ns: int) -> bool:
-        return min(self._heard_ns.values()) > since_ns
+        """Return whether both were received after that time."""
+        return min(self._arrived_ns.values()) > since_ns
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `bench restarts`."""
     parser.add_argument("--repetitions", type=int, default=20)
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Kill each process repeatedly, and report the recovery times."""
     figures: list[Figure] = []
     for role, router in ROLES:
-        with running(router=router) as (stack, ears, clock):
-            took = [recovered(stack, ears, clock, role) for _ in range(options.repetitions)]
+        with running(router=router) as (stack, arrivals, clock):
+            took = [recovered(stack, arrivals, clock, role) for _ in range(options.repetitions)]
         name = role.partition(" ")[0] + (" behind a router" if router and role != "router" else "")
         figures += of(name, took, ROUTER_S if role == "router" else None)
     return Report(
@@ -76,11 +79,11 @@ def measure(options: argparse.Namespace) -> Report:
 
 
 def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
-    """`most_s` is for what comes after the process itself is there."""
-    heard = tuple(one.heard_s for one in took)
-    found = [Figure(name=f"{name}, kill to all publishing", unit="s", values=heard)]
+    """Return the figures of a process; `most_s` limits the time after its restart."""
+    received = tuple(one.received_s for one in took)
+    found = [Figure(name=f"{name}, kill to all publishing", unit="s", values=received)]
     if most_s is not None:
-        healing = tuple(one.heard_s - one.listens_s for one in took)
+        healing = tuple(one.received_s - one.listens_s for one in took)
         found.append(
             Figure(
                 name=f"{name}, listening to all publishing",
@@ -95,22 +98,22 @@ def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
 @contextmanager
 def running(
     *, router: bool, policy: RestartPolicy = NO_PAUSE
-) -> Iterator[tuple[Stack, Ears, WallClock]]:
-    """Robot and plant standing in the open, looked after as `up` does but without any limit."""
+) -> Iterator[tuple[Stack, ArrivalTimes, WallClock]]:
+    """Run robot and plant at rest, supervised as by `up` but without a restart limit."""
     clock = WallClock()
     options = parse(["up", "--world", "open", *(["--router"] if router else [])])
     scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()
         with connect(stack.common, clock, stack.check) as bus:
-            ears = Ears(bus)
-            await_both(stack, ears, clock, clock.now_ns())
+            arrivals = ArrivalTimes(bus)
+            await_both(stack, arrivals, clock, clock.now_ns())
             stack.supervise(bus)
-            yield stack, ears, clock
+            yield stack, arrivals, clock
 
 
-def recovered(stack: Stack, ears: Ears, clock: WallClock, role: str) -> Recovery:
-    """Kill one of them, and see the others find it."""
+def recovered(stack: Stack, arrivals: ArrivalTimes, clock: WallClock, role: str) -> Recovery:
+    """Kill a process and return its recovery."""
     settled_ns = clock.now_ns() + SETTLED_NS
     while clock.now_ns() < settled_ns:
         stack.check()
@@ -123,15 +126,15 @@ def recovered(stack: Stack, ears: Ears, clock: WallClock, role: str) -> Recovery
                 stack.check()
                 clock.sleep_until(clock.now_ns() + LOOK_NS)
     listens_ns = clock.now_ns()
-    heard_ns = await_both(stack, ears, clock, killed_ns + ECHO_NS)
-    return Recovery((listens_ns - killed_ns) / NS_PER_S, (heard_ns - killed_ns) / NS_PER_S)
+    received_ns = await_both(stack, arrivals, clock, killed_ns + ECHO_NS)
+    return Recovery((listens_ns - killed_ns) / NS_PER_S, (received_ns - killed_ns) / NS_PER_S)
 
 
-def await_both(stack: Stack, ears: Ears, clock: WallClock, since_ns: int) -> int:
-    """When both had been heard since then."""
-    while not ears.both_since(since_ns):
+def await_both(stack: Stack, arrivals: ArrivalTimes, clock: WallClock, since_ns: int) -> int:
+    """Wait until both were received after a time, and return that time."""
+    while not arrivals.both_since(since_ns):
         stack.check()
         if clock.now_ns() - since_ns > PATIENCE_NS:
-            raise RemoteError(f"not heard again within {PATIENCE_NS / NS_PER_S:g} s")
+            raise RemoteError(f"robot or plant not received within {PATIENCE_NS / NS_PER_S:g} s")
         clock.sleep_until(clock.now_ns() + LOOK_NS)
     return clock.now_ns()

@@ -1,4 +1,4 @@
-"""Findings of the fuzzer: each input once crashed its decoder, or kept it busy without end."""
+"""Inputs that the fuzzer found: each crashed its decoder or kept it busy forever."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import pytest
 
 from protocol.wire.messages import PlanarOdometry
 from verification.fuzz.hunt import limited, watch
-from verification.fuzz.logs import SAID, bomb
+from verification.fuzz.logs import TICK_MESSAGES, bomb
 from verification.fuzz.messages import packed
 from verification.fuzz.targets import TARGETS
 
@@ -19,7 +19,7 @@ PLAN = b"""{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 
 ROUND = b"[fence]\ncorners = [" + b", ".join(b"[%d, %d]" % (n, n * n) for n in range(400)) + b"]"
 
 HEADLESS = msgspec.structs.replace(
-    next(one for one in SAID if isinstance(one, PlanarOdometry)), heading_rad=float("nan")
+    next(one for one in TICK_MESSAGES if isinstance(one, PlanarOdometry)), heading_rad=float("nan")
 )
 
 FOUND = {
@@ -38,7 +38,7 @@ FOUND = {
         b'{"d_obs_m": ' + b"9" * 4000 + b"}",
     ),
     "a list of parameters that is deep": ("parameter_list", b"[" * 100_000),
-    "a world told by the plant that is deep": ("world_facts", b'{"a":' * 100_000),
+    "a deeply nested world of the plant": ("world_facts", b'{"a":' * 100_000),
     "settings of a study that are deep": ("study_settings", b"[" * 100_000),
     "rows of a study with a name that is no text": (
         "study_rows",
@@ -59,14 +59,14 @@ FOUND = {
     ),
     "a port of very many digits": ("web_address", b"127.0.0.1:" + b"9" * 6600),
     "settings of a study whose worlds are a text": ("study_settings", b'{"worlds": "box"}'),
-    "a port in digits that are none": ("web_address", "127.0.0.1:8²".encode()),
+    "a port in non-ASCII digits": ("web_address", "127.0.0.1:8²".encode()),
     "a kilobyte that unpacks to a gigabyte": ("mcap", bomb(1 << 30, 9)),
     "a chunk that announces an exabyte": ("mcap", bomb(1 << 20, 9, announced=1 << 60)),
 }
 
 
 @pytest.mark.parametrize("found", FOUND.values(), ids=FOUND)
-def test_it_is_refused_or_taken_in_time(found: tuple[str, bytes], tmp_path: Path) -> None:
+def test_input_is_refused_or_accepted_in_time(found: tuple[str, bytes], tmp_path: Path) -> None:
     name, data = found
     with watch(), limited(5.0):
         TARGETS[name].accepts(data, tmp_path)

@@ -1,4 +1,4 @@
-"""The fuzzer finds errors, endless loops, excessive memory and dead processes."""
+"""The hunt finds errors, endless loops, excessive memory and dead processes."""
 
 import argparse
 import os
@@ -11,17 +11,17 @@ import pytest
 from runtime.errors import RemoteError, UserError
 from verification.fuzz import hunt as fuzz_hunt
 from verification.fuzz import main as fuzz
-from verification.fuzz.hunt import Find, Tally, hunt
-from verification.fuzz.main import Block, keep, report_of, shared_out
-from verification.fuzz.target import Target
+from verification.fuzz.hunt import Finding, FuzzTally, hunt
+from verification.fuzz.main import Block, keep, report_of, share_out
+from verification.fuzz.target import FuzzTarget
 from verification.fuzz.targets import TARGETS
 
 
-def of(run: Callable[[bytes, Path], object], weight: int = 20) -> Target:
-    return Target(name="made", samples=lambda: [b"[1, 22, 333]"], run=run, weight=weight)
+def of(run: Callable[[bytes, Path], object], weight: int = 20) -> FuzzTarget:
+    return FuzzTarget(name="made", samples=lambda: [b"[1, 22, 333]"], run=run, weight=weight)
 
 
-def hunted(monkeypatch: pytest.MonkeyPatch, target: Target, inputs: int = 3) -> Tally:
+def hunt_blocks(monkeypatch: pytest.MonkeyPatch, target: FuzzTarget, inputs: int = 3) -> FuzzTally:
     monkeypatch.setattr(fuzz_hunt, "TARGETS", {target.name: target})
     monkeypatch.setattr(fuzz_hunt, "LONGEST_S", 0.05)
     return hunt(target.name, 1, 0, inputs)
@@ -44,10 +44,10 @@ def grow(_data: bytes, _folder: Path) -> int:
     return len(bytearray(400_000_000))
 
 
-def test_forbidden_error_is_found_with_input_and_place(
+def test_unexpected_error_is_found_with_input_and_place(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    tally = hunted(monkeypatch, of(divide))
+    tally = hunt_blocks(monkeypatch, of(divide))
     assert (tally.inputs, tally.accepted, len(tally.finds)) == (3, 0, 3)
     find = tally.finds[0]
     assert find.data == b"[1, 22, 333]"
@@ -55,19 +55,19 @@ def test_forbidden_error_is_found_with_input_and_place(
     assert find.where.startswith("tests/fuzz/test_hunt.py:")
 
 
-def test_a_loop_without_end_is_ended_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    tally = hunted(monkeypatch, of(endless), inputs=1)
+def test_endless_loop_is_ended_and_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    tally = hunt_blocks(monkeypatch, of(endless), inputs=1)
     assert tally.finds[0].what.startswith("hangs")
 
 
-def test_memory_beyond_measure_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_excessive_memory_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fuzz_hunt, "MOST_MB", -1.0)
-    assert hunted(monkeypatch, of(grow), inputs=1).finds[0].where == "memory"
+    assert hunt_blocks(monkeypatch, of(grow), inputs=1).finds[0].where == "memory"
 
 
-def test_refusal_is_no_finding_and_accepted_inputs_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert hunted(monkeypatch, of(refuse)).finds == []
-    taken = hunted(monkeypatch, of(lambda data, _: data))
+def test_refusal_is_no_finding_and_accepted_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert hunt_blocks(monkeypatch, of(refuse)).finds == []
+    taken = hunt_blocks(monkeypatch, of(lambda data, _: data))
     assert (taken.accepted, taken.finds) == (3, [])
 
 
@@ -75,30 +75,30 @@ def die(*_: object) -> None:
     os._exit(3)
 
 
-def test_a_process_that_dies_is_a_find_and_the_hunt_goes_on(
+def test_dead_process_is_a_finding_and_hunt_continues(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(fuzz, "hunt", die)
-    tallies = fuzz.hunted(iter([Block("frame", 1, 0, 5), Block("frame", 1, 5, 9)]), 1, inf)
+    tallies = fuzz.hunt_blocks(iter([Block("frame", 1, 0, 5), Block("frame", 1, 5, 9)]), 1, inf)
     assert [one.finds[0].what for one in tallies] == ["the process died"] * 2
     assert tallies[0].finds[0].where == "inputs 0 to 5"
 
 
-def test_inputs_are_shared_out_by_weight_and_none_twice() -> None:
+def test_inputs_are_shared_by_weight_and_none_twice() -> None:
     light, heavy = of(refuse, weight=10), TARGETS["frame"]
-    seen = list(shared_out([light, heavy], 3100, seed=1))
+    seen = list(share_out([light, heavy], 3100, seed=1))
     for name, count in (("made", 100), ("frame", 3000)):
         mine = [block for block in seen if block.name == name]
         assert sum(block.end - block.begin for block in mine) == count
         assert [block.begin for block in mine[1:]] == [block.end for block in mine[:-1]]
 
 
-def test_finding_is_stored_once_per_defect(
+def test_one_input_per_defect_is_kept_and_reproducible(
     tmp_path: Path,
 ) -> None:
     finds = [
-        Find("world", 7, "KeyError", "a.py:1", b"x = 1"),
-        Find("world", 9, "Key", "a.py:1", b"y"),
+        Finding("world", 7, "KeyError", "a.py:1", b"x = 1"),
+        Finding("world", 9, "Key", "a.py:1", b"y"),
     ]
     keep(finds, tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["world-7"]
@@ -106,12 +106,12 @@ def test_finding_is_stored_once_per_defect(
     fuzz.add_options(parser)
     report = fuzz.measure(parser.parse_args(["--again", str(tmp_path / "world-7")]))
     assert report.figures[0].median == 0.0, "refused, as it should be"
-    with pytest.raises(UserError, match="name it as it was kept"):
-        fuzz.again(tmp_path / "something")
+    with pytest.raises(UserError, match="expected a name TARGET-NUMBER"):
+        fuzz.run_again(tmp_path / "something")
 
 
-def test_the_report_names_each_defect_with_how_often_it_was_met() -> None:
-    finds = [Find("world", n, "KeyError: 'a'", "a.py:1 KeyError", b"") for n in (4, 8)]
-    report = report_of([Tally("world", inputs=10, accepted=2, finds=finds)], finds, 10)
+def test_report_lists_each_defect_with_its_count() -> None:
+    finds = [Finding("world", n, "KeyError: 'a'", "a.py:1 KeyError", b"") for n in (4, 8)]
+    report = report_of([FuzzTally("world", inputs=10, accepted=2, finds=finds)], finds, 10)
     assert not report.met
     assert "FOUND 2 x world 4: a.py:1 KeyError: KeyError: 'a'" in report.notes

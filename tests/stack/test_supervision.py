@@ -21,7 +21,7 @@ from runtime.clock import WallClock
 from tests.support.stack.processes import Crew, Witness, moved_not
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import until
-from verification.restarts import NO_PAUSE, Ears, running
+from verification.restarts import NO_PAUSE, ArrivalTimes, running
 
 pytestmark = pytest.mark.stack
 
@@ -44,7 +44,7 @@ def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sabotage:
 class Stage:
     """A stack that is looked after, and a witness."""
 
-    def __init__(self, stack: Stack, ears: Ears, witness: Witness) -> None:
+    def __init__(self, stack: Stack, ears: ArrivalTimes, witness: Witness) -> None:
         self.stack, self.ears, self.witness = stack, ears, witness
         self.told: list[str] = []
 

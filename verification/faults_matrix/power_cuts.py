@@ -26,7 +26,7 @@ from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime import atomic_file
 from verification.faults_matrix.results import Repetition
-from verification.power_cut import Disk, State, restore
+from verification.power_cut import ReorderingDisk, State, restore
 
 HOME: Final = Path("/state/of/r1")
 CHANGES: Final = 6
@@ -40,9 +40,9 @@ class SavedState(NamedTuple):
     radius_m: float = 0.0
 
 
-def run(fault: str, way: str, number: int, disk: Disk | None = None) -> Repetition:
+def run(fault: str, way: str, number: int, disk: ReorderingDisk | None = None) -> Repetition:
     """Cut the power once; the repetition has `reached` when all acknowledged changes are there."""
-    disk, random = disk or Disk(), Random(f"{fault} {number}")
+    disk, random = disk or ReorderingDisk(), Random(f"{fault} {number}")
     with patch.object(atomic_file, "os", disk), TemporaryDirectory() as folder:
         changes = make_changes(Vehicle(DEFAULTS, Store(HOME)), disk, random)
         cut = random.randrange(len(disk.cuts))
@@ -57,7 +57,9 @@ def run(fault: str, way: str, number: int, disk: Disk | None = None) -> Repetiti
     return Repetition(fault=fault, way=way, number=number, reached=not lost, trouble=words)
 
 
-def make_changes(vehicle: Vehicle, disk: Disk, random: Random) -> list[tuple[int, SavedState]]:
+def make_changes(
+    vehicle: Vehicle, disk: ReorderingDisk, random: Random
+) -> list[tuple[int, SavedState]]:
     """Make changes; return each state with the number of disk operations until its answer."""
     state = SavedState()
     changes = [(1, state)]

@@ -1,1 +1,1 @@
-"""Fuzzing of every decoder."""
+"""Fuzz every decoder with broken inputs."""

@@ -1,4 +1,4 @@
-"""Inputs through a decoder, one after the other: what crashes, hangs or eats memory is kept."""
+"""Run inputs through a decoder, and keep those that crash, hang or take too much memory."""
 
 import faulthandler
 import os
@@ -17,26 +17,26 @@ from time import monotonic
 from types import FrameType
 from typing import Final, NamedTuple
 
-from verification.fuzz.target import Target
+from verification.fuzz.target import FuzzTarget
 from verification.fuzz.targets import TARGETS
 
 LONGEST_S: Final = 5.0
-"""CPU time of one input; a megabyte of TOML takes its parser two of them."""
+"""Limit of the CPU time of one input; a megabyte of TOML takes its parser 2 s."""
 
 MOST_MB: Final = 256.0
 DEAD_S: Final = 60.0
-"""Of wall time: then not even the alarm got through, and the process is ended from outside."""
+"""Limit of wall time, after which the process is killed because the alarm had no effect."""
 
 ARMED_S: Final = 5.0
 KB: Final = 1024.0
 
 
-class TooLong(BaseException):
-    """Nothing in between may take it for an error of its own."""
+class CpuTimeError(BaseException):
+    """An input took too much CPU time. A BaseException, so that decoders do not catch it."""
 
 
-class Find(NamedTuple):
-    """What went wrong, with which input; `where` is the same for the same defect."""
+class Finding(NamedTuple):
+    """A defect and its input; `where` is the same for the same defect."""
 
     target: str
     number: int
@@ -46,19 +46,19 @@ class Find(NamedTuple):
 
 
 @dataclass(slots=True)
-class Tally:
-    """What became of the inputs of one block."""
+class FuzzTally:
+    """The results of a block of inputs."""
 
     target: str
     inputs: int = 0
     accepted: int = 0
     cpu_s: float = 0.0
-    finds: list[Find] = field(default_factory=list)
+    finds: list[Finding] = field(default_factory=list)
 
 
-def hunt(name: str, seed: int, begin: int, end: int) -> Tally:
-    """The inputs of these numbers; called in a process of its own."""
-    target, tally = TARGETS[name], Tally(name)
+def hunt(name: str, seed: int, begin: int, end: int) -> FuzzTally:
+    """Try the inputs of these numbers; called in a process of its own."""
+    target, tally = TARGETS[name], FuzzTally(name)
     begun_s, armed_s = cpu_s(), -inf
     with TemporaryDirectory() as folder, silence(), watch():
         for index in range(begin, end):
@@ -66,24 +66,24 @@ def hunt(name: str, seed: int, begin: int, end: int) -> Tally:
                 faulthandler.dump_traceback_later(DEAD_S, exit=True)
                 armed_s = monotonic()
             data = target.input(seed, index)
-            what, where = tried(target, data, Path(folder), tally)
+            what, where = try_input(target, data, Path(folder), tally)
             tally.inputs += 1
             if what:
-                tally.finds.append(Find(name, index, what, where, data))
+                tally.finds.append(Finding(name, index, what, where, data))
     tally.cpu_s = cpu_s() - begun_s
     faulthandler.cancel_dump_traceback_later()
     return tally
 
 
-def tried(target: Target, data: bytes, folder: Path, tally: Tally) -> tuple[str, str]:
-    """What is wrong, and where; empty when the input was taken, or refused as it should be."""
+def try_input(target: FuzzTarget, data: bytes, folder: Path, tally: FuzzTally) -> tuple[str, str]:
+    """Return the defect and its place; empty if the input was accepted or properly refused."""
     before_mb = peak_mb()
     try:
         with limited(LONGEST_S):
             tally.accepted += target.accepts(data, folder)
     except KeyboardInterrupt:
         raise
-    except TooLong as error:
+    except CpuTimeError as error:
         return f"hangs: more than {LONGEST_S:g} s of CPU", place_of(error)
     except BaseException as error:
         return f"{type(error).__name__}: {error}"[:300], place_of(error)
@@ -92,7 +92,7 @@ def tried(target: Target, data: bytes, folder: Path, tally: Tally) -> tuple[str,
 
 
 def place_of(error: BaseException) -> str:
-    """The innermost line of ours, and the kind of the error."""
+    """Return the innermost line of the project, and the type of the error."""
     root = str(Path(__file__).parents[2])
     ours = [
         one
@@ -106,7 +106,7 @@ def place_of(error: BaseException) -> str:
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """CPU time: a machine that is busy otherwise makes no hang."""
+    """Limit the CPU time, which does not depend on the load of the machine."""
     signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
     try:
         yield
@@ -116,10 +116,10 @@ def limited(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def watch() -> Iterator[None]:
-    """The alarm raises, warnings are errors, and nothing may have all of the machine's memory."""
+    """Raise at the alarm, treat warnings as errors, and limit the memory."""
 
     def too_long(_number: int, _frame: FrameType | None) -> None:
-        raise TooLong
+        raise CpuTimeError
 
     before = signal.signal(signal.SIGVTALRM, too_long)
     limits = resource.getrlimit(resource.RLIMIT_DATA)
@@ -135,7 +135,7 @@ def watch() -> Iterator[None]:
 
 @contextmanager
 def silence() -> Iterator[None]:
-    """What decoders print is for people."""
+    """Discard the output of decoders."""
     sys.stdout.flush()
     before, nowhere = (os.dup(1), os.dup(2)), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -150,9 +150,11 @@ def silence() -> Iterator[None]:
 
 
 def cpu_s() -> float:
+    """Return the CPU time of this process."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
 def peak_mb() -> float:
+    """Return the peak memory of this process in MiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KB

@@ -1,4 +1,4 @@
-"""Certificates and keys of locked doors: one that is strange, among others that are good."""
+"""Certificates and keys for access control: a broken one among good ones."""
 
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -10,7 +10,7 @@ from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
 from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
-from verification.fuzz.target import Target
+from verification.fuzz.target import FuzzTarget
 
 SINCE: Final = datetime(2026, 1, 1, tzinfo=UTC)
 NOW: Final = SINCE + timedelta(days=10)
@@ -21,14 +21,15 @@ WORDS: Final = (b"-----BEGIN CERTIFICATE-----\n", b"-----END CERTIFICATE-----\n"
 
 @cache
 def good() -> dict[str, bytes]:
-    """The files of a whole set, by name."""
+    """Return the files of a complete set, by name."""
     with TemporaryDirectory() as parent:
         folder = Path(parent) / "keys"
         make(folder, ["r1"], {}, SINCE, UNTIL)
         return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def among_good(ending: str, data: bytes, folder: Path) -> None:
+def check_among_good(ending: str, data: bytes, folder: Path) -> None:
+    """Check a set in which one file has other content."""
     for name, content in good().items():
         if name == "ca.pem" or name.startswith(NAME):
             (folder / name).write_bytes(content)
@@ -40,17 +41,17 @@ def among_good(ending: str, data: bytes, folder: Path) -> None:
 
 
 KEYS: Final = (
-    Target(
+    FuzzTarget(
         name="certificate",
         samples=lambda: [good()[f"{NAME}.pem"]],
-        run=lambda data, folder: among_good(".pem", data, folder),
+        run=lambda data, folder: check_among_good(".pem", data, folder),
         words=WORDS,
         weight=8,
     ),
-    Target(
+    FuzzTarget(
         name="private_key",
         samples=lambda: [good()[f"{NAME}.key"]],
-        run=lambda data, folder: among_good(".key", data, folder),
+        run=lambda data, folder: check_among_good(".key", data, folder),
         words=WORDS,
         weight=8,
     ),

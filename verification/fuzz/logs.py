@@ -1,4 +1,4 @@
-"""Recordings, and all that is made of them: replay, tables, marks, explanations, the run again."""
+"""Recordings, and everything made of them: replay, tables, explanations, ghosts, re-execution."""
 
 import json
 from base64 import b64encode
@@ -49,7 +49,7 @@ from study.cli.reexecute import start_of as started_at
 from study.trial.recorded_drive import RecordedDrive
 from study.trial.reexecute import reexecute, refuse_unless_whole
 from verification.fuzz.messages import packed, pieces
-from verification.fuzz.target import REFUSALS, Target
+from verification.fuzz.target import REFUSALS, FuzzTarget
 from verification.fuzz.wire import ARM, GOAL, SCAN, TEXT, TICKS
 from verification.fuzz.words import JSON_WORDS
 
@@ -119,17 +119,31 @@ INPUTS = TickInputs(
 COMMAND = WheelCommand(
     time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=5, right_mrad_s=5, ttl_ms=150
 )
-SAID: Final[tuple[Message, ...]] = (SCAN, TICKS, INPUTS, COMMAND, ODOMETRY, STATUS, DECISION, TEXT)
-"""What a robot says in one tick."""
+TICK_MESSAGES: Final[tuple[Message, ...]] = (
+    SCAN,
+    TICKS,
+    INPUTS,
+    COMMAND,
+    ODOMETRY,
+    STATUS,
+    DECISION,
+    TEXT,
+)
+"""The messages of a robot in one tick."""
 
 
-def spoken() -> Sequence[bytes]:
-    """In wall time, in lockstep, and with requests in between."""
+def tick_samples() -> Sequence[bytes]:
+    """Return messages in wall time, in lockstep, and with requests in between."""
     clock = SystemTime(time_unix_usec=50_000, time_boot_ms=50)
-    return [packed(*SAID * 2), packed(clock, *SAID, clock), packed(*SAID, ARM, GOAL, *SAID)]
+    return [
+        packed(*TICK_MESSAGES * 2),
+        packed(clock, *TICK_MESSAGES, clock),
+        packed(*TICK_MESSAGES, ARM, GOAL, *TICK_MESSAGES),
+    ]
 
 
 def facts() -> dict[str, str]:
+    """Return the facts that a recorder stores."""
     return {
         "world": json.dumps(as_json(load("moving"), 5.0)),
         "parameters": json.dumps(described(DEFAULTS)),
@@ -137,7 +151,7 @@ def facts() -> dict[str, str]:
 
 
 def timed(data: bytes) -> Iterator[tuple[int, str, bytes]]:
-    """Time in us, key and frame of each of its messages, each on the first topic that takes it."""
+    """Yield time in us, key and frame of each message, on the first topic of its type."""
     time_us = BEGUN_US
     for piece in pieces(data):
         time_us += piece.after_ns // 1000
@@ -147,40 +161,41 @@ def timed(data: bytes) -> Iterator[tuple[int, str, bytes]]:
 
 @cache
 def tlogs() -> tuple[bytes, ...]:
+    """Return good .tlog files."""
     return tuple(
         b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
-        for data in spoken()
+        for data in tick_samples()
     )
 
 
 @cache
 def mcaps() -> tuple[bytes, ...]:
-    """As our recorder writes it; and plain, so that changed bytes get through."""
+    """Return .mcap files as the recorder writes them, and uncompressed ones."""
     form = McapFormat("r1", {})
     for name, text in facts().items():
         form.add_fact(name, text)
-    for time_us, key, frame in timed(spoken()[0]):
+    for time_us, key, frame in timed(tick_samples()[0]):
         form.add(key, frame, time_us)
     recorded = form.batch() + form.end()
-    return (recorded, *map(plain, spoken()), *map(plain_of_before, spoken()))
+    return (recorded, *map(plain, tick_samples()), *map(plain_of_before, tick_samples()))
 
 
 def plain(data: bytes) -> bytes:
-    """Frames as they are, each with its key before it."""
+    """Write frames in their native channel, each after its key."""
 
     def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
         raw = writer.register_channel(RAW_TOPIC, ENCODING, 0, {KEYS: "sidestep/r1"})
         keys = writer.register_channel(KEY_TOPIC, "json", writer.register_schema("key", "", b""))
         for time_us, key, frame in frames:
-            said = json.dumps({"key": key}).encode()
-            writer.add_message(keys, time_us * 1000, said, time_us * 1000, 0)
+            text = json.dumps({"key": key}).encode()
+            writer.add_message(keys, time_us * 1000, text, time_us * 1000, 0)
             writer.add_message(raw, time_us * 1000, frame, time_us * 1000, 0)
 
     return written(data, write)
 
 
 def plain_of_before(data: bytes) -> bytes:
-    """Key and frame in one JSON text, as recordings had them earlier."""
+    """Write key and frame as JSON, as in older recordings."""
 
     def write(writer: Any, frames: Iterable[tuple[int, str, bytes]]) -> None:
         schema = writer.register_schema("raw", "", b"")
@@ -193,6 +208,7 @@ def plain_of_before(data: bytes) -> bytes:
 
 
 def written(data: bytes, write: Callable[[Any, Iterable[tuple[int, str, bytes]]], None]) -> bytes:
+    """Return an uncompressed .mcap file without checksums."""
     out = BytesIO()
     writer: Any = Writer(out, compression=CompressionType.NONE, enable_crcs=False)
     writer.start(library="sidestep")
@@ -206,12 +222,12 @@ def written(data: bytes, write: Callable[[Any, Iterable[tuple[int, str, bytes]]]
 
 
 def mcap_bombs() -> Sequence[bytes]:
-    """Little that becomes much."""
+    """Return small files that expand to much."""
     return [bomb(1 << 30, 9), bomb(1 << 26, 0), bomb(1 << 26, 9, announced=1 << 60)]
 
 
 def bomb(size: int, opcode: int, announced: int | None = None) -> bytes:
-    """A chunk of so many bytes, compressed to nearly none: empty records, one after the other."""
+    """Return a chunk of empty records that is compressed to almost nothing."""
     import zstandard
 
     block = bytes((0x80 + opcode, *bytes(8))) * (1 << 16)
@@ -222,13 +238,13 @@ def bomb(size: int, opcode: int, announced: int | None = None) -> bytes:
     return b"\x89MCAP0\r\n\x06" + len(content).to_bytes(8, "little") + content
 
 
-def look(name: str) -> Callable[[bytes, Path], None]:
-    """Everything that somebody may do with a recording of this name."""
+def use_all(name: str) -> Callable[[bytes, Path], None]:
+    """Return a function that uses a recording of this name in every way."""
 
     def run(data: bytes, folder: Path) -> None:
         path = folder / name
         path.write_bytes(data)
-        for use in (play, tell, tabulate, gather, haunt, again):
+        for use in (play, explain, tabulate, gather_series, load_ghost, run_again):
             with suppress(*REFUSALS):
                 use(path)
 
@@ -236,6 +252,7 @@ def look(name: str) -> Callable[[bytes, Path], None]:
 
 
 def play(path: Path) -> None:
+    """Replay a recording and draw its map."""
     bus = ReplayBus(path, ManualClock())
     station = Station(bus, bus.robot, bus.timeline)
     duration_s = bus.timeline.duration_ns / NS_PER_S
@@ -248,7 +265,8 @@ def play(path: Path) -> None:
         station.moment()
 
 
-def tell(path: Path) -> None:
+def explain(path: Path) -> None:
+    """Explain the decisions of a recording."""
     bus = ReplayBus(path, ManualClock())
     list(lines(bus, 0.0, max(1.0, bus.timeline.duration_ns / 5e9)))
     decided = Decided(bus.log_index)
@@ -259,12 +277,14 @@ def tell(path: Path) -> None:
 
 
 def tabulate(path: Path) -> None:
+    """Export a recording as tables."""
     for shape in ("long", "wide"):
         out = path.with_suffix(".csv")
         Export(file=str(path), shape=shape, out=str(out)).run(NoProgress())
 
 
-def gather(path: Path) -> None:
+def gather_series(path: Path) -> None:
+    """Read the series and the world of a recording, and write it again."""
     log = open_log(path)
     frames = list(log)
     text = log.facts.get("world", "")
@@ -278,7 +298,8 @@ def gather(path: Path) -> None:
     form.end()
 
 
-def haunt(path: Path) -> None:
+def load_ghost(path: Path) -> None:
+    """Load a recording as a ghost."""
     log_index = LogIndex(open_log(path))
     changed_in(log_index.facts.get("parameters", ""))
     footage = GhostRecording(log_index)
@@ -287,7 +308,8 @@ def haunt(path: Path) -> None:
     footage.instant(at_ns, None, None)
 
 
-def again(path: Path) -> None:
+def run_again(path: Path) -> None:
+    """Re-execute a recording."""
     recorded = RecordedDrive(open_log(path))
     refuse_unless_whole(recorded)
     start, _ = started_at(recorded)
@@ -295,24 +317,24 @@ def again(path: Path) -> None:
 
 
 def recording(data: bytes, folder: Path) -> None:
-    """Whole frames with anything in them, and the facts of the run beside it."""
+    """Use a recording of readable frames, with the facts of the run beside it."""
     beside = folder / f"{NAME}.mcap"
     if not beside.exists():
         beside.write_bytes(mcaps()[0])
     log = b"".join(record_bytes(time_us, frame) for time_us, _, frame in timed(data))
-    look(f"{NAME}.tlog")(log, folder)
+    use_all(f"{NAME}.tlog")(log, folder)
 
 
 LOGS: Final = (
-    Target(name="tlog", samples=tlogs, run=look("run.tlog"), allowed=(), weight=5),
-    Target(
+    FuzzTarget(name="tlog", samples=tlogs, run=use_all("run.tlog"), allowed=(), weight=5),
+    FuzzTarget(
         name="mcap",
         samples=mcaps,
-        run=look("run.mcap"),
+        run=use_all("run.mcap"),
         allowed=(),
         weight=5,
         words=JSON_WORDS,
         bombs=mcap_bombs,
     ),
-    Target(name="recording", samples=spoken, run=recording, allowed=(), weight=8),
+    FuzzTarget(name="recording", samples=tick_samples, run=recording, allowed=(), weight=8),
 )

@@ -1,7 +1,7 @@
-"""Fuzzing of every decoder: broken inputs by the million, and none may crash, hang or eat memory.
+"""Fuzz every decoder with broken inputs: none may crash, hang or take too much memory.
 
-`--again FILE` runs one input that was kept, and shows what it does. The same `--seed` gives the
-same inputs.
+`--again FILE` runs an input that was kept, and shows its effect. The same `--seed` gives the same
+inputs.
 """
 
 import argparse
@@ -16,46 +16,50 @@ from time import monotonic
 from typing import Final, NamedTuple
 
 from runtime.errors import UserError
-from verification.fuzz.hunt import Find, Tally, hunt
-from verification.fuzz.target import Target
+from verification.fuzz.hunt import Finding, FuzzTally, hunt
+from verification.fuzz.target import FuzzTarget
 from verification.fuzz.targets import TARGETS
 from verification.harness.figures import Figure, Report
 
 USUAL_INPUTS: Final = 100_000
 BLOCK_COST: Final = 4000
-"""So many inputs of weight 1000 make a block, fewer of a slower decoder."""
+"""Inputs of weight 1000 in a block; a slower decoder has fewer."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--inputs", type=int, default=USUAL_INPUTS, metavar="N", help="in total")
-    parser.add_argument("--seconds", type=float, metavar="S", help="no new ones after that")
-    parser.add_argument("--targets", nargs="+", choices=TARGETS, metavar="NAME", help="only these")
+    """Add the options of `bench fuzz`."""
+    parser.add_argument(
+        "--inputs", type=int, default=USUAL_INPUTS, metavar="N", help="number of inputs"
+    )
+    parser.add_argument("--seconds", type=float, metavar="S", help="end of new inputs")
+    parser.add_argument("--targets", nargs="+", choices=TARGETS, metavar="NAME", help="(all)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2, metavar="K", help="processes (2)")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="where what crashes is kept")
-    parser.add_argument("--again", type=Path, metavar="FILE", help="one that was kept, once more")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="folder for inputs that fail")
+    parser.add_argument("--again", type=Path, metavar="FILE", help="run a kept input")
 
 
 def measure(options: argparse.Namespace) -> Report:
+    """Run a kept input, or hunt and report."""
     if options.again is not None:
-        return again(options.again)
+        return run_again(options.again)
     names = options.targets or list(TARGETS)
-    blocks = shared_out([TARGETS[name] for name in names], options.inputs, options.seed)
+    blocks = share_out([TARGETS[name] for name in names], options.inputs, options.seed)
     deadline_s = monotonic() + options.seconds if options.seconds else float("inf")
-    tallies = hunted(blocks, options.jobs, deadline_s)
+    tallies = hunt_blocks(blocks, options.jobs, deadline_s)
     finds = [find for tally in tallies for find in tally.finds]
     keep(finds, options.keep)
     return report_of(tallies, finds, options.inputs if options.seconds is None else None)
 
 
-def again(file: Path) -> Report:
-    """Lets through what it raises, for `sidestep --traceback bench fuzz --again FILE`."""
+def run_again(file: Path) -> Report:
+    """Run an input that was kept; its errors are raised, for `sidestep --traceback`."""
     name = file.name.rpartition("-")[0]
     if name not in TARGETS:
-        raise UserError(f"{file}: name it as it was kept, TARGET-NUMBER; {', '.join(TARGETS)}")
+        raise UserError(f"{file}: expected a name TARGET-NUMBER with one of: {', '.join(TARGETS)}")
     with TemporaryDirectory() as folder:
-        taken = TARGETS[name].accepts(file.read_bytes(), Path(folder))
-    figure = Figure(name=f"{name}, taken", unit="", values=(float(taken),))
+        accepted = TARGETS[name].accepts(file.read_bytes(), Path(folder))
+    figure = Figure(name=f"{name}, accepted", unit="", values=(float(accepted),))
     return Report(benchmark="fuzz", figures=(figure,))
 
 
@@ -68,8 +72,8 @@ class Block(NamedTuple):
     end: int
 
 
-def shared_out(targets: Sequence[Target], inputs: int, seed: int) -> Iterator[Block]:
-    """Blocks of all targets in turn, by weight; the order is the same for the same numbers."""
+def share_out(targets: Sequence[FuzzTarget], inputs: int, seed: int) -> Iterator[Block]:
+    """Yield blocks of all targets in turn, by weight, in a reproducible order."""
     whole = sum(target.weight for target in targets)
     wanted = {target.name: -(-inputs * target.weight // whole) for target in targets}
     done = Counter[str]()
@@ -82,11 +86,11 @@ def shared_out(targets: Sequence[Target], inputs: int, seed: int) -> Iterator[Bl
                 yield Block(name, seed, begin, end)
 
 
-def hunted(blocks: Iterator[Block], jobs: int, deadline_s: float) -> list[Tally]:
-    """A block that takes its process with it is a find; the others go on in a new one."""
-    tallies: list[Tally] = []
+def hunt_blocks(blocks: Iterator[Block], jobs: int, deadline_s: float) -> list[FuzzTally]:
+    """Run blocks in processes; a block that kills its process is a finding."""
+    tallies: list[FuzzTally] = []
     idle = [new_process() for _ in range(jobs)]
-    running: dict[Future[Tally], tuple[Block, ProcessPoolExecutor]] = {}
+    running: dict[Future[FuzzTally], tuple[Block, ProcessPoolExecutor]] = {}
     try:
         for one in blocks:
             if monotonic() > deadline_s:
@@ -94,9 +98,9 @@ def hunted(blocks: Iterator[Block], jobs: int, deadline_s: float) -> list[Tally]
             process = idle.pop()
             running[process.submit(hunt, *one)] = one, process
             if not idle:
-                idle += collected(running, tallies)
+                idle += collect(running, tallies)
         while running:
-            idle += collected(running, tallies)
+            idle += collect(running, tallies)
     finally:
         for process in (*idle, *(process for _, process in running.values())):
             process.shutdown(cancel_futures=True)
@@ -104,13 +108,14 @@ def hunted(blocks: Iterator[Block], jobs: int, deadline_s: float) -> list[Tally]
 
 
 def new_process() -> ProcessPoolExecutor:
+    """Start a process that runs blocks."""
     return ProcessPoolExecutor(1, mp_context=get_context("spawn"))
 
 
-def collected(
-    running: dict[Future[Tally], tuple[Block, ProcessPoolExecutor]], tallies: list[Tally]
+def collect(
+    running: dict[Future[FuzzTally], tuple[Block, ProcessPoolExecutor]], tallies: list[FuzzTally]
 ) -> Iterator[ProcessPoolExecutor]:
-    """Waits for a block at least; the processes that are free again, new ones for dead ones."""
+    """Wait for a block; yield the processes that are free again, new ones for dead ones."""
     for future in wait(running, return_when=FIRST_COMPLETED).done:
         one, process = running.pop(future)
         try:
@@ -118,13 +123,13 @@ def collected(
             yield process
         except BrokenProcessPool:
             where = f"inputs {one.begin} to {one.end}"
-            find = Find(one.name, one.begin, "the process died", where, b"")
-            tallies.append(Tally(one.name, finds=[find]))
+            find = Finding(one.name, one.begin, "the process died", where, b"")
+            tallies.append(FuzzTally(one.name, finds=[find]))
             yield new_process()
 
 
-def keep(finds: Sequence[Find], folder: Path | None) -> None:
-    """One input of each defect."""
+def keep(finds: Sequence[Finding], folder: Path | None) -> None:
+    """Write one input of each defect."""
     if folder is None or not finds:
         return
     folder.mkdir(parents=True, exist_ok=True)
@@ -132,7 +137,8 @@ def keep(finds: Sequence[Find], folder: Path | None) -> None:
         (folder / f"{find.target}-{find.number}").write_bytes(find.data)
 
 
-def report_of(tallies: Sequence[Tally], finds: Sequence[Find], wanted: int | None) -> Report:
+def report_of(tallies: Sequence[FuzzTally], finds: Sequence[Finding], wanted: int | None) -> Report:
+    """Return the report of a hunt."""
     inputs, accepted, cpu_s = Counter[str](), Counter[str](), Counter[str]()
     for tally in tallies:
         inputs[tally.target] += tally.inputs
@@ -143,13 +149,13 @@ def report_of(tallies: Sequence[Tally], finds: Sequence[Find], wanted: int | Non
         Figure(name="crashes, hangs, memory", unit="", values=(float(len(finds)),), at_most=0.0),
     ]
     notes = [
-        f"{name}: {count} inputs, {accepted[name]} taken, {cpu_s[name] / count:.0f} us each"
+        f"{name}: {count} inputs, {accepted[name]} accepted, {cpu_s[name] / count:.0f} us each"
         for name, count in inputs.items()
         if count
     ]
-    told = Counter((find.target, find.where, find.what) for find in finds)
+    counts = Counter((find.target, find.where, find.what) for find in finds)
     first = {(find.target, find.where): find for find in reversed(finds)}
     for (target, where), find in first.items():
-        times = sum(n for key, n in told.items() if key[:2] == (target, where))
+        times = sum(n for key, n in counts.items() if key[:2] == (target, where))
         notes.append(f"FOUND {times} x {target} {find.number}: {where}: {find.what}")
     return Report(benchmark="fuzz", figures=tuple(figures), notes=tuple(notes))

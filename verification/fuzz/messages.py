@@ -1,6 +1,6 @@
-"""Bytes as a row of messages: whatever they are, each piece of them is a frame that can be read.
+"""Read any bytes as a row of messages, each in a readable frame.
 
-So it is what the fields say that is strange, and not the frame around them.
+So the content of the fields is fuzzed, not the frame around them.
 """
 
 from collections.abc import Iterator
@@ -19,21 +19,25 @@ MOST: Final = 60
 STEP_NS: Final = 5_000_000
 
 
-class Kind(NamedTuple):
-    """A message as it may be said by somebody."""
+class MessageKind(NamedTuple):
+    """A message type with its sender."""
 
     message: type[Message]
     sender: Role
 
 
-SAID: Final = tuple(Kind(one, topic.publisher) for topic in TOPICS for one in topic.messages)
-ASKED: Final = tuple(Kind(one, Role.GROUND) for service in SERVICES for one in service.requests)
-KINDS: Final = (*SAID, *ASKED)
+PUBLISHED: Final = tuple(
+    MessageKind(one, topic.publisher) for topic in TOPICS for one in topic.messages
+)
+REQUESTED: Final = tuple(
+    MessageKind(one, Role.GROUND) for service in SERVICES for one in service.requests
+)
+KINDS: Final = (*PUBLISHED, *REQUESTED)
 NUMBER_OF: Final = {kind.message: number for number, kind in reversed(list(enumerate(KINDS)))}
 
 
-class Piece(NamedTuple):
-    """A message that could be read, its frame, and how long after the one before it came."""
+class TimedMessage(NamedTuple):
+    """A message, its frame, and the time since the message before."""
 
     message: Message
     frame: bytes
@@ -41,14 +45,14 @@ class Piece(NamedTuple):
 
 
 def packed(*messages: Message, after: int = 10) -> bytes:
-    """The bytes that `pieces` reads as these."""
+    """Return the bytes that `pieces` reads as these messages."""
     return b"".join(
         bytes((NUMBER_OF[type(one)], after)) + WIRE_OF_TYPE[type(one)].pack(one) for one in messages
     )
 
 
-def pieces(data: bytes) -> Iterator[Piece]:
-    """Each begins with a byte for its kind and one for the time since the piece before."""
+def pieces(data: bytes) -> Iterator[TimedMessage]:
+    """Yield messages; each begins with a byte for its kind and one for the time since the last."""
     at = 0
     for sequence in range(MOST):
         if at + 2 > len(data):
@@ -58,13 +62,13 @@ def pieces(data: bytes) -> Iterator[Piece]:
         frame = frame_of(wire, data[at + 2 : at + 2 + wire.size], kind.sender, sequence)
         at += 2 + wire.size
         try:
-            yield Piece(decode(frame).message, frame, after * STEP_NS)
-        except RemoteError:  # a text that is none
+            yield TimedMessage(decode(frame).message, frame, after * STEP_NS)
+        except RemoteError:  # text that is not UTF-8
             continue
 
 
 def frame_of(wire: Wire, payload: bytes, sender: Role, sequence: int) -> bytes:
-    """With the checksum that it must have."""
+    """Return the frame of a payload, with a valid checksum."""
     payload = payload.rstrip(b"\0") or b"\0"
     low, high = wire.number_low, wire.number_high
     body = HEAD(len(payload), 0, 0, sequence & 0xFF, 1, COMPONENT[sender], low, high) + payload

@@ -1,4 +1,4 @@
-"""Missions and fences, in our own files and in QGroundControl's."""
+"""Missions and fences, in the project's files and in those of QGroundControl."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,8 +9,8 @@ from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import MissionItemInt
-from verification.fuzz.target import Target
-from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from verification.fuzz.target import FuzzTarget
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 
 HOME: Final = Home(latitude_deg=48.1, longitude_deg=11.5)
 WAYPOINTS: Final = (
@@ -25,11 +25,12 @@ MISSIONS: Final = (
 
 
 def texts(text_of: Callable[[Mission], str]) -> Callable[[], Sequence[bytes]]:
+    """Return samples in a file format."""
     return lambda: [text_of(one).encode() for one in MISSIONS]
 
 
 def read_mission(path: Path) -> None:
-    """What can be read can be sent, and written in each of the ways there are."""
+    """Read a mission, send it, and write it in every format."""
     found = files.read(path).mission
     str(found)
     send(items_of(found.waypoints))
@@ -41,17 +42,18 @@ def read_mission(path: Path) -> None:
 
 
 def read_fence(path: Path) -> None:
+    """Read a fence and send it."""
     send(fence_items_of(files.read_fence(path)))
 
 
 def send(items: Sequence[MissionItemInt]) -> None:
-    """As frames; what does not fit the wire should have been refused before."""
+    """Encode items as frames; values that do not fit must have been refused before."""
     for item in items:
         Encoder(255, 190).encode(item)
 
 
 def plan_bombs() -> Sequence[bytes]:
-    """More corners than anybody needs, and more items."""
+    """Return plans with far too many corners or items."""
     corner = b"[48.1, 11.5],[48.2, 11.5],[48.2, 11.6],"
     home = (
         b'{"fileType": "Plan", "mission": {"plannedHomePosition": [48.1, 11.5, 0], "items": [%s]},'
@@ -62,30 +64,30 @@ def plan_bombs() -> Sequence[bytes]:
 
 
 MISSION: Final = (
-    Target(
+    FuzzTarget(
         name="mission_toml",
         samples=texts(toml_file.text_of),
-        run=kept("mission.toml", read_mission),
+        run=from_file("mission.toml", read_mission),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="mission_plan",
         samples=texts(lambda one: plan_file.text_of(one, HOME)),
-        run=kept("mission.plan", read_mission),
+        run=from_file("mission.plan", read_mission),
         words=JSON_WORDS,
         bombs=plan_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="mission_waypoints",
         samples=texts(lambda one: waypoints_file.text_of(one, HOME)),
-        run=kept("mission.waypoints", read_mission),
+        run=from_file("mission.waypoints", read_mission),
         words=(b"\t", b"\n", b"QGC WPL 110\n", b"nan", b"1e308"),
     ),
-    Target(
+    FuzzTarget(
         name="fence",
         samples=texts(toml_file.text_of),
-        run=kept("fence.toml", read_fence),
+        run=from_file("fence.toml", read_fence),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),

@@ -1,6 +1,6 @@
-"""Broken inputs out of good ones: bits, bytes, pieces, words of the format, numbers at limits.
+"""Make broken inputs from good ones: bits, bytes, pieces, words of the format, limit numbers.
 
-The same sample, seed and number give the same bytes, so that whatever is found can be had again.
+The same sample, seed and number give the same bytes, so that each finding is reproducible.
 """
 
 import re
@@ -13,7 +13,7 @@ MOST_BYTES: Final = 1_000_000
 MOST_COPIES: Final = 40
 MOST_NESTED: Final = 3000
 SELDOM: Final = 0.004
-"""Of all inputs so many are blown up: they cost as much as a thousand others."""
+"""Share of inputs that are blown up: each costs as much as a thousand others."""
 
 NUMBER: Final = re.compile(rb"-?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 NUMBERS: Final = (
@@ -47,22 +47,22 @@ OPENING: Final = (b"[", b"{", b"(", b'{"a":', b"[[", b"a.", b'"', b"'", b"-", b"
 
 
 class Material(NamedTuple):
-    """What mutations are made of: good samples, and words that the format knows."""
+    """The material of mutations: good samples, and words of the format."""
 
     samples: Sequence[bytes]
     words: Sequence[bytes] = ()
 
 
-Way = Callable[[bytes, Material, Random], bytes]
+Mutation = Callable[[bytes, Material, Random], bytes]
 
 
-def mutated(material: Material, random: Random) -> bytes:
-    """A sample, changed in one to eight ways."""
+def mutate_sample(material: Material, random: Random) -> bytes:
+    """Return a sample with one to eight mutations."""
     data = random.choice(material.samples)
     for _ in range(1 + min(int(random.expovariate(0.9)), 7)):
-        data = random.choice(WAYS)(data, material, random)
+        data = random.choice(MUTATIONS)(data, material, random)
     if random.random() < SELDOM:
-        data = blown_up(data, random)
+        data = blow_up(data, random)
     return data[:MOST_BYTES]
 
 
@@ -71,12 +71,13 @@ def _place(data: bytes, random: Random) -> int:
 
 
 def _piece(data: bytes, random: Random) -> tuple[int, int]:
-    """Mostly a short one."""
+    """Draw a range, mostly a short one."""
     begin = _place(data, random)
     return begin, begin + 1 + int(random.expovariate(1.0 / random.choice((3, 30, 300))))
 
 
 def flip_a_bit(data: bytes, _: Material, random: Random) -> bytes:
+    """Flip a bit."""
     if not data:
         return b"\x01"
     at = random.randrange(len(data))
@@ -84,29 +85,35 @@ def flip_a_bit(data: bytes, _: Material, random: Random) -> bytes:
 
 
 def set_a_byte(data: bytes, _: Material, random: Random) -> bytes:
+    """Set a byte."""
     at = _place(data, random)
     return data[:at] + bytes([random.randrange(256)]) + data[at + 1 :]
 
 
 def cut_off(data: bytes, _: Material, random: Random) -> bytes:
+    """Cut off the end."""
     return data[: _place(data, random)]
 
 
 def cut_out(data: bytes, _: Material, random: Random) -> bytes:
+    """Cut out a piece."""
     begin, end = _piece(data, random)
     return data[:begin] + data[end:]
 
 
 def extend(data: bytes, _: Material, random: Random) -> bytes:
+    """Append random bytes."""
     return data + random.randbytes(1 + random.randrange(20))
 
 
 def put_noise(data: bytes, _: Material, random: Random) -> bytes:
+    """Insert random bytes."""
     at = _place(data, random)
     return data[:at] + random.randbytes(1 + random.randrange(8)) + data[at:]
 
 
 def put_a_word(data: bytes, material: Material, random: Random) -> bytes:
+    """Insert a word, or overwrite with it."""
     at = _place(data, random)
     word = random.choice(material.words or OPENING)
     over = random.choice((0, len(word)))
@@ -114,17 +121,19 @@ def put_a_word(data: bytes, material: Material, random: Random) -> bytes:
 
 
 def repeat(data: bytes, _: Material, random: Random) -> bytes:
+    """Repeat a piece."""
     begin, end = _piece(data, random)
     return data[:begin] + data[begin:end] * (1 + random.randrange(MOST_COPIES)) + data[end:]
 
 
 def splice(data: bytes, material: Material, random: Random) -> bytes:
-    """Its beginning, and the end of another one."""
+    """Join the beginning and the end of another sample."""
     other = random.choice(material.samples)
     return data[: _place(data, random)] + other[_place(other, random) :]
 
 
 def move(data: bytes, _: Material, random: Random) -> bytes:
+    """Move a piece."""
     begin, end = _piece(data, random)
     rest = data[:begin] + data[end:]
     at = _place(rest, random)
@@ -132,7 +141,7 @@ def move(data: bytes, _: Material, random: Random) -> bytes:
 
 
 def put_a_number(data: bytes, _: Material, random: Random) -> bytes:
-    """Instead of one that is written there in digits, one at a limit."""
+    """Replace a number in digits by one at a limit."""
     found = list(NUMBER.finditer(data[:20_000]))
     if not found:
         return put_limit(data, Material(()), random)
@@ -141,7 +150,7 @@ def put_a_number(data: bytes, _: Material, random: Random) -> bytes:
 
 
 def put_limit(data: bytes, _: Material, random: Random) -> bytes:
-    """Over what is there, the bytes of a number at a limit."""
+    """Overwrite bytes with a binary number at a limit."""
     code = random.choice("BHIQfd") if random.random() < 0.8 else "f"
     order = random.choice("<<>")
     limits = SINGLES if code in "fd" else WIDE
@@ -153,19 +162,20 @@ def put_limit(data: bytes, _: Material, random: Random) -> bytes:
 
 
 def nest(data: bytes, _: Material, random: Random) -> bytes:
+    """Insert many opening brackets."""
     at = _place(data, random)
     return data[:at] + random.choice(OPENING) * (1 + random.randrange(60)) + data[at:]
 
 
-def blown_up(data: bytes, random: Random) -> bytes:
-    """A piece of it very often, or something that opens and never closes."""
+def blow_up(data: bytes, random: Random) -> bytes:
+    """Insert a piece, or an opening bracket, very often."""
     at = _place(data, random)
     begin, end = _piece(data, random)
     piece = random.choice((random.choice(OPENING), data[begin:end] or b"0"))
     return data[:at] + piece * random.randrange(MOST_NESTED) + data[at:]
 
 
-WAYS: Final[tuple[Way, ...]] = (
+MUTATIONS: Final[tuple[Mutation, ...]] = (
     flip_a_bit,
     set_a_byte,
     cut_off,

@@ -1,4 +1,4 @@
-"""Settings and what else is read from files: configuration, parameters, calibrations, keys."""
+"""Settings and other files: configuration, parameters, calibrations, key bindings."""
 
 import json
 from argparse import Namespace
@@ -23,8 +23,8 @@ from runtime.config import load, load_shared
 from study.calibration.cli import SIDE_M, from_log
 from study.runner.study_settings import FILE as SETTLED
 from study.runner.study_settings import differences, settings_in
-from verification.fuzz.target import Target
-from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from verification.fuzz.target import FuzzTarget
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 
 CHUNK: Final = 97
 STEPS: Final = 20
@@ -64,20 +64,23 @@ WANTED: Final = {"worlds": {"box": "1"}, "code": "2", "seeds": 3}
 
 
 def settings(path: Path) -> None:
+    """Read a settings file and its parameters."""
     load_shared(path, Config)
     adjusted(DEFAULTS, load_shared(path, Settings).parameters, str(path))
 
 
 def calibration(path: Path) -> None:
+    """Read a calibration and its parameters."""
     adjusted(DEFAULTS, load(path, Calibration).parameters, str(path))
 
 
 def runs(path: Path) -> None:
+    """Calibrate from a log of squares."""
     from_log(Namespace(log=str(path), side=SIDE_M), DEFAULTS).as_json()
 
 
 def driven() -> Sequence[bytes]:
-    """Squares both ways round, each side and each corner in steps, and where the robot ended."""
+    """Return a log of squares in both directions, with steps and final poses."""
     lines = ["run,direction,left,right,x_m,y_m,heading_deg"]
     side = SHORT_M / DEFAULTS.m_per_tick / STEPS
     corner = DEFAULTS.track_m * pi / 4.0 / DEFAULTS.m_per_tick / STEPS
@@ -94,75 +97,76 @@ def driven() -> Sequence[bytes]:
 
 
 def study_settings(path: Path) -> None:
+    """Compare the settings of a study."""
     differences(settings_in(path) or {}, WANTED)
 
 
 def course(data: bytes, _: Path) -> None:
-    """The output of a process of ours, cut anywhere."""
+    """Read the output of a ghost process in chunks."""
     reading = PathReader()
     for at in range(0, len(data), CHUNK):
         reading.take(data[at : at + CHUNK])
-    reading.course("never said")
+    reading.course("no output")
 
 
 OWN_LIST: Final = json.dumps(described(DEFAULTS))
 SETTING: Final = (
-    Target(
+    FuzzTarget(
         name="settings",
         samples=lambda: [SETTINGS, LOCKED],
-        run=kept("sidestep.toml", settings),
+        run=from_file("sidestep.toml", settings),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="parameter_file",
         samples=lambda: [b"[parameters]\nd_obs_m = 0.4\nside = -1\n"],
-        run=kept("own.toml", lambda path: values_in(path, parameters_in(OWN_LIST))),
+        run=from_file("own.toml", lambda path: values_in(path, parameters_in(OWN_LIST))),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="stored_parameters",
         samples=lambda: [b'{"d_obs_m": 0.4, "side": -1}', b'[["d_obs_m", 0.4]]'],
-        run=kept(FILE_NAME, lambda path: Store(path.parent).load(DEFAULTS)),
+        run=from_file(FILE_NAME, lambda path: Store(path.parent).load(DEFAULTS)),
         allowed=(),
         words=JSON_WORDS,
         bombs=json_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="calibration",
         samples=lambda: [path.read_bytes() for path in sorted(FOLDER.glob("*.toml"))],
-        run=kept("level.toml", calibration),
+        run=from_file("level.toml", calibration),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="calibration_log",
         samples=driven,
-        run=kept("runs.csv", runs),
+        run=from_file("runs.csv", runs),
         words=(b",", b"\n", b'"', b"cw", b"ccw", b"nan", b"inf"),
     ),
-    Target(
+    FuzzTarget(
         name="keys",
         samples=lambda: [as_toml(Keymap()).encode(), b'[keys]\nhold = ["h", "f3"]\n'],
-        run=kept("keys.toml", keymap_in),
+        run=from_file("keys.toml", keymap_in),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="history",
         samples=lambda: [b"goto 1 2\nparam set d_obs_m 0.4\n"],
-        run=kept("history", lambda path: History(path).previous("")),
+        run=from_file("history", lambda path: History(path).previous("")),
         allowed=(),
     ),
-    Target(
+    FuzzTarget(
         name="study_settings",
         samples=lambda: [b'{"seeds": 2, "worlds": {"box": "1"}, "code": "3", "commit": "4"}'],
-        run=kept(SETTLED, study_settings),
+        run=from_file(SETTLED, study_settings),
         words=JSON_WORDS,
         bombs=json_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="ghost_output",
         samples=lambda: [GHOST],
         run=course,

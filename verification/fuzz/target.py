@@ -1,4 +1,4 @@
-"""A decoder as the fuzzer sees it: bytes in, and nothing out of it but the errors it may raise."""
+"""A decoder as the fuzzer sees it: bytes in, and only allowed errors out."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -10,22 +10,23 @@ from typing import Final, TypeAlias
 
 from plant.model.errors import WorldError
 from runtime.errors import RemoteError, UserError
-from verification.fuzz.mutate import Material, mutated
+from verification.fuzz.mutate import Material, mutate_sample
 
 Errors: TypeAlias = tuple[type[BaseException], ...]
 REFUSALS: Final[Errors] = (UserError, RemoteError, WorldError)
 
 
-def none() -> Sequence[bytes]:
+def no_bombs() -> Sequence[bytes]:
+    """Return no bombs."""
     return ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Target:
-    """`run` gets the bytes and a folder of its own for files; what is not `allowed` is a crash.
+class FuzzTarget:
+    """A decoder: `run` gets the bytes and a folder for files; errors not in `allowed` are crashes.
 
-    `samples` are good inputs, `bombs` bad ones that somebody thought of: those are tried first.
-    The heavier, the more inputs: what is quick is tried more often.
+    `samples` are good inputs, and `bombs` are known bad ones, which are tried first. `weight` is
+    the share of inputs: a fast decoder gets more.
     """
 
     name: str
@@ -33,11 +34,12 @@ class Target:
     run: Callable[[bytes, Path], object]
     allowed: Errors = REFUSALS
     words: Sequence[bytes] = ()
-    bombs: Callable[[], Sequence[bytes]] = none
+    bombs: Callable[[], Sequence[bytes]] = no_bombs
     weight: int = 20
 
     @cached_property
     def good(self) -> tuple[bytes, ...]:
+        """The good samples."""
         return tuple(self.samples())
 
     @cached_property
@@ -45,14 +47,14 @@ class Target:
         return tuple(self.bombs())
 
     def input(self, seed: int, index: int) -> bytes:
-        """The same for the same numbers: samples as they are, bombs, then mutations."""
+        """Return an input: samples and bombs unchanged, then reproducible mutations."""
         fixed = (*self.good, *self._bad)
         if index < len(fixed):
             return fixed[index]
-        return mutated(Material(self.good, self.words), Random(f"{seed}/{self.name}/{index}"))
+        return mutate_sample(Material(self.good, self.words), Random(f"{seed}/{self.name}/{index}"))
 
     def accepts(self, data: bytes, folder: Path) -> bool:
-        """False when the input is refused as it may be; whatever else it raises comes through."""
+        """Return False if the input is refused with an allowed error; others are raised."""
         with suppress(*self.allowed):
             self.run(data, folder)
             return True

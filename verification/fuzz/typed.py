@@ -1,4 +1,4 @@
-"""What is typed, or asked by a browser: the console, command lines, endpoints, the door."""
+"""Typed input and browser requests: console, command lines, endpoints, web access."""
 
 import shlex
 from argparse import ArgumentParser
@@ -21,8 +21,8 @@ from protocol.options import numbers_kept
 from protocol.topics import robot_name
 from robot.cli import parser as robot_parser
 from study.calibration.cli import parser as calibrate_parser
-from verification.fuzz.target import REFUSALS, Target
-from verification.fuzz.words import kept
+from verification.fuzz.target import REFUSALS, FuzzTarget
+from verification.fuzz.words import from_file
 
 TOKEN: Final = "0123456789abcdefgh"
 SESSION: Final = "abcdefgh0123456789"
@@ -80,11 +80,12 @@ REQUESTS: Final = (
 
 
 def text_of(data: bytes) -> str:
-    """As Python makes text of what a terminal sends."""
+    """Decode terminal input as Python does."""
     return data.decode("utf-8", "surrogateescape")
 
 
 def console(data: bytes, folder: Path) -> None:
+    """Complete and parse a console line."""
     text = text_of(data)
     for line in complete(text, ("d_obs_m", "side"), folder)[:3]:
         shlex.split(line)
@@ -92,7 +93,7 @@ def console(data: bytes, folder: Path) -> None:
 
 
 def command_line(data: bytes, _: Path) -> None:
-    """Arguments with a zero byte between them, as the system has them."""
+    """Parse arguments that are separated by zero bytes."""
     word, *rest = text_of(data).split("\0")
     if word in PARSERS:
         PARSERS[word]().parse_args(numbers_kept(rest))
@@ -101,25 +102,29 @@ def command_line(data: bytes, _: Path) -> None:
 
 
 def endpoint(data: bytes, _: Path) -> None:
+    """Read an endpoint and a robot name."""
     first, second = text_of(data).partition("\n")[::2]
     robot_name(second or "r1")
     Network(mode="client", connect=(first,), prefix=second or "sidestep")
 
 
 def address(data: bytes, _: Path) -> None:
+    """Read a web address."""
     address_of(text_of(data)).url(TOKEN)
 
 
 def token(path: Path) -> None:
+    """Read a token file."""
     token_of(str(path))
 
 
 def fence_words(data: bytes, _: Path) -> None:
+    """Read the words of a fence."""
     outlined(text_of(data).split())
 
 
 def door(data: bytes, _: Path) -> None:
-    """First line: what is asked for; then headers. Nobody comes in without the token."""
+    """Check a web request (first line: path, then headers): access needs the token."""
     first, *lines = data.decode("latin-1").split("\n")
     pairs = (line.partition(":")[::2] for line in lines if ":" in line)
     headers = {name.strip(): value.strip() for name, value in pairs if name.strip()}
@@ -133,53 +138,54 @@ def door(data: bytes, _: Path) -> None:
         inside.append(asked)
         return web.Response(text="in")
 
-    doorway = WebAccess(TOKEN, 8765)
-    doorway.sessions.append(SESSION)
-    answer = finished(doorway.middleware()(request, handler))
+    access = WebAccess(TOKEN, 8765)
+    access.sessions.append(SESSION)
+    answer = finished(access.middleware()(request, handler))
     if inside and SESSION not in headers.get("Cookie", request.headers.get("Cookie", "")):
-        raise AssertionError("somebody came in without the token")
+        raise AssertionError("a request without the token was admitted")
     if answer.status not in (200, 303, 403):
-        raise AssertionError(f"the door answers {answer.status}")
+        raise AssertionError(f"unexpected HTTP status {answer.status}")
 
 
 def finished(waiting: object) -> web.StreamResponse:
-    """What a coroutine returns that waits for nothing."""
+    """Return the result of a coroutine that does not wait."""
     try:
         waiting.send(None)  # type: ignore[attr-defined]
     except StopIteration as done:
         found: web.StreamResponse = done.value
         return found
-    raise AssertionError("the door waits for something")
+    raise AssertionError("the web access check must not wait")
 
 
 def lines() -> Sequence[bytes]:
+    """Return good console lines."""
     return [line.encode() for line in LINES]
 
 
 TYPED: Final = (
-    Target(name="console", samples=lines, run=console, words=WORDS),
-    Target(
+    FuzzTarget(name="console", samples=lines, run=console, words=WORDS),
+    FuzzTarget(
         name="command_line",
         samples=lambda: COMMAND_LINES,
         run=command_line,
         allowed=(*REFUSALS, SystemExit),
         words=(*WORDS, b"\0--", b"\0"),
     ),
-    Target(
+    FuzzTarget(
         name="endpoint",
         samples=lambda: [b"tcp/127.0.0.1:7447\nr1", b"udp/[::1]:0#a=b", b"unixsock-stream//tmp/x"],
         run=endpoint,
         words=(b"/", b":", b"[", b"]", b"#", b"?", b"udp/", b"\n", b"**"),
     ),
-    Target(
+    FuzzTarget(
         name="web_address",
         samples=lambda: [b"127.0.0.1:8765", b"[::1]:80", b"8080", b"localhost"],
         run=address,
         words=(b":", b"[", b"]", b"\xd9\xa1", b"\xc2\xb2"),
     ),
-    Target(name="token", samples=lambda: [TOKEN.encode()], run=kept("token", token)),
-    Target(name="fence_words", samples=lambda: [b"0 0 4 0 4 4 0 4"], run=fence_words),
-    Target(
+    FuzzTarget(name="token", samples=lambda: [TOKEN.encode()], run=from_file("token", token)),
+    FuzzTarget(name="fence_words", samples=lambda: [b"0 0 4 0 4 4 0 4"], run=fence_words),
+    FuzzTarget(
         name="door",
         samples=lambda: REQUESTS,
         run=door,

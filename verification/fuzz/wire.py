@@ -1,4 +1,4 @@
-"""What comes from the bus: frames, samples, requests, senses, and answers to our own questions."""
+"""Input from the bus: frames, samples, requests, senses, and answers to requests."""
 
 import json
 from collections.abc import Sequence
@@ -15,11 +15,10 @@ from plant.world.to_json import as_json
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import ENCODING, TOPICS, operator_in
 from protocol.wire.codec import Encoder, decode
-from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType, Mode
+from protocol.wire.enums import FRAME_LOCAL_FLU, Command, LeaseAction, MissionType
+from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message, check
 from protocol.wire.messages import (
-    CommandRequest,
-    GoalRequest,
     LeaseRequest,
     MissionCount,
     MissionItemInt,
@@ -39,7 +38,8 @@ from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
 from verification.fuzz.messages import packed, pieces
-from verification.fuzz.target import Target
+from verification.fuzz.target import FuzzTarget
+from verification.harness.bus_calls import arm_request, auto_goal_request, command_request
 
 PERIOD_MS: Final = 50
 FULL_MRAD_S: Final = 200_000
@@ -55,19 +55,8 @@ ENCODINGS: Final = (
 )
 OPERATORS: Final = ("", "ada", "bob")
 
-ARM: Final = CommandRequest(
-    request_id=1, param1=1.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
-)
-GOAL: Final = GoalRequest(
-    request_id=2,
-    x_mm=4000,
-    y_mm=1000,
-    heading_urad=0,
-    position_tolerance_mm=50,
-    heading_tolerance_urad=52_360,
-    heading_free=0,
-    mode=Mode.AUTO,
-)
+ARM: Final = arm_request(1)
+GOAL: Final = auto_goal_request(2, wire_goal(4.0, 1.0, 0.0, 0.05, 0.05236))
 SCAN: Final = SonarScan(
     time_ns=50_000_000, seq=1, range_mm=(900,) * 8, ping_age_us=(20_000,) * 8, valid=255, echo=60
 )
@@ -90,8 +79,7 @@ ITEM: Final = MissionItemInt(
     mission_type=MissionType.MISSION,
 )
 COUNT: Final = MissionCount(count=1, mission_type=MissionType.MISSION)
-START: Final = CommandRequest(request_id=4, param1=0.0, param2=0.0, command=Command.MISSION_START)
-MANUAL: Final = CommandRequest(request_id=5, param1=0.0, param2=0.0, command=Command.DO_SET_MODE)
+START: Final = command_request(4, Command.MISSION_START)
 TEXT: Final = Statustext(severity=6, text="started", id=0, chunk_seq=0)
 EXAMPLES: Final[tuple[Message, ...]] = (
     ARM,
@@ -108,16 +96,18 @@ EXAMPLES: Final[tuple[Message, ...]] = (
 
 
 def frames() -> Sequence[bytes]:
+    """Return good frames."""
     encoder = Encoder(1, 1)
     return [encoder.encode(message) for message in EXAMPLES]
 
 
 def samples() -> Sequence[bytes]:
-    """First byte: which topic; second: how it says that it is encoded, and by whom."""
+    """Return good samples; the first byte is the topic, the second encoding and sender."""
     return [bytes((place % len(TOPICS), place)) + one for place, one in enumerate(frames())]
 
 
 def sample(data: bytes, _: Path) -> None:
+    """Store a sample in a mailbox and read it."""
     if len(data) < 2:
         return
     topic = TOPICS[data[0] % len(TOPICS)]
@@ -129,7 +119,7 @@ def sample(data: bytes, _: Path) -> None:
 
 
 def requests(data: bytes, _: Path) -> None:
-    """Whatever is asked is answered with what can be sent, and the robot ticks on."""
+    """Answer requests with messages that can be sent, and step the robot."""
     vehicle, now_ns = Vehicle(DEFAULTS, Store(None)), 0
     encoder = Encoder(1, 1)
     for place, piece in enumerate(pieces(data)):
@@ -141,11 +131,12 @@ def requests(data: bytes, _: Path) -> None:
             encoder.encode(vehicle.receive(piece.message, now_ns, operator))
         inputs = Inputs(now_ns // NS_PER_MS, STILL, CLEAR, vehicle.operator_age_ms(now_ns))
         judge(vehicle.step(inputs, lambda _: None, operator_twist(vehicle.teleop.newest(now_ns))))
-        for told in told_by(vehicle, now_ns):
-            check(told)
+        for message in published_by(vehicle, now_ns):
+            check(message)
 
 
-def told_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
+def published_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
+    """Return the messages that a robot publishes."""
     found = [
         vehicle.heartbeat(now_ns),
         vehicle.lease_status(now_ns, now_ns),
@@ -156,7 +147,7 @@ def told_by(vehicle: Vehicle, now_ns: int) -> list[Message]:
 
 
 def senses(data: bytes, _: Path) -> None:
-    """A robot on its way, and whatever its wheels and sonars may say."""
+    """Step a driving robot with any senses."""
     vehicle, now_ms = Vehicle(DEFAULTS, Store(None)), 0
     scan, wheels = CLEAR, STILL
     for piece in pieces(packed(SCAN, ARM, GOAL) + data):
@@ -172,14 +163,14 @@ def senses(data: bytes, _: Path) -> None:
 
 
 def judge(outputs: Outputs) -> None:
-    """Wheel speeds that are some."""
+    """Check that wheel speeds are integers within limits."""
     for speed in (outputs.left_mrad_s, outputs.right_mrad_s):
         if not isinstance(speed, int) or abs(speed) > FULL_MRAD_S:
-            raise AssertionError(f"a wheel is told to turn at {speed!r}")
+            raise AssertionError(f"invalid wheel speed {speed!r} mrad/s")
 
 
 def download(data: bytes, _: Path) -> None:
-    """A mission, as a robot of another kind might send it."""
+    """Read a mission and a fence as another robot might send them."""
     items = [one.message for one in pieces(data) if isinstance(one.message, MissionItemInt)]
     for read in (waypoints_of, fence_of):
         try:
@@ -189,6 +180,7 @@ def download(data: bytes, _: Path) -> None:
 
 
 def parameters() -> Sequence[bytes]:
+    """Return good parameter lists."""
     described = ParameterService(
         DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, None
     )
@@ -196,42 +188,44 @@ def parameters() -> Sequence[bytes]:
 
 
 def parameter_list(data: bytes, _: Path) -> None:
+    """Read a parameter list and make a table of it."""
     table(parameters_in(data))
 
 
 def world_texts() -> Sequence[bytes]:
+    """Return good worlds as JSON."""
     return [json.dumps(as_json(load(name), 5.0)).encode() for name in ("box", "moving", "corner")]
 
 
 def deep() -> Sequence[bytes]:
-    """JSON that is deep, and numbers that are long."""
+    """Return deep JSON and long numbers."""
     return [b"[" * 100_000, b'{"a":' * 100_000, b"[" + b"9" * 5000 + b"]", b"[1e999, -1e999, NaN]"]
 
 
 WIRE: Final = (
-    Target(
+    FuzzTarget(
         name="frame",
         samples=frames,
         run=lambda data, _: decode(data),
         allowed=(RemoteError,),
         weight=300,
     ),
-    Target(name="sample", samples=samples, run=sample, allowed=(), weight=150),
-    Target(
+    FuzzTarget(name="sample", samples=samples, run=sample, allowed=(), weight=150),
+    FuzzTarget(
         name="requests",
         samples=lambda: [packed(ARM, GOAL, SET, TAKE, TELEOP), packed(COUNT, ITEM, ARM, START)],
         run=requests,
         allowed=(),
     ),
-    Target(
+    FuzzTarget(
         name="senses",
         samples=lambda: [packed(*(SCAN, TICKS) * 8), packed(*(TICKS, SCAN, SET) * 5)],
         run=senses,
         allowed=(),
     ),
-    Target(name="download", samples=lambda: [packed(*[ITEM] * 4)], run=download, allowed=()),
-    Target(name="parameter_list", samples=parameters, run=parameter_list, bombs=deep),
-    Target(
+    FuzzTarget(name="download", samples=lambda: [packed(*[ITEM] * 4)], run=download, allowed=()),
+    FuzzTarget(name="parameter_list", samples=parameters, run=parameter_list, bombs=deep),
+    FuzzTarget(
         name="world_facts",
         samples=world_texts,
         run=lambda data, _: parse_world(data),

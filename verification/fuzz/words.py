@@ -1,4 +1,4 @@
-"""Words of the formats that files are written in, and files that take a parser very long."""
+"""Words of the file formats, and files that take a parser very long."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -25,8 +25,8 @@ JSON_WORDS: Final = (
 )
 
 
-def kept(name: str, read: Callable[[Path], object]) -> Callable[[bytes, Path], object]:
-    """The bytes as a file of this name, and what reads it."""
+def from_file(name: str, read: Callable[[Path], object]) -> Callable[[bytes, Path], object]:
+    """Return a function that writes the bytes to a file of this name and reads it."""
 
     def run(data: bytes, folder: Path) -> object:
         path = folder / name
@@ -37,7 +37,7 @@ def kept(name: str, read: Callable[[Path], object]) -> Callable[[bytes, Path], o
 
 
 def toml_bombs() -> Sequence[bytes]:
-    """Deep, dotted, long: a parser written in Python may take its time over each of them."""
+    """Return deep, dotted and long TOML, which may take a parser very long."""
     corners = b"[fence]\ncorners = [" + b"[0,0],[1,0],[1,1]," * 5_000 + b"]"
     return [
         b"a = " + b"[" * 100_000,
@@ -56,7 +56,7 @@ def toml_bombs() -> Sequence[bytes]:
 
 
 def json_bombs() -> Sequence[bytes]:
-    """Deep, and numbers that are long."""
+    """Return deep JSON and long numbers."""
     return [
         b"[" * 100_000,
         b'{"a":' * 100_000,

@@ -1,4 +1,4 @@
-"""Worlds, our own and other people's: TOML, JSON, and the maps of ROS, Moving AI and BARN."""
+"""Worlds in TOML and JSON, and the maps of ROS, Moving AI and BARN."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -12,8 +12,8 @@ from plant.imports.anyone import ImportOptions, import_worlds
 from plant.world.file import SHIPPED_DIR, load, loads
 from plant.world.to_json import as_json
 from plant.world.to_toml import dumps
-from verification.fuzz.target import Target
-from verification.fuzz.words import JSON_WORDS, TOML_WORDS, json_bombs, kept, toml_bombs
+from verification.fuzz.target import FuzzTarget
+from verification.fuzz.words import JSON_WORDS, TOML_WORDS, from_file, json_bombs, toml_bombs
 
 SMALL_BYTES: Final = 6000
 FEW_OBSTACLES: Final = 50
@@ -34,45 +34,49 @@ CYLINDERS: Final = b"x_m,y_m,radius\n1.5, 0.3, 0.075\n2.0 1.1\n# no more\n3.1;0.
 
 
 def shipped() -> Sequence[bytes]:
+    """Return some shipped worlds."""
     names = ("box", "moving", "u_trap", "paper_fig5", "corner")
     return [(SHIPPED_DIR / f"{name}.toml").read_bytes() for name in names]
 
 
 def as_texts() -> Sequence[bytes]:
+    """Return worlds as JSON."""
     return [json.dumps(as_json(load(name), None)).encode() for name in ("box", "moving", "door")]
 
 
 def read_world(path: Path) -> None:
-    """What can be read can be written, and is the same when it is read again."""
+    """Read a world and write it; a small one must read back as the same world."""
     found = load(path)
     text = dumps(found)
     if len(found.obstacles) < FEW_OBSTACLES and dumps(loads(text)) != text:
-        raise AssertionError("it reads back as another world")
+        raise AssertionError("the written world differs from the one that was read")
 
 
-def imported(path: Path) -> object:
-    """Of a large file only a part becomes a world."""
+def import_all(path: Path) -> object:
+    """Import the worlds of a file; only a part of a large file."""
     small = path.stat().st_size <= SMALL_BYTES
     return list(import_worlds(path, ImportOptions() if small else ImportOptions(window=20)))
 
 
 def beside(name: str, data: bytes) -> Callable[[Path], object]:
-    """An importer of a file that names another one, which is good."""
+    """Return an importer of a file that refers to another one, which is good."""
 
     def read(path: Path) -> object:
         (path.parent / name).write_bytes(data)
-        return imported(path)
+        return import_all(path)
 
     return read
 
 
 def picture(path: Path) -> object:
+    """Import a picture with the settings of a ROS map."""
     settings = path.with_name("map.yaml")
     settings.write_bytes(ROS_YAML)
-    return imported(settings)
+    return import_all(settings)
 
 
 def grids() -> Sequence[bytes]:
+    """Return good NumPy files."""
     found = []
     for made in (np.eye(12, dtype=np.uint8), np.zeros((8, 9)), np.asfortranarray(np.eye(7) > 0)):
         np.save(out := BytesIO(), made)
@@ -81,7 +85,7 @@ def grids() -> Sequence[bytes]:
 
 
 def map_bombs() -> Sequence[bytes]:
-    """They announce what is not there, or is too much."""
+    """Return maps that announce too much, or data that is missing."""
     huge = b"{'descr': '<f8', 'fortran_order': False, 'shape': (900000000, 9)}"
     return [
         b"type octile\nheight 4096\nwidth 4096\nmap\n" + b"." * 4096,
@@ -95,57 +99,57 @@ def map_bombs() -> Sequence[bytes]:
 
 
 WORLDS: Final = (
-    Target(
+    FuzzTarget(
         name="world",
         samples=shipped,
-        run=kept("world.toml", read_world),
+        run=from_file("world.toml", read_world),
         words=TOML_WORDS,
         bombs=toml_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="world_json",
         samples=as_texts,
-        run=kept("world.json", read_world),
+        run=from_file("world.json", read_world),
         words=JSON_WORDS,
         bombs=json_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="moving_ai",
         samples=lambda: [OCTILE],
-        run=kept("world.map", imported),
+        run=from_file("world.map", import_all),
         words=MAP_WORDS,
         bombs=map_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="scenarios",
         samples=lambda: [SCENARIO],
-        run=kept("world.scen", beside("world.map", OCTILE)),
+        run=from_file("world.scen", beside("world.map", OCTILE)),
         words=MAP_WORDS,
     ),
-    Target(
+    FuzzTarget(
         name="ros_map",
         samples=lambda: [ROS_YAML],
-        run=kept("map.yaml", beside("map.pgm", PGM)),
+        run=from_file("map.yaml", beside("map.pgm", PGM)),
         words=YAML_WORDS,
     ),
-    Target(
+    FuzzTarget(
         name="picture",
         samples=lambda: [PGM, PGM_AS_TEXT],
-        run=kept("map.pgm", picture),
+        run=from_file("map.pgm", picture),
         words=(b"P5 ", b"P2 ", b"#", b"\n", b" ", b"65535 "),
         bombs=map_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="barn_grid",
         samples=grids,
-        run=kept("grid.npy", imported),
+        run=from_file("grid.npy", import_all),
         words=(b"(", b")", b"'descr'", b"'<f8'", b"'|O'", b"True", b"\x93NUMPY"),
         bombs=map_bombs,
     ),
-    Target(
+    FuzzTarget(
         name="barn_list",
         samples=lambda: [CYLINDERS],
-        run=kept("list.csv", imported),
+        run=from_file("list.csv", import_all),
         bombs=map_bombs,
     ),
 )

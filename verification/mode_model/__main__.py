@@ -1,6 +1,6 @@
 """`python -m verification.mode_model`: explore, and print the figures and the counterexamples.
 
-With `--document` print the document of docs/evidence/state-diagram.md instead.
+With `--document`, print docs/evidence/state-diagram.md instead.
 """
 
 import sys
@@ -13,6 +13,7 @@ from verification.mode_model.explorer import Exploration, endless, explore
 
 
 def main(arguments: list[str]) -> int:
+    """Explore all parts, or print the document; return the exit code."""
     if arguments == ["--document"]:
         sys.stdout.write(document((part, explore(part.events)) for part in parts()))
         return 0
@@ -28,7 +29,7 @@ def main(arguments: list[str]) -> int:
 
 
 def report(found: Exploration) -> int:
-    """Print the shortest counterexample of each rule, and by which other events it is broken."""
+    """Print the shortest counterexample of each rule, and the other events that break the rule."""
     violations = sorted(found.violations.values(), key=lambda one: (one.rule, len(one.events)))
     for _, group in groupby(violations, key=lambda one: one.rule):
         first, *others = group

@@ -1,16 +1,14 @@
-"""What may happen to the robot, made from the tables of the code.
+"""The events of the model, made from the tables of the code.
 
-Requests come from `robot.commands.HANDLERS` and the services of the robot process, causes from
-`robot.core.safety.failsafe.ROWS`. `verification.mode_model.requests` says with which contents each
-is asked; a command or a kind of request without an entry there is an error.
+Requests come from `robot.commands.HANDLERS` and the services of the robot process, failsafe causes
+from `robot.core.safety.failsafe.ROWS`. `verification.mode_model.requests` lists the contents of
+each request; a command or kind of request without an entry there is an error.
 """
 
 from collections.abc import Callable, Container, Iterable, Iterator
 from typing import Final, NamedTuple
 
-from protocol.wire.enums import (
-    Command,
-)
+from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -38,8 +36,8 @@ from verification.mode_model.world import (
     FAR,
     HERE,
     STRANGER,
-    CoreFault,
-    World,
+    CoreFaultError,
+    ModelWorld,
     reason_of,
 )
 
@@ -47,25 +45,26 @@ LAPSE_NS: Final = 3_100_000_000
 PASS_NS: Final = 600_000_000
 
 
-class Outcome(NamedTuple):
-    """What an event led to: the reason in an answer, or the outputs of a tick."""
+class EventOutcome(NamedTuple):
+    """The result of an event: the reason in an answer, or the outputs of a tick."""
 
     reason: int | None = None
     outputs: Outputs | None = None
     failed: bool = False
 
 
-class Event(NamedTuple):
-    """`operator` is None for what no operator does; `enabled` says where the event can occur."""
+class ModelEvent(NamedTuple):
+    """An event; `operator` is None for events without one, `enabled` limits where it can occur."""
 
     name: str
-    act: Callable[[World], Outcome]
+    act: Callable[[ModelWorld], EventOutcome]
     operator: str | None = None
-    enabled: Callable[[World], bool] = lambda world: True
+    enabled: Callable[[ModelWorld], bool] = lambda world: True
     group: str = ""
 
     @property
     def is_request(self) -> bool:
+        """True for a request of an operator."""
         return self.group == "request"
 
     @property
@@ -76,11 +75,11 @@ class Event(NamedTuple):
         return f"{self.operator.partition('/')[0] or 'a stranger'}: {self.name}"
 
 
-class Part(NamedTuple):
-    """A part of what may happen, small enough to be explored as a whole."""
+class ModelPart(NamedTuple):
+    """A part of the model, small enough to be explored as a whole."""
 
     name: str
-    events: tuple[Event, ...]
+    events: tuple[ModelEvent, ...]
 
 
 MODES: Final = (
@@ -97,12 +96,13 @@ BASE: Final = (ARM, "disarm", "mode HOLD", "stop", "abort", CLEAR, "goto in AUTO
 LEASE: Final = (*REQUESTS[LeaseRequest], ARM, "mode MANUAL", "mode HOLD", "stop", CLEAR)
 
 
-def parts() -> tuple[Part, ...]:
-    """Return the parts of the model; what they have in common is explored in each."""
+def parts() -> tuple[ModelPart, ...]:
+    """Return the parts of the model; each includes the states that they share."""
     return (*parts_of_driving(), *parts_of_the_lease())
 
 
-def parts_of_driving() -> tuple[Part, ...]:
+def parts_of_driving() -> tuple[ModelPart, ...]:
+    """Return the parts about modes, missions, fence and settings."""
     missions = (*BASE, "mode AUTO", "mode GUIDED", "mode MANUAL", "pause", "continue")
     about_missions = [name for name in REQUESTS[CommandRequest] if "mission" in name]
     of_mission = (*about_missions, "jump to item 2", "jump to no item", "clear mission")
@@ -111,13 +111,13 @@ def parts_of_driving() -> tuple[Part, ...]:
         part(
             "modes",
             requests(ADA, {*MODES, "return", "goto in MANUAL", "goto too far", "command unknown"}),
-            stops_again(ADA),
+            stop_with_used_id(ADA),
             requests(STRANGER, STOPS),
             presence(ADA),
             steering(ADA),
             ticks(),
             ends_of_goals(),
-            causes(),
+            failsafe_causes(),
         ),
         part(
             "missions",
@@ -126,7 +126,7 @@ def parts_of_driving() -> tuple[Part, ...]:
             presence(ADA),
             ticks(),
             ends_of_goals(),
-            causes(reasons.BUMPER),
+            failsafe_causes(reasons.BUMPER),
         ),
         part(
             "fence and settings",
@@ -140,7 +140,8 @@ def parts_of_driving() -> tuple[Part, ...]:
     )
 
 
-def parts_of_the_lease() -> tuple[Part, ...]:
+def parts_of_the_lease() -> tuple[ModelPart, ...]:
+    """Return the parts about the lease."""
     return (
         part(
             "lease",
@@ -161,199 +162,217 @@ def parts_of_the_lease() -> tuple[Part, ...]:
     )
 
 
-def part(name: str, *events: Iterable[Event]) -> Part:
-    return Part(name, tuple(event for some in events for event in some))
+def part(name: str, *events: Iterable[ModelEvent]) -> ModelPart:
+    """Return a part with all these events."""
+    return ModelPart(name, tuple(event for some in events for event in some))
 
 
 def every_request() -> set[str]:
+    """Return the names of all requests."""
     return {name for requests in REQUESTS.values() for name in requests}
 
 
-def while_held(events: Iterable[Event]) -> Iterator[Event]:
-    """The same events, where somebody has the lease and another asks."""
+def while_held(events: Iterable[ModelEvent]) -> Iterator[ModelEvent]:
+    """Limit events to states in which another operator has the lease."""
     for event in events:
         yield event._replace(enabled=held_against(event.operator or ""))
 
 
-def held_against(operator: str) -> Callable[[World], bool]:
+def held_against(operator: str) -> Callable[[ModelWorld], bool]:
+    """Return a condition: the lease does not allow this operator."""
     return lambda world: not world.vehicle.lease.allows(operator)
 
 
-def requests(operator: str, wanted: Container[str]) -> Iterator[Event]:
+def requests(operator: str, wanted: Container[str]) -> Iterator[ModelEvent]:
+    """Yield the requests of an operator."""
     for kind in kinds_of_requests():
         for name, make in REQUESTS[kind].items():
             if name in wanted:
-                yield Event(name, asking(make, operator), operator, group="request")
+                yield ModelEvent(name, asking(make, operator), operator, group="request")
 
 
 def kinds_of_requests() -> list[type[Message]]:
-    """Return what the services of the robot process take; KeyError: one is not described here."""
+    """Return the requests of the robot's services; KeyError if one has no contents here."""
     kinds = [kind for service in SERVICES for kind in service.requests]
     known = dict.fromkeys([*kinds, *REQUESTS])
     return [kind for kind in known if REQUESTS[kind]]
 
 
-def asking(make: Callable[[int], Message], operator: str) -> Callable[[World], Outcome]:
-    def act(world: World) -> Outcome:
-        return Outcome(reason_of(world.request(make(world.next_id()), operator)))
+def asking(make: Callable[[int], Message], operator: str) -> Callable[[ModelWorld], EventOutcome]:
+    """Return an event that sends a request."""
+
+    def act(world: ModelWorld) -> EventOutcome:
+        return EventOutcome(reason_of(world.request(make(world.next_id()), operator)))
 
     return act
 
 
-def transfers(operator: str, names: Iterable[str]) -> Iterator[Event]:
+def transfers(operator: str, names: Iterable[str]) -> Iterator[ModelEvent]:
+    """Yield the transfers of an operator."""
     for name in names:
-        yield Event(name, sending(TRANSFERS[name], operator), operator, group="request")
+        yield ModelEvent(name, sending(TRANSFERS[name], operator), operator, group="request")
 
 
-def sending(items: tuple[MissionItemInt, ...], operator: str) -> Callable[[World], Outcome]:
-    def act(world: World) -> Outcome:
+def sending(
+    items: tuple[MissionItemInt, ...], operator: str
+) -> Callable[[ModelWorld], EventOutcome]:
+    """Return an event that sends a whole transfer."""
+
+    def act(world: ModelWorld) -> EventOutcome:
         kind = items[0].mission_type
         answer = world.request(MissionCount(count=len(items), mission_type=kind), operator)
         for item in items:
             answer = world.request(item, operator)
-        return Outcome(reason_of(answer))
+        return EventOutcome(reason_of(answer))
 
     return act
 
 
-def stops_again(operator: str) -> Iterator[Event]:
-    """A stop under the number of the newest request, which had another content."""
+def stop_with_used_id(operator: str) -> Iterator[ModelEvent]:
+    """Yield a stop with the id of the newest request, which had another content."""
 
-    def act(world: World) -> Outcome:
+    def act(world: ModelWorld) -> EventOutcome:
         stop = command(Command.DO_FLIGHTTERMINATION)(world.newest_id)
-        return Outcome(reason_of(world.request(stop, operator)))
+        return EventOutcome(reason_of(world.request(stop, operator)))
 
-    yield Event("stop with a used number", act, operator, group="request")
+    yield ModelEvent("stop with a used number", act, operator, group="request")
 
 
-def presence(operator: str) -> Iterator[Event]:
-    """An operator whose heartbeats begin or end, seen by the next tick."""
+def presence(operator: str) -> Iterator[ModelEvent]:
+    """Yield the begin and the end of an operator's heartbeats, seen by the next tick."""
 
-    def come(world: World) -> Outcome:
+    def come(world: ModelWorld) -> EventOutcome:
         world.present |= {operator}
-        return Outcome(outputs=world.tick())
+        return EventOutcome(outputs=world.tick())
 
-    def go(world: World) -> Outcome:
+    def go(world: ModelWorld) -> EventOutcome:
         world.leave(operator)
-        return Outcome(outputs=world.tick())
+        return EventOutcome(outputs=world.tick())
 
-    yield Event("arrives", come, operator, lambda world: operator not in world.present, "tick")
-    yield Event("leaves", go, operator, lambda world: operator in world.present, "tick")
+    yield ModelEvent("arrives", come, operator, lambda world: operator not in world.present, "tick")
+    yield ModelEvent("leaves", go, operator, lambda world: operator in world.present, "tick")
 
 
-def steering(operator: str, *, at_once: bool = True) -> Iterator[Event]:
-    """A teleop frame; `at_once`: it is read before anything else happens."""
+def steering(operator: str, *, at_once: bool = True) -> Iterator[ModelEvent]:
+    """Yield a teleop frame; with `at_once` a tick reads it before anything else happens."""
 
-    def steer(world: World) -> Outcome:
+    def steer(world: ModelWorld) -> EventOutcome:
         world.steer(operator)
-        return Outcome(outputs=world.tick() if at_once else None)
+        return EventOutcome(outputs=world.tick() if at_once else None)
 
-    yield Event("steers", steer, operator, group="tick" if at_once else "")
-
-
-def ticks() -> Iterator[Event]:
-    """Ticks after one period, after teleop and holds have run out, and after a lease has lapsed."""
-    yield Event("tick", ticking(0), group="tick")
-    yield Event("0.6 s later: tick", ticking(PASS_NS), group="tick")
-    yield Event("3.1 s later: tick", ticking(LAPSE_NS), group="tick")
+    yield ModelEvent("steers", steer, operator, group="tick" if at_once else "")
 
 
-def ticking(after_ns: int) -> Callable[[World], Outcome]:
-    def act(world: World) -> Outcome:
+def ticks() -> Iterator[ModelEvent]:
+    """Yield ticks after a period, after teleop and holds expired, and after the lease expired."""
+    yield ModelEvent("tick", ticking(0), group="tick")
+    yield ModelEvent("0.6 s later: tick", ticking(PASS_NS), group="tick")
+    yield ModelEvent("3.1 s later: tick", ticking(LAPSE_NS), group="tick")
+
+
+def ticking(after_ns: int) -> Callable[[ModelWorld], EventOutcome]:
+    """Return an event that runs a tick after a time."""
+
+    def act(world: ModelWorld) -> EventOutcome:
         world.now_ns += after_ns
-        return Outcome(outputs=world.tick())
+        return EventOutcome(outputs=world.tick())
 
     return act
 
 
-def lost_fence() -> Iterator[Event]:
-    """The robot starts and cannot read the fence of before."""
+def lost_fence() -> Iterator[ModelEvent]:
+    """Yield a start of the robot with an unreadable fence."""
 
-    def lose(world: World) -> Outcome:
+    def lose(world: ModelWorld) -> EventOutcome:
         modes.lose_fence(world.vehicle.state.machine)
-        return Outcome()
+        return EventOutcome()
 
-    def begins(world: World) -> bool:
+    def begins(world: ModelWorld) -> bool:
         return world.ticks == 0
 
-    yield Event("fence cannot be read", lose, enabled=begins)
+    yield ModelEvent("fence cannot be read", lose, enabled=begins)
 
 
-def displacement() -> Iterator[Event]:
-    """The robot finds itself beyond any fence, and back inside."""
+def displacement() -> Iterator[ModelEvent]:
+    """Yield a displacement of the robot beyond any fence, and back."""
 
-    def found_at(place: Pose) -> Callable[[World], Outcome]:
-        def act(world: World) -> Outcome:
+    def found_at(place: Pose) -> Callable[[ModelWorld], EventOutcome]:
+        def act(world: ModelWorld) -> EventOutcome:
             world.here = place
-            return Outcome(outputs=world.tick())
+            return EventOutcome(outputs=world.tick())
 
         return act
 
-    yield Event(
+    yield ModelEvent(
         "is far away", found_at(FAR), enabled=lambda world: world.here == HERE, group="tick"
     )
-    yield Event("is back", found_at(HERE), enabled=lambda world: world.here == FAR, group="tick")
+    yield ModelEvent(
+        "is back", found_at(HERE), enabled=lambda world: world.here == FAR, group="tick"
+    )
 
 
-def ends_of_goals() -> Iterator[Event]:
-    """The two ends that the pursuit of a goal can come to."""
+def ends_of_goals() -> Iterator[ModelEvent]:
+    """Yield the two ends of the pursuit of a goal."""
 
-    def end(goal_state: int, reason: int) -> Callable[[World], Outcome]:
-        def act(world: World) -> Outcome:
+    def end(goal_state: int, reason: int) -> Callable[[ModelWorld], EventOutcome]:
+        def act(world: ModelWorld) -> EventOutcome:
             machine = world.vehicle.state.machine
             machines.end_goal(machine, goal_state, reason, world.now_ns // 1_000_000)
-            return Outcome()
+            return EventOutcome()
 
         return act
 
-    def pursued(world: World) -> bool:
+    def pursued(world: ModelWorld) -> bool:
         return machines.drives(world.vehicle.state.machine)
 
-    yield Event("goal reached", end(states.REACHED, reasons.OK), enabled=pursued, group="pursuit")
-    yield Event(
+    yield ModelEvent(
+        "goal reached", end(states.REACHED, reasons.OK), enabled=pursued, group="pursuit"
+    )
+    yield ModelEvent(
         "no way found", end(states.STUCK, reasons.UNREACHABLE), enabled=pursued, group="pursuit"
     )
 
 
-def causes(*only: int) -> Iterator[Event]:
-    """Ticks in which the trigger of a failsafe row fires, senses are missing, or the core fails.
+def failsafe_causes(*only: int) -> Iterator[ModelEvent]:
+    """Yield ticks in which a failsafe row triggers, senses are missing, or the core fails.
 
-    While the vehicle is not armed all rows do the same, so that one of them is enough there.
+    While the vehicle is not armed all rows have the same effect, so one of them is enough.
     """
 
-    def forced(reason: int) -> Callable[[World], Outcome]:
-        return lambda world: Outcome(outputs=world.tick(forced=reason))
+    def forced(reason: int) -> Callable[[ModelWorld], EventOutcome]:
+        return lambda world: EventOutcome(outputs=world.tick(forced=reason))
 
-    def armed(world: World) -> bool:
+    def armed(world: ModelWorld) -> bool:
         return world.vehicle.state.machine.vehicle == states.ACTIVE
 
-    def always(_: World) -> bool:
+    def always(_: ModelWorld) -> bool:
         return True
 
     for row in ROWS:
         if not only or row.reason in only:
             where = always if row.reason == reasons.BUMPER else armed
             name = f"tick with {name_of(row.reason)}"
-            yield Event(name, forced(row.reason), enabled=where, group="cause")
+            yield ModelEvent(name, forced(row.reason), enabled=where, group="cause")
     if only:
         return
     for name, missing in (("encoders", {"wheels": False}), ("sonars", {"scan": False})):
-        yield Event(f"tick without {name}", without(missing), group="cause")
+        yield ModelEvent(f"tick without {name}", without(missing), group="cause")
 
-    def fault(world: World) -> Outcome:
+    def fault(world: ModelWorld) -> EventOutcome:
         try:
             world.tick(fault=True)
-        except CoreFault:
-            return Outcome(failed=True)
-        raise AssertionError("the fault was swallowed")
+        except CoreFaultError:
+            return EventOutcome(failed=True)
+        raise AssertionError("the tick did not raise the fault of the core")
 
-    yield Event("tick that raises", fault, enabled=armed, group="cause")
+    yield ModelEvent("tick that raises", fault, enabled=armed, group="cause")
 
 
-def without(missing: dict[str, bool]) -> Callable[[World], Outcome]:
-    return lambda world: Outcome(outputs=world.tick(**missing))
+def without(missing: dict[str, bool]) -> Callable[[ModelWorld], EventOutcome]:
+    """Return an event that runs a tick with missing senses."""
+    return lambda world: EventOutcome(outputs=world.tick(**missing))
 
 
 def name_of(reason: int) -> str:
-    """The constant's name in `robot.core.reasons`."""
+    """Return the name of a constant in `robot.core.reasons`."""
     return next(name for name, value in vars(reasons).items() if value == reason)

@@ -4,24 +4,24 @@ from collections import defaultdict, deque
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from verification.mode_model.events import Event
-from verification.mode_model.facts import LIVING, Abstract, Facts, facts
-from verification.mode_model.invariants import INVARIANTS, Step, rule_of
+from verification.mode_model.events import ModelEvent
+from verification.mode_model.facts import LIVE, Abstract, StateFacts, facts
+from verification.mode_model.invariants import INVARIANTS, Transition, rule_of
 from verification.mode_model.memento import Memento, capture, restore
-from verification.mode_model.world import World, forcible
+from verification.mode_model.world import ModelWorld, forcible
 
 
 class Edge(NamedTuple):
-    """From one abstract state to another."""
+    """A transition from one abstract state to another."""
 
     before: Abstract
-    event: Event
+    event: ModelEvent
     after: Abstract
     accepted: bool
 
 
-class Violation(NamedTuple):
-    """An invariant that does not hold, with the shortest list of events that shows it."""
+class RuleViolation(NamedTuple):
+    """A violated rule, with the shortest list of events that leads to it."""
 
     rule: str
     events: tuple[str, ...]
@@ -46,15 +46,15 @@ class Exploration(NamedTuple):
 
     states: dict[Abstract, tuple[str, ...]]
     edges: list[Edge]
-    violations: dict[tuple[str, str], Violation]
+    violations: dict[tuple[str, str], RuleViolation]
 
 
-def explore(events: Sequence[Event], *, until: str = "") -> Exploration:
-    """Visit every abstract state that these events lead to from the start of a robot.
+def explore(events: Sequence[ModelEvent], *, until: str = "") -> Exploration:
+    """Visit every abstract state that these events can reach from the start of a robot.
 
-    With `until` end as soon as this rule is violated.
+    With `until`, end as soon as this rule is violated.
     """
-    world = World()
+    world = ModelWorld()
     found = Exploration({}, [], {})
     with forcible(world):
         first = facts(world)
@@ -67,21 +67,25 @@ def explore(events: Sequence[Event], *, until: str = "") -> Exploration:
 
 
 def successors(
-    world: World, events: Sequence[Event], found: Exploration, before: Facts, memento: Memento
-) -> Iterator[tuple[Facts, Memento]]:
-    """Let every event happen in one state, and yield the states that are new."""
+    world: ModelWorld,
+    events: Sequence[ModelEvent],
+    found: Exploration,
+    before: StateFacts,
+    memento: Memento,
+) -> Iterator[tuple[StateFacts, Memento]]:
+    """Apply every event in one state, and yield the states that are new."""
     restore(memento, perception=True)
     for event in events:
         if not event.enabled(world):
             continue
-        step = Step(before, event, event.act(world), facts(world))
+        step = Transition(before, event, event.act(world), facts(world))
         if record(found, step):
             yield step.after, capture(world)
         restore(memento, perception=not event.is_request)
 
 
-def record(found: Exploration, step: Step) -> bool:
-    """Keep a transition and judge it; return whether it led to a new state."""
+def record(found: Exploration, step: Transition) -> bool:
+    """Keep a transition and check it; return whether it led to a new state."""
     before, after = step.before.abstract, step.after.abstract
     found.edges.append(Edge(before, step.event, after, not step.refused))
     for invariant in INVARIANTS:
@@ -89,7 +93,7 @@ def record(found: Exploration, step: Step) -> bool:
             rule = rule_of(invariant)
             path = (*found.states[before], step.event.by)
             case = (rule, step.event.name)
-            found.violations.setdefault(case, Violation(rule, path, before, after))
+            found.violations.setdefault(case, RuleViolation(rule, path, before, after))
     if after in found.states:
         return False
     found.states[after] = (*found.states[before], step.event.by)
@@ -97,15 +101,15 @@ def record(found: Exploration, step: Step) -> bool:
 
 
 def endless(found: Exploration) -> list[Abstract]:
-    """Return the states with a living goal from which no end of it can be reached.
+    """Return the states with a live goal from which no end of it can be reached.
 
-    Failsafes and operators who leave are no way to an end.
+    Failsafes and operators that leave do not count as an end.
     """
     sources: dict[Abstract, list[Abstract]] = defaultdict(list)
     for edge in found.edges:
         if edge.event.group in ("request", "pursuit"):
             sources[edge.after].append(edge.before)
-    pending = [state for state in found.states if state.goal != LIVING]
+    pending = [state for state in found.states if state.goal != LIVE]
     ending = set(pending)
     while pending:
         for state in sources[pending.pop()]:

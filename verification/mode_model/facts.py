@@ -1,4 +1,4 @@
-"""What is looked at of a world: the abstract state that is hashed, and the details compared."""
+"""The observed state of a world: the abstract state that is hashed, and details to compare."""
 
 from typing import Any, Final, NamedTuple
 
@@ -7,18 +7,18 @@ from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.mission.mission import Mission
-from verification.mode_model.world import ADA, BOB, FAR, SPEED_MM_S, STRANGER, World
+from verification.mode_model.world import ADA, BOB, FAR, SPEED_MM_S, STRANGER, ModelWorld
 
 SENDERS: Final = {speed_mm_s: operator for operator, speed_mm_s in SPEED_MM_S.items()}
 OF_GOAL: Final = ("goal_state", "goal_reason")
 COMPARED: Final = tuple(name for name in Machine.__slots__ if name not in OF_GOAL)
-LIVING: Final = "LIVING"
+LIVE: Final = "LIVE"
 ENDED: Final = "ENDED"
-"""The goal states in which a robot is on its way make no difference here."""
+"""Goal states in which the robot drives are not distinguished."""
 
 
 class Abstract(NamedTuple):
-    """One state of the model. Worlds with the same abstract state are taken to be the same."""
+    """A state of the model; worlds with the same abstract state are considered equal."""
 
     vehicle: str
     mode: str
@@ -39,8 +39,8 @@ class Abstract(NamedTuple):
     unread: str
 
 
-class Facts(NamedTuple):
-    """An abstract state with what the invariants ask for besides."""
+class StateFacts(NamedTuple):
+    """An abstract state with details that the invariants need."""
 
     abstract: Abstract
     details: tuple[Any, ...]
@@ -52,8 +52,8 @@ class Facts(NamedTuple):
     allowed: tuple[str, ...]
 
 
-def abstract(world: World) -> Abstract:
-    """Return the abstract state; what the code does not read in a state has no part in it."""
+def abstract(world: ModelWorld) -> Abstract:
+    """Return the abstract state, without values that the code does not read in this state."""
     vehicle = world.vehicle
     machine, mission = vehicle.state.machine, vehicle.mission
     fence, holder = machine.fence, vehicle.lease.holder
@@ -80,9 +80,9 @@ def abstract(world: World) -> Abstract:
 
 
 def goal_of(machine: Machine, mission: Mission) -> str:
-    """How a goal ended is read by the mission alone, and while that is under way with it."""
+    """Return the state of the goal; its end matters only to a mission under way."""
     if machines.goal_is_active(machine):
-        return LIVING
+        return LIVE
     if not (mission.active and mission._under_way and machine.serial == mission._serial):
         return ""
     if machine.goal_state in (states.STUCK, states.ABORTED):
@@ -91,7 +91,7 @@ def goal_of(machine: Machine, mission: Mission) -> str:
 
 
 def leg_of(machine: Machine, mission: Mission) -> str:
-    """How far a mission is with its item; nothing of that is read once its goal was replaced."""
+    """Return the progress of a mission with its item; it ends when the goal was replaced."""
     if not mission.active:
         return ""
     if machine.serial != mission._serial:
@@ -101,10 +101,11 @@ def leg_of(machine: Machine, mission: Mission) -> str:
     return "on the way" if mission._left_ms is None else "there"
 
 
-def facts(world: World) -> Facts:
+def facts(world: ModelWorld) -> StateFacts:
+    """Return the abstract state and the details of a world."""
     vehicle = world.vehicle
     machine, mission = vehicle.state.machine, vehicle.mission
-    return Facts(
+    return StateFacts(
         abstract=abstract(world),
         details=(
             tuple([getattr(machine, name) for name in COMPARED]),
@@ -122,7 +123,7 @@ def facts(world: World) -> Facts:
     )
 
 
-def steering(world: World) -> str:
-    """The sender of the teleop frame in force, known by its speed."""
+def steering(world: ModelWorld) -> str:
+    """Return the sender of the teleop frame in force, identified by its speed."""
     teleop = world.vehicle.teleop.newest(world.now_ns)
     return STRANGER if teleop is None else SENDERS[teleop.speed_mm_s]

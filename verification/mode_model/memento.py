@@ -1,10 +1,10 @@
-"""Capture all that changes in a graph of objects, and put it back."""
+"""Capture the state of a graph of objects, and restore it."""
 
 from collections import OrderedDict, deque
 from typing import Any, Final, NamedTuple, TypeAlias
 
 Contents: TypeAlias = list[tuple[Any, Any]]
-"""Each object with what it held at the time of capture."""
+"""Each object with its content at the time of capture."""
 
 PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "verification.")
 """Modules whose classes hold state; instances of all other classes count as values."""
@@ -16,14 +16,14 @@ SEQUENCES: Final = (list, deque)
 
 
 class Memento(NamedTuple):
-    """`perception` is what only a control period changes, `control` all the rest."""
+    """Captured state; `perception` changes only in a control period, `control` also otherwise."""
 
     control: Contents
     perception: Contents
 
 
 class Shape(NamedTuple):
-    """How instances of a class are captured: by `slots`, or as a whole where there are none."""
+    """The way to capture instances of a class: by `slots`, or by fields if there are none."""
 
     slots: tuple[str, ...]
     perceives: bool
@@ -33,7 +33,7 @@ _shapes: dict[type, Shape | None] = {}
 
 
 def capture(root: object) -> Memento:
-    """Return the contents of `root` and of every object that can be reached from it."""
+    """Return the contents of `root` and of every object reachable from it."""
     memento = Memento([], [])
     seen: set[int] = set()
     pending: list[tuple[Any, bool]] = [(root, False)]
@@ -59,7 +59,7 @@ def capture(root: object) -> Memento:
 
 
 def contents_of(one: Any, shape: Shape | None) -> tuple[Any, Any]:
-    """Return what has to be put back, and the objects in it."""
+    """Return the content of an object, and the objects in it."""
     if shape is None:
         contents = one.copy()
         return contents, contents.values() if type(one) in MAPPINGS else contents
@@ -71,13 +71,14 @@ def contents_of(one: Any, shape: Shape | None) -> tuple[Any, Any]:
 
 
 def restore(memento: Memento, *, perception: bool) -> None:
-    """Put back what `capture` found; objects made since then are no longer reachable."""
+    """Restore captured contents; objects created since then become unreachable."""
     put_back(memento.control)
     if perception:
         put_back(memento.perception)
 
 
 def put_back(contents: Contents) -> None:
+    """Restore the contents of some objects."""
     for one, was in contents:
         kind: Any = type(one)
         if kind in SEQUENCES:
@@ -94,13 +95,14 @@ def put_back(contents: Contents) -> None:
 
 
 def shape_of(kind: type) -> Shape | None:
-    """Return how a class is captured; None where instances are values."""
+    """Return how a class is captured; None if its instances are values."""
     if kind not in _shapes:
         _shapes[kind] = new_shape_of(kind)
     return _shapes[kind]
 
 
 def new_shape_of(kind: type) -> Shape | None:
+    """Determine how a class is captured."""
     module = f"{kind.__module__}."
     if not module.startswith(PACKAGES) or issubclass(kind, int | float | str | type):
         return None

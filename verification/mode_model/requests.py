@@ -1,4 +1,4 @@
-"""The requests of operators with the contents that each is asked with."""
+"""The requests of operators, with the contents of each."""
 
 from collections.abc import Callable, Mapping
 from math import nan
@@ -13,6 +13,7 @@ from protocol.wire.enums import (
     Mode,
     Navigator,
 )
+from protocol.wire.goal import wire_goal
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
@@ -27,6 +28,7 @@ from protocol.wire.messages import (
     ParamSet,
 )
 from robot.commands import HANDLERS
+from verification.harness.bus_calls import command_request
 
 UNKNOWN: Final = 99
 VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingProxyType(
@@ -63,62 +65,47 @@ LOOKS: Final = frozenset({"read parameter", "list mission", "read mission item"}
 
 
 def command(number: int, param1: float = 0.0, param2: float = 0.0) -> Callable[[int], Message]:
-    return lambda request_id: CommandRequest(
-        request_id=request_id, command=number, param1=param1, param2=param2
-    )
+    """Return a factory of a command, by request id."""
+    return lambda request_id: command_request(request_id, number, param1, param2)
 
 
 def goal(x_mm: int, mode: int) -> Callable[[int], Message]:
-    return lambda request_id: GoalRequest(
-        request_id=request_id,
-        x_mm=x_mm,
-        y_mm=0,
-        heading_urad=0,
-        position_tolerance_mm=50,
-        heading_tolerance_urad=52_360,
-        heading_free=1,
-        mode=mode,
-    )
+    """Return a factory of a goal."""
+    place = wire_goal(x_mm / 1000, 0.0, None, 0.05, 0.05236)._asdict()
+    return lambda request_id: GoalRequest(request_id=request_id, mode=mode, **place)
 
 
 def lease(action: int) -> Callable[[int], Message]:
+    """Return a factory of a lease request."""
     return lambda request_id: LeaseRequest(request_id=request_id, action=action, name="")
 
 
 def parameter(name: str, value: float) -> Callable[[int], Message]:
+    """Return a factory of a parameter change."""
     return lambda _: ParamSet(param_id=name, param_value=value, param_type=9)
 
 
-MISSION: Final = (
-    MissionItemInt(
-        seq=0,
+def stop_at(seq: int, x_m: float, hold_s: float) -> MissionItemInt:
+    """Return a mission item that stops at a place for a time."""
+    return MissionItemInt(
+        seq=seq,
         frame=FRAME_LOCAL_FLU,
         command=Command.SIDESTEP_NAV_POSE,
-        param1=0.5,
+        param1=hold_s,
         param2=0.05,
         param3=5.0,
         param4=nan,
-        x=20_000,
+        x=round(x_m * 10_000),
         y=0,
         z=0.0,
-    ),
-    MissionItemInt(
-        seq=1,
-        frame=FRAME_LOCAL_FLU,
-        command=Command.SIDESTEP_NAV_POSE,
-        param1=0.0,
-        param2=0.05,
-        param3=5.0,
-        param4=nan,
-        x=30_000,
-        y=0,
-        z=0.0,
-    ),
-)
+    )
+
+
+MISSION: Final = (stop_at(0, 2.0, 0.5), stop_at(1, 3.0, 0.0))
 
 
 def circle(x_m: float, radius_m: float) -> tuple[MissionItemInt, ...]:
-    """A fence."""
+    """Return a round fence."""
     return (
         MissionItemInt(
             seq=0,
@@ -177,7 +164,7 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
         },
     }
 )
-"""The contents with which each kind of request is asked."""
+"""The contents of each kind of request."""
 TRANSFERS: Final[Mapping[str, tuple[MissionItemInt, ...]]] = MappingProxyType(
     {
         "upload mission": MISSION,

@@ -37,18 +37,18 @@ ADA: Final = "ada/1"
 BOB: Final = "bob/2"
 STRANGER: Final = ""
 SPEED_MM_S: Final = {ADA: 100, BOB: 200}
-"""How each operator steers, which tells the frames of one from those of the other."""
+"""The teleop speed of each operator, which identifies the sender of a frame."""
 
 HERE: Final = Pose(0.0, 0.0, 0.0)
 FAR: Final = Pose(50.0, 0.0, 0.0)
-"""Beyond every fence of the model, and of every goal."""
+"""Beyond every fence and every goal of the model."""
 
 START: Final = Pose(-2.0, 0.0, 0.0)
-"""Where the robot was before, so that there is a way back."""
+"""The earlier place of the robot, so that there is a path back."""
 
 PARAMS: Final = DEFAULTS._replace(
     accel_m_s2=10.0,  # any speed is reached, and any brake complete, within one tick
-    op_lost_ms=60,  # an operator who leaves is lost with the next tick but one
+    op_lost_ms=60,  # an operator that leaves is lost at the next tick but one
     stuck_ms=10**9,  # a robot that is kept in one place does not give up by itself
     progress_ms=10**9,
     navigator=states.BUG,
@@ -58,8 +58,8 @@ TICKS_PER_MRAD_S: Final = 1e-3 * PARAMS.wheel_radius_m * PARAMS.period_s / PARAM
 
 
 @contextmanager
-def forcible(world: "World") -> Iterator[None]:
-    """Let the failsafe rows also trigger when `world.forced` is their reason."""
+def forcible(world: "ModelWorld") -> Iterator[None]:
+    """Let failsafe rows also trigger when `world.forced` is their reason."""
 
     def forced(row: FailsafeRow) -> Trigger:
         def trigger(state: State, inputs: Inputs, params: Params) -> bool:
@@ -75,12 +75,12 @@ def forcible(world: "World") -> Iterator[None]:
         failsafe.TRIGGERS = triggers  # type: ignore[misc]
 
 
-class CoreFault(Exception):
-    """Raised inside a step, as a defect of the core would be."""
+class CoreFaultError(Exception):
+    """A defect of the core, raised inside a step."""
 
 
-class Boxes:
-    """As much of a bus as the senses need: mailboxes that frames are put into."""
+class MailboxBus:
+    """The part of a bus that the senses need: mailboxes for frames."""
 
     def __init__(self) -> None:
         self.boxes: dict[str, Mailbox[Any]] = {}
@@ -94,21 +94,23 @@ class Boxes:
         *,
         forward: bool = False,
     ) -> Mailbox[M]:
+        """Create the mailbox of a topic."""
         box = self.boxes[topic.path] = Mailbox(topic, notify, accept, forward=forward)
         return box
 
     def put(self, topic: Topic[Any], message: Message, now_ns: int, sender: str = "") -> None:
+        """Store a message in the mailbox of its topic."""
         frame = self._encoder.encode(message)
         sent_ns = now_ns if sender else None
         self.boxes[topic.path].store(Sample(ENCODING, frame, sender, sent_ns), now_ns)
 
 
-class World:
-    """The robot stays where it is: its encoders count as told, its pose is put back each tick."""
+class ModelWorld:
+    """A robot that stays in place: encoders follow the commands, the pose is reset each tick."""
 
     def __init__(self) -> None:
         self.vehicle = Vehicle(PARAMS, Store(None), START)
-        self.boxes = Boxes()
+        self.boxes = MailboxBus()
         accept = self.vehicle.lease.allows
         self.senses = Senses(cast(Bus, self.boxes), lockstep=False, accept=accept)
         self.now_ns = 1_000 * NS_PER_MS
@@ -119,18 +121,20 @@ class World:
         self.unread = STRANGER
         """The sender of a teleop frame that arrived since the last tick."""
         self.forced: int = reasons.OK
-        """The failsafe reason whose trigger is made to fire in this tick."""
+        """The failsafe reason whose trigger fires in this tick."""
         self.newest_id = 0
 
     def next_id(self) -> int:
+        """Return a new request id."""
         self.newest_id += 1
         return self.newest_id
 
     def request(self, message: Message, operator: str) -> Answer:
+        """Send a request and return its answer."""
         return self.vehicle.receive(message, self.now_ns, operator)
 
     def steer(self, operator: str) -> None:
-        """Let a teleop frame of an operator arrive; the next tick reads it."""
+        """Store a teleop frame of an operator; the next tick reads it."""
         teleop = Teleop(
             time_ns=self.now_ns,
             seq=self.ticks,
@@ -143,7 +147,7 @@ class World:
         self.boxes.put(TELEOP, teleop, self.now_ns, operator)
 
     def leave(self, operator: str) -> None:
-        """Stop the heartbeats of an operator, long enough ago to be lost in the next tick."""
+        """End the heartbeats of an operator, early enough to be lost in the next tick."""
         self.present -= {operator}
         self.now_ns += GONE_NS
 
@@ -155,7 +159,7 @@ class World:
         forced: int = reasons.OK,
         fault: bool = False,
     ) -> Outputs:
-        """Run one control period; with `fault` the core raises CoreFault under way."""
+        """Run one control period; with `fault` the core raises CoreFaultError during it."""
         self.now_ns += PERIOD_NS
         self.ticks += 1
         self._beat()
@@ -201,23 +205,23 @@ BEAT: Final = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_
 
 
 def clear_scan(now_ns: int, seq: int) -> SonarScan:
-    """All sonars have measured, and none has an echo."""
+    """Return a scan in which all sonars have measured and none has an echo."""
     return SonarScan(
         time_ns=now_ns, seq=seq, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=255, echo=0
     )
 
 
 def ignore(_stage: int) -> None:
-    """Take no times."""
+    """Measure no times."""
 
 
 def fail(_stage: int) -> None:
-    """Fail as a defect of the core would, at the end of the first stage."""
-    raise CoreFault
+    """Raise a core fault at the end of the first stage."""
+    raise CoreFaultError
 
 
 def reason_of(answer: Answer) -> int:
-    """The reason in an answer: 0 is accepted, as is any answer that brings what was asked for."""
+    """Return the reason in an answer; 0 for an accepted request, or for the requested data."""
     if isinstance(answer, CommandAck):
         return answer.result_param2
     return answer.reason if isinstance(answer, MissionVerdict) else reasons.OK

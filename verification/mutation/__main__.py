@@ -1,7 +1,7 @@
 """`python -m verification.mutation`: try all mutants, print the scores and the survivors.
 
-It ends with 1 if a mutant survives that is not listed as equivalent, or if the list is wrong, and
-with 2 if the tests fail without any mutant.
+The exit code is 1 if a mutant survives that is not listed as equivalent, or if the list is wrong.
+It is 2 if the tests fail without any mutant.
 """
 
 import argparse
@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from verification.mutation import equivalent
-from verification.mutation.forks import Verdict
+from verification.mutation.forks import MutantVerdict
 from verification.mutation.mutants import Identity, Mutant, mutants_of
 from verification.mutation.page import page
-from verification.mutation.runner import Broken, Target, verdicts
+from verification.mutation.runner import BrokenTestsError, MutationTarget, verdicts
 from verification.mutation.targets import TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -27,22 +27,25 @@ HEADER = ROW.format(
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m verification.mutation", description=__doc__)
     parser.add_argument(
-        "--module", action="append", default=[], metavar="PATH", help="only modules of this path"
+        "--module",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="module to mutate (all)",
     )
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes at a time")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="number of processes")
     parser.add_argument("--list", action="store_true", help="print the mutants and try none")
     parser.add_argument("--document", action="store_true", help="print docs/evidence/mutants.md")
     options = parser.parse_args(arguments)
     if options.document:
         print(page(TARGETS, equivalent.load()), end="")
         return 0
-    chosen = [
-        module for module in TARGETS if not options.module or named_by(module, options.module)
-    ]
+    chosen = [module for module in TARGETS if not options.module or matches(module, options.module)]
     if not chosen:
-        parser.error(f"no such module; there are {', '.join(TARGETS)}")
+        parser.error(f"no such module; choose from {', '.join(TARGETS)}")
     os.chdir(ROOT)
     if options.list:
         for module in chosen:
@@ -51,24 +54,25 @@ def main(arguments: Sequence[str]) -> int:
         return 0
     try:
         return report(chosen, options.jobs)
-    except Broken as broken:
+    except BrokenTestsError as broken:
         print(f"\n{broken}", file=sys.stderr)
         return 2
 
 
-def named_by(module: str, words: Sequence[str]) -> bool:
+def matches(module: str, words: Sequence[str]) -> bool:
+    """Return whether a module has one of these paths or names."""
     return any(word in (module, Path(module).stem) for word in words)
 
 
 def report(modules: Sequence[str], jobs: int) -> int:
-    """Try the mutants of some modules and print what came out; return the exit code."""
+    """Try the mutants of some modules and print the result; return the exit code."""
     entries = equivalent.load()
     listed = {identity for entry in entries for identity in entry.identities}
     alive: list[Mutant] = []
     print(HEADER, flush=True)
     for module in modules:
         began_s = time.monotonic()
-        target = Target(ROOT / module, ROOT, TARGETS[module])
+        target = MutationTarget(ROOT / module, ROOT, TARGETS[module])
         mutants = mutants_of(target.path, ROOT)
         found = verdicts(target, mutants, jobs)
         survivors = [one for one, how in zip(mutants, found, strict=True) if how is SURVIVED]
@@ -83,22 +87,22 @@ def report(modules: Sequence[str], jobs: int) -> int:
     return 1 if unexplained or mistakes else 0
 
 
-SURVIVED = Verdict.SURVIVED
+SURVIVED = MutantVerdict.SURVIVED
 
 
 def row(
     module: str,
-    found: Sequence[Verdict],
+    found: Sequence[MutantVerdict],
     survivors: Sequence[Mutant],
     listed: set[Identity],
     spent_s: float,
 ) -> str:
-    """Return the row of a module. The score leaves out the mutants that are listed."""
+    """Return the row of a module; the score leaves out the listed mutants."""
     count = Counter(found)
     explained = sum(one.identity in listed for one in survivors)
     left = len(survivors) - explained
     score = 1.0 - left / (len(found) - explained)
-    killed, late = count[Verdict.KILLED], count[Verdict.TIMEOUT]
+    killed, late = count[MutantVerdict.KILLED], count[MutantVerdict.TIMEOUT]
     figures = (len(found), killed, late, explained, left, f"{score:.1%}", f"{spent_s:.0f}")
     return ROW.format(module, *figures)
 

@@ -1,4 +1,4 @@
-"""The committed list of mutants that no test can notice, each with the reason."""
+"""The committed list of mutants that no test can detect, each with the reason."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable
@@ -12,10 +12,10 @@ from verification.mutation.mutants import Identity
 FILE: Final = Path(__file__).with_name("equivalent.toml")
 
 
-class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class EquivalentMutants(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Mutants of a function that are equivalent for the same reason.
 
-    `changes` are pairs of what was and what is there, as the report prints them.
+    `changes` are pairs of the old and the new code, as the report prints them.
     """
 
     module: str
@@ -25,27 +25,28 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def identities(self) -> list[Identity]:
+        """The mutants."""
         return [Identity(self.module, self.scope, was, now) for was, now in self.changes]
 
 
 class Entries(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The whole file."""
 
-    equivalent: tuple[Entry, ...] = ()
+    equivalent: tuple[EquivalentMutants, ...] = ()
 
 
-def load(file: Path = FILE) -> tuple[Entry, ...]:
-    """Read the list; raise msgspec.ValidationError where it is malformed."""
+def load(file: Path = FILE) -> tuple[EquivalentMutants, ...]:
+    """Read the list; raise msgspec.ValidationError if it is malformed."""
     return msgspec.toml.decode(file.read_bytes(), type=Entries).equivalent
 
 
 def mistakes(
-    entries: Iterable[Entry], modules: Collection[str], survivors: Iterable[Identity]
+    entries: Iterable[EquivalentMutants], modules: Collection[str], survivors: Iterable[Identity]
 ) -> list[str]:
-    """Return what is wrong with the entries of these modules.
+    """Return the errors in the entries of these modules.
 
-    An entry without a reason is wrong, so is one that appears twice, and one that names no mutant
-    that has survived: its code has changed, or a test kills the mutant.
+    An entry is wrong if it has no reason, appears twice, or names no mutant that survived: then its
+    code has changed, or a test kills the mutant.
     """
     alive = set(survivors)
     chosen = [entry for entry in entries if entry.module in modules]

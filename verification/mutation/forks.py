@@ -1,4 +1,4 @@
-"""Try things in processes of their own, with a limit of time and memory."""
+"""Run attempts in processes of their own, with limits of time and memory."""
 
 import os
 import resource
@@ -12,16 +12,16 @@ from typing import Final, NamedTuple
 
 FORK: Final = get_context("fork")
 EXTRA_CPU_S: Final = 5
-"""CPU seconds that a try may use beyond those of all tests; more is an endless loop."""
+"""CPU seconds that an attempt may use beyond those of all tests; more is an endless loop."""
 
 WALL_S: Final = 120.0
-"""A time in which at least one of the processes ends that run at a time, else all hang."""
+"""At least one of the running processes ends within this time, otherwise all hang."""
 
 EXTRA_MEMORY: Final = 1 << 30
 
 
-class Verdict(Enum):
-    """Whether a test noticed the mutant; one that ran out of time was noticed, too."""
+class MutantVerdict(Enum):
+    """The fate of a mutant; one that ran out of time counts as detected."""
 
     KILLED = "killed"
     TIMEOUT = "timeout"
@@ -29,19 +29,19 @@ class Verdict(Enum):
 
 
 PASSED, FAILED = 0, 17
-"""Exit codes of a try; Python itself ends with 1 when something else goes wrong."""
+"""Exit codes of an attempt; Python itself exits with 1 on other errors."""
 
 
-class Try(NamedTuple):
-    """`passes` returns whether the tests pass; on the unchanged code all of them take `cpu_s`."""
+class Attempt(NamedTuple):
+    """A run of tests: `passes` returns whether they pass; `cpu_s` is the time without a mutant."""
 
     passes: Callable[[], bool]
     cpu_s: float
 
 
-def in_parallel(tried: Sequence[Try], jobs: int) -> list[Verdict]:
-    """Return the verdict of each, so many processes at a time."""
-    found: dict[int, Verdict] = {}
+def in_parallel(tried: Sequence[Attempt], jobs: int) -> list[MutantVerdict]:
+    """Return the verdicts of attempts, `jobs` processes at a time."""
+    found: dict[int, MutantVerdict] = {}
     running: dict[int, ForkProcess] = {}
     for at, one in enumerate(tried):
         running[at] = FORK.Process(target=attempt, args=(one,))
@@ -53,8 +53,8 @@ def in_parallel(tried: Sequence[Try], jobs: int) -> list[Verdict]:
     return [found[at] for at in range(len(tried))]
 
 
-def reap(running: dict[int, ForkProcess], found: dict[int, Verdict]) -> None:
-    """Wait for processes to end; end those that hang."""
+def reap(running: dict[int, ForkProcess], found: dict[int, MutantVerdict]) -> None:
+    """Wait for processes to end; kill those that hang."""
     ended = wait([process.sentinel for process in running.values()], WALL_S)
     for at, process in list(running.items()):
         if process.sentinel in ended or not ended:
@@ -64,15 +64,15 @@ def reap(running: dict[int, ForkProcess], found: dict[int, Verdict]) -> None:
             del running[at]
 
 
-def verdict_of(exit_code: int | None) -> Verdict:
-    """Return the verdict on a try; a process that a signal has ended ran out of time."""
+def verdict_of(exit_code: int | None) -> MutantVerdict:
+    """Return the verdict of an exit code; a process that was killed ran out of time."""
     if exit_code is not None and exit_code < 0:
-        return Verdict.TIMEOUT
-    return {PASSED: Verdict.SURVIVED, FAILED: Verdict.KILLED}[exit_code or PASSED]
+        return MutantVerdict.TIMEOUT
+    return {PASSED: MutantVerdict.SURVIVED, FAILED: MutantVerdict.KILLED}[exit_code or PASSED]
 
 
-def attempt(one: Try) -> None:
-    """End the process with PASSED or FAILED, as the tests do."""
+def attempt(one: Attempt) -> None:
+    """Run an attempt and exit with PASSED or FAILED."""
     silence()
     limit_s = int(one.cpu_s) + EXTRA_CPU_S
     resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
@@ -86,7 +86,7 @@ def attempt(one: Try) -> None:
 
 
 def silence() -> None:
-    """Send what the tests print to nowhere."""
+    """Discard the output of the tests."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):
         os.dup2(nowhere, descriptor)

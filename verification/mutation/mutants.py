@@ -1,4 +1,4 @@
-"""All mutants of a module, in the order of its source, each known by text and not by line."""
+"""All mutants of a module, in the order of its source, identified by text and not by line."""
 
 import ast
 from collections.abc import Iterator
@@ -14,11 +14,11 @@ from verification.mutation import operators
 MAX_TEXT: Final = 100
 TYPE_CALLS: Final = ("NamedTuple", "TypeVar", "cast")
 UNUSED_FIELDS: Final = ("annotation", "returns", "decorator_list", "format_spec", "type_params")
-"""Parts of a node that do not act when the code runs."""
+"""Parts of a node that have no effect when the code runs."""
 
 
 class Identity(NamedTuple):
-    """A mutant by the text around it: the function or class, and what was and what is there."""
+    """A mutant, identified by its function or class and by the old and the new code."""
 
     module: str
     scope: str
@@ -29,10 +29,10 @@ class Identity(NamedTuple):
         return f"{self.module} {self.scope or '(module)'}:\n    - {self.was}\n    + {self.now}"
 
 
-class Place(NamedTuple):
-    """Where in the tree a node is: the field of its parent, and all nodes above, outermost first.
+class NodePlace(NamedTuple):
+    """The place of a node in the tree: a field of its parent, and all nodes above, outermost first.
 
-    `at` is its index in a list, None where the field holds the node itself.
+    `at` is the index in a list, or None if the field contains the node itself.
     """
 
     above: tuple[ast.AST, ...]
@@ -42,13 +42,14 @@ class Place(NamedTuple):
     function: str
 
     def get(self) -> ast.AST:
+        """Return the node in this place."""
         held = getattr(self.above[-1], self.field)
         node: ast.AST = held if self.at is None else held[self.at]
         return node
 
     @contextmanager
     def holding(self, node: ast.AST) -> Iterator[None]:
-        """Have another node in this place meanwhile."""
+        """Put another node in this place within the block."""
         was = self.get()
         self._put(node)
         try:
@@ -65,16 +66,17 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Mutant:
-    """`function` is the outermost function that changes; empty when the module's own code does."""
+    """A mutant; `function` is the outermost changed function, empty for module code."""
 
     identity: Identity
     line: int
-    place: Place
+    place: NodePlace
     replacement: ast.AST
     tree: ast.Module
 
     @property
     def function(self) -> str:
+        """The outermost changed function; empty for module code."""
         return self.place.function
 
     def compile(self, file: str) -> CodeType:
@@ -103,7 +105,8 @@ def mutants_of(path: Path, root: Path) -> list[Mutant]:
     return found
 
 
-def replacements(node: ast.AST, place: Place) -> Iterator[ast.AST]:
+def replacements(node: ast.AST, place: NodePlace) -> Iterator[ast.AST]:
+    """Yield the replacements of a node."""
     if isinstance(node, ast.expr):
         stored = isinstance(getattr(node, "ctx", None), ast.Store | ast.Del)
         if isinstance(place.above[-1], ast.comprehension) and place.field == "ifs":
@@ -114,8 +117,8 @@ def replacements(node: ast.AST, place: Place) -> Iterator[ast.AST]:
         yield from operators.statements(node)
 
 
-def places(tree: ast.Module) -> Iterator[Place]:
-    """Yield every place that acts when the code runs, in the order of the source."""
+def places(tree: ast.Module) -> Iterator[NodePlace]:
+    """Yield every place that has an effect when the code runs, in the order of the source."""
     pending = list(inside(tree, (), (), ""))[::-1]
     while pending:
         place = pending.pop()
@@ -131,8 +134,8 @@ def places(tree: ast.Module) -> Iterator[Place]:
 
 def inside(
     node: ast.AST, above: tuple[ast.AST, ...], scopes: tuple[str, ...], function: str
-) -> Iterator[Place]:
-    """Yield the places right below a node."""
+) -> Iterator[NodePlace]:
+    """Yield the places directly below a node."""
     is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     for field, held in ast.iter_fields(node):
         if field in UNUSED_FIELDS:
@@ -140,11 +143,11 @@ def inside(
         changes = function or (".".join(scopes) if is_function and field == "body" else "")
         for index, child in enumerate(held) if isinstance(held, list) else [(None, held)]:
             if isinstance(child, ast.AST):
-                yield Place((*above, node), field, index, scopes, changes)
+                yield NodePlace((*above, node), field, index, scopes, changes)
 
 
 def declares(node: ast.AST) -> bool:
-    """Return whether a node only names or types things: docstrings, slots, imports, type calls."""
+    """Return whether a node only declares: docstrings, slots, imports, types."""
     if isinstance(node, ast.Import | ast.ImportFrom | ast.expr_context):
         return True
     if isinstance(node, ast.Assign):
@@ -157,11 +160,12 @@ def declares(node: ast.AST) -> bool:
 
 
 def is_docstring(node: ast.AST) -> bool:
+    """Return whether a statement is a constant."""
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
-def largest_piece(node: ast.AST, place: Place) -> ast.AST | None:
-    """Return the largest part of the code around a node that fits in a line; None: the node."""
+def largest_piece(node: ast.AST, place: NodePlace) -> ast.AST | None:
+    """Return the largest code around a node that fits in a line; None for the node itself."""
     piece = None
     if isinstance(node, ast.stmt):
         return None

@@ -1,4 +1,4 @@
-"""The small changes: which nodes of a syntax tree are replaced by what."""
+"""The mutation operators: the replacements of each kind of syntax node."""
 
 import ast
 from collections.abc import Iterator, Mapping
@@ -23,7 +23,7 @@ COMPARISONS: Final[Mapping[type[ast.cmpop], tuple[type[ast.cmpop], ...]]] = Mapp
         ast.NotIn: (ast.In,),
     }
 )
-"""The neighbour at the boundary, and the negation."""
+"""The comparison with the other boundary, and the negation."""
 
 ARITHMETIC: Final[Mapping[type[ast.operator], type[ast.operator]]] = MappingProxyType(
     {
@@ -49,7 +49,7 @@ FLAGS: Final = (ast.Constant(True), ast.Constant(False))
 
 
 def expressions(node: ast.expr) -> Iterator[ast.expr]:
-    """Yield what an expression is replaced by."""
+    """Yield the replacements of an expression."""
     if isinstance(node, ast.Compare):
         yield from comparisons(node)
     elif isinstance(node, ast.BinOp):
@@ -70,6 +70,7 @@ def expressions(node: ast.expr) -> Iterator[ast.expr]:
 
 
 def comparisons(node: ast.Compare) -> Iterator[ast.expr]:
+    """Yield a comparison with each operator replaced."""
     for at, operator in enumerate(node.ops):
         for other in COMPARISONS[type(operator)]:
             operators = [*node.ops[:at], other(), *node.ops[at + 1 :]]
@@ -77,6 +78,7 @@ def comparisons(node: ast.Compare) -> Iterator[ast.expr]:
 
 
 def constants(value: object) -> Iterator[ast.expr]:
+    """Yield the replacements of a constant."""
     if isinstance(value, bool):
         yield ast.Constant(not value)
     elif isinstance(value, int):
@@ -90,9 +92,9 @@ def constants(value: object) -> Iterator[ast.expr]:
 
 
 def statements(node: ast.stmt) -> Iterator[ast.stmt]:
-    """Yield what a statement in the body of a function is replaced by."""
+    """Yield the replacements of a statement in a function."""
     if isinstance(node, DELETED):
-        if getattr(node, "value", True) is not None:  # a mere annotation has none
+        if getattr(node, "value", True) is not None:  # a bare annotation has no value
             yield ast.Pass()
     elif isinstance(node, ast.AugAssign):
         yield ast.Pass()
@@ -112,5 +114,5 @@ def statements(node: ast.stmt) -> Iterator[ast.stmt]:
 
 
 def is_nothing(node: ast.expr) -> bool:
-    """Return whether None in the place of this would say the same, where types allow one only."""
+    """Return whether None would have the same effect."""
     return isinstance(node, ast.Constant) and node.value in (None, False, "")

@@ -1,9 +1,9 @@
 """Run the tests of a module once for each mutant, each time in a process of its own.
 
 Tests are imported and collected once. A mutant inside a function is tried in a fork of that
-process, in which the function's code is replaced. A mutant of a module's own code (constants,
-tables, defaults) is in force while everything is imported: it is tried in a fork of a process that
-has imported nothing of the project.
+process, with the function's code replaced. A mutant of module code (constants, tables, defaults)
+must be in force during imports: it is tried in a fork of a process that has imported nothing of the
+project.
 """
 
 import gc
@@ -22,24 +22,24 @@ from typing import Any, Final, NamedTuple
 import pytest
 from hypothesis import Phase, settings
 
-from verification.mutation.forks import FORK, Try, Verdict, in_parallel, silence
+from verification.mutation.forks import FORK, Attempt, MutantVerdict, in_parallel, silence
 from verification.mutation.mutants import Mutant
 
 OPTIONS: Final = (
     *("-q", "-x", "-s", "--no-header", "--no-summary", "-p", "no:xdist", "-p", "no:cov"),
-    *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # Hypothesis is here already
+    *("-W", "ignore::pytest.PytestAssertRewriteWarning"),  # Hypothesis is already imported
 )
 
 
 class Tests(NamedTuple):
-    """What the unchanged code does: CPU time, and the tests that call each function."""
+    """The tests of the unchanged code: CPU time, and the tests that call each function."""
 
     cpu_s: float
     callers: dict[str, tuple[int, ...]]
 
 
-class Target(NamedTuple):
-    """A source file and the test files that are to notice its mutants."""
+class MutationTarget(NamedTuple):
+    """A source file, and the test files that must detect its mutants."""
 
     path: Path
     root: Path
@@ -47,23 +47,24 @@ class Target(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The module's name as it is imported."""
+        """The import name of the module."""
         return ".".join(self.path.relative_to(self.root).with_suffix("").parts)
 
     def run(self, *plugins: object) -> int:
+        """Run the tests and return pytest's exit code."""
         arguments = [str(self.root / test) for test in self.tests]
         return int(pytest.main([*OPTIONS, "--rootdir", str(self.root), *arguments], list(plugins)))
 
 
-class Broken(Exception):
-    """The tests fail without any mutant, or cannot be collected."""
+class BrokenTestsError(Exception):
+    """The tests fail without a mutant, or cannot be collected."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: MutationTarget) -> None:
         tests = " ".join(target.tests)
         super().__init__(f"{target.name}: its tests fail without a mutant: pytest {tests}")
 
 
-def verdicts(target: Target, mutants: Sequence[Mutant], jobs: int) -> list[Verdict]:
+def verdicts(target: MutationTarget, mutants: Sequence[Mutant], jobs: int) -> list[MutantVerdict]:
     """Return the verdict on each mutant, in their order."""
     inner = [mutant for mutant in mutants if mutant.function]
     outer = [mutant for mutant in mutants if not mutant.function]
@@ -74,39 +75,39 @@ def verdicts(target: Target, mutants: Sequence[Mutant], jobs: int) -> list[Verdi
     try:
         tests, found = receiving.recv()
     except EOFError:
-        raise Broken(target) from None
+        raise BrokenTestsError(target) from None
     finally:
         process.join()
     by_mutant = dict(zip(map(id, inner), found, strict=True))
     file = str(target.path)
     codes = [unchanged(target), *(mutant.compile(file) for mutant in outer)]
-    tried = [Try(partial(import_changed, target, code), tests.cpu_s) for code in codes]
+    tried = [Attempt(partial(import_changed, target, code), tests.cpu_s) for code in codes]
     control, *found = in_parallel(tried, jobs)
-    if control is not Verdict.SURVIVED:
-        raise Broken(target)
+    if control is not MutantVerdict.SURVIVED:
+        raise BrokenTestsError(target)
     by_mutant.update(zip(map(id, outer), found, strict=True))
     return [by_mutant[id(mutant)] for mutant in mutants]
 
 
-def unchanged(target: Target) -> CodeType:
-    """Return the code of the module as it is, which must pass as a mutant would not."""
+def unchanged(target: MutationTarget) -> CodeType:
+    """Return the code of the unmodified module, which must pass."""
     source = target.path.read_text(encoding="utf-8")
     return compile(source, str(target.path), "exec", dont_inherit=True)
 
 
 def collect_and_try(
-    target: Target, mutants: Sequence[Mutant], jobs: int, sending: Connection
+    target: MutationTarget, mutants: Sequence[Mutant], jobs: int, sending: Connection
 ) -> None:
-    """Collect the tests, run them once and then for each mutant; send what came out."""
+    """Collect the tests, run them once and then for each mutant; send the results."""
     silence()
-    target.run(Loop(target, mutants, jobs, sending))
+    target.run(MutantLoop(target, mutants, jobs, sending))
 
 
-class Loop:
-    """A plugin of pytest that takes the place of its loop over the collected tests."""
+class MutantLoop:
+    """A pytest plugin that replaces the loop over the collected tests."""
 
     def __init__(
-        self, target: Target, mutants: Sequence[Mutant], jobs: int, sending: Connection
+        self, target: MutationTarget, mutants: Sequence[Mutant], jobs: int, sending: Connection
     ) -> None:
         self._target = target
         self._mutants = mutants
@@ -114,14 +115,15 @@ class Loop:
         self._sending = sending
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Run the tests of each mutant instead of all tests."""
         if session.testsfailed or not session.items:
             return True
         for item in session.items:
-            settle(item)
+            derandomize(item)
         tests = first_run(self._target, session)
         if tests is not None:
             tried = [
-                Try(partial(self._change, mutant, session, tests), tests.cpu_s)
+                Attempt(partial(self._change, mutant, session, tests), tests.cpu_s)
                 for mutant in self._mutants
             ]
             self._sending.send((tests, in_parallel(tried, self._jobs)))
@@ -140,7 +142,7 @@ def is_property(item: pytest.Item) -> bool:
     return hasattr(getattr(item, "function", None), CHOSEN)
 
 
-def settle(item: pytest.Item) -> None:
+def derandomize(item: pytest.Item) -> None:
     """Let a property draw the same examples each time, and stop at the first that fails."""
     test: Any = getattr(item, "function", None)
     chosen = getattr(test, CHOSEN, None)
@@ -150,17 +152,17 @@ def settle(item: pytest.Item) -> None:
         setattr(test, CHOSEN, settled)
 
 
-def first_run(target: Target, session: pytest.Session) -> Tests | None:
-    """Run all tests on the unchanged code in a process of its own; None when one fails.
+def first_run(target: MutationTarget, session: pytest.Session) -> Tests | None:
+    """Run all tests on the unchanged code in a process of its own; None if one fails.
 
-    Properties come last: most mutants do not live as long.
+    Properties run last, because other tests kill most mutants sooner.
     """
     receiving, sending = FORK.Pipe(duplex=False)
 
     def run() -> None:
         callers: dict[str, list[int]] = {}
         for at in sorted(range(len(session.items)), key=lambda at: is_property(session.items[at])):
-            with calls_of(str(target.path)) as called:
+            with CallRecorder(str(target.path)) as called:
                 passed = passes(session, (at,))
             if not passed:
                 return
@@ -182,8 +184,8 @@ def first_run(target: Target, session: pytest.Session) -> Tests | None:
     return tests
 
 
-class calls_of:
-    """Collect the names of a file's functions that are called in this block."""
+class CallRecorder:
+    """Records the names of a file's functions that are called in the block."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -203,7 +205,7 @@ class calls_of:
 
 
 def passes(session: pytest.Session, at: Sequence[int]) -> bool:
-    """Run some of the collected tests, until one fails."""
+    """Run some of the collected tests until one fails."""
     items = [session.items[index] for index in at]
     for item, following in zip(items, [*items[1:], None], strict=True):
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
@@ -213,7 +215,7 @@ def passes(session: pytest.Session, at: Sequence[int]) -> bool:
 
 
 def replace_code(file: str, mutant: Mutant) -> None:
-    """Give all functions that are inside the changed one, and itself, their changed code."""
+    """Replace the code of the changed function and of all functions inside it."""
     changed = {
         (code.co_qualname, code.co_firstlineno): code
         for code in codes_in(mutant.compile(file))
@@ -226,39 +228,43 @@ def replace_code(file: str, mutant: Mutant) -> None:
 
 
 def codes_in(code: CodeType) -> Iterator[CodeType]:
+    """Yield a code object and those nested in it."""
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from codes_in(constant)
 
 
-def import_changed(target: Target, code: CodeType) -> bool:
-    """Run the tests with a module that is imported from this code; return whether they pass."""
-    sys.meta_path.insert(0, Changed(target, code))
-    return target.run(Settling()) == pytest.ExitCode.OK
+def import_changed(target: MutationTarget, code: CodeType) -> bool:
+    """Run the tests with a module imported from this code; return whether they pass."""
+    sys.meta_path.insert(0, ChangedModuleImporter(target, code))
+    return target.run(DerandomizePlugin()) == pytest.ExitCode.OK
 
 
-class Settling:
-    """A plugin of pytest that settles the properties."""
+class DerandomizePlugin:
+    """A pytest plugin that derandomizes properties."""
 
     def pytest_runtestloop(self, session: pytest.Session) -> None:
+        """Derandomize all properties before the tests run."""
         for item in session.items:
-            settle(item)
+            derandomize(item)
 
 
-class Changed(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+class ChangedModuleImporter(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     """Imports one module from changed code."""
 
-    def __init__(self, target: Target, code: CodeType) -> None:
+    def __init__(self, target: MutationTarget, code: CodeType) -> None:
         self._target = target
         self._code = code
 
     def find_spec(
         self, fullname: str, path: object, target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
+        """Return the specification of the changed module; None for others."""
         if fullname != self._target.name:
             return None
         return importlib.util.spec_from_file_location(fullname, self._target.path, loader=self)
 
     def exec_module(self, module: ModuleType) -> None:
+        """Execute the changed code."""
         exec(self._code, vars(module))

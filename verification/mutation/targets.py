@@ -1,4 +1,4 @@
-"""Which modules are mutated, and the unit tests that must notice it."""
+"""The mutated modules, and the unit tests that must detect their mutants."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

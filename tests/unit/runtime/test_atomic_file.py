@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from runtime import atomic_file
-from verification.power_cut import Disk, content_of
+from verification.power_cut import ReorderingDisk, content_of
 
 HOME = Path("/state")
 FILE = HOME / "fence.json"
@@ -56,7 +56,7 @@ def contents_of(disk: Any, path: Path = FILE) -> list[str]:
 def test_every_power_cut_leaves_the_old_content_or_the_new(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    disk = Disk()
+    disk = ReorderingDisk()
     monkeypatch.setattr(atomic_file, "os", disk)
     assert contents_of(disk) == []
     assert len(disk.cuts) > 30
@@ -64,24 +64,24 @@ def test_every_power_cut_leaves_the_old_content_or_the_new(
 
 
 def test_a_folder_that_was_made_survives_with_its_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    disk = Disk()
+    disk = ReorderingDisk()
     monkeypatch.setattr(atomic_file, "os", disk)
     assert contents_of(disk, HOME / "of" / "r1" / "fence.json") == []
 
 
-class WithoutFileSync(Disk):
+class WithoutFileSync(ReorderingDisk):
     def fsync(self, handle: int) -> None:
         if self.isdir_open(handle):
             super().fsync(handle)
 
 
-class WithoutFolderSync(Disk):
+class WithoutFolderSync(ReorderingDisk):
     def fsync(self, handle: int) -> None:
         if not self.isdir_open(handle):
             super().fsync(handle)
 
 
-class WithoutRename(Disk):
+class WithoutRename(ReorderingDisk):
     """Imitates a program that writes a file in place."""
 
     def replace(self, old: Path, new: Path) -> None:
@@ -95,7 +95,7 @@ class WithoutRename(Disk):
 
 @pytest.mark.parametrize("kind", [WithoutFileSync, WithoutFolderSync, WithoutRename])
 def test_a_missing_step_is_found_by_the_simulated_cut(
-    kind: type[Disk], monkeypatch: pytest.MonkeyPatch
+    kind: type[ReorderingDisk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     disk = kind()
     monkeypatch.setattr(atomic_file, "os", disk)

@@ -1,4 +1,4 @@
-"""What the robot has acknowledged survives a power cut, in whatever order the disk writes."""
+"""Acknowledged changes survive a power cut, in every order of disk writes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,15 +15,15 @@ from robot.storage.writer import Directory
 from runtime import atomic_file
 from tests.support.robot.mission.items import circle, line, upload
 from tests.support.robot.vehicles import Desk
-from verification.power_cut import Disk, State, restore
+from verification.power_cut import ReorderingDisk, State, restore
 
 HOME = Path("/state/of/r1")
 Held = tuple[float, str, str]
 """A parameter, the fence and the mission that a restart finds."""
 
 
-class Owner:
-    """Somebody who changes one thing after the other, and what must be there then."""
+class ChangingOperator:
+    """Changes one setting after the other, and keeps the state that must survive."""
 
     def __init__(self) -> None:
         self.desk = Desk(Store(HOME))
@@ -51,7 +51,7 @@ class Owner:
         self.held = value, fence, items if kind == MissionType.MISSION else mission
 
 
-STEPS: tuple[Callable[[Owner], None], ...] = (
+STEPS: tuple[Callable[[ChangingOperator], None], ...] = (
     lambda owner: owner.put(circle(0.0, 0.0, 3.0)),
     lambda owner: owner.set(0.45),
     lambda owner: owner.put(line(2)),
@@ -64,7 +64,7 @@ STEPS: tuple[Callable[[Owner], None], ...] = (
 
 
 def found(state: State, folder: Path) -> Held:
-    """What a robot that starts after this cut has."""
+    """Return the state of a robot that starts after this cut."""
     restore(state, folder)
     home = folder / str(HOME).removeprefix("/")
     kept = MissionStore(Directory(home))
@@ -74,9 +74,9 @@ def found(state: State, folder: Path) -> Held:
     return params.d_obs_m, text_of(fence), text_of(mission)
 
 
-def outcomes(disk: Disk, folder: Path) -> list[tuple[Held, Held, set[Held], set[Held]]]:
-    """For each step: what was held before and after it; what cuts during and after it leave."""
-    owner, told = Owner(), []
+def outcomes(disk: ReorderingDisk, folder: Path) -> list[tuple[Held, Held, set[Held], set[Held]]]:
+    """Return for each step the states before and after it, and those of cuts during and after."""
+    owner, results = ChangingOperator(), []
     known: dict[State, Held] = {}
 
     def all_found(states: frozenset[State]) -> set[Held]:
@@ -88,32 +88,30 @@ def outcomes(disk: Disk, folder: Path) -> list[tuple[Held, Held, set[Held], set[
         before, begun = owner.held, len(disk.cuts)
         step(owner)
         during = {one for states in disk.cuts[begun:] for one in all_found(states)}
-        told.append((before, owner.held, during, all_found(disk.cuts[-1])))
-    return told
+        results.append((before, owner.held, during, all_found(disk.cuts[-1])))
+    return results
 
 
-def test_every_cut_leaves_what_was_acknowledged(
+def test_every_cut_keeps_acknowledged_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    disk = Disk()
+    disk = ReorderingDisk()
     monkeypatch.setattr(atomic_file, "os", disk)
     for before, after, during, at_the_end in outcomes(disk, tmp_path):
         assert during == {before, after}
         assert at_the_end == {after}
 
 
-class NamesForgotten(Disk):
-    """As a robot that does not synchronise directories."""
+class UnsyncedDirectories(ReorderingDisk):
+    """A disk as of a robot that does not synchronise directories."""
 
     def fsync(self, handle: int) -> None:
         if not self.isdir_open(handle):
             super().fsync(handle)
 
 
-def test_a_directory_that_is_not_synchronised_is_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    disk = NamesForgotten()
+def test_unsynchronised_directory_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = UnsyncedDirectories()
     monkeypatch.setattr(atomic_file, "os", disk)
-    told = outcomes(disk, tmp_path)
-    assert any(at_the_end != {after} for _, after, _, at_the_end in told)
+    results = outcomes(disk, tmp_path)
+    assert any(at_the_end != {after} for _, after, _, at_the_end in results)

@@ -3,7 +3,7 @@
 import pytest
 
 from verification.faults_matrix import power_cuts
-from verification.power_cut import Disk
+from verification.power_cut import ReorderingDisk
 
 
 @pytest.mark.parametrize("number", range(4))
@@ -12,7 +12,7 @@ def test_acknowledged_changes_survive(number: int) -> None:
     assert (one.reached, one.trouble) == (True, "")
 
 
-class UnsyncedDirectories(Disk):
+class UnsyncedDirectories(ReorderingDisk):
     """A disk as of a robot that does not synchronise directories: a rename may be lost."""
 
     def fsync(self, handle: int) -> None:

@@ -1,4 +1,4 @@
-"""The model of modes, missions and lease finds no violation, and finds each planted defect."""
+"""The model of modes, missions and lease has no violation and finds each planted defect."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -19,22 +19,22 @@ from robot.parameters.service import ParameterService
 from robot.process import SERVICES
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
-from verification.mode_model.events import Part, causes, name_of, parts
+from verification.mode_model.events import ModelPart, failsafe_causes, name_of, parts
 from verification.mode_model.explorer import endless, explore
 from verification.mode_model.invariants import (
     INVARIANTS,
-    a_stop_stops,
     rule_of,
+    stop_takes_effect_at_once,
 )
 from verification.mode_model.requests import REQUESTS, VARIANTS
-from verification.mode_model.world import ADA, World
+from verification.mode_model.world import ADA, ModelWorld
 
 DOCUMENT = Path(__file__).parents[4] / "docs" / "evidence" / "state-diagram.md"
 PARTS = {part.name: part for part in parts()}
 
 
 @pytest.mark.parametrize("part", parts(), ids=lambda part: part.name)
-def test_every_state_obeys_the_rules_and_is_drawn(part: Part) -> None:
+def test_every_state_obeys_the_rules_and_is_drawn(part: ModelPart) -> None:
     found = explore(part.events)
     broken = [str(one) for one in found.violations.values()]
     assert broken == [], "\n".join(broken)
@@ -53,12 +53,12 @@ def test_document_names_every_rule_and_drawing() -> None:
 def test_events_cover_all_commands_requests_and_failsafes() -> None:
     assert VARIANTS.keys() == HANDLERS.keys()
     assert {kind for service in SERVICES for kind in service.requests} <= REQUESTS.keys()
-    names = {event.name for event in causes()}
+    names = {event.name for event in failsafe_causes()}
     assert {f"tick with {name_of(row.reason)}" for row in ROWS} <= names
 
 
-def test_requests_change_nothing_that_is_perceived() -> None:
-    world = World()
+def test_requests_change_no_perception() -> None:
+    world = ModelWorld()
     world.present = frozenset({ADA})
     for _ in range(3):
         world.tick()
@@ -75,8 +75,8 @@ def contents(captured: memento.Memento) -> list[object]:
     return [what for _, what in captured.perception]
 
 
-def test_memento_brings_back_a_world() -> None:
-    world = World()
+def test_memento_restores_a_world() -> None:
+    world = ModelWorld()
     world.tick()
     before = memento.capture(world)
     for event in PARTS["modes"].events:
@@ -89,7 +89,7 @@ def test_memento_brings_back_a_world() -> None:
     assert contents(after) == contents(before)
 
 
-# Each rule is shown to be able to fail: the code is broken, and the model must find it.
+# Each rule can fail: a defect is planted, and the model must find it.
 
 Patch = pytest.MonkeyPatch
 
@@ -204,24 +204,24 @@ def safety_group_is_empty(patch: Patch) -> None:
 
 
 DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
-    (trip_that_turns_wheels, "modes", "wheels_turn_only_with_consent"),
-    (operator_never_lost, "modes", "nobody_is_driven_without_an_operator"),
+    (trip_that_turns_wheels, "modes", "wheels_turn_only_on_command"),
+    (operator_never_lost, "modes", "operator_modes_need_an_operator"),
     (mission_takes_the_mode, "missions", "only_requests_change_the_mode"),
     (clear_arms, "modes", "only_arming_arms"),
-    (arm_without_fence, "fence and settings", "no_arming_without_the_fence"),
+    (arm_without_fence, "fence and settings", "lost_fence_prevents_arming"),
     (disarm_clears, "modes", "only_clear_ends_an_emergency_stop"),
-    (estop_only_when_armed, "modes", "a_stop_stops"),
-    (trip_without_effect, "modes", "a_cause_stops"),
-    (two_commanders, "lease", "one_commander"),
-    (strangers_command, "requests without the lease", "others_change_nothing"),
-    (refusal_with_effect, "modes", "a_refusal_changes_nothing"),
+    (estop_only_when_armed, "modes", "stop_takes_effect_at_once"),
+    (trip_without_effect, "modes", "failsafe_stops_at_once"),
+    (two_commanders, "lease", "only_the_holder_commands"),
+    (strangers_command, "requests without the lease", "other_operators_change_nothing"),
+    (refusal_with_effect, "modes", "refusal_changes_nothing"),
     (end_without_reason, "modes", "every_end_has_a_reason"),
-    (disarm_keeps_the_goal, "modes", "a_goal_ends_with_the_drive"),
-    (mission_ignores_the_vehicle, "missions", "a_mission_needs_an_armed_robot"),
+    (disarm_keeps_the_goal, "modes", "disarmed_robot_has_no_goal"),
+    (mission_ignores_the_vehicle, "missions", "disarmed_robot_has_no_mission"),
     (
         safety_group_is_empty,
         "fence and settings",
-        "safety_parameters_only_disarmed_and_tighter",
+        "safety_parameters_stay_safe",
     ),
 )
 
@@ -229,7 +229,7 @@ DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
 @pytest.mark.parametrize(
     ("defect", "part", "rule"), DEFECTS, ids=lambda value: getattr(value, "__name__", None)
 )
-def test_model_finds_a_defect_in_the_code(
+def test_model_finds_planted_defect(
     defect: Callable[[Patch], None], part: str, rule: str, monkeypatch: Patch
 ) -> None:
     defect(monkeypatch)
@@ -238,7 +238,7 @@ def test_model_finds_a_defect_in_the_code(
     assert wanted in {one.rule for one in found.violations.values()}
 
 
-def test_every_rule_has_a_defect_that_breaks_it() -> None:
+def test_every_rule_has_a_defect() -> None:
     assert [rule for *_, rule in DEFECTS] == [rule.__name__ for rule in INVARIANTS]
 
 
@@ -251,9 +251,9 @@ def test_model_finds_a_goal_without_an_end(monkeypatch: Patch) -> None:
     assert endless(explore(events)) != []
 
 
-def test_counterexample_is_the_shortest_list_of_events(monkeypatch: Patch) -> None:
+def test_counterexample_is_shortest(monkeypatch: Patch) -> None:
     estop_only_when_armed(monkeypatch)
-    found = explore(PARTS["modes"].events, until=rule_of(a_stop_stops))
+    found = explore(PARTS["modes"].events, until=rule_of(stop_takes_effect_at_once))
     first = min(found.violations.values(), key=lambda one: len(one.events))
     assert first.events == ("ada: stop",)
-    assert str(first).startswith("A stop of anybody leads to EMERGENCY_STOP")
+    assert str(first).startswith("Every stop, of any sender, leads to EMERGENCY_STOP")

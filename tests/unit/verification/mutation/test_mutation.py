@@ -1,4 +1,4 @@
-"""The mutation tests: what is changed, what counts as noticed, and the list of equivalents."""
+"""The mutation tests: the mutants, their verdicts, and the list of equivalent ones."""
 
 import subprocess
 import sys
@@ -8,8 +8,8 @@ from textwrap import dedent
 import pytest
 
 from verification.mutation import equivalent, forks
-from verification.mutation.equivalent import Entry, mistakes
-from verification.mutation.forks import Verdict
+from verification.mutation.equivalent import EquivalentMutants, mistakes
+from verification.mutation.forks import MutantVerdict
 from verification.mutation.mutants import Identity, mutants_of
 from verification.mutation.page import page
 from verification.mutation.targets import TARGETS
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[4]
 
 
 def changes(folder: Path, source: str) -> list[tuple[str, str]]:
-    """What was and what is there in each mutant of a module."""
+    """Return the old and the new code of each mutant of a module."""
     file = folder / "module.py"
     file.write_text(dedent(source), encoding="utf-8")
     return [(one.identity.was, one.identity.now) for one in mutants_of(file, folder)]
@@ -72,14 +72,14 @@ def test_expression_is_replaced_by_each_neighbour(tmp_path: Path, was: str, now:
         ("a: int", []),
     ],
 )
-def test_statement_of_a_function_is_deleted_or_decided(
+def test_statement_is_deleted_or_its_condition_fixed(
     tmp_path: Path, statement: str, now: list[str]
 ) -> None:
     found = changes(tmp_path, f"def f(a, b, c):\n    {statement}\n")
     assert sorted(new for was, new in found if was != "b") == now
 
 
-def test_text_without_effect_is_left_alone(tmp_path: Path) -> None:
+def test_text_without_effect_is_not_mutated(tmp_path: Path) -> None:
     source = '''
         """The docstring."""
         from other import LIMIT
@@ -96,7 +96,7 @@ def test_text_without_effect_is_left_alone(tmp_path: Path) -> None:
     assert changes(tmp_path, source) == []
 
 
-def test_mutant_is_known_by_its_text_wherever_it_is(tmp_path: Path) -> None:
+def test_mutant_is_identified_by_its_text(tmp_path: Path) -> None:
     function = "class C:\n    def f(self):\n        return self.a < 1\n"
     wanted = Identity("module.py", "C.f", "return self.a < 1", "return self.a <= 1")
     for source in (function, f"import os\n\n\n{function}"):
@@ -125,10 +125,10 @@ import sys
 from pathlib import Path
 from verification.mutation import forks
 from verification.mutation.mutants import mutants_of
-from verification.mutation.runner import Target, verdicts
+from verification.mutation.runner import MutationTarget, verdicts
 forks.EXTRA_CPU_S = 1
 root = Path.cwd()
-target = Target(root / "lamp.py", root, ("test_lamp.py",))
+target = MutationTarget(root / "lamp.py", root, ("test_lamp.py",))
 mutants = mutants_of(target.path, root)
 for mutant, verdict in zip(mutants, verdicts(target, mutants, 2)):
     print(verdict.value, mutant.identity.now, sep=": ")
@@ -146,7 +146,7 @@ def tried(folder: Path, lamp: str) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_mutant_dies_by_a_failing_test_or_by_an_endless_loop(tmp_path: Path) -> None:
+def test_failing_test_or_endless_loop_kills_mutant(tmp_path: Path) -> None:
     assert tried(tmp_path, LAMP).stdout.splitlines() == [
         "survived: LIMIT = 4",
         "killed: while False:",
@@ -160,15 +160,20 @@ def test_mutant_dies_by_a_failing_test_or_by_an_endless_loop(tmp_path: Path) -> 
     ]
 
 
-def test_nothing_is_tried_while_a_test_fails_anyway(tmp_path: Path) -> None:
+def test_failing_tests_without_mutant_are_an_error(tmp_path: Path) -> None:
     ended = tried(tmp_path, LAMP.replace("3", "9"))
     assert ended.returncode != 0
     assert "lamp: its tests fail without a mutant: pytest test_lamp.py" in ended.stderr
 
 
-def test_verdict_is_that_of_the_tests_alone() -> None:
+def test_verdict_follows_from_the_exit_code() -> None:
     codes = (forks.PASSED, forks.FAILED, -9, -24)
-    verdicts = (Verdict.SURVIVED, Verdict.KILLED, Verdict.TIMEOUT, Verdict.TIMEOUT)
+    verdicts = (
+        MutantVerdict.SURVIVED,
+        MutantVerdict.KILLED,
+        MutantVerdict.TIMEOUT,
+        MutantVerdict.TIMEOUT,
+    )
     assert tuple(forks.verdict_of(code) for code in codes) == verdicts
     with pytest.raises(KeyError):
         forks.verdict_of(1)
@@ -177,11 +182,11 @@ def test_verdict_is_that_of_the_tests_alone() -> None:
 HALF = Identity("a.py", "f", "x < 1", "x <= 1")
 
 
-def entry(why: str = "x is never 1") -> Entry:
-    return Entry(HALF.module, HALF.scope, ((HALF.was, HALF.now),), why)
+def entry(why: str = "x is never 1") -> EquivalentMutants:
+    return EquivalentMutants(HALF.module, HALF.scope, ((HALF.was, HALF.now),), why)
 
 
-def test_equivalent_mutant_that_survives_is_in_order() -> None:
+def test_surviving_equivalent_mutant_is_accepted() -> None:
     assert mistakes([entry()], ["a.py"], [HALF]) == []
 
 
@@ -194,7 +199,7 @@ def test_equivalent_mutant_that_survives_is_in_order() -> None:
     ],
 )
 def test_list_of_equivalents_is_checked(
-    entries: list[Entry], survivors: list[Identity], mistake: str
+    entries: list[EquivalentMutants], survivors: list[Identity], mistake: str
 ) -> None:
     (found,) = mistakes(entries, ["a.py"], survivors)
     assert found.startswith(mistake)
@@ -214,7 +219,9 @@ def test_targets_and_their_tests_exist() -> None:
 
 
 def test_page_lists_each_equivalent_mutant_with_its_reason() -> None:
-    entry = Entry("a.py", "f", (("x < y", "x <= y"), ("x < y", "x > y")), "they never meet")
+    entry = EquivalentMutants(
+        "a.py", "f", (("x < y", "x <= y"), ("x < y", "x > y")), "they never meet"
+    )
     lines = page(["a.py", "b.py"], [entry]).splitlines()
     begin = lines.index("## `a.py`")
     assert lines[begin:] == [
