@@ -195,7 +195,7 @@ class GroundApp(App[int]):
 
     def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
         """Let the operator choose one of a few; `done` gets the choice."""
-        from ground.app.screens.choice import ChoiceScreen  # seldom needed, so not at the start
+        from ground.app.screens.choice import ChoiceScreen  # rarely needed, so imported late
 
         def take(choice: str | None) -> None:
             if choice:
@@ -206,7 +206,7 @@ class GroundApp(App[int]):
 
     def open_replay(self, path: Path) -> None:
         """Show a recording. Raise UserError when it cannot be played."""
-        from ground.app.playback.player import Player  # recordings are not what one comes for
+        from ground.app.playback.player import Player  # rarely needed, so imported late
 
         self.player = Player(path, WallClock())
         self.switch_mode("replay")
@@ -238,7 +238,7 @@ class GroundApp(App[int]):
 
         return with_robust_input(super().get_driver_class())
 
-    # The round.
+    # The poll timer.
 
     def sample(self) -> None:
         """Poll all sources, and redraw when a frame is due."""

@@ -145,7 +145,7 @@ class RobotKeys:
 
     def help(self) -> None:
         """Show the active keys."""
-        from ground.app.screens.help import HelpScreen  # seldom needed, so not at the start
+        from ground.app.screens.help import HelpScreen  # rarely needed, so imported late
 
         self._app.push_screen(HelpScreen(self._app.keys_now()))
 

@@ -71,7 +71,7 @@ def read(descriptor: int) -> bytes:
             data += more
             if not select([descriptor], [], [], 0.0)[0]:
                 break
-    except OSError:  # the terminal is gone
+    except OSError:  # the terminal was closed
         pass
     return data
 
@@ -79,7 +79,7 @@ def read(descriptor: int) -> bytes:
 def with_robust_input(driver: type[Driver]) -> type[Driver]:
     """Replace Textual's driver of a terminal or a browser by ours."""
     if driver.__name__ == WEB:
-        from ground.app.input.browser_driver import BrowserDriver  # only where there is one
+        from ground.app.input.browser_driver import BrowserDriver  # only in a browser
 
         return BrowserDriver
     return TerminalDriver if driver is LinuxDriver else driver

@@ -16,8 +16,8 @@ _OPENS: Final = r"(?:\][0-9]|P[0-9!$+=>])"
 _STRING: Final = rf"{_OPENS}[^\x07\x1b]*"
 _KEY = re.compile(
     rf"{ESCAPE}(?:"
-    r"\[\[[^\x1b]"  # the console of Linux
-    r"|\[M[^\x1b]{3}"  # a mouse as of old
+    r"\[\[[^\x1b]"  # Linux console
+    r"|\[M[^\x1b]{3}"  # X10 mouse report
     r"|\[[0-9]+\$"  # rxvt
     rf"|{_CSI}[@-~]"
     r"|O[^\x1b]"

@@ -184,14 +184,14 @@ class DriveScreen(AppScreen):
     def ghost_runner(self) -> "GhostRunner":
         """The runner of ghosts, created when it is first needed."""
         if self._ghost_runner is None:
-            from ground.ghost.ghost_thread import GhostRunner  # with its recordings, and trials
+            from ground.ghost.ghost_thread import GhostRunner  # imports recordings and trials
 
             self._ghost_runner = GhostRunner(lambda: self.interface.station)
         return self._ghost_runner
 
     def choose_ghost(self) -> None:
         """Let the operator choose a navigator to simulate."""
-        from ground.ghost.ghost_thread import CHOICES  # seldom needed, so not at the start
+        from ground.ghost.ghost_thread import CHOICES  # rarely needed, so imported late
 
         self.interface.choose("navigator to simulate", list(CHOICES), self.try_ghost)
 

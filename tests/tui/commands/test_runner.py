@@ -12,6 +12,7 @@ from ground.client.operations import Goto, StopNow
 from ground.console import AppCommand, History, read
 from ground.console.app_commands import SetTheme
 from ground.map import MapTarget
+from ground.station.station import REPLAYED
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
@@ -130,7 +131,7 @@ def test_teleop_is_refused_in_a_replay() -> None:
     runner, station = command_runner()
     runner.steer(1.0, 1.0)
     assert not runner.begin_teleop()
-    assert "this is a replay" in log(station)
+    assert REPLAYED in log(station)
 
 
 def test_command_of_a_key_is_recalled_as_a_line() -> None:
