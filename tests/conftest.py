@@ -10,7 +10,7 @@ from hypothesis import settings
 
 @pytest.fixture(scope="session", autouse=True)
 def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """What the app keeps in the user's home (history, recordings) is kept elsewhere meanwhile."""
+    """Redirect what the app stores in the user's home (history, recordings)."""
     folder = tmp_path_factory.mktemp("state")
     before = os.environ.get("XDG_STATE_HOME")
     os.environ["XDG_STATE_HOME"] = str(folder)
@@ -22,7 +22,7 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
 
 
 def pytest_configure() -> None:
-    """How long an example takes says what else this machine does, and nothing of the code."""
+    """Set no deadline for an example: its duration depends on the load of the machine."""
     settings.register_profile("sidestep", deadline=None)
     settings.load_profile("sidestep")
 
@@ -74,5 +74,5 @@ def pytest_make_collect_report(
 
 
 def reason(skip: object) -> str:
-    """The words of pytest's (path, line, words)."""
+    """Return the reason from pytest's tuple (path, line, reason)."""
     return str(skip[2]) if isinstance(skip, tuple) else str(skip)

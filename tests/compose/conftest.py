@@ -10,7 +10,7 @@ from tests.support.compose.compose import BUILD_S, Compose, docker, project, why
 
 @pytest.fixture(scope="session")
 def image() -> Iterator[str]:
-    """The image of this tree, under a name that is gone afterwards; its layers stay cached."""
+    """Build the image of this tree; remove its name afterwards, and keep its layers cached."""
     why = why_no_docker()
     if why:
         pytest.skip(why)
@@ -22,7 +22,7 @@ def image() -> Iterator[str]:
 
 @pytest.fixture(scope="module")
 def stack(image: str) -> Iterator[Compose]:
-    """What `docker compose up` starts, healthy, for all tests of a file."""
+    """Start what `docker compose up` starts and wait until it is healthy, once per file."""
     with project(image) as compose:
         compose.up()
         yield compose

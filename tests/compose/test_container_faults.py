@@ -33,7 +33,7 @@ LOST = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
 
 @pytest.fixture
 def witness(stack: Compose) -> Iterator[Witness]:
-    """The robot is on its way, without an operator: nobody but the fault stops it."""
+    """Observe a robot that drives without an operator, so that only the fault stops it."""
     networks = stack.inspected("router")["NetworkSettings"]["Networks"]
     address = networks[stack.network()]["IPAddress"]
     with Witness(f"tcp/{address}:7447") as found:
@@ -62,7 +62,7 @@ def set_off(witness: Witness) -> None:
 
 
 def stood_in_time(witness: Witness) -> None:
-    """Counted from the last that was heard of the robot: when exactly docker acts is not known."""
+    """Count from the last message of the robot: when exactly docker acts is unknown."""
     until(witness.standing, what="standing")
     heard_ns = max(at_ns for status, at_ns in tuple(witness.statuses) if drives(status.vehicle))
     before_ns, still_ns = witness.stopped_at_ns(heard_ns)
@@ -74,7 +74,7 @@ def drives(vehicle: int) -> bool:
 
 
 def stays(witness: Witness, *reasons: Reason) -> None:
-    """What had failed is back: the robot stands on and says why; BOOT is one that began anew."""
+    """Require that the robot stays stopped and gives the reason after the failed part is back."""
     told, heard = len(witness.statuses), len(witness.truths)
     until(lambda: len(witness.statuses) > told + 20 and len(witness.truths) > heard + 20, 30.0)
     assert not drives(witness.status.vehicle)

@@ -1,4 +1,4 @@
-"""How fast containers begin and end, with which last words, and what comes back."""
+"""Start and stop times of containers, their last log lines, and restarts."""
 
 from time import monotonic
 from typing import Final
@@ -21,7 +21,7 @@ KILL_ALL: Final = ("sh", "-c", "kill -9 -1")
 
 
 def first_drive_s(compose: Compose, began_s: float) -> float:
-    """When the robot first drives; a busy machine may keep it from that for a while."""
+    """Return when the robot first drives; a busy machine may delay it."""
     said: list[str] = []
     while monotonic() - began_s < WANTED_S * PATIENCE:
         with compose.running("run", "--rm", "-T", "ground", "goto", "2.0", "2.0") as process:

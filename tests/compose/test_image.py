@@ -1,4 +1,4 @@
-"""The image: small, complete, compiled, and without anybody's secrets."""
+"""The image: small, complete, compiled, and without secrets."""
 
 import json
 import re
@@ -33,7 +33,7 @@ print(len(modules), *bare)
 
 
 def within(image: str, *words: str) -> Done:
-    """A program of the image, with no network and no rights."""
+    """Run a program of the image without network and privileges."""
     alone = ("--rm", "--read-only", "--network=none", "--cap-drop=ALL", "--entrypoint", words[0])
     return tried(
         ["docker", "run", *alone, image, *words[1:]], {"PATH": "/usr/local/bin:/usr/bin"}, 60

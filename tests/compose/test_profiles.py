@@ -16,7 +16,7 @@ TRIES: Final = 12
 
 @pytest.fixture(scope="module")
 def fleet(image: str) -> Iterator[Compose]:
-    """Two robots and a recorder for each."""
+    """Start two robots with a recorder each."""
     settings = {"ROBOTS": "2", "WORLD": "open"}
     with project(image, "record", settings=settings) as compose:
         compose.up()
@@ -24,7 +24,7 @@ def fleet(image: str) -> Iterator[Compose]:
 
 
 def pose_of(compose: Compose, robot: str) -> tuple[float, float]:
-    """Where a robot believes it is, in whole centimetres."""
+    """Return the estimated position of a robot, rounded to centimetres."""
     seen = compose.verb("watch", "--json", "--id", robot).object
     pose = seen["streams"]["tlm/odometry"]["message"]
     return round(pose["x_m"], 2), round(pose["y_m"], 2)
@@ -71,7 +71,7 @@ def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None
 
 @pytest.fixture(scope="module")
 def checkout(image: str) -> Iterator[Compose]:
-    """The image with the tree and the tools."""
+    """Build the image with the tree and the tools."""
     with project(image) as compose:
         compose.does("build", "tests", within_s=BUILD_S)
         yield compose

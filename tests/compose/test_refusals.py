@@ -1,4 +1,4 @@
-"""What a person may get wrong is said in words, and nothing goes on as if it were right."""
+"""Wrong settings are refused with a message in the log."""
 
 import socket
 from contextlib import closing

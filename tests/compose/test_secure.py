@@ -1,4 +1,4 @@
-"""Locked doors between containers: who has no key, or another's, gets nowhere."""
+"""Mutual TLS between containers: a client without a key, or with a wrong one, is refused."""
 
 from collections.abc import Iterator
 

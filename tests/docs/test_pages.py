@@ -20,7 +20,7 @@ def test_commands_that_another_file_runs_name_that_file(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_blocks_with_commands_are_of_the_language_console(page: Path) -> None:
-    """A block of another language would not be run."""
+    """Reject blocks of other languages: they would not be run."""
     fences = [
         line.strip() for line in page.read_text(encoding="utf-8").splitlines() if "```" in line
     ]

@@ -1,4 +1,4 @@
-"""A world file that cannot be: told by each command that takes one, before anything is started."""
+"""Each command that takes a world file rejects an invalid one before it starts anything."""
 
 import socket
 from pathlib import Path
@@ -14,7 +14,7 @@ from tests.support.stack.processes import Crew
 
 
 class Spoilt(NamedTuple):
-    """A text, and the words that must be told: line and key, reason, fix."""
+    """A text, and the words of its error message: line and key, reason, fix."""
 
     text: str
     words: tuple[str, ...]

@@ -34,7 +34,7 @@ MOMENTS = random.Random(3)
 
 @contextmanager
 def recorded(folder: Path) -> Iterator[tuple[Crew, Witness, Running]]:
-    """A robot under way and its recorder."""
+    """Start a robot that drives, and its recorder."""
     with Crew() as crew:
         crew.plant(waits=False)
         crew.robot()

@@ -22,7 +22,7 @@ pytestmark = [
 
 @contextmanager
 def served(crew: Crew) -> Iterator[tuple[Running, str]]:
-    """The ground station for browsers, and the address that it says."""
+    """Start the ground station for browsers; return it with the address that it prints."""
     port = free_endpoint().rpartition(":")[2]
     ground = crew.dialling("ground", "--web", port)
     ground.says("open http", 20.0)

@@ -37,7 +37,7 @@ radius_m = 2
 
 @contextmanager
 def scene() -> Iterator[tuple[Crew, Witness]]:
-    """A robot that stands by in a world, and somebody who watches it."""
+    """Start a robot in standby in a world, and an observer."""
     with Crew() as crew:
         crew.robot()
         crew.plant()
@@ -47,7 +47,7 @@ def scene() -> Iterator[tuple[Crew, Witness]]:
 
 
 def done(crew: Crew, *words: str, code: int = 0) -> str:
-    """What a verb says that has ended with this code."""
+    """Run a verb, require its exit code, and return its output."""
     ended, said = crew.run(*words)
     assert ended == code, said
     assert "Traceback" not in said

@@ -1,4 +1,4 @@
-"""A robot that fails or hangs by itself: the wheels stop, and everybody can tell why."""
+"""A robot that fails or hangs: the wheels stop, and the cause is reported."""
 
 import os
 import signal

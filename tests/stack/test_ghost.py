@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("ghost")]
 
 
 def told(crew: Crew, *words: str, code: int = 0) -> dict[str, Any]:
-    """The one object of a verb that does not dial."""
+    """Return the JSON object of a verb that does not connect."""
     running = crew.start(*words, "--json")
     assert running.ends(60.0) == code, running.said
     found: dict[str, Any] = json.loads(running.said.splitlines()[-1])
@@ -29,7 +29,7 @@ def told(crew: Crew, *words: str, code: int = 0) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run to its end, of a world in which things move."""
+    """Record a complete run in a world with moving obstacles."""
     folder = tmp_path_factory.mktemp("logs")
     words = ["--world", "moving", "--navigator", "vgm", "--noise", "none", "--speed", "4"]
     with Crew() as crew:
@@ -50,7 +50,7 @@ def test_the_ghost_of_the_same_navigator_drives_the_recorded_run_again(recording
 
 
 def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording: Path) -> None:
-    """The recording holds its world, so the map has walls, and a ghost knows where it drives."""
+    """Open the app on a recording; it contains its world, so the map has walls."""
     player = Player(recording, ManualClock())
     player.seek(4.0)
     ghost_runner = GhostRunner(lambda: player.station)

@@ -1,4 +1,4 @@
-"""What the app costs beside a real robot. CPU and bytes are asserted with room, times are not."""
+"""Cost of the app beside a real robot. CPU and bytes are asserted with a margin, times are not."""
 
 import argparse
 

@@ -1,4 +1,4 @@
-"""Processes killed while the robot drives, in wall time: it stops, in time, and it is told why.
+"""Processes killed while the robot drives in wall time: it stops in time and gives the cause.
 
 Times on the plant's clock have the resolution of the truth, one period of 50 ms; which of them was
 the last before a kill is only known by its arrival.
@@ -32,7 +32,7 @@ GOAL = ("5.4", "2")
 
 @dataclass
 class Stage:
-    """A stack whose robot is on its way, and who looks at it."""
+    """A stack whose robot drives, and an observer."""
 
     crew: Crew
     robot: Running
@@ -69,20 +69,20 @@ def driving(*, router: bool) -> Iterator[Stage]:
 
 @pytest.fixture
 def stage() -> Iterator[Stage]:
-    """The robot is the hub."""
+    """Start a stack whose robot is the hub."""
     with driving(router=False) as found:
         yield found
 
 
 @pytest.fixture
 def routed() -> Iterator[Stage]:
-    """With a router, so that the truth is seen without the robot."""
+    """Start a stack with a router, so that the truth arrives without the robot."""
     with driving(router=True) as found:
         yield found
 
 
 def kill(victim: Running, number: signal.Signals = signal.SIGKILL) -> int:
-    """The moment of the kill."""
+    """Send the signal; return the time in ns."""
     victim.send(number)
     return time.monotonic_ns()
 

@@ -1,4 +1,4 @@
-"""Real processes behind locked doors: they drive, and say in their log whom they keep out."""
+"""Real processes with mutual TLS: they drive, and log which clients they refuse."""
 
 import subprocess
 import sys
@@ -44,7 +44,7 @@ class Locked(Crew):
         return super().start(*words, "--config", str(self._keys / f"{role}.toml"))
 
     def verb(self, role: str, *words: str) -> tuple[int, str]:
-        """A verb to its end, as the holder of that role's certificate."""
+        """Run a verb to its end with the certificate of a role."""
         running = self.start(*words, "--connect", self.endpoint, role=role)
         return running.ends(3 * PATIENCE_S), running.said
 
@@ -89,7 +89,7 @@ def test_a_stack_behind_locks_drives_and_only_the_ground_station_commands_it(
 
 
 def test_another_operator_cannot_command_under_the_lease_of_its_holder(keys: Path) -> None:
-    """The lease is a lock: bob knows the identity of ada, and his certificate does not have it."""
+    """Refuse a lease holder's name from a client whose certificate has another name."""
     with Locked(keys) as crew:
         robot = crew.robot()
         crew.plant()
@@ -155,7 +155,7 @@ def reason_of(answer: Message | bytes) -> int:
 
 @contextmanager
 def unruly(network: Network) -> Iterator[zenoh.Session]:
-    """A session that keeps to no rules of its own."""
+    """Open a bare session that applies no rules itself."""
     config = configured(network, PATIENCE_S)
     config.insert_json5("access_control", '{"enabled": false}')
     with zenoh.open(config) as session:
@@ -197,12 +197,12 @@ def test_refused_connection_is_explained_on_both_sides(tmp_path: Path) -> None:
             with pytest.raises(NotLetIn, match=told_there):
                 open_bus(dialling(crew.endpoint, tls), Role.GROUND, "r1")
             router.says(told_here, PATIENCE_S)
-        router.says("it shows no certificate", PATIENCE_S)  # the knock of who has none
+        router.says("it shows no certificate", PATIENCE_S)  # an attempt without a certificate
         assert "connection refused: unknown process at 127.0.0.1: " in router.said
 
 
 def test_a_robots_key_where_the_router_is_dialled_gets_no_robot_and_no_health(keys: Path) -> None:
-    """Both sides of it are real processes: the robot says why it does not start."""
+    """Real processes on both sides: the robot logs why it does not start."""
     with Locked(keys) as crew:
         crew.start("router", "--listen", crew.endpoint, role="robot-r2").says("router at")
         robot = crew.dialling("robot", "--start", "0.6", "2", "0")
@@ -215,7 +215,7 @@ def test_a_robots_key_where_the_router_is_dialled_gets_no_robot_and_no_health(ke
 
 
 def test_up_runs_behind_locks(keys: Path) -> None:
-    """All its processes, the recorder too, in simulated time."""
+    """All processes run in simulated time, the recorder included."""
     with Crew() as crew:
         record = str(keys.parent / "record")
         words = ("--headless", "--world", "open", "--speed", "max", "--locks", str(keys))

@@ -21,7 +21,7 @@ START_US = 1_763_700_000_000_000
 
 @pytest.fixture
 def borrowed(tmp_path: Path) -> Path:
-    """A copy of pymavlink that may be written to, with our dialect beside its own."""
+    """Copy pymavlink to a writable folder and add our dialect."""
     package = tmp_path / "pymavlink"
     package.mkdir()
     for path in (*INSTALLED.glob("*.py"), *INSTALLED.glob("*.so")):

@@ -54,7 +54,7 @@ def stranger(endpoint: str) -> Iterator[Any]:
 
 
 def babble(session: Any, noises: Sequence[bytes] = NOISE) -> int:
-    """Every noise in every encoding on every topic; how many there were."""
+    """Publish every noise in every encoding on every topic; return the number of messages."""
     for topic in OTHER_TOPICS:
         for noise in noises:
             for kind in KINDS:
@@ -63,7 +63,7 @@ def babble(session: Any, noises: Sequence[bytes] = NOISE) -> int:
 
 
 def pester(session: Any) -> None:
-    """Send every noise to every service until it is answered.
+    """Send each noise to each service until it replies.
 
     A client that sends megabytes faster than its peer reads closes its own link (wait_before_close,
     protocol/bus/congestion.py); until it is connected again its questions reach nobody.
@@ -113,7 +113,7 @@ def test_the_doctor_counts_it_by_topic() -> None:
 
 
 def all_counted(crew: Crew, session: Any) -> bool:
-    """Whether the doctor names every topic; one round of noise may take longer than it listens."""
+    """Return whether the doctor names every topic while noise arrives."""
     doctor = crew.dialling("doctor", "--timeout", "1.0")
     while doctor.process.poll() is None:
         babble(session, NOISE[:-1])

@@ -1,4 +1,4 @@
-"""What a browser's paste may hold ends nothing: the app is spoken to as its web server does."""
+"""No text pasted in a browser ends the app; the test uses the protocol of its web server."""
 
 import os
 import subprocess

@@ -33,7 +33,7 @@ LOST_AT_MOST_S: Final = 1.0
 
 
 class TopicEncoder:
-    """Says a number fifty times a second, and remembers when it said which."""
+    """Publishes a number fifty times a second and stores the time of each."""
 
     def __init__(self, network: Network) -> None:
         self.said_s: list[float] = []
@@ -73,7 +73,7 @@ def logs_in(folder: Path) -> tuple[Path, Path]:
 
 @contextmanager
 def stage() -> Iterator[tuple[Crew, TopicEncoder]]:
-    """Nobody but who speaks; recorders dial it."""
+    """Start only a publisher, to which recorders connect."""
     with Crew() as crew:
         network = Network(mode="peer", listen=(crew.endpoint,))
         with TopicEncoder(network).speaking() as speaker:
@@ -108,7 +108,7 @@ def recorded(folder: Path) -> bool:
 
 
 def lost(path: Path, speaker: TopicEncoder, killed_s: float) -> float:
-    """How long before the kill the first frame was said that is not there; nothing else lacks."""
+    """Return the seconds from the first missing frame to the kill; no later frame exists."""
     numbers = numbers_in(path)
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
     said = bisect_left(speaker.said_s, killed_s)

@@ -63,7 +63,7 @@ def is_the_same(crew: Crew, log: Path, *, ticks: int = 0) -> int:
 
 
 def test_another_build_is_found_out(tmp_path: Path) -> None:
-    """The same core with a slower ramp, as a later version might have it."""
+    """Use the same core with a slower ramp, as another version might have."""
     with Crew() as crew:
         log = driven(crew, tmp_path, "--world", "open", "--speed", "10")
         other = (

@@ -1,4 +1,4 @@
-"""Endpoints, names, versions and numbers that cannot be: named by the process that is told so."""
+"""Invalid endpoints, names, versions and numbers are named by the process that rejects them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -134,7 +134,7 @@ def test_the_robot_itself_refuses_what_another_client_lets_through(
 
 @contextmanager
 def stranger(network: Network) -> Iterator[Any]:
-    """A session that may say anything."""
+    """Open a session that may publish anything."""
     session: Any = open_session(network)
     try:
         yield session

@@ -1,4 +1,4 @@
-"""Whatever the run, over the bus it is the run in one process: the same to the last bit.
+"""A run over the bus equals the run in one process, bit by bit.
 
 Each case is one that could differ: senses that stay away, a robot of other dimensions, a start and
 a heading that no float holds exactly, things that move, every kind of noise, several navigators.

@@ -30,7 +30,7 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 @contextmanager
 def everybody(folder: Path) -> Iterator[tuple[dict[str, Running], Witness]]:
-    """Each kind of process, the robot under way, in the order in which they are to be ended."""
+    """Start every kind of process and a driving robot; yield them in the order of their end."""
     with Crew() as crew, Crew(router=True) as other:
         plant, robot = crew.plant(waits=False), crew.robot()
         with Witness(crew.endpoint) as witness:
@@ -109,7 +109,7 @@ def test_up_ends_at_any_moment_of_its_start(tmp_path: Path, children: int) -> No
 
 
 def test_ctrl_c_in_a_terminal_ends_up_and_all_it_started(tmp_path: Path) -> None:
-    """The terminal sends it to the whole process group."""
+    """The terminal sends SIGINT to the whole process group."""
     ours, theirs = pty.openpty()
     words = command(["up", "--headless", "--record", str(tmp_path)], os.getpid())
     with Crew() as crew, os.fdopen(ours, "wb", buffering=0) as keyboard:
@@ -130,6 +130,6 @@ def test_ctrl_c_in_a_terminal_ends_up_and_all_it_started(tmp_path: Path) -> None
 
 
 def read(terminal: int, screen: bytearray) -> bytearray:
-    with suppress(BlockingIOError, OSError):  # nothing new, or nobody there any more
+    with suppress(BlockingIOError, OSError):  # nothing new, or the other end is closed
         screen += os.read(terminal, 1 << 16)
     return screen

@@ -1,4 +1,4 @@
-"""Half a minute of the soak: the whole fleet, what is done to it, and all that is said of it."""
+"""Half a minute of the soak: the whole fleet, its faults, and the report."""
 
 import argparse
 

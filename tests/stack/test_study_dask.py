@@ -28,7 +28,7 @@ ANYWHERE = "127.0.0.1:0"
 
 @contextmanager
 def two_workers() -> Iterator[str]:
-    """A scheduler with two worker processes."""
+    """Start a scheduler with two worker processes."""
     with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=ANYWHERE
     ) as cluster:
@@ -43,7 +43,7 @@ def address() -> Iterator[str]:
 
 @pytest.fixture
 def doomed() -> Iterator[str]:
-    """For one test alone: its workers do not live long."""
+    """Start a cluster for one test whose workers get killed."""
     with two_workers() as found:
         yield found
 

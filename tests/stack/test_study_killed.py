@@ -44,7 +44,7 @@ def command(place: Path, *more: str) -> list[str]:
 def begun(
     place: Path, limits: Callable[[], None] | None = None
 ) -> Iterator["subprocess.Popen[str]"]:
-    """A study that runs, with its own process group; nothing of it is left afterwards."""
+    """Start a study in its own process group; end all of it afterwards."""
     with subprocess.Popen(
         command(place),
         cwd=ROOT,
@@ -64,7 +64,7 @@ def begun(
 
 
 def members(group: int) -> list[int]:
-    """The processes of a group that still run."""
+    """Return the processes of a group that still run."""
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -78,7 +78,7 @@ def members(group: int) -> list[int]:
 
 
 def workers(process: "subprocess.Popen[str]") -> list[int]:
-    """Those that run trials: spawned, and not the tracker of resources."""
+    """Return the spawned processes that run trials, without the resource tracker."""
     return [pid for pid in members(process.pid) if b"spawn_main" in arguments(pid)]
 
 
@@ -102,7 +102,7 @@ def underway(process: "subprocess.Popen[str]", place: Path, number: int = 1) -> 
 
 
 def finish(place: Path, *more: str) -> tuple[Any, str]:
-    """The rest of the study; its summary, and what it told."""
+    """Run the rest of the study; return its summary and its messages."""
     run = subprocess.run(
         command(place, "--json", *more), cwd=ROOT, capture_output=True, text=True, check=True
     )
@@ -111,7 +111,7 @@ def finish(place: Path, *more: str) -> tuple[Any, str]:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The results of the study when nothing happens to it."""
+    """Return the results of the study without interruption."""
     place = tmp_path_factory.mktemp("undisturbed")
     summary, _ = finish(place)
     assert summary["run_now"] == summary["trials"] == TRIALS
@@ -191,7 +191,7 @@ def test_without_room_it_ends_clearly_and_loses_nothing_written(
     tmp_path: Path, undisturbed: Any
 ) -> None:
     def little_room() -> None:
-        """A shard of few rows fits; the file of all results does not."""
+        """Allow a shard of few rows, but not the file of all results."""
         resource.setrlimit(resource.RLIMIT_FSIZE, (24_000, 24_000))
 
     with begun(tmp_path, little_room) as process:
@@ -234,7 +234,7 @@ def test_two_studies_in_one_place_do_not_mix(tmp_path: Path) -> None:
 def test_another_process_and_another_python_give_the_same_digests(
     tmp_path: Path, undisturbed: Any
 ) -> None:
-    """This Python in a new process, and every other one here that has what it takes."""
+    """Run a new process of this Python, and of every other one here with the packages."""
     tried = []
     for python in (sys.executable, *others()):
         place = tmp_path / Path(python).name

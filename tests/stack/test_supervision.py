@@ -1,4 +1,4 @@
-"""Who dies or hangs in `up` comes back: it stands, says why it was started again, and all heal."""
+"""`up` restarts processes that exit or hang; the new one stays stopped and gives the cause."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -35,7 +35,7 @@ TRIES = 3
 
 @pytest.fixture
 def sabotage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sabotage:
-    """Every process that is started here can be spoilt."""
+    """Provide sabotage for every process that is started here."""
     found = Sabotage(tmp_path)
     monkeypatch.setattr(child_command, "START", found.start)
     return found
@@ -49,7 +49,7 @@ class Stage:
         self.told: list[str] = []
 
     def look(self) -> None:
-        """One round, as `up` does it."""
+        """Run one round of supervision, as `up` does."""
         self.stack.check()
         while news := self.stack.next_event():
             self.told.append(news)
@@ -98,7 +98,7 @@ class Stage:
         return WallClock().now_ns()
 
     def said(self, *pieces: str) -> bool:
-        """Did the robot say this? A text comes in pieces of 50 bytes."""
+        """Return whether the robot sent this text; it arrives in pieces of 50 bytes."""
         return all(piece in "".join(self.witness.texts) for piece in pieces)
 
 
@@ -138,7 +138,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
 def without_its_plant_the_robot_stays_where_it_is(
     stage: Stage, how: str, cause: str, sabotage: Sabotage
 ) -> None:
-    """In failsafe, although there are senses again, and it knows that its place is none."""
+    """Require FAILSAFE although the sensors are back, because the position is lost."""
     witness = stage.witness
     stage.drive()
     stage.hurt("plant", how, sabotage)
@@ -154,7 +154,7 @@ def without_its_plant_the_robot_stays_where_it_is(
 def the_others_find_the_router_again(
     stage: Stage, how: str, cause: str, sabotage: Sabotage
 ) -> None:
-    """One that holds Python's lock routes on: nothing of that is Python's."""
+    """A router that holds Python's lock still routes: routing runs outside of Python."""
     hurt_ns = stage.hurt("router", how, sabotage)
     until_ns = hurt_ns + (4_000 if how == "holds the lock" else 100) * MS
     stage.until(lambda: stage.ears.both_since(until_ns), "robot and plant")
@@ -186,7 +186,7 @@ def test_up_ends_when_a_process_keeps_dying(sabotage: Sabotage) -> None:
 def test_hanging_robot_ends_itself_and_the_next_reports_it(
     tmp_path: Path, sabotage: Sabotage
 ) -> None:
-    """As in a container, where nobody but itself can know."""
+    """Run without a supervisor, as in a container."""
     state = ("--state", str(tmp_path / "state"))
     with Crew() as crew:
         robot = crew.robot(*state)

@@ -29,7 +29,7 @@ STORM = ((81, 25), (40, 12), (1, 1), (120, 30), (200, 60), (20, 5), (79, 23), (3
 
 
 class Stack:
-    """Robot and plant, the app before them, and a witness who sees what truly happens."""
+    """Robot, plant, the app, and an observer of what really happens."""
 
     def __init__(self, crew: Crew, robot: Running, tmux: Tmux, witness: Witness) -> None:
         self.crew, self.robot, self.tmux, self.witness = crew, robot, tmux, witness
@@ -39,7 +39,7 @@ class Stack:
 def opened(
     folder: Path, size: tuple[int, int] = USUAL, environment: Mapping[str, str] | None = None
 ) -> Iterator[Stack]:
-    """In the open, at the start."""
+    """Open the app on a robot at the start of the world `open`."""
     with Crew() as crew:
         robot = crew.robot()
         crew.plant()
@@ -81,14 +81,14 @@ def drive_to_the_cursor(tmux: Tmux) -> None:
 
 
 def choose_navigator(tmux: Tmux, name: str = "vgm", steps: str = "j") -> None:
-    """The second of the list, or another."""
+    """Choose a navigator from the list, the second one by default."""
     tmux.press("v")
     tmux.shows("navigator", name)
     tmux.press(*steps, "Enter")
 
 
 def stop_at_once(tmux: Tmux, witness: Witness) -> None:
-    """The e-stop while it drives to another goal; nothing but two presses releases it."""
+    """Press the emergency stop during a drive, then release it with two presses."""
     tmux.type(":goal 4 2")
     tmux.press("Enter")
     until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
@@ -102,7 +102,7 @@ def stop_at_once(tmux: Tmux, witness: Witness) -> None:
 
 
 def fly(tmux: Tmux) -> None:
-    """Two waypoints at the cursor, up to the robot, armed, started."""
+    """Upload two waypoints from the cursor, arm, and start the mission."""
     tmux.press("G")
     tmux.press("l", "l", "w")
     tmux.shows("waypoint 1")
@@ -219,7 +219,7 @@ def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_p
 
 
 def test_nothing_but_the_app_writes_to_the_terminal(tmp_path: Path) -> None:
-    """The robot is the hub here: with it goes the link, of which libraries have a lot to say."""
+    """The robot is the hub: its end closes the link, about which libraries log much."""
     with opened(tmp_path) as stack:
         tmux = stack.tmux
         before = tmux.shows(READY, KEYS)
@@ -239,6 +239,6 @@ def vehicle(witness: Witness) -> str:
 
 
 def frame(screen: str) -> list[str]:
-    """What does not change: the rule above the log, the prompt, the keys."""
+    """Return the constant parts of the screen: the rule above the log, the prompt, the keys."""
     lines = screen.splitlines()
     return [lines[at] for at in (-7, -2, -1)]

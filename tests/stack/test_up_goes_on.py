@@ -1,4 +1,4 @@
-"""`up` as a whole when a process of it dies: what it tells, what it ends with, what it leaves."""
+"""`up` when one of its processes dies: messages, exit code, and processes left."""
 
 import json
 import os
@@ -51,7 +51,7 @@ class Up:
         self.running.says(words)
 
     def result(self) -> dict[str, object]:
-        """The one object at the end; nobody is left."""
+        """Return the JSON object at the end; require that no process is left."""
         pids = self.pids
         self.running.ends(20.0)
         assert not [pid for pid in pids if alive(pid)]
@@ -71,7 +71,7 @@ def words_of(pid: int) -> str:
 
 @contextmanager
 def under_way(*words: str) -> Iterator[Up]:
-    """In wall time, headless, with the goal given."""
+    """Start `up` in wall time, headless; yield it once the robot drives."""
     with Crew() as crew:
         up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
         up.says("driving")
@@ -95,7 +95,7 @@ def test_without_its_robot_there_is_no_trial_but_the_other_one_goes_on(tmp_path:
 
 
 def texts_in(log: Path) -> str:
-    """All that the robot said, its pieces put together."""
+    """Return all status texts of the robot, with their pieces joined."""
     with log.open("rb") as source:
         messages = [decode(record.frame).message for record in TlogReader(source)]
     return "".join(one.text for one in messages if isinstance(one, Statustext))

@@ -46,13 +46,13 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The executable of an environment with this wheel."""
+    """Install this wheel in an environment; return its executable."""
     return environment(tmp_path_factory.mktemp("env"), wheel)
 
 
 @pytest.fixture(scope="session")
 def beside_robot_framework(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same where another distribution has a package `robot`, installed later."""
+    """Return the executable after another distribution installed a package `robot`."""
     place = tmp_path_factory.mktemp("shared")
     other = place / "robotframework-7.5-py3-none-any.whl"
     info = "robotframework-7.5.dist-info"

@@ -63,7 +63,7 @@ def committed() -> dict[str, dict[str, str]]:
 
 
 def difference(run: str, digest: str) -> str:
-    """Say which digest differs, and whether other libraries than then may be the reason."""
+    """Return which digest differs, and whether other library versions may be the reason."""
     table = committed()
     known, made_with, here = table["digests"].get(run), table["libraries"], versions()
     libraries = "" if here == made_with else f"; made with {made_with}, here are {here}"

@@ -1,4 +1,4 @@
-"""The stack in one process, as tests tell stories with it.
+"""The stack in one process, for tests of sequences of events.
 
 with Stack("box") as stack:
     stack.arm()
@@ -26,7 +26,7 @@ class Stack(InProcess):
     def assert_near(
         self, x_m: float, y_m: float, deg: float | None = None, *, within_m: float = 0.08
     ) -> None:
-        """Where it truly is, not where it believes to be."""
+        """Require the true pose, not the estimated one."""
         truth = self.truth
         off_m = hypot(truth.x_m - x_m, truth.y_m - y_m)
         assert off_m <= within_m, f"{off_m:.3f} m away from ({x_m}, {y_m}): {self.describe()}"

@@ -12,5 +12,5 @@ TEXT: Final = f"\x1b]0;{OWNED}\x07\x1b[2J\x9b1A\r\u202e\u2066\x7f\u2028"
 
 
 def raw_in(output: str) -> list[str]:
-    """The characters of an output that no text may bring there."""
+    """Return the control characters in an output."""
     return sorted({repr(one) for one in output if one != "\n" and not one.isprintable()})

@@ -24,7 +24,7 @@ class Keyring:
     def tls(
         self, name: str, since: datetime = NOW - DAY, until: datetime = NOW + DAY, label: str = ""
     ) -> Tls:
-        """Of a role by its common name; routers and robots may be dialled at this machine."""
+        """Return the certificate of a role; routers and robots are valid for this machine."""
         label = label or name
         dialled = name == "router" or name.startswith("robot-")
         if not (self._folder / f"{label}.pem").exists():
@@ -40,7 +40,7 @@ class Keyring:
         )
 
     def config(self, name: str, tls: Tls | None = None) -> Path:
-        """The file for `--config` of a role, with its own certificate or with another."""
+        """Write the `--config` file of a role, with its own certificate or with another."""
         tls = tls or self.tls(name)
         path = self._folder / f"{name}.toml"
         path.write_text(

@@ -1,4 +1,4 @@
-"""Operators of a stack: each with a session of its own, so that the robot can tell them apart."""
+"""Operators of a stack: each has its own session, so the robot can distinguish them."""
 
 from math import nan
 from typing import Any
@@ -32,7 +32,7 @@ Place = tuple[float, float]
 
 
 class Operator:
-    """Speaks only when the test lets it: asks, beats, steers."""
+    """Sends requests, heartbeats and teleop frames only when the test calls it."""
 
     def __init__(self, stack: Stack, name: str) -> None:
         self.name = name
@@ -77,7 +77,7 @@ class Operator:
         self._stack.send(self._handle.key, lambda: self._handle.put(frame))
 
     def upload(self, items: list[MissionItemInt]) -> MissionVerdict:
-        """The whole conversation; its end."""
+        """Run the whole transfer; return its last message."""
         first = MissionCount(count=len(items), mission_type=items[0].mission_type)
         for frame in (first, *items):
             answer = self.ask(frame, MISSION_SERVICE)
@@ -91,7 +91,7 @@ def stops(*places: Place, hold_s: float = 0.0) -> list[MissionItemInt]:
 
 
 def fence(*places: Place) -> list[MissionItemInt]:
-    """A polygon with these corners."""
+    """Return a polygon with these corners."""
     command, kind = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION, MissionType.FENCE
     count = float(len(places))
     return [
@@ -112,8 +112,7 @@ def _item(seq: int, place: Place, **changes: Any) -> MissionItemInt:
 
 
 def drive_about(stack: Stack) -> None:
-    """A goal, a parameter, a fence, a mission paused and gone on, a drive by hand, a lost sense,
-    and another operator who is refused."""
+    """Use every request once: goal, parameter, fence, mission, teleop; refuse a second operator."""
     ada, bob = Operator(stack, "ada"), Operator(stack, "bobby")
     stack.arm()
     ada.ask(ParamSet(param_id="v_max_m_s", param_value=0.25, param_type=9), PARAMETER)

@@ -17,7 +17,7 @@ Handler = Callable[[str, bytes, int], None]
 
 
 class PlayedPublisher:
-    """Keeps what was put, and hands it to `heard` if there is one."""
+    """Stores what was published, and passes it to `heard` if that is set."""
 
     def __init__(self) -> None:
         self.said: list[Message] = []
@@ -37,7 +37,7 @@ class PlayedPublisher:
 
 
 class PlayedBus:
-    """`say` is what others publish; `answers` is how a service answers, by its path."""
+    """`say` publishes for other processes; `answers` has the reply of each service, by path."""
 
     zid = "ours"
     operator = "open/ours"
@@ -58,7 +58,7 @@ class PlayedBus:
     # The others.
 
     def say(self, topic: Topic[Any], message: Message, robot: str = "r1", age_ns: int = 0) -> None:
-        """`age_ns`: it is fetched so long after it was told."""
+        """`age_ns`: time from publication to fetch."""
         encoder = self._encoders.setdefault((robot, topic.path), Encoder(1, 1))
         self.say_frame(topic, encoder.encode(message), robot, age_ns)
 
@@ -74,7 +74,7 @@ class PlayedBus:
                 box.store(Sample(ENCODING, frame), now_ns)
 
     def lose(self, topic: Topic[Any], message: Message, robot: str = "r1") -> None:
-        """A frame that is sent and never arrives."""
+        """Send a frame that never arrives."""
         self._encoders.setdefault((robot, topic.path), Encoder(1, 1)).encode(message)
 
     def come(self, role: Role, robot: str = "r1", zid: str = "") -> None:

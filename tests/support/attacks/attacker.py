@@ -1,4 +1,4 @@
-"""Somebody on the bus of a stack who is no part of it: a bare session, its own frames and names."""
+"""An attacker on the bus of a stack: a bare session with its own frames and names."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,7 +23,7 @@ EVE = "eve/0123456789abcdef"
 
 
 class Reply:
-    """What comes of a request; `reason` is None until there is an answer."""
+    """Result of a request; `reason` is None until there is an answer."""
 
     def __init__(self) -> None:
         self.answers: list[Message] = []
@@ -58,7 +58,7 @@ class Attacker:
         session.close()
 
     def listen(self, topic: Topic[Any]) -> list[Message]:
-        """Hear a topic of the robot from now on."""
+        """Subscribe to a topic of the robot."""
         heard: list[Message] = []
 
         def take(sample: zenoh.Sample) -> None:
@@ -99,7 +99,7 @@ class Attacker:
 
 @contextmanager
 def attacked(world: str = "open") -> Iterator[tuple[Stack, Attacker]]:
-    """A stack, and somebody on its bus."""
+    """Start a stack and an attacker on its bus."""
     with Stack(world) as stack, Attacker(stack.client_network) as attacker:
         yield stack, attacker
 

@@ -19,7 +19,7 @@ POLL_S: Final = 0.05
 
 
 class Lively(Stack):
-    """Nobody waits for anybody. `hung`: the robot's loop stands; `mute`: the plant does."""
+    """A stack without lockstep. `hung`: the robot's loop stops; `mute`: the plant stops."""
 
     period_s = PERIOD_S
     """Between two ticks, which are always 50 ms of simulated time apart."""
@@ -42,12 +42,12 @@ class Lively(Stack):
 
     @contextmanager
     def halted(self) -> Iterator[None]:
-        """Nothing turns, so that processes can be ended and begun."""
+        """Pause the stack, so that processes can be stopped and started."""
         with self._turning:
             yield
 
     def start(self, name: str) -> None:
-        """A plant that begins anew runs on until its time is that of the others."""
+        """Start a process; a restarted plant advances to the time of the others."""
         super().start(name)
         while self.plant is not None and self.plant.plant.now_ns < self.clock.now_ns():
             self.plant.advance()
@@ -69,7 +69,7 @@ class Lively(Stack):
 
 
 class Watching:
-    """A station with a link of its own, polled by whoever waits for something."""
+    """A station with a link of its own, polled by the waiting test."""
 
     def __init__(self, station: Station) -> None:
         self.station = station
@@ -90,7 +90,7 @@ class Watching:
         return self.until(lambda: self.station.ready)
 
     def kinds(self) -> list[str]:
-        """The losses told so far, by their names."""
+        """Return the names of the losses reported so far."""
         names = [kind.value for kind in LossKind]
         return [
             name for line in self.station.log for name in names if line.text.startswith(f"{name} ")

@@ -1,4 +1,4 @@
-"""A small network behind locked doors, and somebody on it who tries what is not allowed."""
+"""A small network with mutual TLS, and a client that tries what is not allowed."""
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -28,7 +28,7 @@ OF_OPERATORS = frozenset(
 
 
 class Locked:
-    """Robot r1, plant and ground; whoever listens is the robot, or a router."""
+    """Robot r1, plant and ground; the robot or a router listens."""
 
     def __init__(
         self, stack: ExitStack, topology: Topology, ring: Keyring, revoked: tuple[str, ...] = ()
@@ -65,11 +65,11 @@ class Locked:
         )
 
     def member(self, name: str) -> zenoh.Session:
-        """As one of our own processes, with all the settings that it has."""
+        """Open a bus as one of our processes does, with all its settings."""
         return self.linked(self.opened(self.network(self.ring.tls(name))))
 
     def join(self, name: str, mode: Mode = "client") -> zenoh.Session:
-        """As whoever has the certificate of that name, and keeps to no rules."""
+        """Open a bare session with the certificate of that name."""
         config = configured(self.network(self.ring.tls(name), mode), DIAL_S)
         config.insert_json5("access_control", '{"enabled": false}')
         return self.linked(self.closed_later(zenoh.open(config)))
@@ -107,7 +107,7 @@ def locked(topology: Topology, folder: Path, revoked: tuple[str, ...] = ()) -> I
 
 
 class Watchful:
-    """Robot, plant and ground hear and answer all that concerns r1; `forged` is what came of it."""
+    """Robot, plant and ground of r1 on the bus; `forged` collects what an attacker achieved."""
 
     def __init__(self, net: Locked) -> None:
         self.forged: list[str] = []
@@ -151,7 +151,7 @@ class Intruder:
         self.tried += 1
 
     def put_declared(self, key: str) -> None:
-        """By a publisher, whose key the listener has learnt before."""
+        """Send by a publisher whose key the subscriber already knows."""
         publisher = self._session.declare_publisher(
             key, congestion_control=zenoh.CongestionControl.BLOCK
         )
@@ -170,7 +170,7 @@ class Intruder:
         self.tried += 1
 
     def serve(self, key: str) -> None:
-        """In place of who should: answers would be forged."""
+        """Answer in place of the rightful service: the answers would be forged."""
 
         def answer(query: zenoh.Query) -> None:
             with query:

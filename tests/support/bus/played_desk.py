@@ -23,7 +23,7 @@ NO_ITEM = 65_535
 
 
 class PlayedDesk:
-    """Gives the lease to whoever asks first, and takes any mission that `verdict` does not refuse.
+    """Grants the lease to the first operator and accepts missions that `verdict` does not refuse.
 
     `lost`: how many of the coming mission frames stay unanswered.
     """

@@ -1,4 +1,4 @@
-"""A robot that a test plays: it answers what it is told to, and says what it is told to say."""
+"""A scripted robot: a test sets its answers and its messages."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -53,7 +53,7 @@ SAYS_SAVED = {True: b"true", False: b"false", None: b"null"}
 
 
 class PlayedRobot:
-    """Speaks twenty times a second from a thread of its own, until it is closed."""
+    """Publishes twenty times a second from its own thread, until it is closed."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
@@ -101,7 +101,7 @@ class PlayedRobot:
         self.fall_silent()
 
     def fall_silent(self) -> None:
-        """The loop stops; the process and its token stay."""
+        """Stop the loop; keep the process and its liveliness token."""
         self._stop.set()
         self._thread.join()
 
@@ -156,7 +156,7 @@ class PlayedRobot:
         asked.reply(acknowledge(message, reason))
 
     def _pressed(self, _operator: str, frame: bytes) -> None:
-        """An emergency stop, by whichever of its two ways; only the first one is kept."""
+        """Store the first emergency stop that arrives by either of its two paths."""
         message = decode(frame).message
         assert isinstance(message, CommandRequest)
         if self.stop_id != message.request_id and not self.deaf:
@@ -225,7 +225,7 @@ def pose_of(pose: tuple[float, float, float], time_ns: int) -> PlanarOdometry:
 
 @contextmanager
 def played(name: str = "r1") -> Iterator[tuple[PlayedRobot, str]]:
-    """A robot, and the endpoint at which it listens."""
+    """Start a robot; yield it with the endpoint at which it listens."""
     network = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
     with open_bus(network, Role.ROBOT, name) as bus, PlayedRobot(bus) as robot:
         yield robot, bus.locator()

@@ -1,4 +1,4 @@
-"""A robot that does at once what it is told, among discs and walls: enough to close the loop."""
+"""A robot that follows commands at once, among discs and walls: enough to close the loop."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

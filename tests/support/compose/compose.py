@@ -39,14 +39,14 @@ BUSY: Final = ("control cycle over its budget", "not armed", "no fresh", "no ans
 
 @dataclass(frozen=True)
 class Done:
-    """What came of a command: its exit code, and all that it wrote on either output."""
+    """Result of a command: its exit code and its output on both streams."""
 
     code: int
     said: str
 
     @property
     def object(self) -> dict[str, Any]:
-        """The one that `--json` promises, after what docker had to say."""
+        """Return the JSON object after docker's own output."""
         lines = self.said.strip().splitlines()
         assert lines
         assert lines[-1].startswith("{"), self.said
@@ -55,7 +55,7 @@ class Done:
 
 
 def docker(*words: str, within_s: float = WITHIN_S) -> str:
-    """What `docker` prints; AssertionError with its words when it fails."""
+    """Run `docker`; return its output. AssertionError with the output when it fails."""
     done = tried(["docker", *words], os.environ, within_s)
     assert done.code == 0, f"docker {' '.join(words)}: {done.said}"
     return done.said
@@ -112,7 +112,7 @@ class Compose:
         return tried(self.command(*words), self.environment, within_s)
 
     def does(self, *words: str, within_s: float = WITHIN_S) -> str:
-        """What it says; AssertionError with that when it fails."""
+        """Run `docker compose`; return its output. AssertionError with the output when it fails."""
         done = self.tries(*words, within_s=within_s)
         assert done.code == 0, f"{' '.join(words)}: {done.said}\n{self.logs()[-LAST_WORDS:]}"
         return done.said
@@ -164,14 +164,14 @@ class Compose:
         return self.tries("logs", "--no-log-prefix", *services).said
 
     def container(self, service: str, number: int = 1) -> str:
-        """What docker calls one of the containers of a service."""
+        """Return docker's name of a container of a service."""
         return f"{self.name}-{service}-{number}"
 
     def network(self, name: str = "bus") -> str:
         return f"{self.name}_{name}"
 
     def inspected(self, service: str, number: int = 1) -> dict[str, Any]:
-        """All that docker knows of a container."""
+        """Return everything that `docker inspect` shows of a container."""
         found: list[dict[str, Any]] = json.loads(docker("inspect", self.container(service, number)))
         return found[0]
 
@@ -191,24 +191,24 @@ class Compose:
         )
 
     def inside(self, service: str, *words: str, number: int = 1, user: str = "") -> Done:
-        """A command within a container that runs, as its user or as another one."""
+        """Run a command in a running container, as its user or as another one."""
         whose = ("--user", user) if user else ()
         return self.tries("exec", "-T", *whose, "--index", str(number), service, *words)
 
     def users(self, service: str, number: int = 1) -> dict[str, str]:
-        """Who each process of a container is, by the first two words of its command line."""
+        """Return the user of each process, by the first two words of its command line."""
         lines = docker("top", self.container(service, number), "-eo", "pid,uid,args").splitlines()
         rows = [line.split() for line in lines[1:]]
         return {" ".join(row[2:]): row[1] for row in rows}
 
     @property
     def address(self) -> str:
-        """What the ground station says to open in a browser."""
+        """Return the address that the ground station prints for a browser."""
         until(lambda: ADDRESS.search(self.logs("web")), 30.0, "an address in the log")
         return str(ADDRESS.findall(self.logs("web"))[-1])
 
     def down(self) -> None:
-        """Nothing is left of it; what docker would rather keep is removed all the same."""
+        """Remove everything, also what docker would keep."""
         self.tries("--profile", "*", "down", "-v", "--remove-orphans", "-t", "5")
         label = f"label=com.docker.compose.project={self.name}"
         for kind, remove in LEFTOVERS:
@@ -221,7 +221,7 @@ class Compose:
 def project(
     image: str, *profiles: str, settings: Mapping[str, str] | None = None
 ) -> Iterator[Compose]:
-    """A project that is taken down on the way out, whatever the way."""
+    """Provide a project; take it down at the end, also after a failure."""
     compose = Compose(image, settings or {}, profiles)
     try:
         yield compose

@@ -15,7 +15,7 @@ class Answer(NamedTuple):
 
 
 def asked(address: str, path: str = "/", cookie: str = "") -> Answer:
-    """What the server at this address answers for a path."""
+    """Return the server's answer for a path."""
     place = urlsplit(address)
     assert place.hostname is not None
     with closing(HTTPConnection(place.hostname, place.port, timeout=PATIENCE_S)) as connection:

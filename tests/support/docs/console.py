@@ -1,4 +1,4 @@
-"""Runs the commands that a page of the documentation shows, and compares what they print.
+"""Run the commands on a page of the documentation and compare their output.
 
 A block of the language `console` has commands behind `$ ` and the output of each below it. A block
 with a title is a file that is written first. A comment before a block changes how it is run:
@@ -59,7 +59,7 @@ class Command:
 
     @property
     def is_exact(self) -> bool:
-        """Whether numbers must be equal."""
+        """Return whether numbers must be equal."""
         return self.directive == "exact"
 
 

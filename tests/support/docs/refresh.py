@@ -1,4 +1,4 @@
-"""Writes what commands print today into pages: `python -m tests.support.docs.refresh PAGE...`.
+"""Update the output of commands in pages: `python -m tests.support.docs.refresh PAGE...`.
 
 Only blocks whose output does not match any more are changed. Look at the difference afterwards: a
 line `...` that stood in such a block is gone.

@@ -60,6 +60,6 @@ class AnsweringLink:
 
 
 def speaking() -> tuple[Output, Callable[[], tuple[str, str]]]:
-    """Somewhere to speak, and what was said: result and notes."""
+    """An output that stores result and notes."""
     out, err = StringIO(), StringIO()
     return Output(as_json=False, out=out, err=err), lambda: (out.getvalue(), err.getvalue())

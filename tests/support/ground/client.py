@@ -91,7 +91,7 @@ class ScriptedBus(Wireless):
         return [] if self.heard_by else ["nobody"]
 
     def unsubscribe(self, mailbox: Any) -> None:
-        """The mailbox stays as the test has filled it."""
+        """Subscribe to nothing: the mailbox keeps what the test stored."""
 
     def present(self, timeout_s: float = 1.0) -> list[Any]:
         return []
@@ -100,7 +100,7 @@ class ScriptedBus(Wireless):
         return ""
 
     def says(self, topic: Topic[Any], message: Message) -> None:
-        """From now on whoever listens to the topic has this as the newest message."""
+        """Store a message as the newest one of a topic."""
         box = self.boxes.setdefault(topic.path, Box(topic))
         box.newest = (message, self.clock.now_ns())
 
@@ -116,7 +116,7 @@ class Pulse:
         self._clock = clock
 
     def beat(self, now_ns: int) -> None:
-        """Nothing arrives by itself."""
+        """Receive nothing by itself."""
 
     def wait_until(self, deadline_ns: int) -> None:
         self._clock.sleep_until(deadline_ns)
@@ -152,7 +152,7 @@ class Stage:
 
 
 def ack(request: Message | None, reason: Reason) -> CommandAck:
-    """What a robot answers to a command, a goal or a request for the lease."""
+    """Answers of a robot to a command, a goal, and a request for the lease."""
     command = command_of(request) if isinstance(request, Request) else NO_COMMAND
     result = AckResult.DENIED if reason else AckResult.ACCEPTED
     return CommandAck(command=command, result=result, result_param2=reason)

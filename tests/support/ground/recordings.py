@@ -64,7 +64,7 @@ class Recording:
         return f"{self.lost_bytes} bytes are lost" if self.lost_bytes else ""
 
     def written(self, path: Path) -> str:
-        """As a .tlog file; its name."""
+        """Write a .tlog file; return its path."""
         records = (record_bytes(one.time_ns // 1000, one.frame) for one in self.found)
         path.write_bytes(b"".join(records))
         return str(path)
@@ -85,7 +85,7 @@ def cycle(time_ns: int) -> CycleReport:
 
 
 def recorded(trial: Trial) -> tuple[Recording, Outcome]:
-    """The run with everything that a recorder would have."""
+    """Write the run with everything that a recorder would store."""
     world, goal = trial.world, wire_goal_of(trial.world)
     facts = {"world": json.dumps(as_json(world, None)), "parameters": "[]"}
     recording = Recording(facts)

@@ -25,7 +25,7 @@ class Show:
         self.go(at_s)
 
     def open(self) -> None:
-        """A station of its own, as after every rewind."""
+        """Return a new station, as after every rewind."""
         self.station = Station(self.bus, "r1", self.bus.timeline, self._world)
 
     def go(self, at_s: float) -> None:

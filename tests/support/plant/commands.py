@@ -28,7 +28,7 @@ def command(
 
 
 def gate_at(tick: int, first: int = 0) -> CommandGate:
-    """A plant that has sent all ticks from the first one on."""
+    """Return a plant that has sent all ticks from the first one."""
     gate = CommandGate()
     for sent in range(first, tick + 1):
         gate.begin_tick(sent)

@@ -27,7 +27,7 @@ def room(
 
 
 def mrad_s(rim_m_s: float) -> int:
-    """The command for that speed of a wheel's rim."""
+    """Return the command for a speed of the wheel's rim."""
     return round(rim_m_s / 0.033 * 1000.0)
 
 
@@ -38,7 +38,7 @@ def drive(plant: Plant, left_m_s: float, right_m_s: float, ticks: int, robot: in
 
 
 def ranges_m(plant: Plant, robot: int = 0) -> list[float | None]:
-    """What the sonars read, from right to left; None without an echo."""
+    """Return the ranges of the sonars from right to left; None without an echo."""
     scan = plant.senses(robot)[1]
     assert scan is not None
     return [scan.range_mm[sonar] / 1000.0 if scan.echo >> sonar & 1 else None for sonar in range(8)]

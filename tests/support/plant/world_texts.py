@@ -1,4 +1,4 @@
-"""A good world file, ways to spoil it, and what must be said of a spoilt one."""
+"""A valid world file, ways to make it invalid, and the message for each."""
 
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ ROBOT_AT = "{ x_m = %s, y_m = %s, heading_deg = 0.0 }"
 
 
 def with_line(number: int, line: str, text: str = GOOD) -> str:
-    """The text with one line replaced, counted from 1; an empty one keeps the numbers."""
+    """Return the text with one line replaced, counted from 1; an empty line keeps the numbering."""
     lines = text.split("\n")
     lines[number - 1] = line
     return "\n".join(lines)
@@ -51,12 +51,12 @@ def goal(table: str) -> str:
 
 
 def more(text: str) -> str:
-    """The good world with lines added from line 20 on."""
+    """Return the valid world with lines added from line 20 on."""
     return GOOD + text
 
 
 class Bad(NamedTuple):
-    """A spoilt file, and the line, key and parts of the reason and fix to be told."""
+    """An invalid file, and the line, key and parts of reason and fix in its message."""
 
     story: str
     text: str
@@ -73,7 +73,7 @@ def refusal(text: str) -> WorldError:
 
 
 def assert_told(bad: Bad, alone: bool) -> None:
-    """The error has the file, line, key, reason and fix, and no other problem if `alone`."""
+    """Require file, line, key, reason and fix in the error; no other problem if `alone`."""
     error = refusal(bad.text)
     lines = str(error).split("\n")
     about_key = [line for line in lines if f": {bad.key}: " in line] or lines

@@ -28,7 +28,7 @@ def read_by_pymavlink(frame: bytes) -> Any:
 
 
 def value_read(field: Field, message: Any) -> Any:
-    """What pymavlink read, in our terms; its own text is ASCII with replacements."""
+    """Return what pymavlink read, in our terms; its text is ASCII with replacements."""
     if field.is_text:
         return getattr(message, f"_{field.name}_raw").rstrip(b"\0").decode()
     value = getattr(message, field.name)

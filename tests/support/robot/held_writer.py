@@ -20,7 +20,7 @@ class HeldWriter:
         return done
 
     def close(self, patience_s: float) -> None:
-        """The loop has ended."""
+        """Mark the end of the loop."""
         if patience_s > 0.0:
             self.finish()
 

@@ -127,7 +127,7 @@ class ServedBus(PlayedBus):
     def say_as(
         self, topic: Topic[Any], message: Message, operator: str, late_ns: int | None = 0
     ) -> None:
-        """Let a frame of an operator arrive that was so long under way; None: it does not say."""
+        """Deliver a frame of an operator with this transit time; None: without a stamp."""
         now_ns = self.now_ns()
         sent_ns = None if late_ns is None else now_ns - late_ns
         frame = Encoder(1, 1).encode(message)
@@ -137,7 +137,7 @@ class ServedBus(PlayedBus):
 
 
 class Rig:
-    """A process that runs one control period at a time, on a robot that stands in the open."""
+    """A process that runs one control period at a time, on a robot at rest in open space."""
 
     def __init__(self, store: Store | None = None, *, enforced: bool = False) -> None:
         self.clock = ManualClock(10**12)

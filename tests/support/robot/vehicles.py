@@ -1,4 +1,4 @@
-"""A vehicle on a desk: senses as the test says, time as the test says."""
+"""A vehicle on a desk: the test sets sensor data and time."""
 
 from math import radians
 
@@ -15,11 +15,11 @@ TICKS_PER_MRAD_S = 1e-3 * DEFAULTS.wheel_radius_m * DEFAULTS.period_s / DEFAULTS
 
 
 def quiet(stage: int) -> None:
-    """Nobody takes the time."""
+    """Do not measure the time."""
 
 
 class Desk:
-    """Steps the vehicle every 50 ms with fresh senses and, if wanted, an operator who is heard."""
+    """Steps the vehicle every 50 ms with fresh sensor data and, if wanted, a live operator."""
 
     def __init__(self, store: Store | None = None) -> None:
         self.vehicle = Vehicle(DEFAULTS, store or Store(None))
@@ -29,7 +29,7 @@ class Desk:
         self.left = self.right = 0.0
 
     def step(self, scan: Scan | None = CLEAR) -> Outputs:
-        """One tick on wheels that do as they are told."""
+        """Advance one tick with wheels that follow their command."""
         wheels = Wheels(round(self.left), round(self.right), 0, self.now_ns // MS)
         if self.operator:
             self.vehicle.receive_heartbeat(self.now_ns)

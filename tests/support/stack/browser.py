@@ -1,4 +1,4 @@
-"""A headless Chromium, spoken to in its own protocol: open a page, type, take a picture."""
+"""A headless Chromium, controlled by its own protocol: open a page, type, take a picture."""
 
 import asyncio
 import base64
@@ -29,7 +29,7 @@ DRAWN = 20_000
 
 
 def chromium() -> str | None:
-    """Where it is; None when this machine has none."""
+    """Return the path of Chromium; None when this machine has none."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
@@ -52,18 +52,18 @@ class Page:
                 return answer
 
     async def value(self, script: str) -> Any:
-        """What a piece of JavaScript comes to."""
+        """Evaluate JavaScript; return its value."""
         answer = await self.do("Runtime.evaluate", expression=script, returnByValue=True)
         return answer["result"].get("value")
 
     async def click(self, x: int, y: int) -> None:
-        """With the left button; what is typed goes where was clicked."""
+        """Click with the left button; typed text goes there."""
         for what in ("mousePressed", "mouseReleased"):
             place = {"x": x, "y": y, "button": "left", "clickCount": 1}
             await self.do("Input.dispatchMouseEvent", type=what, **place)
 
     async def type(self, text: str) -> None:
-        """Each letter as a key that is pressed; a new line is Enter."""
+        """Press a key for each letter; a new line is Enter."""
         for letter in text:
             key = {"key": "Enter", "code": "Enter", "windowsVirtualKeyCode": 13, "text": "\r"}
             if letter != "\n":
@@ -72,14 +72,14 @@ class Page:
             await self.do("Input.dispatchKeyEvent", type="keyUp", key=key["key"])
 
     async def picture(self) -> bytes:
-        """A PNG of what a person would see."""
+        """Return a PNG of the visible page."""
         answer = await self.do("Page.captureScreenshot", format="png")
         return base64.b64decode(answer["data"])
 
 
 @asynccontextmanager
 async def browsing(url: str) -> AsyncIterator[Page]:
-    """A browser that has opened the page; it is ended on the way out."""
+    """Open the page in a browser; end the browser afterwards."""
     program = chromium()
     assert program is not None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -102,7 +102,7 @@ async def browsing(url: str) -> AsyncIterator[Page]:
 
 
 async def _target(session: aiohttp.ClientSession, file: Path) -> str:
-    """The address at which the one tab is spoken to."""
+    """Return the address for control of the only tab."""
     async with asyncio.timeout(START_S):
         while True:
             if file.exists() and (lines := file.read_text().splitlines()):
@@ -114,7 +114,7 @@ async def _target(session: aiohttp.ClientSession, file: Path) -> str:
 
 
 def drawn(png: bytes) -> int:
-    """How many pixels differ from the most frequent colour."""
+    """Return how many pixels differ from the most frequent colour."""
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3).astype(int)
     codes = pixels[:, 0] * 65536 + pixels[:, 1] * 256 + pixels[:, 2]
     _, counts = np.unique(codes, return_counts=True)
@@ -122,7 +122,7 @@ def drawn(png: bytes) -> int:
 
 
 async def sees(page: Page) -> bytes:
-    """The first picture on which the app has drawn, and not only its splash."""
+    """Return the first picture that shows the app and not only its splash screen."""
     async with asyncio.timeout(SEEN_S):
         while not await page.value("document.body.classList.contains('-first-byte')"):
             await asyncio.sleep(0.1)
@@ -132,7 +132,7 @@ async def sees(page: Page) -> bytes:
 
 
 def keep(png: bytes, name: str) -> None:
-    """Where a person may look at it afterwards, if there is such a place."""
+    """Keep a picture for inspection, if a folder for that is set."""
     folder = os.environ.get("SIDESTEP_PICTURES")
     if folder:
         Path(folder, name).write_bytes(png)

@@ -67,7 +67,7 @@ class Running:
         self.process.send_signal(number)
 
     def ends(self, within_s: float = PATIENCE_S) -> int:
-        """Its exit code; fails when it does not end in time."""
+        """Return its exit code; fail when it does not end in time."""
         try:
             return self.process.wait(within_s)
         except subprocess.TimeoutExpired:
@@ -142,7 +142,7 @@ class Crew:
         return robot
 
     def plant(self, *, waits: bool = True) -> Running:
-        """Dials until the robot is there; ready, too, unless nobody waits for it."""
+        """Start the plant, which connects to the robot; with `waits`, wait until it is ready."""
         plant = self.dialling("plant", "--world", "open", "--noise", "none")
         if waits:
             plant.says("plant: world")
@@ -155,7 +155,7 @@ class Crew:
             real_time(running.process.pid)
 
     def run(self, *words: str) -> tuple[int, str]:
-        """A verb to its end, again if its hub was too busy: exit code and all that it said."""
+        """Run a verb to its end, again if its hub was busy; return exit code and output."""
         for _ in range(TRIES):
             running = self.dialling(*words)
             code, said = running.ends(), running.said
@@ -225,7 +225,7 @@ class Witness:
         return self.truth.speed_m_s > FAST_M_S
 
     def was_late(self, since: int) -> bool:
-        """Whether a status from that number on shows a stop for which a busy machine suffices."""
+        """Return whether a later status shows a stop that a busy machine can cause."""
         return any(
             status.vehicle == Vehicle.FAILSAFE and status.vehicle_reason in LATE
             for status, _ in tuple(self.statuses)[since:]

@@ -24,7 +24,7 @@ class Sabotage:
         return START.format(folder=str(self._folder))
 
     def hang(self, verb: str) -> None:
-        """For as long as nobody ends it; libraries with threads of their own go on."""
+        """Hang until the process is killed; threads of libraries continue."""
         (self._folder / verb).write_text("hang")
 
     def fail(self, verb: str) -> None:

@@ -50,7 +50,7 @@ class Tmux:
         return self._tmux("capture-pane", "-p", "-e")
 
     def shows(self, *words: str, within_s: float = PATIENCE_S) -> str:
-        """The screen that has all of these on it; fails when it does not come."""
+        """Wait for a screen with all of these words; return it."""
         found = ""
 
         def there() -> bool:
@@ -73,11 +73,11 @@ class Tmux:
         self._tmux("send-keys", "-l", text)
 
     def send_bytes(self, data: bytes) -> None:
-        """As they are, whatever a terminal would make of them."""
+        """Send bytes as they are."""
         self._tmux("send-keys", "-H", *(f"{byte:02x}" for byte in data))
 
     def paste(self, text: str) -> None:
-        """At once, as a terminal pastes for an app that has asked for brackets around it."""
+        """Paste text at once with the brackets of bracketed paste."""
         self._tmux("load-buffer", "-", stdin=text)
         self._tmux("paste-buffer", "-p", "-r")
 
@@ -86,7 +86,7 @@ class Tmux:
 
     @property
     def exit_code(self) -> int | None:
-        """None while the command runs."""
+        """Return the exit code; None while the command runs."""
         text = self._ended.read_text() if self._ended.exists() else ""
         return int(text) if text.endswith("\n") else None
 

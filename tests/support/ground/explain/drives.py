@@ -24,7 +24,7 @@ class Moment(NamedTuple):
 
 
 class Recording:
-    """Watches a trial and keeps what the robot would have told."""
+    """Observes a trial and stores what the robot would have published."""
 
     def __init__(self) -> None:
         self._told: list[tuple[AvoidanceDecision, NavigatorStatus]] = []
@@ -42,7 +42,7 @@ class Recording:
         self._yaw_rates.append(plant.truth().yaw_rate_rad_s)
 
     def moments(self) -> list[Moment]:
-        """All ticks but the last, of which nobody knows what followed."""
+        """Return all ticks but the last, whose successor is unknown."""
         return [
             Moment(*told, yaw) for told, yaw in zip(self._told, self._yaw_rates[1:], strict=False)
         ]

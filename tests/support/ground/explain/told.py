@@ -1,4 +1,4 @@
-"""Messages as a robot tells them, made up for a test."""
+"""Messages of a robot, made for a test."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -10,7 +10,7 @@ from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStat
 
 
 def decided(**changes: float) -> AvoidanceDecision:
-    """Passing on the right of what is at the left, unless told otherwise."""
+    """Return a decision to pass an obstacle at the left on its right, with `changes`."""
     fields: dict[str, float] = {
         "time_ns": 10_000_000_000,
         "nearest_bearing_rad": radians(33.75),
@@ -29,7 +29,7 @@ def decided(**changes: float) -> AvoidanceDecision:
 
 
 def standing(**changes: float) -> NavigatorStatus:
-    """Driving to a goal in AUTO with vgm, unless told otherwise."""
+    """Return a status of a drive to a goal in AUTO with vgm, with `changes`."""
     fields: dict[str, float] = {
         "time_ns": 10_000_000_000,
         "goal_started_ns": 0,
@@ -65,6 +65,6 @@ def cycle(**changes: int) -> CycleReport:
 
 
 def turning_points(decisions: Iterable[AvoidanceDecision]) -> list[TurningPoint]:
-    """In the order of the run; none for the first decision, which nothing came before."""
+    """Return the turning points in the order of the run, without the first decision."""
     found = (turning_point(before, after) for before, after in pairwise(decisions))
     return [point for point in found if point is not None]

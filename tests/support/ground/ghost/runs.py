@@ -13,7 +13,7 @@ from study.trial.trial import Trial, run_trial
 
 
 def driven(trial: Trial) -> tuple[Outcome, list[tuple[float, float]]]:
-    """How it came out, and where it truly was tick by tick."""
+    """Outcome of a run, and the true position in each tick."""
     places: list[tuple[float, float]] = []
 
     def watch(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:

@@ -1,4 +1,4 @@
-"""As much of JSON Schema as our schemas use, to check what a recording holds."""
+"""Check recordings with the part of JSON Schema that our schemas use."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ TYPES: dict[str, tuple[type, ...]] = {
 
 
 def problem(schema: dict[str, Any], value: Any, where: str = "") -> str:
-    """What does not fit, and where; empty when all does."""
+    """Return what violates the schema, and where; empty when all is valid."""
     kinds = schema.get("type", list(TYPES))
     kinds = [kinds] if isinstance(kinds, str) else kinds
     if not isinstance(value, tuple(kind for name in kinds for kind in TYPES[name])):

@@ -189,7 +189,7 @@ GOAL = GoalRequest(
 
 
 def run(ticks: int = 40, robot: str = "r1") -> Iterator[PublishedFrame]:
-    """A goal is given in tick 10 and reached in the last but five."""
+    """Record a goal that is given in tick 10 and reached five ticks before the end."""
     encoder = TopicEncoder(robot)
     for tick in range(ticks):
         at_us, at_ns = START_US + tick * PERIOD_US, tick * PERIOD_US * 1000
@@ -241,7 +241,7 @@ def mcap(
 
 
 def mcap_of_before(path: Path, frames_sent: list[PublishedFrame]) -> Path:
-    """As earlier versions wrote it: key and frame in one JSON text, the frame in base64."""
+    """Write the format of earlier versions: key and frame in JSON, the frame in base64."""
     out = BytesIO()
     writer: Any = Writer(out)
     writer.start(library="sidestep")

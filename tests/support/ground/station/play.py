@@ -52,7 +52,7 @@ WORLD_TEXT = b"""{"name": "box", "size_m": [6.0, 4.0], "walls": true,
 
 
 class Inline:
-    """A lane without a thread: the job is done at once, or when the test says `work`."""
+    """A lane without a thread: the job runs at once, or when the test calls `work`."""
 
     def __init__(self, *, waits: bool = False) -> None:
         self.busy = False
@@ -111,7 +111,7 @@ class Play:
 
     @property
     def beats(self) -> int:
-        """How often the station's heart has beaten for r1."""
+        """Return the number of heartbeats that the station sent for r1."""
         return len(self.bus.publisher(OPERATOR, "r1").said)
 
     def forward(self, seconds: float, *, poll: bool = True) -> Self:
@@ -146,7 +146,7 @@ class Play:
         self._serve()
 
     def cut(self, hub: Hub) -> None:
-        """Nobody is heard, and this comes of calling."""
+        """Let no process answer; `outcome` is the result of a call."""
         self.delivered = False
         self.bus.linked_by = hub
         self.bus.answers.clear()
@@ -158,12 +158,12 @@ class Play:
             self.bus.say(TEXT, piece)
 
     def say_earlier(self, text: str, age_ns: int) -> None:
-        """A text that was said so long ago and has been fetched now."""
+        """Deliver a text that was published `age_s` ago and is fetched now."""
         frame = Encoder(1, 1).encode(Statustext(severity=6, text=text, id=0, chunk_seq=0))
         self.bus.say_frame(TEXT, frame, age_ns=age_ns)
 
     def _press(self, name: str, request: Message) -> None:
-        """An emergency stop arrives, if the robot can be reached and its loop runs."""
+        """Deliver an emergency stop if the robot can be reached and its loop runs."""
         if not (self.robot.loop and self.delivered):
             return
         assert isinstance(request, CommandRequest)
@@ -211,5 +211,5 @@ def refused(reason: Reason) -> CommandAck:
 
 
 def silent(_: Message | None) -> Message:
-    """A service that is there and does not answer."""
+    """Provide a service that never answers."""
     raise NoAnswer("no answer within 0.25 s")

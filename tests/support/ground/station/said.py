@@ -1,4 +1,4 @@
-"""What a robot and its plant say in each period; a test sets its fields."""
+"""Messages of a robot and its plant in each period; a test sets their fields."""
 
 from dataclasses import dataclass, field
 from math import inf, nan
@@ -53,7 +53,7 @@ class Lease:
 
 @dataclass
 class Robot:
-    """What it says in each period of 50 ms; each part can be silenced."""
+    """Messages of each period of 50 ms; each part can be switched off."""
 
     name: str = "r1"
     loop: bool = True

@@ -1,4 +1,4 @@
-"""Hand-made files of other people's formats, and what must be said of spoilt ones."""
+"""Handmade files of foreign formats, and the messages for invalid ones."""
 
 from collections.abc import Callable
 
@@ -42,7 +42,7 @@ P2 = ("P2\n10 6\n255\n" + "\n".join(" ".join(map(str, row)) for row in ROWS) + "
 
 
 def refused(make: Callable[[], object]) -> Problem:
-    """The one problem that is told, with a file, a reason and a fix."""
+    """Return the only problem that is reported, with file, reason and fix."""
     with pytest.raises(WorldError) as caught:
         make()
     (problem,) = caught.value.problems

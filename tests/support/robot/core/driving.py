@@ -9,7 +9,7 @@ OPEN_SPACE = Scan((0,) * 8, (25, 0) * 4, 0xFF, 0)
 
 
 class Driven:
-    """Steps the brain tick by tick; wheels turn as told by the step before (unless `jammed`)."""
+    """Steps the brain tick by tick; wheels follow the previous command (unless `jammed`)."""
 
     def __init__(self, params: Params = DEFAULTS) -> None:
         self.params = params

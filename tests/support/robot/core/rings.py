@@ -82,7 +82,7 @@ def reach_m(pose: Pose, angle_rad: float, walls: list[Wall], discs: list[Disc]) 
 
 
 def clearance_m(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) -> float:
-    """From the robot's rim to what is nearest all round."""
+    """Return the distance from the robot's rim to the nearest obstacle."""
     angles = [2.0 * pi * k / 180 for k in range(180)]
     rays = min(reach_m(pose, angle, walls, discs or []) for angle in angles)
     ends = [hypot(x - pose.x_m, y - pose.y_m) for w in walls for x, y in (w[:2], w[2:])]
@@ -90,7 +90,7 @@ def clearance_m(pose: Pose, walls: list[Wall], discs: list[Disc] | None = None) 
 
 
 def rolled(pose: Pose, turn_rad: float, speed_m_s: float) -> Pose:
-    """One tick on: towards a bearing, slower the more it turns, never backwards."""
+    """Advance one tick towards a bearing: slower in turns, never backwards."""
     ahead_m_s = speed_m_s * max(cos(turn_rad), 0.0)
     rate_rad_s = max(-2.5, min(2.5, 3.0 * turn_rad))
     middle_rad = pose.heading_rad + 0.025 * rate_rad_s
@@ -126,7 +126,7 @@ def walk_to(
     side: int = states.LEFT,
     seconds: float = 120.0,
 ) -> Walk:
-    """From the origin with a navigator's own decisions, until it arrives, gives up or is late."""
+    """Drive from the origin with a navigator until it arrives, gives up or times out."""
     memory, step = registry.new_memory(number, side), registry.NAVIGATORS[number].step
     pose, poses, decisions = Pose(0.0, 0.0, 0.0), [], []
     for _ in range(round(seconds * 20)):

@@ -15,7 +15,7 @@ ALL = 0xFF
 
 
 class Tick(NamedTuple):
-    """What one tick brings; `rolled` are the ticks of the encoders since the last."""
+    """Inputs of one tick; `rolled` are the encoder ticks since the last one."""
 
     rolled: "tuple[float, float] | None"
     range_mm: "tuple[float, ...] | None"

@@ -17,7 +17,7 @@ from tests.support.robot.vehicles import Desk
 def item(
     seq: int, x_m: float = 1.0, y_m: float = 0.0, hold_s: float = 0.0, **changes: float
 ) -> MissionItemInt:
-    """A stop with 5 cm and 5 degrees of tolerance and any heading, but for the changes."""
+    """Return a waypoint with tolerances of 5 cm and 5 degrees, any heading, and `changes`."""
     fields = {
         "seq": seq,
         "frame": FRAME_LOCAL_FLU,
@@ -62,7 +62,7 @@ def count_of(items: list[MissionItemInt]) -> MissionCount:
 
 
 def upload(desk: Desk, items: list[MissionItemInt], operator: str = "") -> MissionVerdict:
-    """The whole conversation; its end."""
+    """Run the whole transfer; return its last message."""
     answer: Message = desk.vehicle.receive(count_of(items), desk.now_ns, operator)
     for one in items:
         if isinstance(answer, MissionVerdict):
