@@ -23,8 +23,9 @@ BOX: Final = (200.0, 74.0)
 STATE: Final = (150.0, 34.0)
 STEP: Final = (360.0, 190.0)
 MARGIN: Final = 12.0
-TEXT_PX: Final = 12.0
 CHARACTERS: Final = 30
+LABEL_PX: Final = 140.0
+"""A label is not wider."""
 BEND: Final = 0.14
 """Of the length of an arrow, sideways, where another one leads back."""
 START: Final = "[*]"
@@ -118,9 +119,12 @@ def svg(boxes: dict[str, Box], arrows: Sequence[Arrow], title: str) -> str:
     """Return an inline picture; its colours are those of the page, light or dark."""
     xs = [box.at[0] + side * box.size[0] / 2 for box in boxes.values() for side in (-1, 1)]
     ys = [box.at[1] + side * box.size[1] / 2 for box in boxes.values() for side in (-1, 1)]
+    pairs = {(arrow.start, arrow.end) for arrow in arrows}
+    for arrow in arrows:
+        x, _ = middle_of(arrow, boxes, (arrow.end, arrow.start) in pairs)
+        xs += [x - LABEL_PX / 2, x + LABEL_PX / 2]
     left, top = min(xs) - MARGIN, min(ys) - MARGIN - 24
     width, height = max(xs) - left + MARGIN, max(ys) - top + MARGIN + 24
-    pairs = {(arrow.start, arrow.end) for arrow in arrows}
     parts = [
         f'<svg class="diagram" role="img" viewBox="{left:.0f} {top:.0f} {width:.0f} {height:.0f}">',
         f"<title>{escape(title)}</title>",
@@ -148,16 +152,20 @@ def box_parts(box: Box) -> Iterator[str]:
         yield f'<text x="{x:.1f}" y="{top + 16 * number:.1f}">{escape(line)}</text>'
 
 
+def middle_of(arrow: Arrow, boxes: dict[str, Box], is_double: bool) -> Point:
+    """Return the middle of the curve of an arrow, where its label is."""
+    (x1, y1), (x2, y2) = boxes[arrow.start].at, boxes[arrow.end].at
+    dx, dy = x2 - x1, y2 - y1
+    # Labels are wider than high, so arrows above each other need more room.
+    bend = (BEND if abs(dx) > STATE[0] else 3 * BEND) if is_double else 0.0
+    return (x1 + x2) / 2 + bend * dy, (y1 + y2) / 2 - bend * dx
+
+
 def arrow_parts(arrow: Arrow, boxes: dict[str, Box], is_double: bool) -> Iterator[str]:
     """Yield the curve and the label of an arrow."""
     first, last = boxes[arrow.start], boxes[arrow.end]
     dx, dy = last.at[0] - first.at[0], last.at[1] - first.at[1]
-    # Labels are wider than high, so arrows above each other need more room.
-    bend = (BEND if abs(dx) > STATE[0] else 3 * BEND) if is_double else 0.0
-    middle = (
-        (first.at[0] + last.at[0]) / 2 + bend * dy,
-        (first.at[1] + last.at[1]) / 2 - bend * dx,
-    )
+    middle = middle_of(arrow, boxes, is_double)
     start, end = edge(first, middle), edge(last, middle)
     # The control point of the curve lies twice as far out as its middle.
     control = tuple(2 * m - (s + e) / 2 for m, s, e in zip(middle, start, end, strict=True))
