@@ -1,4 +1,4 @@
-"""When a robot stood, how far it came and whom it touched, from truths of every 50 ms."""
+"""Measures of motion: stop time, path and contacts, from true states every 50 ms."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from verification.harness.motion import HOLDS, Seen
 
 
 def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:
-    """One truth per period; each speed is that of the period before it."""
+    """Return one state per period; each speed is that of the period before it."""
     x_m, found = 0.0, []
     for number, speed_m_s in enumerate(speeds_m_s):
         x_m += speed_m_s * 0.05 if number else 0.0
@@ -30,34 +30,34 @@ def seen(*speeds_m_s: float, touching: tuple[int, ...] = ()) -> list[Seen]:
 AT_REST = (0.0,) * HOLDS
 
 
-def test_it_stands_since_the_begin_of_its_first_period_without_motion() -> None:
+def test_robot_stops_at_begin_of_first_period_without_motion() -> None:
     assert motion.stood_s(seen(0.3, 0.3, 0.1, *AT_REST)) == pytest.approx(0.10)
     assert motion.stood_s(seen(0.3, *AT_REST)) == 0.0
 
 
-def test_a_short_rest_is_no_standing() -> None:
+def test_short_rest_is_no_stop() -> None:
     short = seen(0.3, *AT_REST[:-1], 0.1)
     assert motion.stood_s(short) is None
     assert motion.stood_s(seen(0.3, 0.0, 0.1, *AT_REST)) == pytest.approx(0.10)
 
 
-def test_its_way_ends_where_it_stands() -> None:
+def test_path_ends_where_the_robot_stops() -> None:
     assert motion.distance_m(seen(0.3, 0.3, 0.1, *AT_REST, 0.3)) == pytest.approx(0.02)
     assert motion.distance_m(seen(0.3, 0.3, 0.3)) == pytest.approx(0.03)
 
 
-def test_whoever_moves_after_standing_has_moved_again() -> None:
+def test_motion_after_a_stop_is_detected() -> None:
     assert motion.moved_again(seen(0.3, *AT_REST, 0.1))
     assert not motion.moved_again(seen(0.3, *AT_REST, 0.0))
     assert not motion.moved_again(seen(0.3, 0.3))
 
 
-def test_a_contact_counts_once_for_as_long_as_it_lasts() -> None:
+def test_lasting_contact_counts_once() -> None:
     assert motion.contacts(seen(0.3, 0.3, 0.3, 0.3, touching=(1, 2))) == 1
     assert motion.contacts(seen(0.3, 0.3, 0.3, 0.3, touching=(0, 2))) == 2
 
 
-def test_from_a_contact_to_standing_wheels() -> None:
+def test_time_from_contact_to_stop() -> None:
     touched = seen(0.3, 0.3, 0.2, *AT_REST, touching=(1,))
     assert motion.touched_s(touched) == pytest.approx(0.05)
     assert motion.touched_s(seen(0.3, *AT_REST)) is None
