@@ -5,17 +5,17 @@ The number of the repetition draws the disk operation after which the power is c
 started from each state that a file system which reorders writes may leave then.
 """
 
-from math import nan
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
 from typing import Final, NamedTuple
 from unittest.mock import patch
 
-from protocol.wire.enums import FRAME_LOCAL_FLU, Command, MissionType
+from ground.missions.mission import Circle
+from ground.missions.wire import fence_items_of
+from protocol.wire.enums import MissionType
 from protocol.wire.messages import (
     MissionCount,
-    MissionItemInt,
     MissionVerdict,
     ParamSet,
     ParamValue,
@@ -81,19 +81,7 @@ def set_value(vehicle: Vehicle, value: float) -> None:
 
 def upload_fence(vehicle: Vehicle, radius_m: float) -> None:
     """Upload a round fence."""
-    fence = MissionItemInt(
-        seq=0,
-        frame=FRAME_LOCAL_FLU,
-        command=Command.NAV_FENCE_CIRCLE_INCLUSION,
-        param1=radius_m,
-        param2=0.0,
-        param3=0.0,
-        param4=nan,
-        x=0,
-        y=0,
-        z=0.0,
-        mission_type=MissionType.FENCE,
-    )
+    (fence,) = fence_items_of(Circle(x_m=0.0, y_m=0.0, radius_m=radius_m))
     vehicle.receive(MissionCount(count=1, mission_type=MissionType.FENCE), 0)
     answer = vehicle.receive(fence, 0)
     if not isinstance(answer, MissionVerdict) or answer.reason != Reason.NONE:

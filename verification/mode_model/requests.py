@@ -5,6 +5,8 @@ from math import nan
 from types import MappingProxyType
 from typing import Final
 
+from ground.missions.mission import Circle
+from ground.missions.wire import fence_items_of
 from protocol.wire.enums import (
     FRAME_LOCAL_FLU,
     Command,
@@ -106,21 +108,7 @@ MISSION: Final = (stop_at(0, 2.0, 0.5), stop_at(1, 3.0, 0.0))
 
 def circle(x_m: float, radius_m: float) -> tuple[MissionItemInt, ...]:
     """Return a round fence."""
-    return (
-        MissionItemInt(
-            seq=0,
-            frame=FRAME_LOCAL_FLU,
-            command=Command.NAV_FENCE_CIRCLE_INCLUSION,
-            param1=radius_m,
-            param2=0.0,
-            param3=0.0,
-            param4=0.0,
-            x=round(x_m * 10_000),
-            y=0,
-            z=0.0,
-            mission_type=MissionType.FENCE,
-        ),
-    )
+    return tuple(fence_items_of(Circle(x_m=x_m, y_m=0.0, radius_m=radius_m)))
 
 
 REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] = MappingProxyType(
