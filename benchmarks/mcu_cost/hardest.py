@@ -36,7 +36,7 @@ class Core(Protocol):
         """Clear the counts."""
 
 
-class Body:
+class ScenarioBody:
     """The true pose of the robot and its simulated sensors."""
 
     def __init__(self, params: Params, random: Random) -> None:
@@ -73,7 +73,7 @@ class Body:
         raise NotImplementedError
 
 
-class CarriedBody(Body):
+class CarriedBody(ScenarioBody):
     """A robot that is moved externally among random echoes."""
 
     def __init__(self, params: Params, random: Random, number: int) -> None:
@@ -91,7 +91,7 @@ class CarriedBody(Body):
         return self.random.randint(*self.band_mm)
 
 
-class EnclosedBody(Body):
+class EnclosedBody(ScenarioBody):
     """A robot in a room with an undulating wall; the goal is outside."""
 
     def __init__(self, params: Params, random: Random, number: int) -> None:
@@ -143,7 +143,7 @@ def costly_fence(core: Core) -> Any:
     return core["safety.fence"].Fence(xs_m, ys_m, 0.0)
 
 
-def run_scenario(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iterator[Any]:
+def run_scenario(core: Core, state: Any, body: ScenarioBody, ticks: int = TICKS) -> Iterator[Any]:
     """Run one scenario; give another goal whenever one has ended."""
     modes, machine = core["modes"], state.machine
     for tick in range(ticks):
@@ -159,7 +159,7 @@ def run_scenario(core: Core, state: Any, body: Body, ticks: int = TICKS) -> Iter
             modes.goto(machine, random_goal(state, body), core["states"].AUTO, now_ms)
 
 
-def random_goal(state: Any, body: Body) -> Goal:
+def random_goal(state: Any, body: ScenarioBody) -> Goal:
     """Return a goal at a random place near the robot."""
     distance_m, at_rad = body.random.choice(GOALS_M), body.random.uniform(-pi, pi)
     pose = state.odometry.pose

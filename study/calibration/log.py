@@ -24,7 +24,7 @@ MIN_TICKS: Final = 2
 MIN_RUNS: Final = 2
 
 
-class LogLine(NamedTuple):
+class CalibrationLogLine(NamedTuple):
     """One line of the file."""
 
     number: int
@@ -65,7 +65,7 @@ def read(path: Path) -> list[SquareRun]:
     return runs
 
 
-def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[LogLine]:
+def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[CalibrationLogLine]:
     head = next(rows, [])
     if tuple(name.strip() for name in head) != COLUMNS:
         fix = f"begin with {','.join(COLUMNS)}"
@@ -79,10 +79,10 @@ def _lines(path: Path, rows: Iterator[list[str]]) -> Iterator[LogLine]:
             fix = f"write {' or '.join(DIRECTIONS)}"
             raise _refusal(path, f"{where}: direction", f"{direction!r} is not a direction", fix)
         ticks = (_whole(path, where, "left", left), _whole(path, where, "right", right))
-        yield LogLine(number, run, direction, ticks, _measured(path, where, end))
+        yield CalibrationLogLine(number, run, direction, ticks, _measured(path, where, end))
 
 
-def _run(path: Path, lines: Sequence[LogLine]) -> SquareRun:
+def _run(path: Path, lines: Sequence[CalibrationLogLine]) -> SquareRun:
     last = lines[-1]
     where = f"line {last.number}"
     if last.measured is None:

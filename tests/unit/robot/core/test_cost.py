@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks.mcu_cost.budget import LIMIT_PERCENT, LIMITS_PERCENT, STATE_BYTES, worst_case_ticks
 from benchmarks.mcu_cost.counted_core import CountedCore
-from benchmarks.mcu_cost.hardest import Body, CarriedBody, EnclosedBody, run_scenario
+from benchmarks.mcu_cost.hardest import CarriedBody, EnclosedBody, ScenarioBody, run_scenario
 from benchmarks.mcu_cost.mcu import share_percent
 from benchmarks.mcu_cost.memory_size import lengths
 from robot.core import states
@@ -56,7 +56,7 @@ def test_worst_tick_and_memory_are_within_limits(name: str) -> None:
 
 @pytest.mark.parametrize("kind", [EnclosedBody, CarriedBody])
 @pytest.mark.parametrize("name", NAVIGATORS)
-def test_memory_never_grows(name: str, kind: type[Body]) -> None:
+def test_memory_never_grows(name: str, kind: type[ScenarioBody]) -> None:
     """Run 2000 ticks with one memory, whatever it decides, without a machine that would end it."""
     number, ring = NAVIGATORS[name], rings.Ring()
     memory, body = new_memory(number, states.LEFT), body_of(kind)
@@ -88,6 +88,6 @@ def test_counted_core_behaves_like_the_core(name: str) -> None:
     assert states_of[0].machine.serial == states_of[1].machine.serial > 0
 
 
-def body_of(kind: type[Body]) -> Body:
+def body_of(kind: type[ScenarioBody]) -> ScenarioBody:
     assert kind in (EnclosedBody, CarriedBody)
     return (EnclosedBody if kind is EnclosedBody else CarriedBody)(DEFAULTS, Random(3), 3)
