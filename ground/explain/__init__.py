@@ -1,4 +1,4 @@
-"""Why did it turn? The decision of one tick in plain words, and the instants that decided a run."""
+"""Explain the decision of one tick in plain words, and list the instants that decided a run."""
 
 from ground.explain.explanation import Explanation, explain
 from ground.explain.reason_text import Turned, Why, explained

@@ -1,4 +1,4 @@
-"""The decision of one tick as a headline and its numbers, one line each."""
+"""Explain the decision of one tick as a headline and lines of numbers."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -33,12 +33,13 @@ NAMES: Final = 9
 
 
 class Explanation(NamedTuple):
-    """`lines` open with the name of what they tell, padded to one width."""
+    """An explanation; each line starts with a name, padded to a common width."""
 
     headline: str
     lines: tuple[str, ...]
 
     def text(self) -> str:
+        """Return headline and lines as text."""
         return "\n".join((self.headline, *(f"  {line}" for line in self.lines)))
 
 
@@ -48,9 +49,9 @@ def explain(
     cycle: CycleReport | None = None,
     previous: AvoidanceDecision | None = None,
 ) -> Explanation:
-    """Why the robot did what it did in one tick; `previous`: the decision before that.
+    """Explain the decision of one tick; `previous` is the decision before it.
 
-    None and whatever is not a number are told as missing; unknown states as their numbers.
+    None and values that are not numbers are shown as missing, unknown states as their numbers.
     """
     found: list[tuple[str, str]] = []
     if decision is not None:
@@ -67,7 +68,7 @@ def explain(
 
 
 def seen(decision: AvoidanceDecision, status: NavigatorStatus | None) -> Iterator[tuple[str, str]]:
-    """Where it saw what."""
+    """Yield what the robot detected and where."""
     yield "nearest", echo(decision.nearest_range_m, decision.nearest_bearing_rad)
     yield "zone", zone(decision, status)
     away = NONE if status is None else metres(status.goal_distance_m)
@@ -75,7 +76,7 @@ def seen(decision: AvoidanceDecision, status: NavigatorStatus | None) -> Iterato
 
 
 def zone(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
-    """The avoidance zone, and whether the nearest echo is in it."""
+    """Describe the avoidance zone, and whether the nearest echo is in it."""
     if not isfinite(decision.zone_m):
         return "none" if status is None else f"none: {navigator_words(status.navigator)} has none"
     name = "" if status is None else ZONES.get(status.navigator, "")
@@ -84,11 +85,11 @@ def zone(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
         return f"{words}, the nearest echo is inside"
     if decision.nearest_range_m >= decision.zone_m:
         return f"{words}, nothing is inside"
-    return f"{words}, what is inside is not told"
+    return f"{words}, whether anything is inside is unknown"
 
 
 def chosen(decision: AvoidanceDecision) -> Iterator[tuple[str, str]]:
-    """What it made of that."""
+    """Yield what the navigator chose."""
     yield "branch", branch_words(decision.branch)
     yield "rotation", rotation(decision.rotation_rad)
     yield "virtual", virtual(decision)
@@ -96,7 +97,7 @@ def chosen(decision: AvoidanceDecision) -> Iterator[tuple[str, str]]:
 
 
 def rotation(rotation_rad: float) -> str:
-    """The paper's gamma: by how much, and to which side, the goal was turned about the robot."""
+    """Describe the paper's gamma: the angle by which the goal is rotated about the robot."""
     angle_deg = heading_deg(rotation_rad)
     if angle_deg is None:
         return NONE
@@ -107,7 +108,7 @@ def rotation(rotation_rad: float) -> str:
 
 
 def virtual(decision: AvoidanceDecision) -> str:
-    """The virtual goal, and where it is seen from the robot."""
+    """Describe the virtual goal and its bearing from the robot."""
     if decision.rotation_rad == 0.0:
         return "the goal itself"
     where = side(decision.goal_bearing_rad + decision.rotation_rad)
@@ -115,30 +116,32 @@ def virtual(decision: AvoidanceDecision) -> str:
 
 
 def guard(decision: AvoidanceDecision) -> str:
-    """What it took away, and why. Of the speed only what it left is known."""
+    """Describe what the guard removed and why; of the speed only the rest is known."""
     if not decision.guard:
         return "took nothing away"
     left_m_s = decision.speed_m_s
     all_of_it = left_m_s == 0.0 and decision.yaw_rate_rad_s == 0.0
-    kept = f"left {short(left_m_s)} m/s" if isfinite(left_m_s) else "left what is not told"
+    kept = f"left {short(left_m_s)} m/s" if isfinite(left_m_s) else "left an unknown speed"
     took = "took all speed away" if all_of_it else f"took speed away, {kept}"
     return f"{took}: {reason_text(decision.guard)}"
 
 
 def state(status: NavigatorStatus) -> str:
+    """Return vehicle state, mode, goal state and navigator, with a reason."""
     names = (vehicle_words(status.vehicle), mode_words(status.mode), goal_words(status.goal))
     words = f"{' '.join(names)}, {navigator_words(status.navigator)}"
     return because(words, status.vehicle_reason, status.goal_reason)
 
 
 def cost(cycle: CycleReport) -> str:
-    """Whether the tick was late or dear: a decision made too late may look like a wrong one."""
+    """Describe the cost of the tick: a late decision may look like a wrong one."""
     words = f"{sum(cycle.stage_us)} of {cycle.budget_us} us, {cycle.late_us / 1000:.3g} ms late"
     words += f", senses {cycle.sense_age_us / 1000:.3g} ms old"
     return f"{words}, {cycle.missed} ticks missed" if cycle.missed else words
 
 
 def changed(previous: AvoidanceDecision, decision: AvoidanceDecision) -> str:
+    """Describe the changes since the previous decision."""
     found = changes(previous, decision)
     since_s = (decision.time_ns - previous.time_ns) / NS_PER_S
     return f"{'; '.join(found) if found else 'nothing'} (within {since_s:.3g} s)"

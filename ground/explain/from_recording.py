@@ -1,4 +1,4 @@
-"""Why a recorded robot turned, at any instant of its recording."""
+"""Explain at any instant of a recording why the robot turned."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -13,14 +13,14 @@ from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStat
 
 
 class Turn(NamedTuple):
-    """When, from the beginning of the recording, and what changed."""
+    """A turning point: its time since the start of the recording, and what changed."""
 
     at_ns: int
     words: str
 
 
 class Recorded:
-    """The decisions of a recording; status and cost go with the decision of the same tick."""
+    """The decisions of a recording, each with the status and the cost of its tick."""
 
     def __init__(self, log_index: LogIndex) -> None:
         found = [
@@ -38,7 +38,7 @@ class Recorded:
         }
 
     def at(self, at_ns: int) -> tuple[int, Explanation] | None:
-        """Of the last decision up to then, and when that was; None before the first."""
+        """Explain the last decision up to then, with its time; None before the first."""
         place = self._place(at_ns)
         if place < 0:
             return None
@@ -49,7 +49,10 @@ class Recorded:
         return self._times_ns[place], explain(decision, status, cycle, before)
 
     def _place(self, at_ns: int) -> int:
-        """Of several at one instant, as it may come, the first that turned; -1 before all."""
+        """Return the index of the last decision up to then, or -1 before the first.
+
+        Several decisions may arrive at one instant: then the first turning point among them.
+        """
         last = bisect_right(self._times_ns, at_ns) - 1
         if last < 0:
             return last
@@ -59,7 +62,7 @@ class Recorded:
         return next(turned, last)
 
     def turns(self) -> Iterator[Turn]:
-        """The turning points, in the order of the run."""
+        """Yield the turning points in order of time."""
         pairs = pairwise(self._decisions)
         for at_ns, (before, after) in zip(self._times_ns[1:], pairs, strict=True):
             point = turning_point(before, after)

@@ -1,4 +1,4 @@
-"""One line: what the robot does with its wheels, and why."""
+"""Write one line: what the robot does with its wheels, and why."""
 
 from math import copysign, degrees, isfinite
 from typing import Final
@@ -10,7 +10,7 @@ from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
 from protocol.wire.reasons import reason_text
 
 TURNS_DEG_S: Final = 2.0
-"""A yaw rate below this is no turn."""
+"""A lower yaw rate is no turn."""
 
 MOVES_M_S: Final = 0.005
 ASIDE_DEG: Final = 3.0
@@ -19,28 +19,28 @@ PASSES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
 
 
 def headline(decision: AvoidanceDecision | None, status: NavigatorStatus | None) -> str:
-    """Begins with what the wheels do, so it can be checked by looking at them."""
+    """Return the headline; it starts with the motion, which can be observed."""
     if decision is None:
-        return "nothing is known of what it decided"
+        return "its decision is unknown"
     return f"{motion(decision)}: {cause(decision, status)}"
 
 
 def motion(decision: AvoidanceDecision) -> str:
-    """What the wheels were told in this tick."""
+    """Describe the wheel command of this tick."""
     speed_m_s, yaw_deg_s = decision.speed_m_s, degrees(decision.yaw_rate_rad_s)
     if not (isfinite(speed_m_s) and isfinite(yaw_deg_s)):
-        return "moves in a way that is not told"
+        return "moves in an unknown way"
     creeps = abs(speed_m_s) < MOVES_M_S
     if abs(yaw_deg_s) >= TURNS_DEG_S:
         spot = " on the spot" if creeps else ""
         return f"turns {left_or_right(yaw_deg_s)}{spot} at {short(abs(yaw_deg_s))} deg/s"
     if creeps:
-        return "stands"
+        return "does not move"
     return f"drives straight {'on' if speed_m_s > 0.0 else 'back'} at {short(abs(speed_m_s))} m/s"
 
 
 def cause(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
-    """The outermost reason: state before mode, mode before goal, goal before avoidance."""
+    """Return the outermost reason: state before mode, mode before goal, goal before avoidance."""
     outer = "" if status is None else of_the_state(status)
     by_hand = status is not None and status.vehicle == Vehicle.ACTIVE and status.mode == Mode.MANUAL
     guarded = of_the_guard(decision) if by_hand or not outer else ""
@@ -48,21 +48,21 @@ def cause(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
 
 
 def of_the_state(status: NavigatorStatus) -> str:
-    """Empty while it drives to a goal by itself."""
+    """Describe why the robot does not drive to a goal by itself; empty while it does."""
     if status.vehicle != Vehicle.ACTIVE:
         what = VEHICLES.get(status.vehicle, f"vehicle {status.vehicle}")
         return because(what, status.vehicle_reason)
     if status.mode == Mode.MANUAL:
         return "it is driven by hand"
     if status.mode == Mode.HOLD:
-        return because("it was told to hold", status.vehicle_reason)
+        return because("it holds on request", status.vehicle_reason)
     if status.goal in ENDS:
         return because(ENDS[status.goal], status.goal_reason)
     return ""
 
 
 def of_the_guard(decision: AvoidanceDecision) -> str:
-    """Empty unless the guard took everything away."""
+    """Describe a guard that removed all speed; otherwise return an empty text."""
     stands = decision.speed_m_s == 0.0 and decision.yaw_rate_rad_s == 0.0
     if not (decision.guard and stands):
         return ""
@@ -71,6 +71,7 @@ def of_the_guard(decision: AvoidanceDecision) -> str:
 
 
 def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
+    """Describe the branch of the navigator."""
     if decision.branch == Branch.NONE:
         return "nothing is decided" if status is None else settling(status)
     if decision.branch == Branch.ALIGN:
@@ -85,23 +86,23 @@ def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -
 
 
 def settling(status: NavigatorStatus) -> str:
-    """With a goal and nothing to decide it has not set off yet, or has arrived."""
+    """Describe a robot with a goal and no decision: it has not started, or it has arrived."""
     if status.goal == GoalState.ACCEPTED:
         return "it has a new goal and sets off"
     away = far(status.goal_distance_m)
-    return f"it has arrived and comes to a stand{away}"
+    return f"it has arrived and stops{away}"
 
 
 def passing(decision: AvoidanceDecision) -> str:
-    """It steers to the virtual goal, past what is nearest."""
+    """Describe how the robot passes the nearest obstacle on the way to the virtual goal."""
     near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
-    near = "what is near is not told" if near == NONE else near
+    near = "the nearest echo is unknown" if near == NONE else near
     wanted = side(decision.goal_bearing_rad + decision.rotation_rad)
     return f"{near}, so it {branch_words(decision.branch)}, towards {wanted}"
 
 
 def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
-    """Straight for the goal, or a little aside of it to keep off a flank."""
+    """Describe the way to the goal, possibly with a small offset from a flank."""
     home = status is not None and status.mode == Mode.SMART_RTL
     what = "the next place on its trail" if home else "the goal"
     away = "" if status is None or home else far(status.goal_distance_m)
@@ -113,17 +114,18 @@ def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
 
 
 def far(distance_m: float) -> str:
+    """Return the distance to go, or an empty text."""
     away = metres(distance_m)
     return "" if away == NONE else f", {away} to go"
 
 
 def swinging(decision: AvoidanceDecision) -> str:
-    """Wheels cannot turn round at once: for some ticks it still turns the other way."""
+    """Mention a turn in the other direction, which takes some ticks to reverse."""
     return ", still swinging from before" if contrary(decision) else ""
 
 
 def bending(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
-    """Near its end a way is bent, so that it leads into the final heading."""
+    """Mention the bend near the end of a path, which leads into the final heading."""
     if not contrary(decision):
         return ""
     if status is not None and isfinite(status.goal_heading_rad):
@@ -132,7 +134,7 @@ def bending(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
 
 
 def contrary(decision: AvoidanceDecision) -> bool:
-    """Whether it turns away from where it wants to go."""
+    """Return whether the robot turns away from its wanted direction."""
     wanted_deg = heading_deg(decision.goal_bearing_rad + decision.rotation_rad)
     yaw_deg_s = degrees(decision.yaw_rate_rad_s)
     if wanted_deg is None or not abs(yaw_deg_s) >= TURNS_DEG_S or abs(wanted_deg) < ASIDE_DEG:

@@ -1,4 +1,4 @@
-"""The numbers of the dialect in words; one that this version does not know stays a number."""
+"""Name the numbers of the dialect; an unknown one stays a number."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -35,30 +35,36 @@ ENDS: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 ZONES: Final[Mapping[int, str]] = MappingProxyType({Navigator.VGM: "d_obs", Navigator.BUG: "d_th"})
-"""What the avoidance zone is called, where a navigator has one."""
+"""Name of the avoidance zone of each navigator that has one."""
 
 
 def branch_words(number: int) -> str:
+    """Name a branch."""
     return BRANCHES.get(number, f"branch {number}")
 
 
 def navigator_words(number: int) -> str:
+    """Name a navigator."""
     return word(Navigator, number, "navigator").lower()
 
 
 def mode_words(number: int) -> str:
+    """Name a mode."""
     return word(Mode, number, "mode")
 
 
 def vehicle_words(number: int) -> str:
+    """Name a vehicle state."""
     return word(Vehicle, number, "vehicle")
 
 
 def goal_words(number: int) -> str:
+    """Name a goal state."""
     return word(GoalState, number, "goal")
 
 
 def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: str) -> str:
+    """Return the name of a number, or the number itself."""
     try:
         return kind(number).name
     except ValueError:
@@ -66,6 +72,6 @@ def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: 
 
 
 def because(what: str, *reasons: int) -> str:
-    """With the first reason that there is."""
+    """Append the first reason other than NONE."""
     reason = next((one for one in reasons if one != Reason.NONE), Reason.NONE)
     return what if reason == Reason.NONE else f"{what}: {reason_text(reason)}"

@@ -1,4 +1,4 @@
-"""The last turning points of a robot that is being shown: one key asks why it turned."""
+"""Keep the last turning points of the shown robot, to explain why it turned."""
 
 from collections import deque
 from typing import Final, NamedTuple, Protocol
@@ -9,38 +9,54 @@ from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStat
 
 MOST: Final = 200
 MANY: Final = 2_400
-"""Of so many at once the older ones may have been left out."""
+"""With this many decisions at once, older ones may be missing."""
 
 
 class Instant(Protocol):
-    """What else was known at a moment."""
+    """The status and the cost known at an instant."""
 
     @property
-    def status(self) -> NavigatorStatus | None: ...
+    def status(self) -> NavigatorStatus | None:
+        """Status of the robot."""
+        ...
+
     @property
-    def cycle(self) -> CycleReport | None: ...
+    def cycle(self) -> CycleReport | None:
+        """Cost of the tick."""
+        ...
 
 
 class Shows(Protocol):
-    """What is needed of a station; times are by its own clock."""
+    """The parts of a station that are needed; times are by its own clock."""
 
     @property
-    def robot(self) -> str: ...
+    def robot(self) -> str:
+        """Name of the robot."""
+        ...
+
     @property
-    def now_ns(self) -> int: ...
-    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]: ...
-    def moment(self, time_ns: int | None = None) -> Instant | None: ...
+    def now_ns(self) -> int:
+        """Time of the last poll."""
+        ...
+
+    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
+        """Return the decisions after an instant, oldest first."""
+        ...
+
+    def moment(self, time_ns: int | None = None) -> Instant | None:
+        """Return what was known at an instant."""
+        ...
 
 
 class Turned(NamedTuple):
-    """A turning point, and when it was heard of."""
+    """A turning point and its time of arrival."""
 
     at_ns: int
     point: TurningPoint
 
 
 class Why:
-    """Looks at a station now and then and misses no decision that it still has."""
+    """Collects turning points; call `look` before the station drops decisions."""
 
     def __init__(self, most: int = MOST) -> None:
         self._points: deque[Turned] = deque(maxlen=most)
@@ -49,7 +65,7 @@ class Why:
         self._robot = ""
 
     def look(self, station: Shows) -> None:
-        """Take what is new. Another robot begins anew; a log that is turned back forgets."""
+        """Process new decisions; start again for another robot or after a jump back."""
         if station.robot != self._robot:
             self._robot, self._seen_ns = station.robot, 0
             self._points.clear()
@@ -79,16 +95,16 @@ class Why:
 
     @property
     def points(self) -> list[TurningPoint]:
-        """The oldest first."""
+        """Turning points, oldest first."""
         return [turned.point for turned in self._points]
 
     def at(self, back: int = 0) -> Turned | None:
-        """The last one, or one so many before it; None when there is none."""
+        """Return the last turning point, or an earlier one; None when there is none."""
         return self._points[-1 - back] if 0 <= back < len(self._points) else None
 
 
 def explained(turned: Turned, station: Shows) -> Explanation:
-    """Why it turned then, with as much as the station still knows of that moment."""
+    """Explain a turning point with what the station still knows of that moment."""
     known = station.moment(turned.at_ns)
     status, cycle = (None, None) if known is None else (known.status, known.cycle)
     return explain(turned.point.decision, status, cycle, turned.point.previous)

@@ -1,4 +1,4 @@
-"""The turning points of a run: where the branch, the side or the guard became another one."""
+"""Find the turning points of a run: changes of branch, side or guard."""
 
 from typing import Final, NamedTuple
 
@@ -11,7 +11,7 @@ SIDES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
 
 
 class TurningPoint(NamedTuple):
-    """`previous` was decided right before it. `time_ns` is the robot's stamp."""
+    """A change between two decisions; `time_ns` is the robot's stamp."""
 
     time_ns: int
     words: str
@@ -20,13 +20,13 @@ class TurningPoint(NamedTuple):
 
 
 def turning_point(before: AvoidanceDecision, after: AvoidanceDecision) -> TurningPoint | None:
-    """None where all is as it was."""
+    """Return the turning point between two decisions, or None without a change."""
     found = changes(before, after)
     return TurningPoint(after.time_ns, "; ".join(found), before, after) if found else None
 
 
 def changes(before: AvoidanceDecision, after: AvoidanceDecision) -> list[str]:
-    """What became another one between two decisions, in words."""
+    """Return what changed between two decisions, in words."""
     found = []
     if before.branch != after.branch:
         sides = before.branch in SIDES and after.branch in SIDES
@@ -38,4 +38,5 @@ def changes(before: AvoidanceDecision, after: AvoidanceDecision) -> list[str]:
 
 
 def guard_words(number: int) -> str:
+    """Return the reason of a guard without its prefix."""
     return reason_text(number).removeprefix("guard: ") if number else "nothing"

@@ -1,4 +1,4 @@
-"""What would another navigator have done? It is run from there, and its path laid beside."""
+"""Predict what another navigator would do: run it from an instant and return its path."""
 
 from ground.ghost.branch_point import BranchPoint, driving
 from ground.ghost.ghost import Ghost

@@ -1,4 +1,4 @@
-"""An instant of a run, from which another navigator may go on: where, when, whereto."""
+"""Describe the instant of a run from which another navigator continues."""
 
 import json
 from collections.abc import Mapping
@@ -17,14 +17,16 @@ OF_THE_BODY: Final = frozenset(
         *("wheel_max_m_s", "accel_m_s2", "k_r_m", "k_l_m", "sonar_max_m", "period_s"),
     }
 )
-"""Parameters that a world and its noise settle, and that another noise would settle otherwise."""
+"""Parameters given by the world and its noise; another noise level gives other values."""
 
 OF_THE_RUN: Final = frozenset({"navigator", "side"})
 
 
 class BranchPoint(NamedTuple):
-    """`world` is the name of a file, or what the plant tells of it (its JSON, read or as text);
-    `start` is x_m, y_m and heading_rad; `at_s` the world's own time."""
+    """Start of a ghost: `world` is a file name or the plant's description (JSON, parsed or text).
+
+    `start` is x_m, y_m and heading_rad; `at_s` is the world's own time.
+    """
 
     world: str | Facts
     start: tuple[float, float, float]
@@ -33,7 +35,7 @@ class BranchPoint(NamedTuple):
 
 
 def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]) -> list[str]:
-    """What to run; `more` are options by name, None for those to leave out."""
+    """Return the arguments of a trial; `more` are options by name, None for those to omit."""
     goal = instant.goal
     place = [repr(goal.x_m), repr(goal.y_m)]
     if goal.heading_rad is not None:
@@ -49,7 +51,7 @@ def trial_words(instant: BranchPoint, navigator: str, more: Mapping[str, object]
 
 
 def world_bytes(instant: BranchPoint) -> bytes:
-    """What the process has to be given to read; nothing when it finds the world by its name."""
+    """Return the standard input of the trial; empty when the world is given by name."""
     world = instant.world
     if not isinstance(world, str):
         return json.dumps(world).encode()
@@ -57,7 +59,7 @@ def world_bytes(instant: BranchPoint) -> bytes:
 
 
 def driving(parameters: Mapping[str, float]) -> dict[str, float]:
-    """Of a robot's parameters those that say how it drives, not what it is built like."""
+    """Return the parameters that describe driving, without those of the body."""
     return {
         name: value
         for name, value in parameters.items()

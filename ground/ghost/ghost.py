@@ -1,6 +1,6 @@
-"""Another navigator from an instant of a run, in a process of its own while nobody waits for it.
+"""Run another navigator from an instant of a run in a separate process.
 
-Make and start it in the thread that stays: Linux ends a child with the thread that started it.
+Create and start it in a thread that stays alive: Linux ends a child with its starting thread.
 """
 
 import os
@@ -24,7 +24,7 @@ PATIENCE_S: Final = 30.0
 CHUNK: Final = 1 << 20
 REAP_S: Final = 1.0
 POLITE: Final = 15
-"""It gives way to what drives a robot on the same machine."""
+"""Lower priority: the process must not disturb a robot on the same machine."""
 
 NOTHING: Final[Mapping[str, float]] = MappingProxyType({})
 CANCELLED: Final = "cancelled"
@@ -32,9 +32,10 @@ STREAMS: Final = ("in", "out", "error")
 
 
 class Ghost:
-    """One run: `start` it, `poll` it now and then, and `cancel` it when nobody wants it any more.
+    """One predicted run: `start` it, `poll` it regularly, and `cancel` it when it is not needed.
 
-    `path_m` grows while it drives. In simulated time it has `timeout_s`, in real time `patience_s`.
+    `path_m` grows during the run. Limits are `timeout_s` in simulated and `patience_s` in real
+    time.
     """
 
     def __init__(
@@ -54,8 +55,10 @@ class Ghost:
         clock: Clock | None = None,
         command_of: Callable[[Sequence[str], int], list[str]] = command,
     ) -> None:
-        """`world`: the name of a file, or what the plant tells of it, read or as its text. `goal`
-        and `start` are places of the world; headings in radians."""
+        """Create a ghost; `world` is a file name or the plant's description, parsed or as text.
+
+        `goal` and `start` are poses in the world with headings in radians.
+        """
         instant = BranchPoint(world, start, at_s, goal)
         more = {"noise": noise, "seed": seed, "side": side, "timeout": repr(timeout_s)}
         self._words = trial_words(instant, navigator, more)
@@ -80,26 +83,29 @@ class Ghost:
 
     @property
     def path_m(self) -> list[Point]:
-        """As far as it has come; true places of the world."""
+        """Path so far, in world coordinates."""
         return self._reading.path_m
 
     @property
     def pid(self) -> int | None:
-        """Of its process, while there is one."""
+        """Process id while it runs."""
         return None if self._process is None else self._process.pid
 
     @property
     def running(self) -> bool:
+        """True if the process runs."""
         return self._process is not None
 
     def start(self) -> None:
-        """Takes a few milliseconds; a ghost that was started or cancelled is not started again."""
+        """Start the process, which takes a few milliseconds; a second start has no effect."""
         if self._process is not None or self._course is not None:
             return
         try:
             self._launch()
         except OSError as error:
-            self._finish(PredictedPath([], FAILED, f"it cannot be started: {error.strerror}"))
+            self._finish(
+                PredictedPath([], FAILED, f"the process cannot be started: {error.strerror}")
+            )
         self._deadline_ns = self._clock.now_ns() + self._patience_ns
 
     def _launch(self) -> None:
@@ -122,7 +128,7 @@ class Ghost:
             os.setpriority(os.PRIO_PROCESS, self._process.pid, POLITE)
 
     def poll(self) -> PredictedPath | None:
-        """Look, without waiting: how it came out, or None while it drives."""
+        """Return the result, or None while it runs, without waiting."""
         process = self._process
         if process is None:
             return self._course
@@ -131,7 +137,7 @@ class Ghost:
         if code is not None:
             self._finish(
                 self._reading.course(
-                    self._last_words() or f"it ended with {exit_description(code)}"
+                    self._last_words() or f"the process ended with {exit_description(code)}"
                 )
             )
         elif self._clock.now_ns() >= self._deadline_ns:
@@ -139,7 +145,7 @@ class Ghost:
         return self._course
 
     def cancel(self) -> None:
-        """End it, if it has not ended yet; nothing of it is left."""
+        """End the process and remove everything it left."""
         if self._process is not None:
             self._end(CANCELLED)
         elif self._course is None:
@@ -167,7 +173,7 @@ class Ghost:
             self._reading.take(data)
 
     def _last_words(self) -> str:
-        """Why it refused: the last line that it wrote to whoever reads errors."""
+        """Return the last line of its error output."""
         said = os.pread(self._files[2].fileno(), CHUNK, 0).decode(errors="replace")
         lines = [line for line in said.splitlines() if line.strip()]
         return lines[-1].removeprefix("sidestep trial: ") if lines else ""

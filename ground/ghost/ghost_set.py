@@ -1,4 +1,4 @@
-"""Several ghosts at once, no more of them driving than there are cores; the others wait."""
+"""Run several ghosts, at most one per core at the same time."""
 
 import os
 from typing import Self
@@ -9,7 +9,7 @@ from ground.map import GhostTrail
 
 
 class Ghosts:
-    """By label, in the order in which they were asked for."""
+    """Ghosts by label, in the order in which they were added."""
 
     def __init__(self, most: int | None = None) -> None:
         self._most = max(1, most if most is not None else os.cpu_count() or 1)
@@ -23,13 +23,13 @@ class Ghosts:
         self.clear()
 
     def add(self, label: str, ghost: Ghost) -> None:
-        """It starts when there is room; another of that label makes way."""
+        """Add a ghost, which starts when a core is free; it replaces another of the same label."""
         self.remove(label)
         self._ghosts[label] = ghost
         self._start()
 
     def poll(self) -> list[str]:
-        """Look at all of them, without waiting; the labels of those that have just ended."""
+        """Poll all ghosts without waiting; return the labels of those that have just ended."""
         ended = []
         for label, ghost in self._ghosts.items():
             course = None if label in self._courses else ghost.poll()
@@ -41,19 +41,21 @@ class Ghosts:
 
     @property
     def courses(self) -> dict[str, PredictedPath | None]:
-        """How each came out; None while it waits or drives."""
+        """Result of each ghost; None while it waits or runs."""
         return {label: self._courses.get(label) for label in self._ghosts}
 
     @property
     def busy(self) -> bool:
+        """True if a ghost waits or runs."""
         return len(self._courses) < len(self._ghosts)
 
     @property
     def pids(self) -> list[int]:
+        """Process ids of the running ghosts."""
         return [ghost.pid for ghost in self._ghosts.values() if ghost.pid is not None]
 
     def trails(self) -> list[GhostTrail]:
-        """For the map; of one that drives as far as it has come, with an outcome of none."""
+        """Return the paths for the map; a running ghost has an empty outcome."""
         return [
             GhostTrail(label, ghost.path_m, "" if course is None else course.outcome)
             for (label, ghost), course in zip(
@@ -62,13 +64,14 @@ class Ghosts:
         ]
 
     def remove(self, label: str) -> None:
-        """Nothing when there is none."""
+        """Remove a ghost if it exists."""
         self._courses.pop(label, None)
         ghost = self._ghosts.pop(label, None)
         if ghost is not None:
             ghost.cancel()
 
     def clear(self) -> None:
+        """Remove all ghosts."""
         for label in list(self._ghosts):
             self.remove(label)
 

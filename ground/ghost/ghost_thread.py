@@ -1,4 +1,4 @@
-"""Ghosts of what a station shows, live or played: begun at its present instant, told in its log."""
+"""Run ghosts from the present instant of a station and report them in its log."""
 
 from collections.abc import Callable
 from typing import Final
@@ -21,22 +21,22 @@ from runtime.units import NS_PER_S
 ALL: Final = "all"
 NONE: Final = "none"
 CHOICES: Final = (*NAVIGATORS, ALL, NONE)
-NO_WORLD: Final = "no world is known: a ghost needs a simulation, or a recording that holds its own"
+NO_WORLD: Final = "the world is unknown: a ghost needs a simulation, or a recording with its world"
 
 
 class GhostRunner:
-    """`begin` one at a key press, `poll` when the station is polled, `trails` for its scene."""
+    """Starts ghosts on request, polls them with the station, and returns their paths."""
 
     def __init__(self, shown: Callable[[], Station], ghosts: Ghosts | None = None) -> None:
-        """`shown`: the station of the moment; a played log has another one after every way back."""
+        """Create a runner; `shown` returns the present station."""
         self._shown = shown
         self._ghosts = ghosts or Ghosts()
         self._world = ""
 
     def begin(self, choice: str) -> None:
-        """A navigator, `all` of them, or `none`: those there are go. Raises UserError.
+        """Start a navigator or `all` of them, or remove the ghosts with `none`. Raises UserError.
 
-        A second one of a navigator takes the place of the first.
+        A ghost replaces an earlier one of the same navigator.
         """
         if choice == NONE:
             self.clear()
@@ -52,7 +52,7 @@ class GhostRunner:
             self._ghosts.add(name, Ghost(*instant, name, parameters, side=side))
 
     def poll(self) -> None:
-        """Look, and tell how those came out that have ended. In another world they are gone."""
+        """Report the ghosts that have ended; remove all of them in another world."""
         station = self._shown()
         if self._world and world_of(station) not in ("", self._world):
             self.clear()
@@ -64,21 +64,21 @@ class GhostRunner:
 
     @property
     def busy(self) -> bool:
+        """True if a ghost waits or runs."""
         return self._ghosts.busy
 
     def trails(self) -> list[GhostTrail]:
-        """For `Scene.ghosts`."""
+        """Return the paths for `Scene.ghosts`."""
         return self._ghosts.trails()
 
     def clear(self) -> None:
-        """End them and forget their ways."""
+        """End all ghosts and forget their paths."""
         self._ghosts.clear()
         self._world = ""
 
 
 def instant_of(station: Station) -> BranchPoint:
-    """Where the shown robot is now: its true place, or where it believes it is. Raises UserError
-    when something is not known."""
+    """Return the present pose of the shown robot, the true one if known; UserError if data lack."""
     world, telemetry, now_ns = station.world, station.telemetry, station.now_ns
     status = telemetry.live(STATUS, now_ns)
     place: GroundTruth | PlanarOdometry | None = telemetry.live(TRUTH, now_ns)
@@ -87,7 +87,7 @@ def instant_of(station: Station) -> BranchPoint:
     if world is None:
         raise UserError(NO_WORLD)
     if status is None or place is None:
-        raise UserError("nothing is heard of the robot now")
+        raise UserError("the robot sends no data now")
     if status.goal == GoalState.NONE:
         raise UserError("the robot has no goal at this instant")
     goal: Destination = goal_of(status)
@@ -95,12 +95,12 @@ def instant_of(station: Station) -> BranchPoint:
 
 
 def world_of(station: Station) -> str:
-    """What tells one world from another; empty while none is known."""
+    """Return the identity of a world; empty while none is known."""
     return "" if station.world is None else station.world.text
 
 
 def told(course: PredictedPath) -> str:
-    """How it came out, in one line."""
+    """Describe the result in one line."""
     words = course.outcome
     if course.time_s is not None and course.length_m is not None:
         words += f" after {course.time_s:.1f} s and {course.length_m:.2f} m"

@@ -1,4 +1,4 @@
-"""The present instant of a robot in a simulation, asked of it and of its plant."""
+"""Read the present state of a simulated robot from the robot and its plant."""
 
 from typing import Any, Final
 
@@ -18,10 +18,10 @@ ASK_S: Final = 1.0
 
 
 class LiveState:
-    """Heard once, then asked for what a ghost needs."""
+    """State of a running robot, from which a ghost can start."""
 
     def __init__(self, link: Link) -> None:
-        """Raises UnansweredError, who is missing, when the robot is not heard."""
+        """Wait for the robot's messages; raises UnansweredError when they do not arrive."""
         self._link = link
         with link.subscribed(STATUS, TRUTH) as heard:
             link.wait(lambda: all(heard.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
@@ -32,26 +32,31 @@ class LiveState:
         self.status: NavigatorStatus = status
 
     def instant(self, world: str | None, goal: Destination | None) -> BranchPoint:
-        """`world` and `goal` instead of those in force; only a simulation knows the truth."""
+        """Return the start of a ghost; `world` and `goal` replace those of the robot.
+
+        Raises UserError without a simulation, as only a simulation provides the true pose.
+        """
         truth = self._truth
         if truth is None:
-            raise UserError("no simulation tells where the robot truly is: a ghost needs one")
+            raise UserError("there is no simulation, which a ghost needs for the true pose")
         pose, whereto = (truth.x_m, truth.y_m, truth.heading_rad), goal or goal_of(self.status)
         return BranchPoint(world or self.world(), pose, truth.time_ns / NS_PER_S, whereto)
 
     def world(self) -> Facts:
+        """Return the world of the plant; RemoteError when the answer is malformed."""
         answer = self._link.bus.ask(WORLD, timeout_s=ASK_S, robot=self._link.robot)
         try:
             facts: Any = value_in(answer) if isinstance(answer, bytes) else None
         except ValueError:
             facts = None
         if not isinstance(facts, dict):
-            raise RemoteError("the plant answers, but not with its world")
+            raise RemoteError("malformed answer of the plant: not a world")
         return facts
 
     def parameters(self) -> dict[str, float]:
+        """Return the robot's parameters for driving that differ from their defaults."""
         return driving(changed(fetch(self._link)))
 
     def rest(self) -> PredictedPath:
-        """It drives on; how that ends is not known yet."""
+        """Return an open result, because the robot is still driving."""
         return PredictedPath([], DRIVING, "", None, None)

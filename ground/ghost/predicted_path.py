@@ -1,4 +1,4 @@
-"""What a ghost's process writes: its path tick by tick, and at the end how it came out."""
+"""Parse the output of a ghost's process: its path tick by tick, then its result."""
 
 from collections.abc import Iterable
 from math import dist, isfinite
@@ -9,16 +9,16 @@ from runtime.json_reader import value_in
 Point: TypeAlias = tuple[float, float]
 
 STEP_M: Final = 0.02
-"""Nearer points are left out: nobody sees them, and a map draws them all."""
+"""Distance below which points are omitted; they would not be visible on a map."""
 
 PLACE: Final = ("true_x_m", "true_y_m")
 FAILED: Final = "failed"
 
 
 class PredictedPath(NamedTuple):
-    """Where it went and how that ended: `outcome` as `protocol.outcome` has it, or `failed`.
+    """A path and its result: `outcome` as in `protocol.outcome`, or `failed`.
 
-    `length_m` and `time_s` are None when it did not get as far as driving.
+    `length_m` and `time_s` are None when the run did not start.
     """
 
     path_m: list[Point]
@@ -30,7 +30,7 @@ class PredictedPath(NamedTuple):
 
 
 class PathReader:
-    """Takes the output as it comes, in pieces of any size; lines that are none are left out."""
+    """Accepts the output in pieces of any size; malformed lines are ignored."""
 
     def __init__(self) -> None:
         self.path_m: list[Point] = []
@@ -40,6 +40,7 @@ class PathReader:
         self._last: Point | None = None
 
     def take(self, data: bytes) -> None:
+        """Process a piece of the output."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         self._take_lines(lines)
 
@@ -69,7 +70,7 @@ class PathReader:
             self.path_m.append(self._last)
 
     def _take_outcome(self, line: bytes) -> None:
-        """The path ends where it ended, however near that is to the point before."""
+        """Store the outcome; the last point is always part of the path."""
         try:
             found = value_in(line)
         except ValueError:
@@ -80,7 +81,7 @@ class PathReader:
                 self.path_m.append(self._last)
 
     def course(self, otherwise: str) -> PredictedPath:
-        """How it came out; `otherwise` is the reason when it never said."""
+        """Return the result; `otherwise` is the reason when the process reported none."""
         told = self.outcome
         if told is None:
             return PredictedPath(list(self.path_m), FAILED, otherwise)
@@ -95,5 +96,5 @@ class PathReader:
 
 
 def number(value: object) -> float | None:
-    """A finite number, or None."""
+    """Return a finite number, or None."""
     return float(value) if isinstance(value, int | float) and isfinite(value) else None

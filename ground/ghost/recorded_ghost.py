@@ -1,4 +1,4 @@
-"""An instant of a recording, and what the robot itself made of the rest of that drive."""
+"""Start ghosts from a recording, and measure the rest of the recorded drive."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -27,7 +27,7 @@ from runtime.json_reader import value_in
 from runtime.units import NS_PER_S, NS_PER_US
 
 SLACK_NS: Final = 100_000_000
-"""A request is recorded at about the time at which the robot says that it has a goal."""
+"""Tolerance between the recording of a request and the robot's report of its goal."""
 
 LIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
 SAME_M: Final = 0.002
@@ -35,23 +35,23 @@ DRIVING: Final = "driving"
 
 
 class Place(NamedTuple):
-    """Where the robot was, on the timeline of the recording and by the world's own time."""
+    """Pose of the robot on the timeline of the recording and in the world's own time."""
 
     at_ns: int
     pose: tuple[float, float, float]
     world_ns: int | None
 
     def world_s_at(self, at_ns: int) -> float:
-        """The world's time at an instant near this one; 0 when nobody knows it."""
+        """Return the world's time at an instant near this one, in s; 0 when unknown."""
         return (
             0.0 if self.world_ns is None else max(0, self.world_ns + at_ns - self.at_ns) / NS_PER_S
         )
 
 
 class GhostRecording:
-    """The parts of a recording that a ghost needs; places are true ones where they are known.
+    """The parts of a recording that a ghost needs; true poses are preferred.
 
-    In lockstep all stamps are of one clock: they say what belongs together, arrival does not quite.
+    In lockstep all stamps come from one clock and order the messages better than arrival does.
     """
 
     def __init__(self, log_index: LogIndex) -> None:
@@ -81,14 +81,14 @@ class GhostRecording:
         self.facts = log_index.facts
 
     def beginning_ns(self) -> int:
-        """When the first goal was there. Raises UserError when none ever was."""
+        """Return the time of the first goal. Raises UserError when there was none."""
         first = next((pair for pair in self.statuses if pair[1].goal in LIVING), None)
         if first is None:
-            raise UserError("the recording has no drive to a goal: say which with --at and --goal")
+            raise UserError("the recording has no drive to a goal: give --at and --goal")
         return begun_ns(*first)
 
     def status_at(self, at_ns: int) -> NavigatorStatus:
-        """The one in force. A goal that was there already may be told of only in the next tick."""
+        """Return the status in force; a new goal may be reported only in the next tick."""
         past = [one for time_ns, one in self.statuses if time_ns <= at_ns]
         if past and past[-1].goal in LIVING:
             return past[-1]
@@ -96,17 +96,19 @@ class GhostRecording:
         if coming and coming[0][1].goal in LIVING and begun_ns(*coming[0]) <= at_ns:
             return coming[0][1]
         if not past:
-            raise UserError(f"the robot tells nothing of itself up to {at_ns / NS_PER_S:g} s")
+            raise UserError(
+                f"the recording has no status of the robot up to {at_ns / NS_PER_S:g} s"
+            )
         return past[-1]
 
     def place_at(self, at_ns: int) -> Place:
-        """The last one up to then; before the first, that one: there it stood."""
+        """Return the last pose up to then; before the first one, the first."""
         if not self.places:
-            raise UserError("nobody knows where the robot was")
+            raise UserError("the recording has no position of the robot")
         return next((one for one in reversed(self.places) if one.at_ns <= at_ns), self.places[0])
 
     def goal_at(self, at_ns: int) -> Destination:
-        """The goal in force, as it was asked for where that was recorded: with its tolerances."""
+        """Return the goal in force, with the tolerances of its request if that was recorded."""
         goal = goal_of(self.status_at(at_ns))
         for time_ns, asked in reversed(self.goals):
             wanted = wanted_of(asked)
@@ -116,13 +118,13 @@ class GhostRecording:
         return goal
 
     def instant(self, at_ns: int, world: str | None, goal: Destination | None) -> BranchPoint:
-        """Where a ghost may go on; `world` and `goal` instead of those of the recording."""
+        """Return the start of a ghost; `world` and `goal` replace those of the recording."""
         place = self.place_at(at_ns)
         whereto = goal or self.goal_at(at_ns)
         return BranchPoint(world or self.world(), place.pose, place.world_s_at(at_ns), whereto)
 
     def rest(self, at_ns: int) -> PredictedPath:
-        """What the robot itself did from there to the end of that goal, or of the recording."""
+        """Return the robot's own path from there to the end of that goal or of the recording."""
         goal_id = self.status_at(at_ns).goal_id
         after = [(time_ns, one) for time_ns, one in self.statuses if time_ns > at_ns]
         ends_ns, last = at_ns, self.status_at(at_ns)
@@ -144,47 +146,48 @@ class GhostRecording:
         )
 
     def world(self) -> Facts:
-        """What the plant told; UserError when the recording does not hold it."""
+        """Return the recorded world; UserError when the recording does not hold it."""
         try:
             facts: Any = value_in(self.facts.get("world", ""))
         except ValueError:
             facts = None
         if not isinstance(facts, dict):
-            raise UserError("the recording does not hold its world: say which with --world")
+            raise UserError("the recording does not hold its world: name one with --world")
         return facts
 
 
 def begun_ns(at_ns: int, status: NavigatorStatus) -> int:
-    """When the goal was there, by a status that was told at this time."""
+    """Return when the goal was set, from a status that arrived at this time."""
     return at_ns - (status.time_ns - status.goal_started_ns)
 
 
 def lockstep_ns(log_index: LogIndex) -> int | None:
-    """When the plant's clock began to be recorded; None when the run was not in lockstep."""
+    """Return when the plant's clock was first recorded; None without lockstep."""
     clocks = (one for _, one in log_index.on(CLOCK.path) if type(one) is SystemTime)
     first = next(clocks, None)
     return None if first is None else first.time_unix_usec * NS_PER_US
 
 
 def pose_of(one: GroundTruth | PlanarOdometry) -> tuple[float, float, float]:
+    """Return x_m, y_m and heading_rad."""
     return one.x_m, one.y_m, one.heading_rad
 
 
 def goal_of(status: NavigatorStatus) -> Destination:
-    """Where the robot says that it goes; UserError when it has no goal."""
+    """Return the robot's goal; UserError when it has none."""
     x_m, y_m, heading_rad = status.goal_x_m, status.goal_y_m, status.goal_heading_rad
     if status.goal == GoalState.NONE or not (isfinite(x_m) and isfinite(y_m)):
-        raise UserError("the robot has no goal at that instant: say which with --goal")
+        raise UserError("the robot has no goal at that instant: give one with --goal")
     return Destination(x_m=x_m, y_m=y_m, heading_rad=heading_rad if isfinite(heading_rad) else None)
 
 
 def side_of(status: NavigatorStatus) -> str | None:
-    """On which the robot passes obstacles, if it says so."""
+    """Return the side on which the robot passes obstacles, if it reports one."""
     return next((name for name, number in SIDES.items() if number == status.side), None)
 
 
 def wanted_of(asked: GoalRequest) -> Destination:
-    """The goal of a request, as the robot takes it."""
+    """Return the goal of a request, as the robot reads it."""
     return Destination(
         x_m=asked.x_mm / 1000,
         y_m=asked.y_mm / 1000,
@@ -195,7 +198,7 @@ def wanted_of(asked: GoalRequest) -> Destination:
 
 
 def changed_in(text: str) -> dict[str, float]:
-    """What differs from the robot's defaults, of its list of parameters as JSON."""
+    """Return the values that differ from their defaults in a JSON list of parameters."""
     try:
         return changed(parameters_in(text))
     except RemoteError:
@@ -203,4 +206,5 @@ def changed_in(text: str) -> dict[str, float]:
 
 
 def changed(parameters: Iterable[Parameter]) -> dict[str, float]:
+    """Return the values that differ from their defaults."""
     return {one.name: float(one.value) for one in parameters if one.value != one.default}

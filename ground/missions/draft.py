@@ -1,4 +1,4 @@
-"""A mission that is being made waypoint by waypoint, until it is saved or sent."""
+"""Edit a mission waypoint by waypoint before it is saved or sent."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,14 +16,14 @@ NOTHING: Final = "the draft is empty: wp add X Y [DEG]"
 
 @dataclass(frozen=True, slots=True)
 class AddWaypoint:
-    """One more waypoint at the end of the draft."""
+    """Append a waypoint to the draft."""
 
     waypoint: Waypoint
 
 
 @dataclass(frozen=True, slots=True)
 class RemoveWaypoint:
-    """Take one out of the draft, by its number from 1."""
+    """Remove a waypoint from the draft; `item` counts from 1."""
 
     item: int
 
@@ -35,7 +35,7 @@ class ListDraft:
 
 @dataclass(frozen=True, slots=True)
 class ClearDraft:
-    """Begin anew."""
+    """Empty the draft."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +56,20 @@ Edit: TypeAlias = AddWaypoint | RemoveWaypoint | ListDraft | ClearDraft | LoadDr
 
 
 class Draft:
-    """Replaced as a whole at each step, so that it may be looked at from any thread."""
+    """A mission under construction; each edit replaces it, so any thread may read it."""
 
     def __init__(self) -> None:
         self.mission = EMPTY
 
     @property
     def text(self) -> str:
-        """As a mission file; UserError when there is nothing to send."""
+        """The mission file's text; UserError when the draft is empty."""
         if not self.mission.waypoints:
             raise UserError(NOTHING)
         return text_of(self.mission)
 
     def apply(self, edit: Edit) -> str:
-        """Return what was done, in words; UserError when it cannot be."""
+        """Apply an edit and return what was done, in words; UserError on failure."""
         match edit:
             case AddWaypoint(waypoint):
                 return self.add(waypoint)
@@ -85,11 +85,12 @@ class Draft:
                 return self.clear()
 
     def add(self, waypoint: Waypoint) -> str:
+        """Append a waypoint."""
         self.mission = replace(self.mission, waypoints=(*self.mission.waypoints, waypoint))
         return f"waypoint {len(self.mission.waypoints)}: {waypoint}"
 
     def remove(self, item: int) -> str:
-        """By its number, from 1."""
+        """Remove a waypoint by its number from 1."""
         left = list(self.mission.waypoints)
         if item > len(left):
             raise UserError(f"there is no waypoint {item}: {self.listed()}")
@@ -98,27 +99,30 @@ class Draft:
         return f"taken out: {taken}"
 
     def listed(self) -> str:
-        """A line for each."""
+        """Return one line for each waypoint, and one for the fence."""
         rows = [f"{at}  {one}" for at, one in enumerate(self.mission.waypoints, start=1)]
         rows += [f"fence: {self.mission.fence}"] if self.mission.fence else []
         return "\n".join(rows) or NOTHING
 
     def clear(self) -> str:
+        """Empty the draft."""
         self.mission = EMPTY
         return "the draft is empty"
 
     def load(self, path: Path) -> str:
+        """Replace the draft by the mission of a file."""
         self.mission = files.read(path).mission
         return f"{path}: {self.mission}"
 
     def save(self, path: Path) -> str:
+        """Write the draft to a file."""
         if not self.mission.waypoints:
             raise UserError(NOTHING)
         return files.written(path, self.mission, files.write(path, self.mission))
 
 
 def waypoint_at(x_m: float, y_m: float, heading_deg: float | None, hold_s: float) -> Waypoint:
-    """UserError names what is out of range."""
+    """Return a waypoint; UserError names the value that is out of range."""
     table = {"x_m": x_m, "y_m": y_m, "hold_s": hold_s}
     if heading_deg is not None:
         table["heading_deg"] = heading_deg

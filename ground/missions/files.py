@@ -1,4 +1,4 @@
-"""Mission files by their ending: `.toml` is ours, `.plan` and `.waypoints` are QGroundControl's."""
+"""Read and write mission files: `.toml`, and `.plan` and `.waypoints` of QGroundControl."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,16 +18,16 @@ from runtime.errors import UserError
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
 LARGEST_BYTES: Final = 1_000_000
 DASH: Final = Path("-")
-"""Stands for a .toml that is no file: standard input, or the draft of a console."""
+"""Path of TOML text without a file: standard input, or the draft of a console."""
 
 
 def read(path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign:
-    """The mission of a file; MissionError names all that is wrong with it."""
+    """Read a mission file; MissionError lists all problems."""
     return read_text(_text(path), path, home=home, drop=drop)
 
 
 def read_text(text: str, path: Path, *, home: Home | None = None, drop: bool = False) -> Foreign:
-    """The same of a text that has been read; DASH is for TOML."""
+    """Read a mission from text; DASH means TOML."""
     ending = ".toml" if path == DASH else ending_of(path)
     if ending == ".plan":
         found = plan_file.read_text(text, str(path), home=home, drop=drop)
@@ -41,7 +41,7 @@ def read_text(text: str, path: Path, *, home: Home | None = None, drop: bool = F
 
 
 def read_fence(path: Path) -> Fence:
-    """The fence of a mission file; a .toml may have nothing else in it."""
+    """Read the fence of a mission file; a .toml may contain only a fence."""
     if ending_of(path) == ".toml":
         fence = toml_file.read_text(_text(path), str(path), bare=True).fence
     else:
@@ -52,7 +52,7 @@ def read_fence(path: Path) -> Fence:
 
 
 def _judge_places(mission: Mission, file: str) -> None:
-    """Every waypoint lies inside of the mission's own fence."""
+    """Raise MissionError for waypoints outside the mission's own fence."""
     problems = [
         Problem(f"waypoint {at}", f"{waypoint} is outside of the fence", "move it or the fence")
         for at, waypoint in enumerate(mission.waypoints, start=1)
@@ -70,7 +70,7 @@ def _within(fence: Fence, waypoint: Waypoint) -> bool:
 
 
 def write(path: Path, mission: Mission) -> tuple[str, ...]:
-    """Write the file whole or not at all; what it has no room for, in words."""
+    """Write a file completely or not at all; return what the format cannot hold, in words."""
     ending = ending_of(path)
     if ending == ".toml":
         text, without = toml_file.text_of(mission), []
@@ -89,11 +89,12 @@ def write(path: Path, mission: Mission) -> tuple[str, ...]:
 
 
 def written(path: Path, mission: Mission, without: Sequence[str]) -> str:
-    """What has become of it, in words."""
+    """Report a written file, in words."""
     return f"{path}: {mission}{''.join(f'; {what} is lost' for what in without)}"
 
 
 def ending_of(path: Path) -> str:
+    """Return the suffix; UserError for one that is not supported."""
     ending = path.suffix.lower()
     if ending not in ENDINGS:
         raise UserError(f"{path}: a mission file ends in {_listed(ENDINGS)}")

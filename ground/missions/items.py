@@ -1,7 +1,7 @@
-"""Single mission items, as `.plan` and `.waypoints` files have them, to waypoints and back.
+"""Convert items of `.plan` and `.waypoints` files to waypoints and back.
 
-A yaw of 0 is what every program writes when none is wanted: it is read as "any heading", and north
-is written as 360.
+A yaw of 0 is what every program writes for "none": it is read as any heading, and north is written
+as 360.
 """
 
 from collections.abc import Mapping, Sequence
@@ -69,7 +69,7 @@ NAMES: Final[Mapping[int, str]] = MappingProxyType(
 
 
 class Item(NamedTuple):
-    """One item; `number` as its file counts, `params` are MAVLink's seven."""
+    """One item; `number` as counted in its file, `params` are MAVLink's seven."""
 
     number: int
     command: int
@@ -77,22 +77,26 @@ class Item(NamedTuple):
     params: tuple[float, ...]
 
 
-class Refused(UserError):
-    """The robot cannot do this item: why."""
+class UnsupportedItemError(UserError):
+    """The robot cannot execute this item."""
 
 
 def waypoint_of(item: Item, home: Home | None) -> Waypoint:
-    """The waypoint; Refused says why there is none."""
+    """Return the waypoint of an item; UnsupportedItemError gives the reason if there is none."""
     if item.command not in (Command.NAV_WAYPOINT, Command.SIDESTEP_NAV_POSE):
-        name = NAMES.get(item.command, "unknown to us")
-        raise Refused(f"command {item.command} ({name}): the robot only drives to waypoints")
+        name = NAMES.get(item.command, "unknown")
+        raise UnsupportedItemError(
+            f"command {item.command} ({name}): the robot only drives to waypoints"
+        )
     if len(item.params) != 7:
-        raise Refused(f"has {len(item.params)} parameters, an item has 7")
+        raise UnsupportedItemError(f"has {len(item.params)} parameters, an item has 7")
     x_m, y_m = _place(item, home)
     hold_s, second, third, angle_deg = item.params[:4]
     posed = item.command == Command.SIDESTEP_NAV_POSE
     if not posed and third and isfinite(third):
-        raise Refused(f"param3 {third:g} (pass beside the waypoint): the robot drives to it")
+        raise UnsupportedItemError(
+            f"param3 {third:g} (pass beside the waypoint): the robot drives to it"
+        )
     table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
     if second and isfinite(second):
         table["position_tolerance_m"] = _number(second)
@@ -111,33 +115,35 @@ def _checked(table: dict[str, float]) -> Waypoint:
     except ConfigError as error:
         value = table.get(error.key)
         told = "" if value is None else f" {value:g}"
-        raise Refused(f"{error.key}{told}: {error.reason}") from error
+        raise UnsupportedItemError(f"{error.key}{told}: {error.reason}") from error
 
 
 def _place(item: Item, home: Home | None) -> tuple[float, float]:
     first, second = item.params[4:6]
     if not (isfinite(first) and isfinite(second)):
-        raise Refused("has no place")
+        raise UnsupportedItemError("has no place")
     if item.frame in LOCAL_FRAMES:
         return on_the_wire(first), on_the_wire(second)
     if item.frame not in GLOBAL_FRAMES:
-        raise Refused(f"frame {item.frame}: use a global one, or local east-north-up (4)")
+        raise UnsupportedItemError(
+            f"frame {item.frame}: use a global one, or local east-north-up (4)"
+        )
     if not first and not second:
-        raise Refused("latitude and longitude are 0: it has no place of its own")
+        raise UnsupportedItemError("latitude and longitude are 0: it has no place of its own")
     if home is None:
-        raise Refused("latitude and longitude need a home: --home LATITUDE LONGITUDE")
+        raise UnsupportedItemError("latitude and longitude need a home: --home LATITUDE LONGITUDE")
     if abs(first) > 90.0 or abs(second) > 180.0:
-        raise Refused(f"({first:g}, {second:g}) is no latitude and longitude")
+        raise UnsupportedItemError(f"({first:g}, {second:g}) is not a latitude and longitude")
     return to_local(home, first, second)
 
 
 def _number(value: float) -> float:
-    """Without what single precision or an angle's turn has left behind."""
+    """Round off the remains of single precision and of angle conversion."""
     return round(value, DIGITS)
 
 
 def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
-    """A NAV_WAYPOINT that any program understands."""
+    """Return a NAV_WAYPOINT, which every program understands."""
     yaw_deg = nan if waypoint.heading_deg is None else round(yaw_of(waypoint.heading_deg), DIGITS)
     place = to_global(home, waypoint.x_m, waypoint.y_m)
     first = (waypoint.hold_s, waypoint.position_tolerance_m, 0.0, yaw_deg)
@@ -145,7 +151,7 @@ def item_of(number: int, waypoint: Waypoint, home: Home) -> Item:
 
 
 def home_at(latitude_deg: float, longitude_deg: float) -> Home:
-    """UserError when nothing can be measured from there."""
+    """Return a home; UserError when its latitude or longitude is out of range."""
     try:
         return msgspec.convert({"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}, Home)
     except msgspec.ValidationError as error:
@@ -154,7 +160,7 @@ def home_at(latitude_deg: float, longitude_deg: float) -> Home:
 
 
 def lost(waypoints: Sequence[Waypoint]) -> list[str]:
-    """What a NAV_WAYPOINT has no room for, in words."""
+    """Return what a NAV_WAYPOINT cannot hold, in words."""
     usual = Waypoint(x_m=0.0, y_m=0.0).heading_tolerance_deg
     listed = enumerate(waypoints, start=1)
     numbers = [at for at, one in listed if one.heading_tolerance_deg != usual]

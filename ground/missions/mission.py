@@ -1,7 +1,7 @@
-"""A mission as people think of it: poses one after the other, and the fence around them.
+"""Describe a mission: poses in order, and the fence around them.
 
-Places are metres in the robot's own frame, x forward and y left of where it was told it starts;
-headings are degrees, counter-clockwise from x.
+Positions are metres in the robot's own frame, x forward and y left of its start pose. Headings are
+degrees, counter-clockwise from x.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ Corner: TypeAlias = tuple[Coordinate, Coordinate]
 
 @dataclass(frozen=True, kw_only=True)
 class Waypoint:
-    """Drive there and wait for `hold_s`; heading None: any will do."""
+    """A pose to drive to, with a wait of `hold_s`; heading None allows any."""
 
     x_m: Coordinate
     y_m: Coordinate
@@ -35,7 +35,7 @@ class Waypoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Circle:
-    """The robot stays within this distance of a place."""
+    """A fence: the robot stays within this distance of a point."""
 
     x_m: Coordinate
     y_m: Coordinate
@@ -47,7 +47,7 @@ class Circle:
 
 @dataclass(frozen=True, kw_only=True)
 class Polygon:
-    """The robot stays inside of these corners."""
+    """A fence: the robot stays inside these corners."""
 
     corners: tuple[Corner, ...]
 
@@ -60,7 +60,7 @@ Fence: TypeAlias = Circle | Polygon
 
 @dataclass(frozen=True, kw_only=True)
 class Home:
-    """The place on Earth where x and y are 0: x points east, y north."""
+    """The place on Earth where x and y are 0; x points east, y north."""
 
     latitude_deg: Annotated[float, Meta(ge=-85.0, le=85.0)]
     longitude_deg: Annotated[float, Meta(ge=-180.0, le=180.0)]
@@ -68,7 +68,7 @@ class Home:
 
 @dataclass(frozen=True, kw_only=True)
 class Mission:
-    """What a file says: at least one waypoint, and whatever else it knows."""
+    """Contents of a mission file: at least one waypoint, a fence and a home."""
 
     waypoints: tuple[Waypoint, ...]
     fence: Fence | None = None

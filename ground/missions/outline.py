@@ -1,4 +1,4 @@
-"""Whether corners make a fence: three or more, apart from each other, no side across another."""
+"""Check the corners of a fence: at least three, distinct, without crossing sides."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -6,15 +6,15 @@ from itertools import combinations
 Point = tuple[float, float]
 CLOSEST_M = 0.001
 MAX_CORNERS = 200
-"""Each side is held against each other one. Robots take fewer."""
+"""Limit, because each side is compared with each other one; robots accept fewer."""
 
 
 def fault_of(corners: Sequence[Point]) -> str:
-    """What is wrong with an outline; empty when nothing is."""
+    """Return what is wrong with an outline, or an empty text."""
     if len(corners) < 3:
         return f"has {len(corners)} corners, a fence needs at least 3"
     if len(corners) > MAX_CORNERS:
-        return f"has {len(corners)} corners, more than the {MAX_CORNERS} that anybody needs"
+        return f"has {len(corners)} corners, at most {MAX_CORNERS} are allowed"
     for index, (a, b) in enumerate(zip(corners, [*corners[1:], corners[0]], strict=True)):
         if abs(a[0] - b[0]) < CLOSEST_M and abs(a[1] - b[1]) < CLOSEST_M:
             return f"corner {index} and the next one are the same place"
@@ -31,19 +31,19 @@ def _cross(a: Point, b: Point, c: Point, d: Point) -> bool:
 
 
 def _turn(a: Point, b: Point, c: Point) -> int:
-    """1 when a, b, c turn left, -1 right, 0 when they are in line."""
+    """Return 1 when a, b, c turn left, -1 right, 0 when they are in line."""
     product = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     return (product > 0) - (product < 0)
 
 
 def _area(corners: Sequence[Point]) -> float:
-    """Twice the area."""
+    """Return twice the area."""
     shifted = [*corners[1:], corners[0]]
     return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, shifted, strict=True)))
 
 
 def inside(corners: Sequence[Point], place: Point) -> bool:
-    """Whether a place lies within an outline; on its sides either may be said."""
+    """Return whether a point lies in an outline; on a side, either result is possible."""
     x, y = place
     within = False
     for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):

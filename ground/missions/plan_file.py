@@ -1,6 +1,6 @@
-"""QGroundControl's `.plan`: JSON with mission items, a fence and a planned home.
+"""Read and write QGroundControl's `.plan`: JSON with items, a fence and a planned home.
 
-docs.qgroundcontrol.com, "Plan File Format", version 1.
+Source: docs.qgroundcontrol.com, "Plan File Format", version 1.
 """
 
 import json
@@ -28,11 +28,11 @@ ALTITUDE_RELATIVE: Final = 1
 
 
 def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = False) -> Foreign:
-    """The mission of a plan; `home` is used instead of the plan's own."""
+    """Return the mission of a plan; `home` replaces the plan's own."""
     plan = _object(text, file)
     body = plan.get("mission")
     if plan.get("fileType") != "Plan" or not isinstance(body, dict):
-        problem = Problem("fileType", "this is no plan", "save it as a .plan in QGroundControl")
+        problem = Problem("fileType", "this is not a plan", "save it as a .plan in QGroundControl")
         raise MissionError(file, [problem])
     home = home or _home(body.get("plannedHomePosition"), file)
     sieve = PlanFilter(file, drop=drop)
@@ -41,7 +41,7 @@ def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = Fa
     fence = _fence(plan.get("geoFence"), home, sieve)
     points = plan.get("rallyPoints")
     if isinstance(points, dict) and points.get("points"):
-        sieve.refuse("rallyPoints", "the robot knows no rally points")
+        sieve.refuse("rallyPoints", "the robot does not support rally points")
     return sieve.result(Mission(waypoints=tuple(waypoints), fence=fence, home=home))
 
 
@@ -66,12 +66,12 @@ def _home(place: object, file: str) -> Home | None:
 
 
 def _items(listed: list[Any], drop: bool) -> Iterator[Item | Problem]:
-    """Numbered from 1, as QGroundControl shows them."""
+    """Yield the items, numbered from 1 as in QGroundControl."""
     for number, one in enumerate(listed, start=1):
         kind = one.get("type") if isinstance(one, dict) else None
         if kind != "SimpleItem":
             pattern = one.get("complexItemType", "") if isinstance(one, dict) else ""
-            words = f"{kind} {pattern}".strip() if kind else "no item"
+            words = f"{kind} {pattern}".strip() if kind else "not an item"
             reason = f"{words}: the robot only drives to waypoints"
             yield Problem(f"item {number}", reason, "" if drop else DROP)
             continue
@@ -85,7 +85,7 @@ def _whole(value: object) -> int:
 
 
 def _numbers(values: object) -> list[float]:
-    """null is NaN, as in MAVLink; so is whatever is no number."""
+    """Return numbers; null and anything else becomes NaN, as in MAVLink."""
     if not isinstance(values, list):
         return []
     return [_number(value) for value in values]
@@ -101,14 +101,14 @@ def _number(value: object) -> float:
 
 
 def _fence(part: object, home: Home | None, sieve: PlanFilter) -> Fence | None:
-    """The one circle or polygon to stay in; what else there is is refused."""
+    """Return the circle or polygon to stay in; other shapes are rejected."""
     shapes = list(_shapes(part))
     for where, shape in shapes:
         if not shape.get("inclusion", True):
-            sieve.refuse(where, "keeps the robot out: it only knows a fence to stay in")
+            sieve.refuse(where, "keeps the robot out: only a fence to stay in is supported")
     inside = [(where, shape) for where, shape in shapes if shape.get("inclusion", True)]
     for where, _ in inside[1:]:
-        sieve.refuse(where, "is a second fence: the robot knows one")
+        sieve.refuse(where, "is a second fence: only one is supported")
     if not inside:
         return None
     where, shape = inside[0]
@@ -149,7 +149,7 @@ def _polygon(shape: dict[str, Any], home: Home) -> Polygon | None:
 
 
 def _fitting(table: dict[str, Any], schema: type[T]) -> T | None:
-    """None when something of it is out of its range."""
+    """Return None when a value is out of range."""
     try:
         return msgspec.convert(table, schema)
     except msgspec.ValidationError:
@@ -157,7 +157,7 @@ def _fitting(table: dict[str, Any], schema: type[T]) -> T | None:
 
 
 def text_of(mission: Mission, home: Home) -> str:
-    """A plan as QGroundControl writes it, for a rover."""
+    """Return a plan for a rover as QGroundControl writes it."""
     items = [_item(item_of(at, one, home)) for at, one in enumerate(mission.waypoints, start=1)]
     plan = {
         "fileType": "Plan",

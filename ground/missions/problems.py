@@ -1,4 +1,4 @@
-"""What is wrong with a mission file: file, line, key or item, reason and fix, all in one go."""
+"""List the problems of a mission file: file, line, key or item, reason and fix."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from runtime.toml_lines import Key
 
 
 class Problem(NamedTuple):
-    """`where`: the key, or the number of the item."""
+    """A problem; `where` is the key or the number of the item."""
 
     where: str
     reason: str
@@ -17,7 +17,7 @@ class Problem(NamedTuple):
 
 
 class MissionError(UserError):
-    """A mission cannot be used; the text has one line per problem."""
+    """A mission that cannot be used; the text has one line per problem."""
 
     def __init__(self, file: str, problems: Sequence[Problem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
@@ -25,6 +25,7 @@ class MissionError(UserError):
 
 
 def told(file: str, problem: Problem) -> str:
+    """Format a problem as one line."""
     place = file if problem.line is None else f"{file}:{problem.line}"
     where = f"{problem.where}: " if problem.where else ""
     fix = f"; {problem.fix}" if problem.fix else ""
@@ -32,7 +33,7 @@ def told(file: str, problem: Problem) -> str:
 
 
 def line_of(lines: Mapping[Key, int], key: Key) -> int | None:
-    """Where the key stands, or what it is missing from."""
+    """Return the line of a key, or of the nearest table around it."""
     while key and key not in lines:
         key = key[:-1]
     return lines.get(key)

@@ -1,9 +1,9 @@
-"""Which items of a foreign file become waypoints: all, or all but those the robot cannot do."""
+"""Convert items of a foreign file to waypoints; unsupported ones are rejected or dropped."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from ground.missions.items import Item, Refused, waypoint_of
+from ground.missions.items import Item, UnsupportedItemError, waypoint_of
 from ground.missions.mission import Home, Mission, Waypoint
 from ground.missions.problems import MissionError, Problem
 
@@ -11,14 +11,14 @@ DROP = "take it out, or use --drop to go without it"
 
 
 class Foreign(NamedTuple):
-    """A mission out of another program's file, and what was left out of it, in words."""
+    """A mission of another program's file, and what was dropped from it, in words."""
 
     mission: Mission
     dropped: tuple[str, ...] = ()
 
 
 class PlanFilter:
-    """Takes what can be done, collects what cannot; `drop`: the rest is left out."""
+    """Accepts supported items and collects the others; `drop` omits those."""
 
     def __init__(self, file: str, *, drop: bool) -> None:
         self._file = file
@@ -26,7 +26,7 @@ class PlanFilter:
         self._refused: list[Problem] = []
 
     def waypoints(self, items: Iterable[Item | Problem], home: Home | None) -> list[Waypoint]:
-        """A Problem among the items is one that could not even be read as an item."""
+        """Return the waypoints; a Problem is an item that could not be parsed."""
         found = []
         for item in items:
             if isinstance(item, Problem):
@@ -34,15 +34,16 @@ class PlanFilter:
                 continue
             try:
                 found.append(waypoint_of(item, home))
-            except Refused as error:
+            except UnsupportedItemError as error:
                 self.refuse(f"item {item.number}", str(error))
         return found
 
     def refuse(self, where: str, reason: str) -> None:
+        """Note an item or a part that is not supported."""
         self._refused.append(Problem(where, reason, "" if self._drop else DROP))
 
     def result(self, mission: Mission) -> Foreign:
-        """MissionError when something was refused that may not be dropped, or nothing is left."""
+        """Return the mission; MissionError for rejected items or without any waypoint."""
         if self._refused and not self._drop:
             raise MissionError(self._file, self._refused)
         if not mission.waypoints:

@@ -1,4 +1,4 @@
-"""Our own mission files: TOML with `[[waypoint]]` tables, and `[fence]` and `[home]` if wanted."""
+"""Read and write TOML mission files: `[[waypoint]]` tables, optional `[fence]` and `[home]`."""
 
 import re
 from collections.abc import Mapping
@@ -22,9 +22,9 @@ FENCE_FIX: Final = (
 
 
 def read_text(text: str, file: str, *, bare: bool = False) -> Mission:
-    """The mission of a file's text; MissionError names every key that is wrong, with its line.
+    """Parse a mission; MissionError lists every wrong key with its line.
 
-    `bare`: it needs no waypoints.
+    `bare` allows a file without waypoints.
     """
     try:
         table = table_in(text)
@@ -35,7 +35,7 @@ def read_text(text: str, file: str, *, bare: bool = False) -> Mission:
 
 
 class _Reader:
-    """Reads the tables of one file and collects what is wrong with them."""
+    """Reads the tables of one file and collects their problems."""
 
     def __init__(self, file: str, lines: Mapping[Key, int]) -> None:
         self._file = file
@@ -43,6 +43,7 @@ class _Reader:
         self._problems: list[Problem] = []
 
     def mission(self, table: Mapping[str, Any], *, bare: bool) -> Mission:
+        """Return the mission; MissionError lists the problems."""
         for key in table:
             if key not in TOP:
                 error = unknown_key(key, key, list(TOP), file=self._file)
@@ -91,13 +92,13 @@ class _Reader:
 
 
 def _parts(words: str) -> Key:
-    """The key of `corners[0][1]`."""
+    """Return the key of a text such as `corners[0][1]`."""
     parts = PART.findall(words)
     return tuple(int(index) if index else name for name, index in parts)
 
 
 def _words(key: Key) -> str:
-    """A key as in `waypoint[2].x_m`."""
+    """Return a key as text such as `waypoint[2].x_m`."""
     words = ""
     for part in key:
         words += f"[{part}]" if isinstance(part, int) else f"{'.' if words else ''}{part}"
@@ -105,7 +106,7 @@ def _words(key: Key) -> str:
 
 
 def text_of(mission: Mission) -> str:
-    """The file's text, which reads back as the same mission."""
+    """Return the text of a file that reads back as the same mission."""
     blocks = [_block("[[waypoint]]", waypoint, Waypoint) for waypoint in mission.waypoints]
     if isinstance(mission.fence, Circle):
         blocks.append(_block("[fence.circle]", mission.fence, Circle))
@@ -118,7 +119,7 @@ def text_of(mission: Mission) -> str:
 
 
 def _block(header: str, value: object, schema: type[Any]) -> str:
-    """A table, without what is as it is anyway."""
+    """Return a table without values that equal their defaults."""
     lines = [header]
     for field in fields(schema):
         number = getattr(value, field.name)

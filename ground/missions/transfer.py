@@ -1,6 +1,6 @@
-"""MAVLink's mission protocol without any I/O: each step is one question, asked until answered.
+"""Run MAVLink's mission protocol without I/O: each request is repeated until answered.
 
-What the other side says decides the next step, so a repeated or a late answer does no harm.
+The answers decide the next step, so a repeated or late answer does no harm.
 """
 
 from collections.abc import Sequence
@@ -28,12 +28,12 @@ MAX_SAVING: Final = 60
 
 NO_ITEM: Final = 65_535
 MAX_ITEMS: Final = 4096
-"""More than any robot takes."""
+"""A higher limit than that of any robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the robot made of it; `item` counts from 1, None: none in particular."""
+    """The robot's verdict; `item` counts from 1, None for no particular item."""
 
     reason: int
     item: int | None
@@ -41,28 +41,30 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
+        """True if the robot accepted without reservation."""
         return self.reason == Reason.NONE
 
     @property
     def in_force(self) -> bool:
-        """Also what will not survive a restart of the robot."""
+        """True if it is in force, even if it will not survive a restart of the robot."""
         return self.reason in (Reason.NONE, Reason.NOT_SAVED)
 
     @property
     def text(self) -> str:
+        """Item and reason in words."""
         where = "" if self.item is None else f"item {self.item}: "
         return f"{where}{reason_text(self.reason)}"
 
 
 @dataclass(frozen=True, slots=True)
 class Downloaded:
-    """Everything the robot has, in order."""
+    """All items of the robot, in order."""
 
     items: tuple[MissionItemInt, ...]
 
 
 class Transfer(Exchange[Verdict | Downloaded]):
-    """One question after the other, `most` in all."""
+    """A sequence of requests, at most `most`."""
 
     def __init__(self, first: Message, kind: MissionType, now_ns: int, most: int) -> None:
         super().__init__(first, now_ns, attempts=ATTEMPTS, patience_ns=PATIENCE_NS)
@@ -71,6 +73,7 @@ class Transfer(Exchange[Verdict | Downloaded]):
         self._saving_left = MAX_SAVING
 
     def due(self, now_ns: int) -> list[Attempt]:
+        """Return the requests to send now."""
         sends = super().due(now_ns)
         self._steps_left -= len(sends)
         return sends
@@ -93,12 +96,12 @@ class Transfer(Exchange[Verdict | Downloaded]):
             self._ask_next(question, now_ns)
 
     def _after(self, answer: object) -> Message | None:
-        """The question that follows; None when the answer does not fit."""
+        """Return the next request, or None when the answer does not fit."""
         raise NotImplementedError
 
 
 class Upload(Transfer):
-    """Gives the robot a mission or a fence, whole or not at all."""
+    """Uploads a mission or a fence, completely or not at all."""
 
     def __init__(self, items: Sequence[MissionItemInt], kind: MissionType, now_ns: int) -> None:
         first = MissionCount(count=len(items), mission_type=kind)
@@ -113,7 +116,7 @@ class Upload(Transfer):
 
 
 class Download(Transfer):
-    """Gets what the robot has; a refusal is a Verdict."""
+    """Downloads the robot's items; a refusal is a Verdict."""
 
     def __init__(self, kind: MissionType, now_ns: int) -> None:
         super().__init__(
@@ -137,7 +140,7 @@ class Download(Transfer):
 
 
 class Clear(Transfer):
-    """Deletes the robot's mission, or its fence."""
+    """Deletes the robot's mission or fence."""
 
     def __init__(self, kind: MissionType, now_ns: int) -> None:
         super().__init__(MissionClearAll(mission_type=kind), kind, now_ns, ATTEMPTS)

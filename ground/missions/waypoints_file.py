@@ -1,6 +1,6 @@
-"""The older `.waypoints`: lines of twelve numbers under `QGC WPL 110`; item 0 is home.
+"""Read and write `.waypoints`: lines of twelve numbers under `QGC WPL 110`; item 0 is home.
 
-mavlink.io, "File Formats"; home at item 0 as Mission Planner and ArduPilot have it.
+Source: mavlink.io, "File Formats"; item 0 is home as in Mission Planner and ArduPilot.
 """
 
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ FIELDS: Final = 12
 
 
 def read_text(text: str, file: str, *, home: Home | None = None, drop: bool = False) -> Foreign:
-    """The mission of the file; `home` is used instead of its item 0."""
+    """Return the mission of a file; `home` replaces its item 0."""
     lines = text.lstrip("\ufeff").splitlines()
     if not lines or lines[0].split() != HEADER.split():
         problem = Problem("", f"the first line is not {HEADER!r}", "save it as QGC WPL 110", 1)
@@ -57,7 +57,7 @@ def _items(lines: list[str], file: str) -> list[Item]:
 
 
 def _numbers(text: str) -> Iterator[float]:
-    """What is no number is NaN, which no line may begin with."""
+    """Yield the numbers of a line, NaN for anything else; no line may begin with NaN."""
     for word in text.split():
         try:
             yield float(word)
@@ -76,7 +76,7 @@ def _home(item: Item, file: str) -> Home | None:
 
 
 def text_of(mission: Mission, home: Home) -> str:
-    """The file's text; it has no place for a fence."""
+    """Return the text of a file; the format has no fence."""
     place = (0.0, 0.0, 0.0, 0.0, home.latitude_deg, home.longitude_deg, 0.0)
     items = [Item(0, Command.NAV_WAYPOINT, FRAME_GLOBAL, place)]
     items += [item_of(at, one, home) for at, one in enumerate(mission.waypoints, start=1)]

@@ -1,4 +1,4 @@
-"""A mission and its fence as the items of the wire: tenths of a millimetre in the robot's frame."""
+"""Convert mission and fence to wire items: tenths of a millimetre in the robot's frame."""
 
 from collections.abc import Sequence
 from math import isnan, nan
@@ -11,10 +11,11 @@ from runtime.errors import RemoteError
 
 PER_METRE: Final = 10_000
 DIGITS: Final = 5
-"""Of what single precision leaves of a number that a person typed."""
+"""Significant decimals of a typed number after conversion to single precision."""
 
 
 def items_of(waypoints: Sequence[Waypoint]) -> list[MissionItemInt]:
+    """Return the items of waypoints."""
     return [_item(at, waypoint) for at, waypoint in enumerate(waypoints)]
 
 
@@ -37,11 +38,11 @@ def _item(at: int, waypoint: Waypoint) -> MissionItemInt:
 
 
 def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
-    """RemoteError when the robot has an item that is no pose."""
+    """Return the waypoints of items; RemoteError for an item that is not a pose."""
     for item in items:
         if item.command != Command.SIDESTEP_NAV_POSE or item.frame != FRAME_LOCAL_FLU:
             raise RemoteError(
-                f"item {item.seq + 1} of the robot is no pose: command {item.command}"
+                f"item {item.seq + 1} of the robot is not a pose: command {item.command}"
             )
     return tuple(
         Waypoint(
@@ -57,6 +58,7 @@ def waypoints_of(items: Sequence[MissionItemInt]) -> tuple[Waypoint, ...]:
 
 
 def fence_items_of(fence: Fence) -> list[MissionItemInt]:
+    """Return the items of a fence."""
     if isinstance(fence, Circle):
         around = (fence.x_m, fence.y_m)
         return [_corner(0, Command.NAV_FENCE_CIRCLE_INCLUSION, fence.radius_m, around)]
@@ -81,7 +83,7 @@ def _corner(at: int, command: int, param1: float, place: tuple[float, float]) ->
 
 
 def fence_of(items: Sequence[MissionItemInt]) -> Fence | None:
-    """None without items; RemoteError when they are no fence of ours."""
+    """Return the fence of items, None without items; RemoteError for an unknown kind."""
     if not items:
         return None
     places = tuple((item.x / PER_METRE, item.y / PER_METRE) for item in items)
@@ -91,4 +93,4 @@ def fence_of(items: Sequence[MissionItemInt]) -> Fence | None:
     if kinds == {Command.NAV_FENCE_CIRCLE_INCLUSION} and len(items) == 1:
         x_m, y_m = places[0]
         return Circle(x_m=x_m, y_m=y_m, radius_m=round(items[0].param1, DIGITS))
-    raise RemoteError(f"the robot's fence is none that we know: commands {sorted(kinds)}")
+    raise RemoteError(f"the robot's fence is of an unknown kind: commands {sorted(kinds)}")

@@ -66,7 +66,7 @@ def test_refused_ghost_is_explained_in_the_log() -> None:
         station.world_now = None
         async with staged(station=station) as stage:
             await stage.press("n", "enter")
-            assert "no ghost: no world is known" in stage.log()
+            assert "no ghost: the world is unknown" in stage.log()
             assert drive_of(stage).map.scene.ghosts == []
 
     play(story)

@@ -77,37 +77,37 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.DRIVING, goal_distance_m=0.02),
-            "stands: it has arrived and comes to a stand, 0.02 m to go",
+            "does not move: it has arrived and stops, 0.02 m to go",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.ACCEPTED, goal_distance_m=inf),
-            "stands: it has a new goal and sets off",
+            "does not move: it has a new goal and sets off",
         ),
         (
             decided(**STILL, guard=Reason.OBSTACLE_AHEAD),
             standing(),
-            "stands: guard: obstacle ahead, echo at 0.21 m, 34 deg left (L34)",
+            "does not move: guard: obstacle ahead, echo at 0.21 m, 34 deg left (L34)",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(vehicle=Vehicle.STANDBY, goal=GoalState.NONE),
-            "stands: it is not armed",
+            "does not move: it is not armed",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(vehicle=Vehicle.EMERGENCY_STOP, vehicle_reason=Reason.BUMPER),
-            "stands: emergency stop: bumper contact",
+            "does not move: emergency stop: bumper contact",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.SCAN_LOST),
-            "stands: failsafe: no fresh sonar scan for 250 ms",
+            "does not move: failsafe: no fresh sonar scan for 250 ms",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(mode=Mode.HOLD),
-            "stands: it was told to hold",
+            "does not move: it holds on request",
         ),
         (
             decided(**AT_GOAL, speed_m_s=0.1, yaw_rate_rad_s=0.5),
@@ -117,21 +117,29 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(**AT_GOAL, **STILL, nearest_range_m=nan, nearest_bearing_rad=nan, guard=80),
             standing(mode=Mode.MANUAL, goal=GoalState.NONE),
-            "stands: guard: obstacle ahead",
+            "does not move: guard: obstacle ahead",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.STUCK, goal_reason=Reason.UNREACHABLE),
-            "stands: it gave the goal up: went all the way round: unreachable",
+            "does not move: it gave the goal up: went all the way round: unreachable",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.REACHED),
-            "stands: the goal is reached",
+            "does not move: the goal is reached",
         ),
-        (decided(**AT_GOAL, **STILL), standing(goal=GoalState.NONE), "stands: it has no goal"),
-        (decided(branch=Branch.GIVE_UP, **STILL), None, "stands: it finds no way to the goal"),
-        (decided(**AT_GOAL, **STILL), None, "stands: nothing is decided"),
+        (
+            decided(**AT_GOAL, **STILL),
+            standing(goal=GoalState.NONE),
+            "does not move: it has no goal",
+        ),
+        (
+            decided(branch=Branch.GIVE_UP, **STILL),
+            None,
+            "does not move: it finds no way to the goal",
+        ),
+        (decided(**AT_GOAL, **STILL), None, "does not move: nothing is decided"),
         (decided(branch=77, **STRAIGHT), None, "drives straight on at 0.3 m/s: it branch 77"),
         (
             decided(**TO_GOAL, speed_m_s=-0.1, yaw_rate_rad_s=0.0),
@@ -141,10 +149,9 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(yaw_rate_rad_s=nan, nearest_range_m=inf, nearest_bearing_rad=nan),
             None,
-            "moves in a way that is not told: no echo, so it passes on the right,"
-            " towards 56 deg right",
+            "moves in an unknown way: no echo, so it passes on the right, towards 56 deg right",
         ),
-        (None, standing(), "nothing is known of what it decided"),
+        (None, standing(), "its decision is unknown"),
     ],
 )
 def test_the_headline_says_what_the_wheels_do_and_why(
@@ -183,7 +190,7 @@ def line(
             "zone",
             decided(nearest_range_m=nan),
             standing(),
-            "d_obs 0.30 m, what is inside is not told",
+            "d_obs 0.30 m, whether anything is inside is unknown",
         ),
         ("zone", decided(zone_m=nan), standing(navigator=6), "none: vgm_memory has none"),
         ("zone", decided(zone_m=nan), standing(navigator=99), "none: navigator 99 has none"),

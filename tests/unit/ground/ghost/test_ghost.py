@@ -178,7 +178,7 @@ def test_a_death_is_told_with_how_it_died() -> None:
     assert ghost.pid is not None
     os.kill(ghost.pid, signal.SIGKILL)
     until(lambda: ghost.poll() is not None)
-    assert ghost.poll() == PredictedPath([], FAILED, "it ended with signal SIGKILL")
+    assert ghost.poll() == PredictedPath([], FAILED, "the process ended with signal SIGKILL")
 
 
 def test_one_that_cannot_be_started_says_so() -> None:

@@ -93,7 +93,7 @@ def test_all_of_them_at_once_and_none_of_them(show: Show) -> None:
 def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Path) -> None:
     run = drive[0]
     for lacking, world, said in (
-        (run, False, "no world is known"),
+        (run, False, "the world is unknown"),
         (run.without(STATUS), True, "nothing is heard"),
         (run.without(TRUTH, ODOMETRY), True, "nothing is heard"),
     ):

@@ -107,8 +107,8 @@ def test_without_truth_the_robots_own_belief_must_do(run: Recording) -> None:
 
 def test_what_the_recording_does_not_tell_is_said(run: Recording) -> None:
     for lacking, said in (
-        (run.without(STATUS), "tells nothing of itself"),
-        (run.without(TRUTH, ODOMETRY), "nobody knows where"),
+        (run.without(STATUS), "has no status of the robot"),
+        (run.without(TRUTH, ODOMETRY), "no position of the robot"),
         (Recording({}, run.found), "--world"),
         (Recording({"world": "[1]"}, run.found), "--world"),
         (Recording({"world": "{"}, run.found), "--world"),

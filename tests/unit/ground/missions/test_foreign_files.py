@@ -77,20 +77,20 @@ def test_a_yaw_of_zero_means_none_as_everybody_writes_it(
     ("item", "why"),
     [
         (simple(22, 0, 0, 0, 0, 47.4, 8.5, 10), "item 2: command 22 (take off): the robot only"),
-        (simple(4711, 0, 0, 0, 0, 0, 0, 0), "command 4711 (unknown to us)"),
+        (simple(4711, 0, 0, 0, 0, 0, 0, 0), "command 4711 (unknown)"),
         (simple(16, 0, 0, 0, 0, 47.4, 8.5, 0, frame=2), "frame 2"),
         (simple(16, 0, 0, 0, 0, 47.4, 8.5), "has 6 parameters"),
         (simple(16, 0, 0, 0, 0, None, 8.5, 0), "has no place"),
         (simple(16, 0, 0, 0, 0, 0, 0, 0), "are 0"),
-        (simple(16, 0, 0, 0, 0, 95, 8.5, 0), "is no latitude"),
-        (simple(16, 0, 0, 0, 0, 47.4, 181, 0), "is no latitude"),
+        (simple(16, 0, 0, 0, 0, 95, 8.5, 0), "is not a latitude"),
+        (simple(16, 0, 0, 0, 0, 47.4, 181, 0), "is not a latitude"),
         (simple(16, 0, 0, 0, 0, 57.4, 8.5, 0), "y_m 1.11319e+06: expected"),
         (simple(16, 0, 2.0, 0, 0, 47.4, 8.5, 0), "position_tolerance_m 2: expected"),
         (simple(16, 0, 0, 5, 0, 47.4, 8.5, 0), "param3 5"),
         (simple(16, -3, 0, 0, 0, 47.4, 8.5, 0), "hold_s -3"),
         ({"type": "ComplexItem", "complexItemType": "survey"}, "item 2: ComplexItem survey"),
         ({"type": "SimpleItem"}, "command -1"),
-        ([], "item 2: no item"),
+        ([], "item 2: not an item"),
     ],
 )
 def test_what_the_robot_cannot_do_is_refused_by_item_and_reason(
@@ -149,7 +149,9 @@ def test_a_fence_the_robot_cannot_keep_is_refused(
 
 
 def test_rally_points_are_refused() -> None:
-    assert "no rally points" in refusal(plan(rallyPoints={"points": [[47.4, 8.5, 0]]}))
+    assert "does not support rally points" in refusal(
+        plan(rallyPoints={"points": [[47.4, 8.5, 0]]})
+    )
 
 
 def test_a_mission_planner_file_has_home_at_item_0() -> None:

@@ -49,9 +49,9 @@ def test_a_fence_arrives_as_it_was_drawn(fence: Fence) -> None:
 
 def test_what_is_no_pose_and_no_fence_of_ours_is_the_robot_s_fault() -> None:
     (corner,) = fence_items_of(Circle(x_m=0.0, y_m=0.0, radius_m=1.0))
-    with pytest.raises(RemoteError, match="item 1 of the robot is no pose: command 5003"):
+    with pytest.raises(RemoteError, match="item 1 of the robot is not a pose: command 5003"):
         waypoints_of([corner])
-    with pytest.raises(RemoteError, match="none that we know"):
+    with pytest.raises(RemoteError, match="of an unknown kind"):
         fence_of(items_of([Waypoint(x_m=0.0, y_m=0.0)]))
     assert fence_of([]) is None
     assert corner.command == Command.NAV_FENCE_CIRCLE_INCLUSION
