@@ -1,4 +1,4 @@
-"""A link whose robot answers from a list, on a clock of its own."""
+"""A link whose robot answers from a list, on a manual clock."""
 
 from collections.abc import Callable
 from io import StringIO
@@ -19,14 +19,14 @@ ANSWER_NS = 10 * MS
 
 
 class AnsweringLink:
-    """Answers OK when the list is empty; every answer takes a moment."""
+    """Accepts every request once the list is empty; every answer takes 10 ms."""
 
     robot = "r1"
 
     def __init__(self, *answers: Reason) -> None:
         self.answers = list(answers)
-        self.says_now: dict[str, Message] = {}
-        """By path of the topic, what the robot says whenever somebody listens."""
+        self.newest_messages: dict[str, Message] = {}
+        """By path of the topic, what the robot output whenever somebody listens."""
         self.asked: list[Message] = []
         self.beats = 0
         self.clock = ManualClock()
@@ -50,16 +50,16 @@ class AnsweringLink:
         self.beats += 1
 
     def newest(self, topic: Any, patience_ns: int) -> Message | None:
-        if topic.path not in self.says_now:
+        if topic.path not in self.newest_messages:
             self.clock.advance(patience_ns)
-        return self.says_now.get(topic.path)
+        return self.newest_messages.get(topic.path)
 
     @property
     def commands(self) -> list[int]:
         return [one.command for one in self.asked if isinstance(one, CommandRequest)]
 
 
-def speaking() -> tuple[Output, Callable[[], tuple[str, str]]]:
-    """An output that stores result and notes."""
+def captured_output() -> tuple[Output, Callable[[], tuple[str, str]]]:
+    """Return an output that writes to memory, and a function that returns result and notes."""
     out, err = StringIO(), StringIO()
     return Output(as_json=False, out=out, err=err), lambda: (out.getvalue(), err.getvalue())

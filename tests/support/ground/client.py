@@ -1,4 +1,4 @@
-"""A link whose bus answers from a script, on a clock of its own."""
+"""A link whose bus answers from a script, on a manual clock."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -37,7 +37,7 @@ CYCLE = CycleReport(
 
 
 class Sent:
-    """A publisher that keeps what it was given."""
+    """A publisher that records its messages."""
 
     ready = True
 
@@ -50,9 +50,9 @@ class Sent:
 
 
 class ScriptedBus(Wireless):
-    """Answers each question by the next item of `script`: None is a lost answer.
+    """Answers each request by the next item of `script`; None is a lost reply.
 
-    When the script is over, commands are accepted.
+    Once the script is over, all commands are accepted.
     """
 
     holder = None
@@ -64,9 +64,9 @@ class ScriptedBus(Wireless):
         self.script = list(script)
         self.asked: list[tuple[str, Message | None]] = []
         self.sent: list[tuple[str, Message]] = []
-        self.heard_by = True
+        self.has_subscriber = True
         self.on_ask: Callable[[int], None] = lambda _number: None
-        """Called with the number of each question, before it is answered."""
+        """Called with the number of each request, before it is answered."""
 
     def ask(
         self,
@@ -88,7 +88,7 @@ class ScriptedBus(Wireless):
         return Sent(topic, self.sent)
 
     def await_matched(self, publishers: Any, timeout_s: float) -> list[str]:
-        return [] if self.heard_by else ["nobody"]
+        return [] if self.has_subscriber else ["nobody"]
 
     def unsubscribe(self, mailbox: Any) -> None:
         """Subscribe to nothing: the mailbox keeps what the test stored."""
@@ -99,8 +99,8 @@ class ScriptedBus(Wireless):
     def lost(self) -> str:
         return ""
 
-    def says(self, topic: Topic[Any], message: Message) -> None:
-        """Store a message as the newest one of a topic."""
+    def set_newest(self, topic: Topic[Any], message: Message) -> None:
+        """Set the newest message of a topic from now on."""
         box = self.boxes.setdefault(topic.path, Box(topic))
         box.newest = (message, self.clock.now_ns())
 
@@ -110,20 +110,20 @@ class ScriptedBus(Wireless):
 
 
 class Pulse:
-    """Time passes when it is waited for."""
+    """A pulse whose waiting advances the clock."""
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
 
     def beat(self, now_ns: int) -> None:
-        """Receive nothing by itself."""
+        """Ignore it: nothing arrives by itself."""
 
     def wait_until(self, deadline_ns: int) -> None:
         self._clock.sleep_until(deadline_ns)
 
 
 class Notes:
-    """Progress that a test can look at."""
+    """A progress display that records notes and lines."""
 
     live = False
 
@@ -152,7 +152,7 @@ class Stage:
 
 
 def ack(request: Message | None, reason: Reason) -> CommandAck:
-    """Answers of a robot to a command, a goal, and a request for the lease."""
+    """Return a robot's acknowledgement of a command, a goal or a lease request."""
     command = command_of(request) if isinstance(request, Request) else NO_COMMAND
     result = AckResult.DENIED if reason else AckResult.ACCEPTED
     return CommandAck(command=command, result=result, result_param2=reason)

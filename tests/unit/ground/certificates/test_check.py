@@ -26,10 +26,10 @@ def wrong(folder: Path, name: str) -> str:
 
 def test_a_new_set_is_good(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "check", str(keys)]) == 0
-    told = capsys.readouterr().out
+    printed = capsys.readouterr().out
     for words in ("commands the robots", "only observes", "is the robot r1", "signs the others"):
-        assert words in told
-    assert f"{NOW + 100 * DAY:%Y-%m-%d}" in told
+        assert words in printed
+    assert f"{NOW + 100 * DAY:%Y-%m-%d}" in printed
 
 
 def test_with_json_each_has_its_end(keys: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,9 +53,9 @@ def test_certificate_outside_its_validity_is_reported(
     ring.expired("ground")
     ring.early("viewer")
     assert main(["keys", "check", str(tmp_path / "ring")]) == 1
-    told = capsys.readouterr().out
-    assert f"expired at {NOW - DAY:%Y-%m-%d}" in told
-    assert f"is not valid before {NOW + DAY:%Y-%m-%d}" in told
+    printed = capsys.readouterr().out
+    assert f"expired at {NOW - DAY:%Y-%m-%d}" in printed
+    assert f"is not valid before {NOW + DAY:%Y-%m-%d}" in printed
 
 
 def test_certificate_of_another_authority_is_reported(keys: Path, tmp_path: Path) -> None:

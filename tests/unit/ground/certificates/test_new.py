@@ -211,7 +211,7 @@ def test_half_a_set_is_not_left_behind(
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("words", "message"),
     [
         (("--robots", "R 1"), "robot name 'R 1'"),
         (("--robots", "r1", "r1"), "each robot needs a name of its own"),
@@ -222,10 +222,10 @@ def test_half_a_set_is_not_left_behind(
     ],
 )
 def test_what_cannot_be_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
 ) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), *words]) == 2
-    assert says in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "keys").exists()
 
 
@@ -252,6 +252,6 @@ def test_a_secret_does_not_show_in_a_message() -> None:
 
 def test_json_lists_the_roles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), "--days", "7", "--json"]) == 0
-    told = capsys.readouterr().out
-    assert '"roles": ["router", "plant", "ground", "viewer", "recorder", "robot-r1"]' in told
-    assert "PRIVATE" not in told
+    printed = capsys.readouterr().out
+    assert '"roles": ["router", "plant", "ground", "viewer", "recorder", "robot-r1"]' in printed
+    assert "PRIVATE" not in printed

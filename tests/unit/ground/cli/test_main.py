@@ -26,13 +26,13 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
         def arguments(parser: argparse.ArgumentParser) -> None:
             parser.add_argument("--json", action="store_true")
 
-        monkeypatch.setattr(cli, "VERBS", {"try": LoadedVerb(arguments, run, "says")})
+        monkeypatch.setattr(cli, "VERBS", {"try": LoadedVerb(arguments, run, "summary")})
 
     return put
 
 
 def raises(error: BaseException) -> Run:
-    def run(options: argparse.Namespace, says: Output) -> int:
+    def run(options: argparse.Namespace, output: Output) -> int:
         raise error
 
     return run
@@ -82,10 +82,10 @@ def test_wrong_usage_ends_with_2_and_a_word_about_it(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(words) == 2
-    said = capsys.readouterr()
-    assert said.err
-    assert "Traceback" not in said.err
-    assert not said.out
+    printed = capsys.readouterr()
+    assert printed.err
+    assert "Traceback" not in printed.err
+    assert not printed.out
 
 
 def test_a_negative_exponent_is_a_number_and_not_an_option() -> None:
@@ -120,10 +120,10 @@ def test_an_error_is_one_line_and_one_object(
 ) -> None:
     install(raises(error))
     assert main(["try", "--json"]) == code
-    said = capsys.readouterr()
-    found = json.loads(said.out)
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
     assert (found["ok"], found["exit_code"]) == (False, code)
-    assert said.err.count("\n") == 1
+    assert printed.err.count("\n") == 1
 
 
 def test_a_table_and_json_cannot_both_be_standard_output(
@@ -136,8 +136,8 @@ def test_a_table_and_json_cannot_both_be_standard_output(
 def test_result_is_printed_once(
     install: Callable[[Run], None], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(options: argparse.Namespace, says: Output) -> int:
-        says.result({"ok": True}, "fine")
+    def run(options: argparse.Namespace, output: Output) -> int:
+        output.result({"ok": True}, "fine")
         raise KeyboardInterrupt
 
     install(run)
@@ -150,7 +150,7 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
 ) -> None:
     before = signal.getsignal(signal.SIGTERM)
 
-    def run(options: argparse.Namespace, says: Output) -> int:
+    def run(options: argparse.Namespace, output: Output) -> int:
         os.kill(os.getpid(), signal.SIGTERM)
         threading.Event().wait(5.0)
         return 0

@@ -67,24 +67,24 @@ def test_a_healthy_system_has_no_findings() -> None:
 
 def test_empty_bus_names_the_processes_to_start() -> None:
     report = examine(seen(TOPICS, PresentProcesses(frozenset())))
-    said = lines(report.findings)
+    text = lines(report.findings)
     assert not report.healthy
-    assert "sidestep robot --id r1" in said
-    assert "sidestep plant" in said
+    assert "sidestep robot --id r1" in text
+    assert "sidestep plant" in text
     assert len(report.findings) == 2, "what absent processes do not send is no finding of its own"
 
 
 def test_hanging_robot_differs_from_absent_robot() -> None:
-    said = lines(examine(seen(of(Role.ROBOT))).findings)
-    assert "hangs" in said
+    text = lines(examine(seen(of(Role.ROBOT))).findings)
+    assert "hangs" in text
     gone = PresentProcesses(frozenset({("r1", "plant")}))
     assert "only its plant is" in lines(examine(seen(of(Role.ROBOT), gone)).findings)
 
 
 def test_a_silent_stream_of_a_process_that_is_there_is_named() -> None:
-    said = lines(examine(seen([SONAR])).findings)
-    assert "nothing on sense/sonar" in said
-    assert "plant" in said
+    text = lines(examine(seen([SONAR])).findings)
+    assert "nothing on sense/sonar" in text
+    assert "plant" in text
 
 
 def test_slow_stream_is_not_reported_within_its_period() -> None:
@@ -154,11 +154,11 @@ def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
     cycle = CycleReport(**{**fields, "missed": 3, "rejected": 5})
     answers = (("srv/command", "no answer within 0.5 s"),)
     report = examine(replace(seen(), cycle=cycle, answers=answers))
-    said = lines(report.findings)
+    text = lines(report.findings)
     assert not report.healthy
-    assert "3 of 101 ticks" in said
-    assert "rejected 5 unreadable frames" in said
-    assert "srv/command does not answer" in said
+    assert "3 of 101 ticks" in text
+    assert "rejected 5 unreadable frames" in text
+    assert "srv/command does not answer" in text
 
 
 @pytest.mark.parametrize(

@@ -263,10 +263,10 @@ def test_the_time_limit_goes_by_whichever_clock_is_ahead(passes: Callable[[Drive
 
 
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 255), st.integers(0, 99))))
-def test_an_end_is_final_whatever_comes_after(heard: list[tuple[int, int, int]]) -> None:
+def test_an_end_is_final_whatever_comes_after(statuses: list[tuple[int, int, int]]) -> None:
     drive = Drive()
     first_end: GoalEnd | None = None
-    for step, reason, goal_id in heard:
+    for step, reason, goal_id in statuses:
         goal = GoalState(min(step, 8))
         message = NavigatorStatus(
             **{

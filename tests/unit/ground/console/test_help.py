@@ -13,10 +13,10 @@ def test_every_command_is_in_the_list() -> None:
 
 
 def test_one_command_is_explained_by_its_short_name_too() -> None:
-    said = help_text("goal")
-    assert said.startswith("goto [--tolerance M]")
-    assert "final heading" in said
-    assert "--connect" not in said
+    text = help_text("goal")
+    assert text.startswith("goto [--tolerance M]")
+    assert "final heading" in text
+    assert "--connect" not in text
 
 
 @pytest.mark.parametrize("word", verbs())

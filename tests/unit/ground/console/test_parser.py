@@ -80,8 +80,8 @@ def test_the_table_of_commands_leaves_none_out() -> None:
 
 def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
     for word in verbs():
-        said = outcome(word)
-        assert said is None or "usage: " in said or "--out" in said
+        error = outcome(word)
+        assert error is None or "usage: " in error or "--out" in error
 
 
 @pytest.mark.parametrize(
@@ -149,9 +149,9 @@ anything = st.text() | st.lists(pieces, max_size=6).map(" ".join) | st.binary().
 @settings(deadline=None)
 def test_any_text_gives_an_operation_or_an_error(text: str) -> None:
     began_s = time.thread_time()
-    said = outcome(text)
+    error = outcome(text)
     assert time.thread_time() - began_s < GRACE_S
-    assert said is None or said.strip()
+    assert error is None or error.strip()
 
 
 def outcome(text: str) -> str | None:

@@ -17,13 +17,13 @@ from tests.support.ground.recording.made import PublishedFrame, mcap, run, tlog
 
 
 @pytest.fixture
-def said() -> list[PublishedFrame]:
+def frames() -> list[PublishedFrame]:
     return list(run(20))
 
 
 @pytest.fixture
-def log(tmp_path: Path, said: list[PublishedFrame]) -> str:
-    return str(mcap(tmp_path / "a.mcap", said))
+def log(tmp_path: Path, frames: list[PublishedFrame]) -> str:
+    return str(mcap(tmp_path / "a.mcap", frames))
 
 
 def rows_of(text: str) -> list[list[str]]:
@@ -31,11 +31,11 @@ def rows_of(text: str) -> list[list[str]]:
 
 
 def test_both_files_of_a_run_give_the_same_table(
-    tmp_path: Path, said: list[PublishedFrame], log: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, frames: list[PublishedFrame], log: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["export", log]) == 0
     from_mcap = capsys.readouterr().out
-    assert main(["export", str(tlog(tmp_path / "a.tlog", said))]) == 0
+    assert main(["export", str(tlog(tmp_path / "a.tlog", frames))]) == 0
     assert capsys.readouterr().out == from_mcap
     assert from_mcap.startswith("time_s,utc_s,topic,message,field,value\n")
 
@@ -79,10 +79,10 @@ def test_a_damaged_file_gives_what_is_left_and_ends_with_1(
     whole = Path(log).read_bytes()
     Path(log).write_bytes(whole[: len(whole) // 3])
     assert main(["export", log, "--out", str(tmp_path / "t.csv"), "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
-    assert told["rows"] > 0
-    assert told["lost_bytes"] > 0
-    assert "skipped" in told["damage"]
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["rows"] > 0
+    assert printed["lost_bytes"] > 0
+    assert "skipped" in printed["damage"]
 
 
 @pytest.mark.parametrize(

@@ -29,27 +29,27 @@ from tests.support.ground.recording.made import (
 
 
 @pytest.fixture
-def said() -> list[PublishedFrame]:
+def frames() -> list[PublishedFrame]:
     return list(run(60))
 
 
 def test_a_png_has_the_drawing_in_it(
-    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, frames: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = mcap(tmp_path / "a.mcap", said)
+    log = mcap(tmp_path / "a.mcap", frames)
     assert main(["plot", str(log), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    image = matplotlib.image.imread(told["out"])
-    assert told["out"].endswith("a.png")
+    printed = json.loads(capsys.readouterr().out)
+    image = matplotlib.image.imread(printed["out"])
+    assert printed["out"].endswith("a.png")
     assert image.shape[:2] == (840, 1440)
     assert len({tuple(pixel) for row in image[::7, ::7] for pixel in row}) > 20, "not blank"
 
 
 def test_an_svg_is_well_formed_and_names_what_it_shows(
-    tmp_path: Path, said: list[PublishedFrame]
+    tmp_path: Path, frames: list[PublishedFrame]
 ) -> None:
     out = tmp_path / "a.svg"
-    assert main(["plot", str(mcap(tmp_path / "a.mcap", said)), "--out", str(out)]) == 0
+    assert main(["plot", str(mcap(tmp_path / "a.mcap", frames)), "--out", str(out)]) == 0
     text = out.read_text()
     ElementTree.fromstring(text)
     for words in (
@@ -63,10 +63,10 @@ def test_an_svg_is_well_formed_and_names_what_it_shows(
 
 
 def test_of_very_many_echoes_a_part_is_drawn(
-    tmp_path: Path, said: list[PublishedFrame], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, frames: list[PublishedFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Keep pictures of two hours small enough to open."""
-    log, drawn = mcap(tmp_path / "a.mcap", said), []
+    log, drawn = mcap(tmp_path / "a.mcap", frames), []
     for most in (4000, 10):
         monkeypatch.setattr("ground.recording.tables.figure.MAX_ECHOES", most)
         out = tmp_path / f"{most}.svg"
@@ -76,9 +76,9 @@ def test_of_very_many_echoes_a_part_is_drawn(
 
 
 def test_tlog_is_drawn_without_a_world_or_with_a_named_one(
-    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, frames: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = str(tlog(tmp_path / "a.tlog", said))
+    log = str(tlog(tmp_path / "a.tlog", frames))
     assert main(["plot", log]) == 0
     assert "add it with --world W" in capsys.readouterr().out
     assert main(["plot", log, "--world", "box", "--out", str(tmp_path / "b.svg")]) == 0
@@ -87,17 +87,17 @@ def test_tlog_is_drawn_without_a_world_or_with_a_named_one(
 
 
 def test_a_damaged_file_is_drawn_as_far_as_it_goes(
-    tmp_path: Path, said: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, frames: list[PublishedFrame], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    log = mcap(tmp_path / "a.mcap", said)
+    log = mcap(tmp_path / "a.mcap", frames)
     whole = log.read_bytes()
     log.write_bytes(whole[: len(whole) // 2])
     assert main(["plot", str(log)]) == 1
     assert "DAMAGED" in capsys.readouterr().out
 
 
-def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[PublishedFrame]) -> None:
-    operation = read(f"plot {mcap(tmp_path / 'a.mcap', said)}")
+def test_it_can_be_asked_for_in_the_app(tmp_path: Path, frames: list[PublishedFrame]) -> None:
+    operation = read(f"plot {mcap(tmp_path / 'a.mcap', frames)}")
     assert isinstance(operation, Plot)
     assert operation.run(NoProgress()).ok
     assert (tmp_path / "a.png").exists()
@@ -113,12 +113,12 @@ def test_it_can_be_asked_for_in_the_app(tmp_path: Path, said: list[PublishedFram
 )
 def test_what_cannot_be_drawn_is_refused_with_the_reason(
     tmp_path: Path,
-    said: list[PublishedFrame],
+    frames: list[PublishedFrame],
     words: list[str],
     why: str,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    log = str(mcap(tmp_path / "a.mcap", said))
+    log = str(mcap(tmp_path / "a.mcap", frames))
     assert main(["plot", log, *words]) == 2
     assert why in capsys.readouterr().err
 
@@ -133,9 +133,9 @@ def test_what_is_no_recording_is_refused(
 
 
 def test_the_error_is_against_the_truth_of_the_same_stamp(
-    tmp_path: Path, said: list[PublishedFrame]
+    tmp_path: Path, frames: list[PublishedFrame]
 ) -> None:
-    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", said))), 0.15)
+    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", frames))), 0.15)
     assert len(found.error_m.values) == len(found.estimated) == 60
     assert found.error_m.values == pytest.approx([0.01] * 60, abs=1e-5)
     assert found.sigma_m.values[0] == pytest.approx(0.0005**0.5, abs=1e-6)
@@ -144,9 +144,9 @@ def test_the_error_is_against_the_truth_of_the_same_stamp(
 
 def test_no_echo_is_a_gap_and_no_distance(tmp_path: Path) -> None:
     encoder = TopicEncoder()
-    said = [encoder.publish(SONAR, scan(n, n, echo=n % 2), START_US + n) for n in range(4)]
-    said.append(encoder.publish(STATUS, status(9), START_US + 9))
-    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", said))), 0.15)
+    frames = [encoder.publish(SONAR, scan(n, n, echo=n % 2), START_US + n) for n in range(4)]
+    frames.append(encoder.publish(STATUS, status(9), START_US + 9))
+    found = collect_series(TimeAxis(open_log(tlog(tmp_path / "a.tlog", frames))), 0.15)
     assert [isnan(value) for value in found.nearest_m.values] == [True, False, True, False]
     assert found.echoes == [], "without a pose an echo has no place"
     assert [round(goal[0], 3) for goal in found.goals] == [5.4]

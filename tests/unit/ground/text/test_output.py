@@ -58,20 +58,20 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Terminal]:
 
 def test_elsewhere_each_line_stays_and_is_whole() -> None:
     err = StringIO()
-    says = Output(as_json=False, err=err)
-    says.line(LINE)
-    says.line((Part("reached"),))
+    output = Output(as_json=False, err=err)
+    output.line(LINE)
+    output.line((Part("reached"),))
     assert err.getvalue() == "driving  3.25 m to go (0.2 s)\nreached\n"
 
 
 def test_a_terminal_shows_one_line_with_the_old_dimmed(terminal: Terminal) -> None:
     terminal.resize(40)
-    says = Output(as_json=False, err=terminal.near)
-    says.line(LINE)
+    output = Output(as_json=False, err=terminal.near)
+    output.line(LINE)
     assert terminal.seen() == f"\rdriving  {DIM}3.25 m to go\x1b[0m"
-    says.line((Part("reached"),))
+    output.line((Part("reached"),))
     assert terminal.seen() == "\rreached" + " " * 14
-    says.note("done")
+    output.note("done")
     assert terminal.seen() == "\r\ndone\r\n"
 
 
@@ -83,10 +83,10 @@ def test_no_color_is_heeded(terminal: Terminal, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_a_window_that_gets_narrower_is_not_overrun(terminal: Terminal) -> None:
-    says = Output(as_json=False, err=terminal.near)
+    output = Output(as_json=False, err=terminal.near)
     for columns in (40, 20, 8):
         terminal.resize(columns)
-        says.line(LINE)
+        output.line(LINE)
         shown = terminal.seen().removeprefix("\r").replace(DIM, "").replace("\x1b[0m", "")
         assert len(shown) < columns
 
@@ -101,8 +101,8 @@ def test_json_escapes_what_is_not_printable_and_loses_nothing() -> None:
 
 
 def test_a_note_can_neither_steer_nor_dim_the_terminal(terminal: Terminal) -> None:
-    says = Output(as_json=False, err=terminal.near)
+    output = Output(as_json=False, err=terminal.near)
     terminal.resize(40)
-    says.note(f"\x1b]0;OWNED\x07{DIM}\r")
-    says.line((Part(f"{DIM}\u202ea"),))
+    output.note(f"\x1b]0;OWNED\x07{DIM}\r")
+    output.line((Part(f"{DIM}\u202ea"),))
     assert terminal.seen() == "?]0;OWNED??[2m?\r\n\r?[2m?a"

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ground.cli.observe.record import REPEAT_NS, Alarms
-from tests.support.ground.answering import speaking
+from tests.support.ground.answering import captured_output
 
 
 def log(trouble: str = "", dropped: int = 0) -> Any:
@@ -12,22 +12,22 @@ def log(trouble: str = "", dropped: int = 0) -> Any:
 
 
 def test_write_error_is_reported_at_once_repeated_and_ended() -> None:
-    says, said = speaking()
-    alarms = Alarms(says)
+    output, printed = captured_output()
+    alarms = Alarms(output)
     for at_ns in (0, 1, REPEAT_NS - 1, REPEAT_NS, REPEAT_NS + 1):
         alarms.look(log("No space left on device"), at_ns)
     alarms.look(log(), REPEAT_NS + 2)
     trouble = "RECORDING FAILS: No space left on device; the robot drives on"
     goes_on = "RECORDING resumed: the log can be written again"
-    assert said()[1].splitlines() == [trouble, trouble, goes_on]
+    assert printed()[1].splitlines() == [trouble, trouble, goes_on]
 
 
 def test_dropped_frames_are_reported_with_their_number() -> None:
-    says, said = speaking()
-    alarms = Alarms(says)
+    output, printed = captured_output()
+    alarms = Alarms(output)
     for at_ns, dropped in ((0, 0), (1, 7), (2, 9), (REPEAT_NS + 1, 9), (3 * REPEAT_NS, 9)):
         alarms.look(log(dropped=dropped), at_ns)
-    assert said()[1].splitlines() == [
+    assert printed()[1].splitlines() == [
         "RECORDING HAS LOST 7 frames: the disk took too long",
         "RECORDING HAS LOST 9 frames: the disk took too long",
     ]

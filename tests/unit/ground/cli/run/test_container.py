@@ -57,8 +57,8 @@ def test_robot_gets_the_start_of_its_number() -> None:
     world = load("box")
     places = starts(world, body_of(world), 2)
     for words, place in (((), places[0]), (SECOND, places[1])):
-        told = after(became(*words, "--world", "box", "robot"), "--start", 3)
-        assert [float(word) for word in told[:2]] == pytest.approx(place[:2])
+        added = after(became(*words, "--world", "box", "robot"), "--start", 3)
+        assert [float(word) for word in added[:2]] == pytest.approx(place[:2])
 
 
 def test_a_robot_has_the_calibration_of_its_worlds_noise() -> None:
@@ -79,8 +79,8 @@ def test_a_robot_more_than_there_are_is_refused() -> None:
 
 def test_plant_gets_world_noise_and_seed() -> None:
     found = became("--world", "open", "--noise", "lossy", "--seed", "7", "plant", "--lockstep")
-    told = ["--world", "open", "--seed", "7", "--robots", "r1", "--noise", "lossy", "--lockstep"]
-    assert found == ["plant", *told]
+    added = ["--world", "open", "--seed", "7", "--robots", "r1", "--noise", "lossy", "--lockstep"]
+    assert found == ["plant", *added]
     assert "--noise" not in became("plant")
 
 

@@ -104,7 +104,7 @@ def test_topic_is_subscribed_once_for_all_its_streams() -> None:
         assert list(bus.boxes) == [STATUS.path]
         await first.aclose()
         assert hub.latest(STATUS) is None
-        bus.says(STATUS, status())
+        bus.set_newest(STATUS, status())
         assert hub.latest(STATUS) is not None
         await second.aclose()
         assert hub.latest(STATUS) is None, "it is unsubscribed with its last stream"

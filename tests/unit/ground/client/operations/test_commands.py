@@ -54,7 +54,7 @@ def test_refusal_names_the_reason_and_the_remedy() -> None:
 
 def test_refusal_for_the_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.says(*HELD)
+    stage.bus.set_newest(*HELD)
     outcome = Arm().perform(stage.session)
     assert isinstance(outcome, Refused)
     assert (outcome.holder, "anna (sidestep lease seize)" in outcome.text) == ("anna", True)
@@ -116,7 +116,7 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
         if number == 2:
             request = stage.bus.sent[0][1]
             assert isinstance(request, CommandRequest)
-            stage.bus.says(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
+            stage.bus.set_newest(STATUS, status(Vehicle.EMERGENCY_STOP, stop_id=request.request_id))
 
     stage.bus.on_ask = show
     outcome = StopNow().perform(stage.session)
@@ -127,7 +127,7 @@ def test_stop_is_repeated_until_the_status_shows_it() -> None:
 
 def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
     stage = Stage()
-    stage.bus.says(STATUS, status(Vehicle.ACTIVE))
+    stage.bus.set_newest(STATUS, status(Vehicle.ACTIVE))
     outcome = StopNow(timeout_s=0.2).perform(stage.session)
     assert not outcome.ok
     assert outcome.text.startswith("E-STOP GIVEN UP")
@@ -138,7 +138,7 @@ def test_unacknowledged_stop_is_given_up_with_a_warning() -> None:
 def test_mark_reports_that_no_recorder_runs() -> None:
     stage = Stage()
     assert Mark(remark="it turned").perform(stage.session).text == "marked: it turned"
-    stage.bus.heard_by = False
+    stage.bus.has_subscriber = False
     outcome = Mark(remark="it turned").perform(stage.session)
     assert (outcome.ok, outcome.text) == (
         False,

@@ -42,7 +42,7 @@ def following(stage: Stage, *ends: Any) -> None:
             found = waiting.pop(0)
             if isinstance(found, BaseException):
                 raise found
-            stage.bus.says(STATUS, status(goal_id=goals[-1].request_id, **found))
+            stage.bus.set_newest(STATUS, status(goal_id=goals[-1].request_id, **found))
 
     wait = pulse.wait_until
 
@@ -66,7 +66,7 @@ def test_goal_is_followed_to_its_end_under_the_lease() -> None:
 
 def test_standing_robot_is_armed_first() -> None:
     stage = Stage(Reason.NONE, Reason.NOT_ARMED, Reason.NONE, Reason.NONE)
-    stage.bus.says(*STANDBY)
+    stage.bus.set_newest(*STANDBY)
     following(stage, {"goal": GoalState.REACHED, "time_ns": 3})
     assert Goto(goal=GOAL).perform(stage.session).ok
     assert kinds(stage) == ["TAKE", "GUIDED", "COMPONENT_ARM_DISARM", "GUIDED", "RELEASE"]
@@ -83,7 +83,7 @@ def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
 
 def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.says(*HELD)
+    stage.bus.set_newest(*HELD)
     with pytest.raises(RefusedError, match="anna"):
         Goto(goal=GOAL).perform(stage.session)
     assert kinds(stage) == ["TAKE"]
@@ -155,6 +155,6 @@ def test_goal_ahead_of_a_robot_without_a_pose_is_not_sent() -> None:
 
 def test_robot_in_a_failsafe_is_never_armed_by_a_goal() -> None:
     stage = Stage(Reason.NOT_ARMED, attended=True)
-    stage.bus.says(STATUS, status(Vehicle.FAILSAFE))
+    stage.bus.set_newest(STATUS, status(Vehicle.FAILSAFE))
     assert not Goto(goal=GOAL).perform(stage.session).ok
     assert kinds(stage) == ["GUIDED"]

@@ -39,7 +39,7 @@ def test_lease_of_an_attended_robot_is_only_asked_for() -> None:
 
 def test_refused_lease_names_its_holder() -> None:
     stage = Stage(Reason.LEASE_HELD)
-    stage.bus.says(*HELD)
+    stage.bus.set_newest(*HELD)
     outcome = ChangeLease(action=LeaseAction.TAKE, name="ben").perform(stage.session)
     assert isinstance(outcome, Refused)
     assert outcome.holder == "anna"
@@ -57,7 +57,7 @@ def test_lease_goes_back_when_the_work_under_it_fails() -> None:
 
 def test_lease_status_is_shown() -> None:
     stage = Stage()
-    stage.bus.says(LEASE, lease_of("anna"))
+    stage.bus.set_newest(LEASE, lease_of("anna"))
     shown = ShowLease().perform(stage.session)
     assert shown.text == "anna commands r1; without a heartbeat the lease expires in 2.0 s"
     assert shown.as_json("", "r1")["holder"] == "open/beef"
@@ -78,7 +78,7 @@ def test_name_that_does_not_fit_is_refused(name: str) -> None:
 
 def test_drive_by_hand_ends_in_hold() -> None:
     stage = Stage()
-    stage.bus.says(STATUS, status(mode=Mode.MANUAL))
+    stage.bus.set_newest(STATUS, status(mode=Mode.MANUAL))
     outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=-30.0, for_s=0.5).perform(stage.session)
     assert isinstance(outcome, DriveEnded)
     assert outcome.text == "done, the robot holds"
@@ -94,14 +94,14 @@ MODE = Command.DO_SET_MODE
 
 def test_drive_by_hand_ends_when_the_robot_leaves_manual() -> None:
     stage = Stage()
-    stage.bus.says(STATUS, status(mode=Mode.AUTO))
+    stage.bus.set_newest(STATUS, status(mode=Mode.AUTO))
     outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
     assert outcome.text == "stopped: the robot has left MANUAL mode"
 
 
 def test_refused_manual_mode_drives_nothing() -> None:
     stage = Stage(Reason.NONE, Reason.EMERGENCY_STOPPED)
-    stage.bus.says(*STANDBY)
+    stage.bus.set_newest(*STANDBY)
     outcome = DriveByHand(speed_m_s=0.2, turn_deg_s=0.0).perform(stage.session)
     assert isinstance(outcome, Refused)
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]

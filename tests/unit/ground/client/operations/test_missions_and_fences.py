@@ -54,7 +54,7 @@ def wants(*items: int, kind: MissionType = MissionType.MISSION) -> list[Message]
     return [MissionRequestInt(seq=item, mission_type=kind) for item in items]
 
 
-def told(items: list[MissionItemInt], kind: MissionType) -> list[Message]:
+def replies(items: list[MissionItemInt], kind: MissionType) -> list[Message]:
     return [MissionCount(count=len(items), mission_type=kind), *items]
 
 
@@ -76,7 +76,7 @@ def test_refused_mission_names_the_item_and_the_lease_holder() -> None:
     assert outcome.text.startswith("refused: item 1: ")
     assert outcome.as_json("mission upload", "r1")["item"] == 1
     stage = Stage(verdict(Reason.LEASE_HELD))
-    stage.bus.says(*HELD)
+    stage.bus.set_newest(*HELD)
     refused = UploadMission(mission=Mission(waypoints=WAYPOINTS)).perform(stage.session)
     assert "anna (sidestep lease seize)" in refused.text
 
@@ -103,8 +103,8 @@ def test_lost_frames_of_a_transfer_are_repeated() -> None:
 
 
 def test_mission_is_fetched_with_its_fence_and_written(tmp_path: Path) -> None:
-    items = told(items_of(WAYPOINTS), MissionType.MISSION)
-    fence = told(fence_items_of(CIRCLE), MissionType.FENCE)
+    items = replies(items_of(WAYPOINTS), MissionType.MISSION)
+    fence = replies(fence_items_of(CIRCLE), MissionType.FENCE)
     outcome = FetchMission().perform(Stage(*items, *fence).session)
     assert isinstance(outcome, MissionFetched)
     assert outcome.mission == Mission(waypoints=WAYPOINTS, fence=CIRCLE)
@@ -136,7 +136,7 @@ def test_wrong_file_type_is_refused_before_any_request() -> None:
 def test_mission_starts_where_it_is_or_at_an_item() -> None:
     for item, param in ((None, -1.0), (2, 1.0)):
         stage = Stage(Reason.NOT_ARMED)
-        stage.bus.says(*STANDBY)
+        stage.bus.set_newest(*STANDBY)
         assert StartMission(item=item).perform(stage.session).ok
         requests = stage.bus.requests
         assert (requests[-1].command, requests[-1].param1) == (Command.MISSION_START, param)
@@ -145,7 +145,7 @@ def test_mission_starts_where_it_is_or_at_an_item() -> None:
 
 def test_mission_that_is_done_begins_again() -> None:
     stage = Stage()
-    stage.bus.says(MISSION, progress(MissionState.DONE))
+    stage.bus.set_newest(MISSION, progress(MissionState.DONE))
     StartMission().perform(stage.session)
     assert stage.bus.requests[0].param1 == 0.0
 
@@ -165,7 +165,7 @@ def progress(state: MissionState) -> MissionStatus:
 
 def test_progress_of_the_mission_is_one_line() -> None:
     stage = Stage()
-    stage.bus.says(MISSION, progress(MissionState.HOLDING))
+    stage.bus.set_newest(MISSION, progress(MissionState.HOLDING))
     outcome = ShowMissionStatus().perform(stage.session)
     assert outcome.text == "holding, item 3 of 5, 3.2 s left"
     assert outcome.as_json("", "r1")["current"] == 3
@@ -178,7 +178,7 @@ def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
     kind, items = MissionType.FENCE, fence_items_of(fence)
     stage = Stage(*wants(*range(len(items)), kind=kind), verdict(kind=kind))
     assert SetFence(fence=fence).perform(stage.session).text == f"ok, {fence}"
-    shown = ShowFence().perform(Stage(*told(items, kind)).session)
+    shown = ShowFence().perform(Stage(*replies(items, kind)).session)
     assert str(fence) in shown.text
     assert shown.as_json("fence show", "r1")["fence"]
     cleared = ClearFence().perform(Stage(verdict(kind=kind)).session)

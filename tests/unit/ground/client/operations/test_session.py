@@ -36,7 +36,7 @@ def test_what_the_robot_does_at_once_is_asked_once() -> None:
 
 def test_standby_robot_is_armed_and_request_repeated() -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
-    link.says_now[STATUS.path] = status(Vehicle.STANDBY)
+    link.newest_messages[STATUS.path] = status(Vehicle.STANDBY)
     assert asked_until_accepted(link) == (Reason.NONE, "armed\n")
     assert link.commands == [START, ARM, START]
     ids = [one.request_id for one in link.asked if isinstance(one, CommandRequest)]
@@ -46,7 +46,7 @@ def test_standby_robot_is_armed_and_request_repeated() -> None:
 @pytest.mark.parametrize("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP, Vehicle.BOOT])
 def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
-    link.says_now[STATUS.path] = status(vehicle)
+    link.newest_messages[STATUS.path] = status(vehicle)
     assert asked_until_accepted(link) == (Reason.NOT_ARMED, "")
     assert ARM not in link.commands
 
@@ -59,11 +59,11 @@ def test_silent_robot_is_not_armed() -> None:
 
 def test_refused_arming_is_reported_and_final() -> None:
     link = AnsweringLink(Reason.NOT_ARMED, Reason.NO_SENSES)
-    link.says_now[STATUS.path] = status(Vehicle.STANDBY)
-    reason, said = asked_until_accepted(link)
+    link.newest_messages[STATUS.path] = status(Vehicle.STANDBY)
+    reason, notes = asked_until_accepted(link)
     assert reason == Reason.NOT_ARMED
-    assert said.startswith("arming was refused: ")
-    assert "sidestep doctor" in said
+    assert notes.startswith("arming was refused: ")
+    assert "sidestep doctor" in notes
 
 
 def test_missing_operator_is_remedied_by_a_heartbeat() -> None:
