@@ -19,7 +19,7 @@ MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
 """Answers kept for each operator; the operators with the newest requests are kept."""
 
-Order: TypeAlias = CommandRequest | GoalRequest
+CommandOrGoal: TypeAlias = CommandRequest | GoalRequest
 
 
 class Commands:
@@ -37,7 +37,7 @@ class Commands:
         self._answers = AnswerCache()
         self.goal_id = self.stop_id = 0
 
-    def receive(self, request: Order, now_ms: int, operator: str = "") -> CommandAck:
+    def receive(self, request: CommandOrGoal, now_ms: int, operator: str = "") -> CommandAck:
         """Act on a request and return the answer, which contains a reason.
 
         A repeated request gets its earlier answer. A different request with the same id is refused.
@@ -53,14 +53,14 @@ class Commands:
         self._answers.keep(operator, request, answer)
         return answer
 
-    def _act(self, request: Order, now_ms: int) -> int:
+    def _act(self, request: CommandOrGoal, now_ms: int) -> int:
         serial = self._machine.serial
         reason = self._handle(request, now_ms)
         if self._machine.serial != serial:
             self.goal_id = request.request_id
         return reason
 
-    def _handle(self, request: Order, now_ms: int) -> int:
+    def _handle(self, request: CommandOrGoal, now_ms: int) -> int:
         if isinstance(request, GoalRequest):
             return self._goto(request, now_ms)
         row = HANDLERS.get(request.command)
@@ -120,9 +120,11 @@ class AnswerCache:
     """The newest requests of each operator with their answers."""
 
     def __init__(self) -> None:
-        self._of: OrderedDict[str, OrderedDict[int, tuple[Order, CommandAck]]] = OrderedDict()
+        self._of: OrderedDict[str, OrderedDict[int, tuple[CommandOrGoal, CommandAck]]] = (
+            OrderedDict()
+        )
 
-    def find(self, operator: str, request: Order) -> CommandAck | None:
+    def find(self, operator: str, request: CommandOrGoal) -> CommandAck | None:
         """Return the earlier answer to this request, or a refusal if another one had its id."""
         of_operator = self._of.get(operator)
         kept = None if of_operator is None else of_operator.get(request.request_id)
@@ -131,7 +133,7 @@ class AnswerCache:
         same = wire_form(kept[0]) == wire_form(request)
         return kept[1] if same else acknowledge(request, reasons.ID_REUSED)
 
-    def keep(self, operator: str, request: Order, answer: CommandAck) -> None:
+    def keep(self, operator: str, request: CommandOrGoal, answer: CommandAck) -> None:
         """Store the answer to a request and drop the oldest ones beyond the limits."""
         kept = self._of.setdefault(operator, OrderedDict())
         self._of.move_to_end(operator)
@@ -142,7 +144,7 @@ class AnswerCache:
             self._of.popitem(last=False)
 
 
-def wire_form(request: Order) -> tuple[type[Message], bytes]:
+def wire_form(request: CommandOrGoal) -> tuple[type[Message], bytes]:
     """Return the type and bytes of a request, by which NaN compares equal to NaN."""
     return type(request), wire_of(type(request)).pack(request)
 
@@ -160,7 +162,7 @@ def is_clear(request: Message | None) -> bool:
     )
 
 
-def acknowledge(request: Order, reason: int) -> CommandAck:
+def acknowledge(request: CommandOrGoal, reason: int) -> CommandAck:
     """Return the answer with a reason; a goal is acknowledged as DO_REPOSITION."""
     command = Command.DO_REPOSITION if isinstance(request, GoalRequest) else request.command
     return ack(command, reason)

@@ -43,7 +43,7 @@ SAVING_S: Final = 3.0
 STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 
 
-class Process:
+class RobotProcess:
     """Connects a vehicle to a bus and a clock.
 
     All work is done in one thread; the threads of the bus only enqueue. An emergency stop has its

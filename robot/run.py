@@ -15,7 +15,7 @@ from protocol.bus.network import Network
 from protocol.topics import CLOCK, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import SystemTime
-from robot.process import Process
+from robot.process import RobotProcess
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, RehearsingPulse
@@ -104,12 +104,12 @@ def log_line(line: str) -> None:
 
 def in_wall_time(
     vehicle: Vehicle, bus: Bus, _idle: Callable[[], None], epoch: int = 0
-) -> tuple[Process, Iterator[Tick]]:
+) -> tuple[RobotProcess, Iterator[Tick]]:
     """Return a process and ticks that are phase-locked to arriving scans."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=True)
-    process = Process(vehicle, bus, clock, senses, meter, epoch)
+    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch)
     process.serve()
     on_signal(process.stop)
     rehearsal = Rehearsal(vehicle.params)
@@ -118,7 +118,7 @@ def in_wall_time(
 
 def in_lockstep(
     vehicle: Vehicle, bus: Bus, idle: Callable[[], None], epoch: int = 0
-) -> tuple[Process, Iterator[Tick]]:
+) -> tuple[RobotProcess, Iterator[Tick]]:
     """Return a process and ticks driven by the plant's clock.
 
     While the clock pauses, requests are answered and `idle` is called.
@@ -131,7 +131,7 @@ def in_lockstep(
     clock = LockstepClock(patience_s=IDLE_S, idle=between)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
-    process = Process(vehicle, bus, clock, senses, meter, epoch)
+    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch)
     process.serve(nudge=clock.nudge)
     drive_clock(clock, bus)
 

@@ -7,7 +7,7 @@ from protocol.wire.enums import AckResult, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck
 from robot.core import reasons
-from robot.storage.writer import File, Ticket
+from robot.storage.writer import StateFile, Ticket
 from robot.vehicle import Answer, Vehicle, not_saved, once_saved
 from runtime.units import NS_PER_S
 
@@ -44,7 +44,7 @@ class SavedReplies:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._withheld: list[WithheldReply] = []
-        self._stalled: dict[File, tuple[int, int]] = {}
+        self._stalled: dict[StateFile, tuple[int, int]] = {}
         """Files being written: the newest ended write, and the time of the last progress."""
         self._warned_slow = False
 
@@ -90,5 +90,5 @@ class SavedReplies:
             self._vehicle.announce(Severity.WARNING, SLOW)
         self._warned_slow = is_slow
 
-    def _stalled_ns(self, file: File, now_ns: int) -> int:
+    def _stalled_ns(self, file: StateFile, now_ns: int) -> int:
         return now_ns - self._stalled[file][1]

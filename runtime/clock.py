@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from runtime.arrivals import Pulse, PulseSource
-from runtime.errors import Stopped
+from runtime.errors import ClockStoppedError
 from runtime.lockstep import LockstepClock
 from runtime.units import NS_PER_S
 
 __all__ = [
     "Clock",
+    "ClockStoppedError",
     "LockstepClock",
     "ManualClock",
     "Pulse",
     "PulseSource",
-    "Stopped",
     "Tick",
     "WallClock",
     "ticks",
@@ -111,7 +111,7 @@ def ticks(clock: Clock, rate_hz: float, pulse: PulseSource | None = None) -> Ite
     try:
         while True:
             yield grid.next_tick()
-    except Stopped:
+    except ClockStoppedError:
         return
 
 

@@ -64,5 +64,5 @@ class BadKeys(UserError):
     """A certificate, key or authority is unusable; the text has the file, the reason and a fix."""
 
 
-class Stopped(Exception):
+class ClockStoppedError(Exception):
     """Raised to a thread that waits on a stopped clock, which ends its loop."""

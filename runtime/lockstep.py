@@ -4,15 +4,15 @@ import time
 from collections.abc import Callable
 
 from runtime.arrivals import WakeUp
-from runtime.errors import Stopped
+from runtime.errors import ClockStoppedError
 
 
 class LockstepClock:
     """The time is the stamp of the newest sensor frames.
 
     `advance_to` and `stop` are thread-safe. If no stamp arrives for `patience_s` of wall time, a
-    waiting thread raises Stopped. With `idle` it calls that instead, and also at each `nudge`, so
-    that it can do other work.
+    waiting thread raises ClockStoppedError. With `idle` it calls that instead, and also at each
+    `nudge`, so that it can do other work.
     """
 
     def __init__(
@@ -50,22 +50,22 @@ class LockstepClock:
         self._change.wake()
 
     def stop(self) -> None:
-        """Stop the time: threads that wait, now or later, raise Stopped."""
+        """Stop the time: threads that wait, now or later, raise ClockStoppedError."""
         self._stopped = True
         self._change.wake()
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Wait for a stamp of at least `deadline_ns`; raise Stopped after `stop`."""
+        """Wait for a stamp of at least `deadline_ns`; raise ClockStoppedError after `stop`."""
         while not self._reached(deadline_ns):
             if self._stopped:
-                raise Stopped("the clock was stopped")
+                raise ClockStoppedError("the clock was stopped")
             if self._nudged or not self._change.wait(self._patience_s):
                 self._nudged = False
                 self._do_something_else()
 
     def _do_something_else(self) -> None:
         if self._idle is None:
-            raise Stopped(f"no senses for {self._patience_s} s")
+            raise ClockStoppedError(f"no sensor frames for {self._patience_s} s")
         self._idle()
 
     def _reached(self, deadline_ns: int) -> bool:

@@ -4,7 +4,7 @@ from math import inf
 
 from robot.core import reasons
 from robot.core.machine import Machine
-from robot.core.motion.progress import Progress
+from robot.core.motion.progress import ProgressMonitor
 from robot.core.motion.trail import Trail
 from robot.core.navigators import registry
 from robot.core.parameters import Params
@@ -55,7 +55,7 @@ class State:
         self.frozen = FrozenSonar()
         self.memory = registry.new_memory(params.navigator, params.side)
         self.trail = Trail()
-        self.progress = Progress()
+        self.progress = ProgressMonitor()
         self.slip = Slip()
         self.stall = Stall()
         self.twist = Twist(0.0, 0.0)

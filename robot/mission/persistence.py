@@ -10,7 +10,7 @@ import msgspec
 from protocol.wire.enums import MissionType
 from protocol.wire.message import check
 from protocol.wire.messages import MissionItemInt
-from robot.storage.writer import Directory, File, Ticket
+from robot.storage.writer import Directory, StateFile, Ticket
 from runtime.errors import LocalError
 
 NAMES: Final[Mapping[int, str]] = MappingProxyType(
@@ -29,7 +29,7 @@ class MissionStore:
     """The item files of a directory; without a path nothing is stored."""
 
     def __init__(self, directory: Directory) -> None:
-        self._files: dict[int, File | None] = {
+        self._files: dict[int, StateFile | None] = {
             kind: directory.file(name) for kind, name in NAMES.items()
         }
 

@@ -40,7 +40,7 @@ class ItemStore(Protocol):
         """Remove all items and return a reason, 0 if done."""
 
 
-class Upload:
+class ReceivedItems:
     """A running upload of one operator; `verdict` is set once all items have arrived."""
 
     def __init__(self, count: int, operator: str) -> None:
@@ -57,7 +57,7 @@ class Transfers:
         self._mission = mission
         self._kept = kept
         self._held: dict[int, ItemStore] = {MissionType.MISSION: mission, MissionType.FENCE: fence}
-        self._uploads: dict[int, Upload] = {}
+        self._uploads: dict[int, ReceivedItems] = {}
 
     def receive(self, request: Request, operator: str = "") -> Reply:
         """Return the next frame of the transfer, or the verdict that ends it."""
@@ -96,7 +96,7 @@ class Transfers:
             return self.verdict(kind, reasons.MISSION_EMPTY)
         if request.count > held.max_items:
             return self.verdict(kind, reasons.MISSION_TOO_LONG, held.max_items)
-        self._uploads[kind] = Upload(request.count, operator)
+        self._uploads[kind] = ReceivedItems(request.count, operator)
         return MissionRequestInt(seq=0, mission_type=kind)
 
     def _collect(self, item: MissionItemInt, held: ItemStore, operator: str) -> Reply:

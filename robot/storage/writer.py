@@ -1,7 +1,7 @@
 """Write files beside the control loop, which never waits for a disk.
 
-A `File` accepts new contents and passes the newest one to a writer. A `Ticket` shows whether that
-content is on the disk. Only the loop's thread uses files and tickets.
+A `StateFile` accepts new contents and passes the newest one to a writer. A `Ticket` shows whether
+that content is on the disk. Only the loop's thread uses files and tickets.
 """
 
 import errno
@@ -68,7 +68,7 @@ class InlineWriter:
 class WriterThread:
     """Writes in its own thread, for which `submit` and `done` never wait.
 
-    The callers bound the queue: a `File` has at most one job pending.
+    The callers bound the queue: a `StateFile` has at most one job pending.
     """
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ def do(job: Job) -> Done:
     return Done(job, None)
 
 
-class File:
+class StateFile:
     """One file; of several contents that arrive during a write only the newest is written."""
 
     def __init__(self, name: str, path: Path, writer: Writer) -> None:
@@ -184,7 +184,7 @@ class File:
 class Ticket(NamedTuple):
     """Tracks whether one content of a file is durable."""
 
-    file: File
+    file: StateFile
     number: int
 
     @property
@@ -205,19 +205,19 @@ class Directory:
     def __init__(self, path: Path | None, writer: Writer | None = None) -> None:
         self.path = path
         self._writer = InlineWriter() if writer is None else writer
-        self._files: dict[Path, File] = {}
+        self._files: dict[Path, StateFile] = {}
         self._collected: dict[Path, int] = {}
 
-    def file(self, name: str, ending: str = ".json") -> File | None:
+    def file(self, name: str, ending: str = ".json") -> StateFile | None:
         """Return a file by its name without the ending, or None if nothing is stored."""
         if self.path is None:
             return None
         path = self.path / f"{name}{ending}"
         if path not in self._files:
-            self._files[path] = File(name, path, self._writer)
+            self._files[path] = StateFile(name, path, self._writer)
         return self._files[path]
 
-    def collect(self) -> list[File]:
+    def collect(self) -> list[StateFile]:
         """Process the writer's results; return the files with a finished write."""
         for done in self._writer.done():
             self._files[done.job.path].take(done)

@@ -5,7 +5,7 @@ import pytest
 from protocol.topics import DRIVE, SONAR
 from protocol.wire.messages import SonarScan, WheelCommand
 from robot.core.parameters import DEFAULTS
-from robot.process import Process
+from robot.process import RobotProcess
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
@@ -25,12 +25,12 @@ def scan(time_ns: int, seq: int) -> SonarScan:
     )
 
 
-def robot(bus: Net) -> Process:
+def robot(bus: Net) -> RobotProcess:
     """Return the robot's loop in wall time, which the test runs step by step."""
     vehicle, clock = Vehicle(DEFAULTS, Store(None)), WallClock()
     senses = Senses(bus.robot, lockstep=False, accept=vehicle.lease.allows)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
-    process = Process(vehicle, bus.robot, clock, senses, meter)
+    process = RobotProcess(vehicle, bus.robot, clock, senses, meter)
     process.serve()
     return process
 

@@ -29,9 +29,9 @@ import os, sys, threading, time
 sys.path.insert(0, sys.argv.pop(1))
 import sidestep
 from ground.launch.child_command import die_with_parent
-from robot.process import Process
+from robot.process import RobotProcess
 die_with_parent(int(sys.argv.pop(1)))
-fsync, run, looping = os.fsync, Process.run, []
+fsync, run, looping = os.fsync, RobotProcess.run, []
 
 def in_loop():
     return threading.get_ident() in looping
@@ -57,7 +57,7 @@ def end(what):
     os.write(2, f"{TOUCHED}: {{what}}".encode())
     os._exit(9)
 
-os.fsync, Process.run = slow, watched
+os.fsync, RobotProcess.run = slow, watched
 sys.addaudithook(audit)
 sys.exit(sidestep.main())
 """

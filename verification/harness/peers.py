@@ -35,7 +35,7 @@ from protocol.wire.messages import Statustext
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
 from robot.parameters.table import with_value
-from robot.process import Process as RobotProcess
+from robot.process import RobotProcess
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store

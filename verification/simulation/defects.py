@@ -132,7 +132,7 @@ def _age_by_arrival() -> Patches:
 
 
 def _late_requests() -> Patches:
-    return {"robot.process.Process._rejection": lambda self, asked: reasons.OK}
+    return {"robot.process.RobotProcess._rejection": lambda self, asked: reasons.OK}
 
 
 def _mission_to_auto() -> Patches:

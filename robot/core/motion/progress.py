@@ -8,7 +8,7 @@ from robot.core.parameters import Params
 from robot.core.values import Pose
 
 
-class Progress:
+class ProgressMonitor:
     """Place and time of the last real motion, and the shortest distance to the goal so far."""
 
     __slots__ = ("anchor", "best_m", "best_ms", "moved_ms")
@@ -19,7 +19,7 @@ class Progress:
         self.best_m = inf
 
 
-def restart(progress: Progress, pose: Pose, now_ms: int) -> None:
+def restart(progress: ProgressMonitor, pose: Pose, now_ms: int) -> None:
     """Restart the timers: for a new goal, a new part of the trail, or after a hold."""
     progress.anchor = pose
     progress.best_m = inf
@@ -27,7 +27,7 @@ def restart(progress: Progress, pose: Pose, now_ms: int) -> None:
 
 
 def judge(
-    progress: Progress,
+    progress: ProgressMonitor,
     pose: Pose,
     distance_m: float,
     now_ms: int,

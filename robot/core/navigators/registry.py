@@ -9,7 +9,7 @@ from robot.core.typing_shim import Any, Final, NamedTuple, Protocol
 from robot.core.values import Decision, Goal, Pose
 
 
-class Step(Protocol):
+class NavigatorStep(Protocol):
     """A navigator's step, which returns where to drive: a virtual goal with its reasons."""
 
     def __call__(
@@ -18,7 +18,7 @@ class Step(Protocol):
         """Decide for one tick."""
 
 
-class Factory(Protocol):
+class MemoryFactory(Protocol):
     """Creates an empty memory for a navigator's step; the memory has a `side`."""
 
     def __call__(self) -> Any:
@@ -26,7 +26,7 @@ class Factory(Protocol):
 
 
 Navigator = NamedTuple(
-    "Navigator", [("memory", "Factory"), ("step", "Step"), ("judges_progress", bool)]
+    "Navigator", [("memory", "MemoryFactory"), ("step", "NavigatorStep"), ("judges_progress", bool)]
 )
 """`judges_progress`: the navigator detects an unreachable goal itself and returns GIVE_UP."""
 

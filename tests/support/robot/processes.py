@@ -28,7 +28,7 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from robot.core.parameters import DEFAULTS
-from robot.process import Process
+from robot.process import RobotProcess
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.stop_latch import emergency_stop
@@ -146,7 +146,7 @@ class Rig:
         bus = cast(Bus, self.bus)
         senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
         self.meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
-        self.process = Process(self.vehicle, bus, self.clock, senses, self.meter)
+        self.process = RobotProcess(self.vehicle, bus, self.clock, senses, self.meter)
         self.nudges = 0
         self.ticks = 0
 

@@ -11,7 +11,7 @@ import pytest
 
 from plant.process.loop import Wake
 from runtime.arrivals import WakeUp
-from runtime.clock import LockstepClock, Pulse, Stopped
+from runtime.clock import ClockStoppedError, LockstepClock, Pulse
 from runtime.units import NS_PER_S
 
 WAIT_S = 0.02
@@ -97,7 +97,7 @@ def waits_of_lockstep() -> tuple[Callable[[], object], Callable[[], None]]:
     clock = LockstepClock(patience_s=WAIT_S)
 
     def wait() -> None:
-        with pytest.raises(Stopped, match="no senses"):
+        with pytest.raises(ClockStoppedError, match="no senses"):
             clock.sleep_until(1)
 
     return wait, clock.stop

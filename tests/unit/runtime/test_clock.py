@@ -7,7 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.clock import Clock, LockstepClock, ManualClock, Stopped, Tick, WallClock, ticks
+from runtime.clock import (
+    Clock,
+    ClockStoppedError,
+    LockstepClock,
+    ManualClock,
+    Tick,
+    WallClock,
+    ticks,
+)
 
 MS = 1_000_000
 
@@ -93,9 +101,9 @@ def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
 def test_waiting_on_a_stopped_lockstep_clock_raises() -> None:
     clock = LockstepClock()
     threading.Thread(target=clock.stop).start()
-    with pytest.raises(Stopped, match="stopped"):
+    with pytest.raises(ClockStoppedError, match="stopped"):
         clock.sleep_until(50 * MS)
-    with pytest.raises(Stopped):
+    with pytest.raises(ClockStoppedError):
         clock.sleep_until(50 * MS)
 
 
@@ -109,5 +117,5 @@ def test_a_loop_ends_when_its_clock_is_stopped() -> None:
 
 
 def test_patience_limits_the_wait_for_sensor_frames() -> None:
-    with pytest.raises(Stopped, match=r"no senses for 0\.01 s"):
+    with pytest.raises(ClockStoppedError, match=r"no sensor frames for 0\.01 s"):
         LockstepClock(patience_s=0.01).sleep_until(0)

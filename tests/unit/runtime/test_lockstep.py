@@ -5,7 +5,7 @@ from itertools import count
 
 import pytest
 
-from runtime.clock import LockstepClock, Stopped
+from runtime.clock import ClockStoppedError, LockstepClock
 
 MS = 1_000_000
 
@@ -40,7 +40,7 @@ def test_a_nudge_before_the_wait_is_not_lost() -> None:
 
     clock = LockstepClock(idle=idle)
     clock.nudge()
-    with pytest.raises(Stopped):
+    with pytest.raises(ClockStoppedError):
         clock.sleep_until(50 * MS)
     assert called == ["idle"]
 

@@ -11,7 +11,7 @@ from protocol.wire.message import Message
 from robot import run as robot_run
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.process import Process
+from robot.process import RobotProcess
 from robot.storage.files import Store
 from robot.storage.writer import WriterThread
 from robot.vehicle import Answer, Vehicle
@@ -71,7 +71,7 @@ class RobotSide:
         self.stage_cost_ns = 100_000
         self.params = params
         self.vehicle: ObservedVehicle | None = None
-        self.process: Process | None = None
+        self.process: RobotProcess | None = None
         self.bus: Bus | None = None
         self.host = Host(scheduler, name)
         self.host.alive = False

@@ -4,7 +4,7 @@ import pytest
 
 from robot.core import reasons
 from robot.core.motion import progress as progresses
-from robot.core.motion.progress import Progress
+from robot.core.motion.progress import ProgressMonitor
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
@@ -54,7 +54,7 @@ def test_a_command_to_and_fro_is_never_stuck() -> None:
 
 
 def verdict(poses: "list[Pose]", distances_m: "list[float]", step_ms: int = 1000) -> int:
-    progress = Progress()
+    progress = ProgressMonitor()
     progresses.restart(progress, poses[0], 0)
     reason: int = reasons.OK
     for k, (pose, distance_m) in enumerate(zip(poses, distances_m, strict=True)):
@@ -87,7 +87,7 @@ def test_no_progress_ends_the_goal_after_two_minutes() -> None:
 
 
 def test_patient_navigator_ends_only_when_blocked() -> None:
-    progress, here = Progress(), Pose(0.0, 0.0, 0.0)
+    progress, here = ProgressMonitor(), Pose(0.0, 0.0, 0.0)
     progresses.restart(progress, here, 0)
     for k in range(600):
         there = Pose(k % 7 * 1.0, 0.0, 0.0)
