@@ -1,1 +1,1 @@
-"""The verbs `plant` and `worlds`."""
+"""Command line of the verbs `plant` and `worlds`."""

@@ -1,4 +1,4 @@
-"""The verbs of `sidestep worlds` that make world files: generate, and import from elsewhere."""
+"""The verbs of `sidestep worlds` that write world files: generate and import."""
 
 import argparse
 import sys
@@ -24,8 +24,8 @@ MAX_COORDINATE_M: Final = 1e6
 
 
 def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
-    """Teach the command line of `sidestep worlds` to make files."""
-    says = "make world files of the corpus: the same family, number and seed, the same world"
+    """Add the verbs to the parser of `sidestep worlds`."""
+    says = "make world files of the corpus; equal family, number and seed give an equal world"
     one = verbs.add_parser("generate", help=says, description=says, allow_abbrev=False)
     families = (*FAMILIES, *GRID_FAMILIES)
     helps = f"of {', '.join(families)}; all but the last {len(GRID_FAMILIES)} by default"
@@ -38,7 +38,7 @@ def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
         help=f"worlds of each, {PER_FAMILY} by default",
     )
     _add_common(one)
-    says = f"make world files of somebody else's file: {', '.join(TAKES)}"
+    says = f"make world files from a file of another format: {', '.join(TAKES)}"
     other = verbs.add_parser("import", help=says, description=says, allow_abbrev=False)
     _add_import(other)
     _add_common(other)
@@ -66,23 +66,23 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
         type=whole(1, MAX_PER_FAMILY),
         default=1,
         metavar="N",
-        help="so many worlds, 1 by default",
+        help="number of worlds, 1 by default",
     )
     parser.add_argument(
         "--window",
         type=whole(1, MAX_PER_FAMILY),
         metavar="N",
-        help="of a map N x N cells somewhere, not all of it",
+        help="use a part of N x N cells of the map",
     )
 
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=whole(0, 2**53), default=1, metavar="S", help="1 by default")
-    parser.add_argument("--out", required=True, metavar="DIR", help="where the files go")
+    parser.add_argument("--out", required=True, metavar="DIR", help="directory of the files")
 
 
 def make(arguments: argparse.Namespace) -> int:
-    """Write the files and say how many; 2 when one cannot be made or written."""
+    """Write the files and print their number; return 2 if one cannot be made or written."""
     worlds = _generated(arguments) if arguments.verb == "generate" else _imported(arguments)
     return write(worlds, Path(arguments.out))
 
@@ -102,7 +102,7 @@ def _imported(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
 
 
 def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
-    """Each world, with what its file opens with, as a file of its name."""
+    """Write each world, with its comment, to a file of its name; return their number."""
     count = 0
     try:
         for world, says in worlds:

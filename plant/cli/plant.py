@@ -1,4 +1,4 @@
-"""`sidestep plant`: the world and what is wrong with it, from the command line."""
+"""Command line of `sidestep plant`."""
 
 import argparse
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from runtime.errors import UserError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """`--config FILE`: whom it carries, and where the bus is."""
+    """Settings of `--config FILE`: robot and network."""
 
     robot: str = "r1"
     network: Network | None = None
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run until told to stop; 0 after that, 2 for a bad world or wrong settings."""
+    """Run the plant until it is stopped; return 0, or 2 for a bad world or wrong settings."""
     arguments = parser().parse_args(list(argv))
     settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=False)
@@ -46,6 +46,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
+    """Return the plant of the command line; raise UserError for an unusable world."""
     world = load(arguments.world)
     try:
         return Plant(world, arguments.seed, noise_of(world, arguments.noise), robots=robots)
@@ -54,6 +55,7 @@ def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
 
 
 def parser() -> argparse.ArgumentParser:
+    """Return the parser of `sidestep plant`."""
     parser = argparse.ArgumentParser(
         prog="sidestep plant",
         description=VERBS["plant"].summary,
@@ -62,11 +64,11 @@ def parser() -> argparse.ArgumentParser:
     add_network_options(parser)
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
     parser.add_argument(
-        "--seed", metavar="S", type=whole(0), default=0, help="of all randomness (0)"
+        "--seed", metavar="S", type=whole(0), default=0, help="seed of all random numbers (0)"
     )
     parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
     parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (r1)")
-    parser.add_argument("--lockstep", action="store_true", help="advance when all have answered")
+    parser.add_argument("--lockstep", action="store_true", help="advance when all robots answered")
     parser.add_argument(
         "--speed", metavar="F", type=speed, default=inf, help="in lockstep, times real time (max)"
     )
@@ -75,7 +77,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def speed(text: str) -> float:
-    """A factor above zero, or `max`."""
+    """Parse a factor above zero, or `max`."""
     value = inf if text == "max" else float(text)
     if not value > 0 or (not isfinite(value) and text != "max"):
         raise argparse.ArgumentTypeError(f"{text!r}: a number above 0, or max")

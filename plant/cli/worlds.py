@@ -1,4 +1,4 @@
-"""`sidestep worlds`: list the shipped worlds, check a world file, show a world as a map or JSON."""
+"""`sidestep worlds`: list shipped worlds, check a world file, show a world as map or JSON."""
 
 import argparse
 import json
@@ -26,7 +26,7 @@ EXIT_USAGE = 2
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run one of the verbs; 0, or 2 for a bad file or wrong usage."""
+    """Run one of the verbs; return 0, or 2 for a bad file or wrong usage."""
     try:
         arguments = _parser().parse_args(numbers_kept(argv))
     except SystemExit as done:
@@ -54,9 +54,9 @@ def _parser() -> argparse.ArgumentParser:
         dest="verb", required=True, metavar="list|faults|check|show|generate|import"
     )
     for verb, says in (
-        ("list", "the worlds that come with the program"),
-        ("faults", "what can go wrong on purpose, for the [[fault]] tables of a world"),
-        ("check", "say what is wrong with a world file: line, key, reason and fix"),
+        ("list", "list the shipped worlds"),
+        ("faults", "list the faults for the [[fault]] tables of a world"),
+        ("check", "check a world file; print line, key, reason and fix of each problem"),
         ("show", "draw a world, or print it as JSON"),
     ):
         one = verbs.add_parser(verb, help=says, description=says, allow_abbrev=False)
@@ -86,7 +86,7 @@ def _print_json(found: dict[str, Json]) -> None:
 
 
 def _says(name: str) -> str:
-    """The comment a shipped file opens with, its first line."""
+    """Return the comment in the first line of a shipped file."""
     with (SHIPPED_DIR / f"{name}.toml").open(encoding="utf-8") as file:
         return file.readline().removeprefix("#").strip()
 
@@ -147,14 +147,14 @@ def _show(world: World, arguments: argparse.Namespace) -> int:
 
 
 def _path_to_draw(world: World) -> list[Point] | None:
-    """None where it would take long to find and the file says how long it is."""
+    """Return the shortest path; None if it is slow to compute and its length is known."""
     corners = sum(1 if isinstance(one, Circle) else len(one.points_m) for one in world.obstacles)
     said = world.reachable is False or world.shortest_path_m is not None
     return None if said and corners > MANY_CORNERS else shortest_path(world)
 
 
 def _places(world: World, arguments: argparse.Namespace) -> dict[str, Json]:
-    """Where that many robots start and where each goes. Raises ValueError without room."""
+    """Return start and goal of each robot. Raises ValueError without enough room."""
     if arguments.robots is None:
         return {}
     body = body_of(world)

@@ -1,4 +1,4 @@
-"""Worlds made from a family, an index and a seed: the same three always make the same world."""
+"""Generated worlds: family, index and seed determine a world."""
 
 from plant.corpus.generate import FAMILIES, GRID_FAMILIES, corpus, generate
 

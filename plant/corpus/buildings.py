@@ -15,7 +15,7 @@ SHARE_TURNED: Final = 0.6
 
 
 class Plan(NamedTuple):
-    """A building of equal cells: how many, how large, and which neighbours are open to another."""
+    """A building of equal cells: number, size, and the pairs of neighbours that are connected."""
 
     columns: int
     rows: int
@@ -23,18 +23,21 @@ class Plan(NamedTuple):
     doors: Doors
 
     def cells(self) -> list[Cell]:
+        """Return all cells."""
         return [(column, row) for row in range(self.rows) for column in range(self.columns)]
 
     def centre(self, cell: Cell) -> Point:
+        """Return the centre of a cell."""
         return (cell[0] + 0.5) * self.cell_m[0], (cell[1] + 0.5) * self.cell_m[1]
 
     @property
     def size_m(self) -> Point:
+        """The size of the building."""
         return self.columns * self.cell_m[0], self.rows * self.cell_m[1]
 
 
 class Site(NamedTuple):
-    """Where a building stands: alone on its floor, or turned on a larger one, in a shell."""
+    """Position of a building: alone on its floor, or rotated on a larger floor, inside a shell."""
 
     size_m: Point
     frame: Frame
@@ -42,18 +45,20 @@ class Site(NamedTuple):
 
 
 def maze(random: Random) -> Draft:
-    """Corridors of 0.6 to 1.0 m, with no loop or a few."""
+    """Draw a maze with corridors of 0.6 to 1.0 m and few or no loops."""
     plan = maze_plan(random, random.randint(5, 8), random.randint(5, 8))
     start, goal = apart(random, plan)
     return maze_draft(random, plan, start, goal)
 
 
 def maze_plan(random: Random, columns: int, rows: int) -> Plan:
+    """Draw the plan of a maze."""
     cell_m = round(random.uniform(0.6, 1.0), 2)
     return Plan(columns, rows, (cell_m, cell_m), carved(random, columns, rows, random.random() / 6))
 
 
 def maze_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+    """Return a maze with start and goal in the given cells."""
     thick_m = round(random.uniform(0.02, 0.06), 3)
     site = site_for(random, plan, thick_m)
     walls = [site.frame.wall(thick_m, a, b) for a, b in wall_lines(plan)]
@@ -62,19 +67,21 @@ def maze_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
 
 
 def office(random: Random) -> Draft:
-    """Four to nine rooms with doors of 0.5 to 0.9 m, some with furniture."""
+    """Draw four to nine rooms with doors of 0.5 to 0.9 m, some with furniture."""
     plan = office_plan(random)
     start, goal = apart(random, plan)
     return office_draft(random, plan, start, goal)
 
 
 def office_plan(random: Random) -> Plan:
+    """Draw the plan of an office."""
     columns, rows = random.randint(2, 3), random.randint(2, 3)
     cell_m = (round(random.uniform(1.7, 2.8), 2), round(random.uniform(1.7, 2.8), 2))
     return Plan(columns, rows, cell_m, carved(random, columns, rows, 0.4))
 
 
 def office_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+    """Return an office with start and goal in the given cells."""
     thick_m = thickness(random)
     site = site_for(random, plan, thick_m)
     inner: list[Obstacle] = []
@@ -119,7 +126,7 @@ def _furniture(random: Random, plan: Plan, cell: Cell, frame: Frame) -> Obstacle
 
 
 def carved(random: Random, columns: int, rows: int, loops: float) -> Doors:
-    """Openings that join every cell to every other, and that share of the remaining ones."""
+    """Return openings that connect all cells, and a share `loops` of the remaining ones."""
     doors: Doors = set()
     trail = [(random.randrange(columns), random.randrange(rows))]
     seen = set(trail)
@@ -141,13 +148,14 @@ def carved(random: Random, columns: int, rows: int, loops: float) -> Doors:
 
 
 def neighbours(cell: Cell, columns: int, rows: int) -> list[Cell]:
+    """Return the neighbours of a cell."""
     column, row = cell
     beside = ((column - 1, row), (column + 1, row), (column, row - 1), (column, row + 1))
     return [one for one in beside if 0 <= one[0] < columns and 0 <= one[1] < rows]
 
 
 def apart(random: Random, plan: Plan) -> tuple[Cell, Cell]:
-    """Two cells at least half the building apart."""
+    """Return two cells at least half the building apart."""
     least = (plan.columns + plan.rows) // 2 - 1
     pairs = [
         (a, b)
@@ -159,7 +167,7 @@ def apart(random: Random, plan: Plan) -> tuple[Cell, Cell]:
 
 
 def borders(plan: Plan) -> Iterator[tuple[Point, Point, bool]]:
-    """The line between any two neighbours, and whether they are open to each other."""
+    """Yield the line between any two neighbours, and whether they are connected."""
     (wide_m, high_m), doors = plan.cell_m, plan.doors
     for column, row in plan.cells():
         right, above = (column + 1, row), (column, row + 1)
@@ -171,7 +179,7 @@ def borders(plan: Plan) -> Iterator[tuple[Point, Point, bool]]:
 
 
 def wall_lines(plan: Plan) -> list[tuple[Point, Point]]:
-    """The walls between cells that are not open to each other, each as long as it can be."""
+    """Return the walls between unconnected cells, each as long as possible."""
     shut = sorted((a, b) for a, b, open_ in borders(plan) if not open_)
     lines: list[tuple[Point, Point]] = []
     upright = [(a, b) for a, b in shut if a[0] == b[0]]
@@ -185,7 +193,7 @@ def wall_lines(plan: Plan) -> list[tuple[Point, Point]]:
 
 
 def site_for(random: Random, plan: Plan, thick_m: float) -> Site:
-    """Filling its floor, or turned by any angle and then walled around."""
+    """Return a site that fills its floor, or a rotated one inside a shell."""
     wide_m, high_m = plan.size_m
     if random.random() >= SHARE_TURNED:
         return Site((round(wide_m, 3), round(high_m, 3)), Frame((0.0, 0.0), 0.0), ())

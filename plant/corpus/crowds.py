@@ -1,7 +1,7 @@
-"""People who cross the way: discs of 0.2 m that walk to and fro at 0.1 to 0.2 m/s.
+"""Pedestrians: discs of 0.2 m that walk back and forth across the path at 0.1 to 0.2 m/s.
 
-They always leave a way: no walker comes nearer to another one's path, to what stands still or to
-the outer walls than the robot needs to stand between them, and none comes near start or goal.
+They always leave a free path: no pedestrian comes nearer to the path of another, to static
+obstacles or to the outer walls than the robot needs between them. None comes near start or goal.
 """
 
 from itertools import pairwise
@@ -16,7 +16,7 @@ from plant.model.types import Circle, Obstacle, Point
 
 PERSON_M: Final = 0.2
 ROOM_M: Final = 0.5
-"""For the robot, 0.24 m wide, to stand beside a walker."""
+"""Room for the robot, 0.24 m wide, beside a pedestrian."""
 
 START_ROOM_M: Final = 0.6
 SLOWEST_M_S: Final = 0.1
@@ -25,7 +25,7 @@ MAX_TRIES: Final = 30
 
 
 def moving(random: Random) -> Draft | None:
-    """Two to four walkers across the way, up to three discs and boxes that stand still."""
+    """Draw two to four pedestrians across the path, and up to three static discs and boxes."""
     place = stage(random, apart_m=4.0)
     still = [_still(random, place) for _ in range(random.randrange(4))]
     walkers: list[Circle] = []
@@ -47,7 +47,7 @@ def _still(random: Random, place: DraftFloor) -> Obstacle:
 
 
 def _walker(random: Random, place: DraftFloor) -> Circle:
-    """Along a straight line across the way, or anywhere with a bend."""
+    """Draw a straight path across the way, or a bent one anywhere."""
     across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
     path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
     if random.random() < 0.3:
@@ -81,7 +81,7 @@ def _leaves_a_way(
 
 
 def _every(path: tuple[Point, ...], step_m: float = 0.05) -> list[Point]:
-    """Points along a path."""
+    """Return points along a path at equal distances."""
     points = [path[0]]
     for a, b in pairwise(path):
         steps = int(dist(a, b) / step_m) + 1
@@ -93,7 +93,7 @@ def _every(path: tuple[Point, ...], step_m: float = 0.05) -> list[Point]:
 
 
 def _gap_m(one: tuple[Point, ...], other: tuple[Point, ...]) -> float:
-    """The least distance of two paths."""
+    """Return the smallest distance between two paths."""
     least_m = inf
     for a, b in pairwise(one):
         for c, d in pairwise(other):

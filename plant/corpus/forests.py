@@ -1,4 +1,4 @@
-"""Forests of three densities: trunks strewn over the floor with a passage between any two."""
+"""Forests of three densities: trunks scattered over the floor with a passage between any two."""
 
 from functools import partial
 from math import dist
@@ -17,7 +17,7 @@ MAX_THROWS: Final = 20_000
 
 
 def forest(random: Random, sparsest_m2: float, densest_m2: float) -> Draft | None:
-    """So many trunks per square metre; none nearer to another or to the rim than a passage."""
+    """Draw a number of trunks per square metre, each a passage away from others and the rim."""
     place = stage(random, apart_m=4.0)
     passage_m = random.uniform(MIN_PASSAGE_M, MAX_PASSAGE_M)
     wide_m, high_m = place.size_m

@@ -1,7 +1,7 @@
-"""Draws worlds of a family until one is what the family promises, and says how short its way is.
+"""Generate the worlds of a family: draw until a draft has the guaranteed properties.
 
-Where the goal can be reached there is a way for a robot MARGIN_M larger than ours in radius, so
-that no passage is tighter than anyone can drive; where it cannot, there is none for ours.
+If the goal is reachable, a robot with a radius larger by MARGIN_M can reach it, too, so no passage
+is extremely tight. If the goal is unreachable, it is so for the normal robot.
 """
 
 from collections.abc import Iterator, Mapping
@@ -47,11 +47,11 @@ _DRAWN: Final[Mapping[str, Family]] = {
 }
 FAMILIES: Final = tuple(_DRAWN)
 GRID_FAMILIES: Final = tuple(MAPS)
-"""Maps in Moving AI's style, made through its importer; no part of the corpus itself."""
+"""Maps in Moving AI's style, made by its importer; not part of the corpus itself."""
 
 
 def generate(family: str, index: int, seed: int) -> World:
-    """The world of that number in a family; ValueError for a family that is not there."""
+    """Return a world by its number in a family; raise ValueError for an unknown family."""
     if family not in (*FAMILIES, *GRID_FAMILIES):
         raise ValueError(
             f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
@@ -62,18 +62,18 @@ def generate(family: str, index: int, seed: int) -> World:
         world = make(random, family, name, seed)
         if world is not None:
             return world
-    raise RuntimeError(f"{family} {index} of seed {seed}: {MAX_TRIES} drafts, none of them sound")
+    raise RuntimeError(f"{family} {index} of seed {seed}: {MAX_TRIES} drafts, none of them valid")
 
 
 def corpus(per_family: int, seed: int) -> Iterator[World]:
-    """So many worlds of every family."""
+    """Yield a number of worlds of every family."""
     for family in FAMILIES:
         for index in range(per_family):
             yield generate(family, index, seed)
 
 
 def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | None:
-    """None when the draft is not what its family promises."""
+    """Return a world; None if the draft lacks the guaranteed property."""
     draft = _DRAWN[family](random)
     if draft is None or not standing_room(draft):
         return None
@@ -85,7 +85,7 @@ def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | N
 
 
 def _map_world(random: Random, family: str, name: str, seed: int) -> World | None:
-    """None when no two places on the map have a way between them."""
+    """Return a world from a map; None if no two of its places are connected."""
     made = ImportedWorld(file=f"{name}.map", name=name, family=family, seed=seed)
     try:
         world = grid_world(parse_map(MAPS[family](random), made.file, CELL_M), made, random)
@@ -95,7 +95,10 @@ def _map_world(random: Random, family: str, name: str, seed: int) -> World | Non
 
 
 def _world(random: Random, draft: Draft, name: str) -> World:
-    """With headings in tenths of a degree; to arrive any way round is asked for half the time."""
+    """Return the world of a draft.
+
+    Headings are in tenths of a degree; half of the goals have a free heading.
+    """
     start_deg, goal_deg = (round(random.uniform(-180.0, 180.0), 1) for _ in range(2))
     fixed = random.random() < SHARE_WITH_HEADING
     return World(
@@ -113,6 +116,6 @@ def _world(random: Random, draft: Draft, name: str) -> World:
 
 
 def _roomy(world: World, reachable: bool) -> bool:
-    """Whether a robot a little larger finds its way too, where there is one."""
+    """Return whether a slightly larger robot reaches the goal, too, if it is reachable."""
     larger = replace(world, robot={"radius_m": Body().radius_m + MARGIN_M})
     return not reachable or shortest_path_m(larger) is not None

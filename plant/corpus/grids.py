@@ -1,4 +1,4 @@
-"""Maps in the style of the Moving AI benchmarks: mazes, rooms and random ones, as their text."""
+"""Maps in the style of the Moving AI benchmarks as text: mazes, rooms and random cells."""
 
 from collections.abc import Callable, Mapping
 from random import Random
@@ -13,7 +13,7 @@ FREE, BLOCKED = ".", "@"
 
 
 def grid_maze(random: Random) -> str:
-    """Corridors one or two cells wide, walls one, with no loop or a few."""
+    """Draw corridors one or two cells wide, with walls of one cell and few or no loops."""
     wide = random.randint(1, 2)
     columns, rows = (_count(random, wide + 1) for _ in range(2))
     doors = carved(random, columns, rows, random.choice((0.0, 0.05)))
@@ -29,7 +29,7 @@ def grid_maze(random: Random) -> str:
 
 
 def grid_rooms(random: Random) -> str:
-    """Rooms of 3 to 7 cells a side with doors of one cell."""
+    """Draw rooms of 3 to 7 cells a side with doors of one cell."""
     side = random.randint(3, 7)
     columns, rows = (_count(random, side + 1) for _ in range(2))
     doors = carved(random, columns, rows, 0.3)
@@ -46,7 +46,7 @@ def grid_rooms(random: Random) -> str:
 
 
 def grid_random(random: Random) -> str:
-    """10 to 35 % of the cells blocked, anywhere."""
+    """Draw 10 to 35 % blocked cells."""
     columns, rows = _side(random), _side(random)
     share = random.uniform(0.10, 0.35)
     cells = [BLOCKED] * round(share * columns * rows)
@@ -67,7 +67,7 @@ def _side(random: Random) -> int:
 
 
 def _count(random: Random, pitch: int) -> int:
-    """So many times the pitch, and a last wall, make a side."""
+    """Draw the number of cells of a side: a multiple of the pitch, and a last wall."""
     return random.randint(-(-(FEWEST_CELLS - 1) // pitch), (MAX_CELLS - 1) // pitch)
 
 

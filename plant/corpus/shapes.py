@@ -1,4 +1,4 @@
-"""Families with something simple in the way: nothing, discs, boxes, a wall, a corner."""
+"""Families with simple obstacles: none, discs, boxes, a wall, a corner."""
 
 from math import pi
 from random import Random
@@ -19,11 +19,12 @@ MAX_STRAY: Final = 3
 
 
 def open_floor(random: Random) -> Draft:
+    """Draw an empty floor."""
     return stage(random).draft()
 
 
 def disc(random: Random) -> Draft:
-    """A disc on the way, up to three more anywhere."""
+    """Draw a disc in the way, and up to three more anywhere."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.3, 0.3))
     first = middle.disc(0.0, 0.0, random.uniform(0.1, 0.7))
@@ -31,7 +32,7 @@ def disc(random: Random) -> Draft:
 
 
 def box(random: Random) -> Draft:
-    """A turned box on the way, up to three more anywhere."""
+    """Draw a rotated box in the way, and up to three more anywhere."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.4, 0.4), any_angle(random))
     return place.draft(
@@ -40,7 +41,7 @@ def box(random: Random) -> Draft:
 
 
 def wall(random: Random) -> Draft:
-    """A wall of 1 to 4 m across the way."""
+    """Draw a wall of 1 to 4 m across the way."""
     place = stage(random)
     middle = place.frame(random.uniform(0.3, 0.7), random.uniform(-0.6, 0.6), tilt(random, 40.0))
     half_m = random.uniform(0.5, 2.0)
@@ -48,7 +49,7 @@ def wall(random: Random) -> Draft:
 
 
 def corner(random: Random) -> Draft:
-    """Two arms that meet at 60 to 120 degrees, open towards the start."""
+    """Draw two arms that meet at 60 to 120 degrees, open towards the start."""
     place = stage(random)
     tip = place.frame(random.uniform(0.4, 0.75), random.uniform(-0.3, 0.3), tilt(random, 30.0))
     half_rad = random.uniform(pi / 6.0, pi / 3.0)
@@ -62,11 +63,13 @@ def corner(random: Random) -> Draft:
 
 
 def box_at(random: Random, frame: Frame, most_m: float = 1.6) -> Polygon:
+    """Draw a box in a frame."""
     half_x_m, half_y_m = (random.uniform(0.1, most_m / 2.0) for _ in range(2))
     return frame.box(-half_x_m, -half_y_m, half_x_m, half_y_m)
 
 
 def stray_box(random: Random, size_m: tuple[float, float]) -> Obstacle:
+    """Draw a box anywhere."""
     return box_at(random, Frame(spot(random, size_m), any_angle(random)), 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Goals that cannot be reached: boxed in, walled off in a maze, in a room without a door."""
+"""Unreachable goals: boxed in, walled off in a maze, or in a room without a door."""
 
 from math import pi
 from random import Random
@@ -9,6 +9,7 @@ from plant.model.types import Obstacle, Point
 
 
 def unreachable(random: Random) -> Draft:
+    """Draw a world whose goal is unreachable."""
     kinds = (_goal_boxed_in, _start_boxed_in, _goal_cell_walled_off, _room_without_door)
     return random.choice(kinds)(random)._replace(reachable=False)
 
@@ -28,7 +29,7 @@ def _stage(random: Random) -> DraftFloor:
 
 
 def _ring(random: Random, centre: Point) -> Obstacle:
-    """A closed wall of four to six sides around a place, 0.8 to 1.8 m across."""
+    """Return a closed wall of four to six sides around a place, 0.8 to 1.8 m across."""
     frame, sides = Frame(centre, any_angle(random)), random.randint(4, 6)
     if sides == 4:
         x_m, y_m = random.uniform(0.4, 0.9), random.uniform(0.4, 0.9)

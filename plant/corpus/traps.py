@@ -1,4 +1,4 @@
-"""Families that lead astray: U-traps, dead ends, spirals, zigzags, corridors and narrow doors."""
+"""Families with traps: U-traps, dead ends, spirals, zigzags, corridors and narrow doors."""
 
 from math import hypot
 from random import Random
@@ -20,23 +20,23 @@ from plant.corpus.draft import (
 from plant.model.types import Obstacle, Point, Polyline
 
 BEYOND_M: Final = 20.0
-"""A wall that long ends outside every floor."""
+"""Length of a wall that ends outside every floor."""
 
 
 def u_trap(random: Random) -> Draft:
-    """A U with its mouth towards the start: 0.6 to 2 m wide, 0.6 to 1.6 m deep."""
+    """Draw a U open towards the start, 0.6 to 2 m wide and 0.6 to 1.6 m deep."""
     place = stage(random, apart_m=3.5)
     return _u(random, place, random.uniform(0.6, 2.0), random.uniform(0.6, 1.6))
 
 
 def dead_end(random: Random) -> Draft:
-    """A narrow passage of 1.6 to 3.2 m that leads towards the goal and is shut there."""
+    """Draw a narrow passage of 1.6 to 3.2 m towards the goal, closed at its end."""
     place = stage(random, apart_m=4.5)
     return _u(random, place, random.uniform(0.5, 1.0), random.uniform(1.6, 3.2))
 
 
 def _u(random: Random, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
-    """One time in four the robot starts inside."""
+    """Return a U; in one of four cases the robot starts inside."""
     bottom = place.frame(random.uniform(0.55, 0.8), random.uniform(-0.3, 0.3), tilt(random, 25.0))
     half_m, thick_m = wide_m / 2.0, thickness(random)
     trap = bottom.wall(
@@ -48,7 +48,7 @@ def _u(random: Random, place: DraftFloor, wide_m: float, deep_m: float) -> Draft
 
 
 def spiral(random: Random) -> Draft | None:
-    """A square spiral of 4 to 9 legs, 0.55 to 0.9 m apart, with start or goal in its middle."""
+    """Draw a square spiral of 4 to 9 legs, 0.55 to 0.9 m apart, with start or goal inside."""
     size_m = floor(random)
     frame = Frame(spot(random, size_m, 1.0), any_angle(random), hand(random))
     gap_m = random.uniform(0.55, 0.9)
@@ -65,7 +65,7 @@ def spiral(random: Random) -> Draft | None:
 
 
 def _spiral_corners(gap_m: float, legs: int) -> list[Point]:
-    """Legs of 1, 1, 2, 2, 3, 3 ... gaps, each to the left of the one before."""
+    """Return the corners of legs of 1, 1, 2, 2, 3, 3 ... gaps, each turning left."""
     x_m, y_m = gap_m / 2.0, -gap_m / 2.0
     step_x, step_y = 0, 1
     corners = [(x_m, y_m)]
@@ -78,14 +78,14 @@ def _spiral_corners(gap_m: float, legs: int) -> list[Point]:
 
 
 def _local(frame: Frame, point: Point) -> Point:
-    """Where a point of the floor is in the frame."""
+    """Return the coordinates of a point in the frame."""
     unturned = Frame((0.0, 0.0), -frame.angle_rad)
     x_m, y_m = unturned.point(point[0] - frame.origin[0], point[1] - frame.origin[1])
     return x_m, frame.hand * y_m
 
 
 def zigzag(random: Random) -> Draft:
-    """Two to five baffles across the way, from alternate sides; mostly within a closed shell."""
+    """Draw two to five baffles across the way, from alternate sides, mostly in a closed shell."""
     count, pitch_m = random.randint(2, 5), random.uniform(0.7, 1.2)
     place = stage(random, apart_m=3.0)
     way = place.frame(0.0)._replace(hand=hand(random))
@@ -110,7 +110,7 @@ def _shell(way: Frame, ends_m: Point, half_m: float, thick_m: float) -> Polyline
 
 
 def corridor(random: Random) -> Draft:
-    """Two walls 0.5 to 1.2 m apart along a way with one to three bends; one end may be shut."""
+    """Draw two walls 0.5 to 1.2 m apart with one to three bends; one end may be closed."""
     place = stage(random, apart_m=3.5)
     bends = random.randint(1, 3)
     way, length_m = place.frame(0.0), place.length_m
@@ -129,7 +129,7 @@ def corridor(random: Random) -> Draft:
 
 
 def _beside(middle: list[Point], left_m: float) -> list[Point]:
-    """The line at that distance to the left of another, mitred at its bends."""
+    """Return the line at a distance to the left of another, mitred at its bends."""
     beside = []
     for index, (x_m, y_m) in enumerate(middle):
         before = middle[max(0, index - 1)]
@@ -148,7 +148,7 @@ def _normal(a: Point, b: Point) -> Point:
 
 
 def door(random: Random) -> Draft:
-    """One or two walls right across the floor, each with one door of 0.40 to 0.60 m."""
+    """Draw one or two walls across the floor, each with one door of 0.40 to 0.60 m."""
     place = stage(random, apart_m=3.5)
     shares = (0.5,) if random.random() < 0.6 else (0.33, 0.67)
     walls: list[Obstacle] = []

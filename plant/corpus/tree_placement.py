@@ -1,4 +1,4 @@
-"""Grows forests: trunks strewn at random over a floor, none nearer to another than a passage."""
+"""Place trunks at random on a floor, with a passage between any two."""
 
 from math import dist
 from typing import Final
@@ -15,7 +15,7 @@ MAX_THROWS: Final = 100_000
 
 
 def grow(count: int, size_m: Point, clearings: tuple[Point, ...], seed: int) -> tuple[Circle, ...]:
-    """`count` trunks, in millimetre steps, free around `clearings`; ValueError when too many."""
+    """Return `count` trunks in millimetre steps, clear of `clearings`; ValueError if too many."""
     random = np.random.default_rng(seed)
     trunks: list[Circle] = []
     for _ in range(MAX_THROWS):

@@ -1,1 +1,1 @@
-"""Worlds out of other people's files: ROS maps, Moving AI maps and scenarios, the BARN layout."""
+"""Import of worlds from ROS maps, Moving AI maps and scenarios, and BARN layouts."""

@@ -1,4 +1,4 @@
-"""Makes worlds of a file, whatever it is: by its suffix, with what the person options for."""
+"""Import worlds from a file of any supported format, chosen by its suffix."""
 
 import re
 from collections.abc import Iterator
@@ -32,10 +32,10 @@ TAKES: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """How to make worlds of a file. Start and goal are in the map's own frame, in metres.
+    """Options of an import. Start and goal are in the map's own frame, in metres.
 
-    Without them they are chosen, by the seed; `window`: of a map a square of that many cells a
-    side, chosen too.
+    Without them the seed selects both. `window`: use a square part of the map with that many cells
+    a side, also selected by the seed.
     """
 
     cell_m: float | None = None
@@ -47,7 +47,7 @@ class ImportOptions:
 
 
 def import_worlds(path: Path, options: ImportOptions) -> Iterator[World]:
-    """As many worlds as wished for; raises WorldError."""
+    """Yield the requested number of worlds; raise WorldError."""
     kind = path.suffix.lower()
     _check(path, kind, options)
     if kind == ".scen":
@@ -63,7 +63,7 @@ def import_worlds(path: Path, options: ImportOptions) -> Iterator[World]:
 
 
 def _check(path: Path, kind: str, options: ImportOptions) -> None:
-    """Refuse a kind of file that is not known, and options that do not go together."""
+    """Refuse unknown kinds of files, and options that cannot be combined."""
     file = str(path)
     if kind not in TAKES:
         fix = "give the .yaml of a ROS map" if kind in (".pgm", ".png") else "give one of these"
@@ -98,7 +98,7 @@ def _of_cells(path: Path, family: str, whole: Cells, options: ImportOptions) -> 
 
 
 def _of_scenarios(path: Path, options: ImportOptions) -> Iterator[World]:
-    """Some of its scenarios, chosen by the seed, on the map beside it."""
+    """Yield worlds of some scenarios, selected by the seed, on the map beside their file."""
     scenarios = load_scenarios(path)
     if options.count > len(scenarios):
         reason = f"{options.count} asked for, {len(scenarios)} in the file"
@@ -117,7 +117,7 @@ def _of_scenarios(path: Path, options: ImportOptions) -> Iterator[World]:
 
 
 def _map_of(path: Path, scenario: Scenario) -> Path:
-    """The map that lies beside the scenarios, under their name or the one that they give."""
+    """Return the map beside the scenarios, with their name or the name they contain."""
     named = scenario.map_name.replace("\\", "/").rsplit("/", 1)[-1]
     bare = path.with_suffix("")
     for beside in (bare, bare.with_suffix(".map"), path.parent / named):
@@ -160,7 +160,7 @@ def _random(path: Path, options: ImportOptions, index: int) -> Random:
 
 
 def _stem(path: Path) -> str:
-    """The file's name as a world's: without its suffixes, and nothing odd in it."""
+    """Return a valid name of a world from the file's name without suffixes."""
     stem = path.name.removesuffix(path.suffix).removesuffix(".map")
     clean = re.sub(r"[^A-Za-z0-9._-]|^\.", "_", stem)
     return clean[:MAX_STEM_LENGTH] or "world"

@@ -1,9 +1,9 @@
-"""Reads the layout of the BARN benchmark: cylinders of 0.075 m radius on a grid of 0.15 m.
+"""Read layouts of the BARN benchmark: cylinders of 0.075 m radius on a grid of 0.15 m.
 
-Its grid files are numpy arrays of rows and columns, 1 where a cylinder stands; the robot crosses
-the field along the columns. Here it starts before the first one and goes beyond the last one, its
-way along x, row 0 at the left. A list of cylinders, one x, y and perhaps radius a line, is read
-too. Cylinders with all eight neighbours are left out, as the benchmark's own worlds do.
+Its grid files are numpy arrays of rows and columns, 1 for a cylinder; the robot crosses the field
+along the columns. Here it starts before the first column and its goal is behind the last, along x,
+with row 0 at the left. A list of cylinders, one line of x, y and optionally radius each, is
+accepted, too. Cylinders with eight neighbours are omitted, as in the benchmark's own worlds.
 """
 
 from math import isfinite
@@ -20,10 +20,10 @@ from plant.model.types import Circle, Point
 PITCH_M: Final = 0.15
 RADIUS_M: Final = 0.075
 BEFORE_M: Final = 1.5
-"""Free floor before and behind the field."""
+"""Width of the free floor before and behind the field."""
 
 AROUND_M: Final = 1.0
-"""Free floor around a list of cylinders."""
+"""Width of the free floor around a list of cylinders."""
 
 MAX_BYTES: Final = 10_000_000
 MAX_SIZE_M: Final = 50.0
@@ -32,7 +32,7 @@ HEADER: Final = ("x", "x_m")
 
 
 class CylinderField(NamedTuple):
-    """Cylinders on a floor; `corner` is its lower left one in the file's own frame."""
+    """Cylinders on a floor; `corner` is the floor's lower left corner in the file's own frame."""
 
     size_m: Point
     cylinders: tuple[Circle, ...]
@@ -41,7 +41,7 @@ class CylinderField(NamedTuple):
 
 
 def load_grid(path: Path, pitch_m: float = PITCH_M) -> CylinderField:
-    """The field of a grid file; raises WorldError and nothing else."""
+    """Return the field of a grid file; raise only WorldError."""
     grid = _grid(read_bytes(path, MAX_BYTES), str(path))
     rows, columns = grid.shape
     padded = np.pad(grid, 1)
@@ -65,17 +65,18 @@ def _grid(data: bytes, file: str) -> NDArray[np.bool_]:
     table = parse_npy(data, file)
     if not np.isin(table, (0, 1)).all():
         reason = "a value that is neither 0 nor 1"
-        raise refuse(file, "npy", reason, "write 1 where a cylinder stands")
+        raise refuse(file, "npy", reason, "write 1 for a cylinder, 0 for none")
     blocked: NDArray[np.bool_] = table == 1
     return blocked
 
 
 def load_list(path: Path) -> CylinderField:
-    """The field of a .csv or .txt list; the floor ends a little around the cylinders."""
+    """Return the field of a .csv or .txt list; the floor has a margin around the cylinders."""
     return parse_list(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_list(text: str, file: str) -> CylinderField:
+    """Return the field of a list; raise WorldError."""
     rows: list[tuple[float, float, float]] = []
     first = True
     for number, line in enumerate(text.split("\n"), 1):

@@ -1,4 +1,4 @@
-"""A floor of square cells, each blocked or free, and where a robot's disc may be on it."""
+"""A floor of square cells, each blocked or free, and the places where a robot fits."""
 
 from math import ceil, cos, hypot, sin
 from random import Random
@@ -25,27 +25,31 @@ class Cells(NamedTuple):
 
     @property
     def rows(self) -> int:
+        """The number of rows."""
         return int(self.blocked.shape[0])
 
     @property
     def columns(self) -> int:
+        """The number of columns."""
         return int(self.blocked.shape[1])
 
     @property
     def size_m(self) -> Point:
+        """The size of the floor."""
         return round(self.columns * self.cell_m, 6), round(self.rows * self.cell_m, 6)
 
     def centre(self, row: int, column: int) -> Point:
+        """Return the centre of a cell."""
         return round((column + 0.5) * self.cell_m, 6), round((row + 0.5) * self.cell_m, 6)
 
     def on_floor(self, place: Point) -> Point:
-        """A place of the map's own frame on our floor, whose lower left corner is (0, 0)."""
+        """Convert a place from the map's frame to our floor, whose lower left corner is (0, 0)."""
         away_x, away_y = place[0] - self.corner[0], place[1] - self.corner[1]
         c, s = cos(self.yaw_rad), sin(self.yaw_rad)
         return round(c * away_x + s * away_y, 6), round(c * away_y - s * away_x, 6)
 
     def part(self, row: int, column: int, rows: int, columns: int) -> "Cells":
-        """A rectangle of it, its lower left cell first."""
+        """Return a rectangle, given by its lower left cell and size."""
         right_m, up_m = column * self.cell_m, row * self.cell_m
         c, s = cos(self.yaw_rad), sin(self.yaw_rad)
         corner = (
@@ -56,7 +60,10 @@ class Cells(NamedTuple):
         return self._replace(blocked=blocked, corner=corner)
 
     def trimmed(self) -> "Cells":
-        """Without the rows and columns around that are all blocked: outer walls stand for them."""
+        """Return the cells without the blocked rows and columns at the rim.
+
+        Outer walls replace them.
+        """
         rows = np.flatnonzero(~self.blocked.all(axis=1))
         columns = np.flatnonzero(~self.blocked.all(axis=0))
         if not len(rows):
@@ -65,19 +72,19 @@ class Cells(NamedTuple):
         return self.part(int(low), int(left), int(top - low) + 1, int(right - left) + 1)
 
     def window(self, random: Random, side: int) -> "Cells":
-        """A square of that many cells a side, anywhere; all of it where it is smaller."""
+        """Return a random square part with that many cells a side; all if the floor is smaller."""
         rows, columns = min(side, self.rows), min(side, self.columns)
         row, column = random.randint(0, self.rows - rows), random.randint(0, self.columns - columns)
         return self.part(row, column, rows, columns)
 
     def finer(self, parts: int) -> "Cells":
-        """The same floor, each cell cut into parts * parts."""
+        """Return the same floor with each cell divided into parts * parts."""
         blocked = self.blocked.repeat(parts, axis=0).repeat(parts, axis=1)
         return self._replace(blocked=blocked, cell_m=self.cell_m / parts)
 
 
 def standing(cells: Cells, room_m: float) -> Mask:
-    """The cells whose centre is at least so far from every blocked cell and from the rim."""
+    """Return the cells whose centre is at least `room_m` from blocked cells and the rim."""
     reach = ceil(room_m / cells.cell_m + 0.5)
     padded = np.pad(cells.blocked, reach, constant_values=True)
     free = np.ones_like(cells.blocked)
@@ -92,7 +99,7 @@ def standing(cells: Cells, room_m: float) -> Mask:
 
 
 def labelled(mask: Mask) -> Labels:
-    """The regions of a mask that hang together side by side, numbered from 1; 0 outside."""
+    """Label the connected regions of a mask from 1; 0 outside. Corners do not connect."""
     labels = np.zeros(mask.shape, dtype=np.int64)
     joined = [0]
     runs_below: list[tuple[int, int, int]] = []

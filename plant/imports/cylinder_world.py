@@ -1,4 +1,4 @@
-"""Makes a world of cylinders: obstacles, start and goal, and its shortest way."""
+"""Convert a field of cylinders to a world with start, goal and shortest path."""
 
 from math import dist
 from random import Random
@@ -14,11 +14,11 @@ from plant.placement.shortest_path import shortest_path_m
 
 MAX_DRAWS: Final = 2000
 MAX_PAIRS: Final = 30
-"""Looking for a way costs more than drawing places."""
+"""Limit of the pairs searched: a path search costs more than drawing places."""
 
 
 def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) -> World:
-    """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
+    """Return the world; WorldError if it is too large, or no robot fits at start or goal."""
     check_size(field.size_m, made.file)
     if made.start is not None and made.goal is not None:
         world = bare_world(field.size_m, (made.start, made.goal), field.cylinders, made, random)
@@ -35,7 +35,7 @@ def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) ->
 
 
 def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
-    """Of a few free places the two farthest apart."""
+    """Return the two most distant of a few free places."""
     free: list[Point] = []
     for _ in range(MAX_DRAWS):
         x_m, y_m = (

@@ -1,4 +1,4 @@
-"""Makes a world of blocked and free cells: obstacles, start and goal, and its shortest way."""
+"""Convert blocked and free cells to a world with obstacles, start, goal and shortest path."""
 
 from random import Random
 
@@ -13,7 +13,7 @@ from plant.model.types import Point, World
 
 
 def grid_world(cells: Cells, made: ImportedWorld, random: Random) -> World:
-    """Raises WorldError when it is too large, or a robot cannot stand at start or goal."""
+    """Return the world; WorldError if it is too large, or no robot fits at start or goal."""
     check_size(cells.size_m, made.file)
     ends = _ends(cells, made, random)
     world = bare_world(cells.size_m, ends, outlines(cells), made, random)

@@ -1,4 +1,4 @@
-"""What every importer makes in the end: a world that is checked, and knows its shortest way."""
+"""Last step of every import: a checked world with its shortest path."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +18,9 @@ HEADING_TOLERANCE_RAD: Final = radians(3.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedWorld:
-    """What a world is called and where it comes from; `file` is what its errors name.
+    """Name and origin of a world; `file` is its name in errors.
 
-    `start` and `goal` are on our floor, with its lower left corner at (0, 0); None: to be chosen.
+    `start` and `goal` are on our floor, with its lower left corner at (0, 0); None: to be selected.
     """
 
     file: str
@@ -32,6 +32,7 @@ class ImportedWorld:
 
 
 def check_size(size_m: Point, file: str) -> None:
+    """Raise WorldError for a floor that is too large or too small."""
     for side_m in size_m:
         if not SIZE.hold(side_m):
             reason = f"{size_m[0]:g} x {size_m[1]:g} m, a side must be {SIZE}"
@@ -45,7 +46,7 @@ def bare_world(
     made: ImportedWorld,
     random: Random,
 ) -> World:
-    """Still without its shortest way. Raises WorldError where a robot cannot stand."""
+    """Return the world without its shortest path. Raises WorldError if a robot does not fit."""
     if len(obstacles) > MAX_OBSTACLES:
         reason = f"{len(obstacles)} obstacles, at most {MAX_OBSTACLES}"
         raise refuse(made.file, "size", reason, "take a part of it with --window N")
@@ -62,7 +63,7 @@ def bare_world(
 
 
 def with_way(world: World, made: ImportedWorld, length_m: float | None) -> World:
-    """The world with what is known of it: its shortest way, or that there is none."""
+    """Return the world with its shortest path, or with an unreachable goal."""
     return replace(
         world,
         family=made.family,

@@ -1,7 +1,7 @@
-"""Reads the .yaml file of a ROS map: flat keys with a text, a number or a list of numbers.
+"""Read the .yaml file of a ROS map: flat keys with a text, a number or a list of numbers.
 
-That is all of YAML that map savers write, so a YAML library is not needed; anything else is
-refused by line.
+Map savers write no other YAML, so no YAML library is needed. Anything else is refused with its
+line.
 """
 
 import re
@@ -19,13 +19,14 @@ COMMENT: Final = re.compile(r"(?:^|\s)#.*")
 
 
 class MapYaml:
-    """The values by key, each with its line, all still text."""
+    """The values by key as text, with their lines."""
 
     def __init__(self, file: str) -> None:
         self.file = file
         self._values: dict[str, tuple[Value, int]] = {}
 
     def put(self, key: str, value: Value, line: int) -> None:
+        """Add a key; raise WorldError if it is already present."""
         if key in self._values:
             raise refuse(self.file, key, "given twice", "keep one of them", line)
         self._values[key] = (value, line)
@@ -34,21 +35,25 @@ class MapYaml:
         return key in self._values
 
     def line(self, key: str) -> int:
+        """Return the line of a key."""
         return self._values[key][1]
 
     def text(self, key: str, example: str) -> str:
+        """Return the text of a key; raise WorldError."""
         value = self._value(key, example)
         if isinstance(value, list) or not value:
             raise self.refuse(key, f"expected text, found {value or 'nothing'}", example)
         return value
 
     def number(self, key: str, example: str, low: float, high: float) -> float:
+        """Return the number of a key within limits; raise WorldError."""
         value = self._value(key, example)
         if isinstance(value, list):
             raise self.refuse(key, "expected a number, found a list", example)
         return self._number(key, value, example, low, high)
 
     def numbers(self, key: str, example: str, count: int, most: float) -> list[float]:
+        """Return the list of numbers of a key; raise WorldError."""
         value = self._value(key, example)
         if not isinstance(value, list) or len(value) != count:
             found = f"{len(value)} values" if isinstance(value, list) else repr(value)
@@ -56,6 +61,7 @@ class MapYaml:
         return [self._number(key, one, example, -most, most) for one in value]
 
     def refuse(self, key: str, reason: str, example: str) -> Exception:
+        """Return the WorldError for a key."""
         line = self._values[key][1] if key in self._values else None
         return refuse(self.file, key, reason, f"write {key}: {example}", line)
 
@@ -75,11 +81,12 @@ class MapYaml:
 
 
 def load_map_yaml(path: Path) -> MapYaml:
+    """Read a file; raise WorldError."""
     return parse_map_yaml(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_map_yaml(text: str, file: str) -> MapYaml:
-    """Raises WorldError for what is not flat."""
+    """Parse a text; raise WorldError unless its keys are flat."""
     found = MapYaml(file)
     lines = [(number, line) for number, line in enumerate(text.split("\n"), 1) if _says(line)]
     at = 0

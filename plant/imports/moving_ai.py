@@ -1,4 +1,4 @@
-"""Reads maps and scenarios of the Moving AI benchmarks (movingai.com/benchmarks/formats.html)."""
+"""Read maps and scenarios of the Moving AI benchmarks (movingai.com/benchmarks/formats.html)."""
 
 import re
 from pathlib import Path
@@ -30,12 +30,12 @@ class Scenario(NamedTuple):
 
 
 def load_map(path: Path, cell_m: float) -> Cells:
-    """The map of a file; raises WorldError and nothing else."""
+    """Return the map of a file; raise only WorldError."""
     return parse_map(read_text(path, MAX_BYTES), str(path), cell_m)
 
 
 def parse_map(text: str, file: str, cell_m: float) -> Cells:
-    """The map a text describes, its first line at the top."""
+    """Return the map that a text describes, its first line at the top."""
     lines = text.split("\n")
     while lines and not lines[-1].strip():
         lines.pop()
@@ -43,7 +43,7 @@ def parse_map(text: str, file: str, cell_m: float) -> Cells:
     rows = lines[HEADER:]
     if len(rows) != sizes["height"]:
         reason = f"{len(rows)} rows of cells, but height is {sizes['height']}"
-        raise refuse(file, "map", reason, "is the file cut? write as many rows as height says")
+        raise refuse(file, "map", reason, "is the file truncated? write height rows")
     blocked = [
         _row(row, number, file, sizes["width"]) for number, row in enumerate(rows, HEADER + 1)
     ]
@@ -51,7 +51,7 @@ def parse_map(text: str, file: str, cell_m: float) -> Cells:
 
 
 def _header(lines: list[str], file: str) -> dict[str, int]:
-    """Width and height, whichever comes first."""
+    """Return width and height, which may be in any order."""
     head = [line.split() for line in lines[:HEADER]]
     if not head or head[0] != ["type", "octile"]:
         found = lines[0][:40] if lines else ""
@@ -81,16 +81,17 @@ def _row(row: str, line: int, file: str, width: int) -> list[bool]:
             raise refuse(file, "map", reason, fix, line)
     if len(row) != width:
         reason = f"{len(row)} cells in this row, but width is {width}"
-        raise refuse(file, "map", reason, "is the file cut? write as many as width says", line)
+        raise refuse(file, "map", reason, "is the file truncated? write width cells", line)
     return [one in BLOCKED for one in row]
 
 
 def load_scenarios(path: Path) -> list[Scenario]:
-    """The scenarios of a file, at least one; raises WorldError."""
+    """Return the scenarios of a file, at least one; raise WorldError."""
     return parse_scenarios(read_text(path, MAX_BYTES), str(path))
 
 
 def parse_scenarios(text: str, file: str) -> list[Scenario]:
+    """Return the scenarios of a text, at least one; raise WorldError."""
     lines = text.split("\n")
     if not re.fullmatch(r"version 1(\.0)?\s*", lines[0]):
         reason = f"expected version 1, found {lines[0][:40]!r}"
@@ -115,7 +116,7 @@ def _scenario(line: str, number: int, file: str) -> Scenario:
 
 
 def fits(scenario: Scenario, cells: Cells, file: str) -> None:
-    """Refuse a scenario of a map of another size, or with an end outside or on a blocked cell."""
+    """Refuse a scenario for a map of another size, or with an end outside or on a blocked cell."""
     if (scenario.width, scenario.height) != (cells.columns, cells.rows):
         reason = f"made for {scenario.width} x {scenario.height} cells, "
         reason += f"the map has {cells.columns} x {cells.rows}"

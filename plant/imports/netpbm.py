@@ -1,4 +1,4 @@
-"""Reads grey pictures in the PGM format, as text (P2) or in bytes (P5), and refuses all else."""
+"""Read grey pictures in the PGM format, as text (P2) or bytes (P5); refuse other formats."""
 
 import re
 from pathlib import Path
@@ -28,11 +28,12 @@ OTHERS: Final = {
 
 
 def load_pgm(path: Path) -> NDArray[np.float64]:
-    """Rows of whiteness from 0 to 1, the first at the top; raises WorldError."""
+    """Return rows of brightness from 0 to 1, the first at the top; raise WorldError."""
     return parse_pgm(read_bytes(path, MAX_BYTES), str(path))
 
 
 def parse_pgm(data: bytes, file: str) -> NDArray[np.float64]:
+    """Return rows of brightness from 0 to 1, the first at the top; raise WorldError."""
     magic = data[:2]
     if magic not in (b"P2", b"P5") or not data[2:3].isspace():
         found = OTHERS.get(magic, f"starts with {data[:8]!r}" if data else "empty")
@@ -51,7 +52,7 @@ def parse_pgm(data: bytes, file: str) -> NDArray[np.float64]:
 
 
 def _header(data: bytes, file: str) -> tuple[list[int], int]:
-    """Width, height and maxval, and where the last of them ends."""
+    """Return width, height and maxval, and the offset behind them."""
     numbers: list[int] = []
     end = 2
     for key, most in (("width", MAX_SIDE), ("height", MAX_SIDE), ("maxval", MAX_VALUE)):
@@ -78,7 +79,7 @@ def _as_text(text: bytes, file: str, count: int) -> NDArray[np.int64]:
 
 
 def _as_bytes(data: bytes, file: str, count: int, most: int) -> NDArray[np.int64]:
-    """One byte per value, or two, the higher first, when maxval is above 255."""
+    """Return values of one byte, or two, big-endian, if maxval is above 255."""
     wide = 1 if most < 256 else 2
     needed = count * wide
     if len(data) > needed and not data[needed:].strip():

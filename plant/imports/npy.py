@@ -1,4 +1,4 @@
-"""Reads a table of numbers from a .npy file (numpy.lib.format), and opens nothing pickled."""
+"""Read a table of numbers from a .npy file (numpy.lib.format), without unpickling."""
 
 import ast
 import re
@@ -18,7 +18,7 @@ FIX: Final = "give a grid_N.npy of the data set"
 
 
 def parse_npy(data: bytes, file: str) -> NDArray[np.float64]:
-    """Rows and columns of numbers; raises WorldError for anything else."""
+    """Return rows and columns of numbers; raise WorldError for anything else."""
     said, body = _header(data, file)
     kind, shape, by_column = (said.get(key) for key in ("descr", "shape", "fortran_order"))
     if not isinstance(kind, str) or not NUMBERS.fullmatch(kind):
@@ -37,7 +37,7 @@ def parse_npy(data: bytes, file: str) -> NDArray[np.float64]:
 
 
 def _header(data: bytes, file: str) -> tuple[dict[str, object], bytes]:
-    """What the file says of its table, and the table's bytes."""
+    """Return the header of the file and the bytes of its table."""
     size = LENGTH_BYTES.get(data[6] if len(data) > 6 else 0, 0)
     if not data.startswith(MAGIC) or not size:
         raise refuse(file, "npy", f"no .npy file: it starts with {data[:8]!r}", FIX)

@@ -1,7 +1,7 @@
-"""Blocked cells as few solid polygons: what hangs together is one outline, cut where it must be.
+"""Convert blocked cells to few solid polygons, each the outline of a connected region.
 
-A world's polygon is simple and has no hole, so a region is cut in two where it surrounds something,
-where it touches itself at a corner, and where its outline would have too many points.
+A polygon of a world is simple and has no hole. A region is therefore cut in two if it surrounds
+something, if it touches itself at a corner, or if its outline would have too many points.
 """
 
 from itertools import pairwise
@@ -16,11 +16,11 @@ Corner: TypeAlias = tuple[int, int]
 """(column, row) of a corner between cells."""
 
 MAX_POINTS: Final = 80
-"""Reading a polygon back checks each of its edges against every other."""
+"""Limit of points: the check of a polygon compares each edge with every other."""
 
 
 class Region(NamedTuple):
-    """A part of the floor and where its lower left cell is."""
+    """A part of the floor, with the position of its lower left cell."""
 
     mask: Mask
     row: int
@@ -28,7 +28,7 @@ class Region(NamedTuple):
 
 
 def outlines(cells: Cells) -> list[Polygon]:
-    """The polygons, in a fixed order."""
+    """Return the polygons, in a fixed order."""
     todo = _regions(Region(cells.blocked, 0, 0))[::-1]
     found = []
     while todo:
@@ -43,7 +43,7 @@ def outlines(cells: Cells) -> list[Polygon]:
 
 
 def _regions(whole: Region) -> list[Region]:
-    """What hangs together, each in its own bounding box."""
+    """Return the connected regions, each in its own bounding box."""
     labels = labelled(whole.mask)
     rows, columns = np.nonzero(labels)
     regions = []
@@ -59,9 +59,9 @@ def _regions(whole: Region) -> list[Region]:
 
 
 def _loops(mask: Mask) -> list[list[Corner]]:
-    """The corners of its outlines, the solid on the left; the longest, which is around it, first.
+    """Return the corners of the outlines, solid on the left; the longest, outer one first.
 
-    Where two cells meet only at a corner, the outline stays with its own cell.
+    If two cells meet only at a corner, the outline stays with its own cell.
     """
     after = _sides(mask)
     loops = []
@@ -82,10 +82,10 @@ def _loops(mask: Mask) -> list[list[Corner]]:
 
 
 def _sides(mask: Mask) -> dict[Corner, list[Corner]]:
-    """From each corner the steps along sides of blocked cells whose other side is free."""
+    """Return, for each corner, the steps along sides between a blocked and a free cell."""
     padded = np.pad(mask, 1)
     after: dict[Corner, list[Corner]] = {}
-    # Of a cell at (column, row): its lower side is walked rightwards, the right one upwards ...
+    # Around a cell: along its lower side to the right, along its right side upwards ...
     for step, (up, right), (add_x, add_y) in (
         ((1, 0), (-1, 0), (0, 0)),
         ((0, 1), (0, 1), (1, 0)),
@@ -99,27 +99,27 @@ def _sides(mask: Mask) -> dict[Corner, list[Corner]]:
 
 
 def _left(came: Corner, ways: list[Corner]) -> Corner:
-    """The way that turns left, taken out of them."""
+    """Remove and return the step that turns left."""
     left = (-came[1], came[0])
     ways.remove(left)
     return left
 
 
 def _without_straight_start(loop: list[Corner]) -> list[Corner]:
-    """Without its first corner when the outline runs straight through it."""
+    """Return a loop without its first corner if the outline is straight there."""
     (x0, y0), (x1, y1), (x2, y2) = loop[-1], loop[0], loop[1]
     straight = (x1 - x0) * (y2 - y1) == (y1 - y0) * (x2 - x1)
     return loop[1:] if straight else loop
 
 
 def _area(loop: list[Corner]) -> int:
-    """Twice the area, below zero around a hole."""
+    """Return twice the area, below zero around a hole."""
     ends = loop[1:] + loop[:1]
     return sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(loop, ends, strict=True))
 
 
 def _cut(mask: Mask, loops: list[list[Corner]]) -> tuple[int, int] | None:
-    """The axis (0 rows, 1 columns) and place at which to cut, or None when it is one polygon."""
+    """Return axis (0 rows, 1 columns) and position of a cut; None for a single polygon."""
     if len(loops) > 1:
         rows = [row for _, row in loops[1]]
         return 0, (min(rows) + max(rows) + 1) // 2

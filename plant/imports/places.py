@@ -1,4 +1,4 @@
-"""Chooses where to start and where to go on a floor of cells."""
+"""Select start and goal on a floor of cells."""
 
 from math import dist
 from random import Random
@@ -11,7 +11,7 @@ from plant.imports.routes import Places
 from plant.model.types import Point
 
 STANDING_M: Final = 0.17
-"""A place is at least so far from anything."""
+"""Smallest distance of a place from any obstacle."""
 
 PAIRS: Final = 6
 MAX_DRAWS: Final = 200
@@ -19,7 +19,7 @@ MIN_APART_M: Final = 1.0
 
 
 def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Point] | None:
-    """Of a few random pairs of cells with a way between them, the one farthest apart."""
+    """Return the most distant of a few random pairs of connected cells."""
     rows, columns = np.nonzero(standing(cells, STANDING_M))
     if not len(rows):
         return None
@@ -37,13 +37,14 @@ def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Poi
 
 
 class _Regions:
-    """Which places a robot can drive between."""
+    """Connected regions of places."""
 
     def __init__(self, cells: Cells, radius_m: float) -> None:
         self._places = Places(cells, radius_m)
         self._labels: Labels = labelled(self._places.free)
 
     def joined(self, a: Point, b: Point) -> bool:
+        """Return whether a robot can drive between two points."""
         at_a, at_b = (self._places.nearest(point) for point in (a, b))
         if at_a is None or at_b is None:
             return False

@@ -1,4 +1,4 @@
-"""How an importer refuses a file: as a world file is refused, with file, line, key and fix."""
+"""Errors of importers, in the form of world files: file, line, key and fix."""
 
 from pathlib import Path
 
@@ -6,12 +6,12 @@ from plant.model.errors import Problem, WorldError
 
 
 def refuse(file: str, key: str, reason: str, fix: str, line: int | None = None) -> WorldError:
-    """To be raised."""
+    """Return the WorldError to be raised."""
     return WorldError([Problem(file, line, key, reason, fix)])
 
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:
-    """The file's content; WorldError when it cannot be read or is larger than that."""
+    """Return a file's content; WorldError if it is unreadable or too large."""
     file = str(path)
     try:
         if path.exists() and not path.is_file():
@@ -29,7 +29,7 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
 
 
 def read_text(path: Path, most_bytes: int) -> str:
-    """The same as text, its lines ended by a newline alone."""
+    """Return a file's text with newlines as line ends; WorldError as for `read_bytes`."""
     data = read_bytes(path, most_bytes)
     try:
         return data.decode("utf-8-sig").replace("\r\n", "\n")

@@ -1,7 +1,6 @@
-"""Reads a ROS map, a .yaml file and the .pgm picture that it names, as map_server does.
+"""Read a ROS map as map_server does: a .yaml file and the .pgm picture that it names.
 
-A pixel is free when its occupancy is below free_thresh; one that is occupied, and one that nobody
-has seen, is blocked.
+A pixel is free if its occupancy is below free_thresh; occupied and unknown pixels are blocked.
 """
 
 from math import pi
@@ -20,7 +19,7 @@ FALSE: Final = ("0", "false", "no")
 
 
 def load_ros_map(path: Path) -> Cells:
-    """The map's cells, in its frame, without what is blocked all around; raises WorldError."""
+    """Return the map's cells, in its frame, without a blocked rim; raise WorldError."""
     said = load_map_yaml(path)
     image = path.parent / said.text("image", "map.pgm")
     cell_m = said.number("resolution", "0.05", 0.001, 10.0)
@@ -41,7 +40,7 @@ def load_ros_map(path: Path) -> Cells:
 
 
 def _threshold(said: MapYaml) -> float:
-    """free_thresh, after the keys that belong to it were checked."""
+    """Return free_thresh, after a check of the keys that belong to it."""
     free_below = said.number("free_thresh", "0.196", 0.0, 1.0)
     occupied_above = said.number("occupied_thresh", "0.65", 0.0, 1.0)
     if free_below > occupied_above:

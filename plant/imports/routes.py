@@ -1,9 +1,8 @@
-"""The shortest way of the robot's disc over a floor of many cells, in less time than the exact one.
+"""Shortest path of the robot's disc over a floor of many cells, faster than the exact search.
 
-Two steps: A* over a grid of the places where the robot may be, whose moves in sixteen directions
-make a way at most 2.8 % too long; then the exact search of `plant.placement.shortest_path`, but
-only over corners near that way. So the length is exact unless another way round is shorter by less
-than that.
+Two steps: A* over a grid of places, with moves in sixteen directions, finds a path that is at most
+2.8 % too long. Then the exact search of `plant.placement.shortest_path` runs over corners near that
+path only. The length is exact unless another route is shorter by less than that.
 """
 
 from heapq import heappop, heappush
@@ -18,13 +17,13 @@ from plant.model.types import Point, World
 from plant.placement.near_path import near_path
 
 PITCH_M: Final = 0.15
-"""Places are at most so far apart; cells are cut into an odd number, so that one is central."""
+"""Largest distance of places; cells are divided into an odd number, so that one is central."""
 
 ROUND_A_PLACE: Final = 3
 
 
 class Places:
-    """Where the robot's centre may be, on a grid finer than the cells."""
+    """Possible positions of the robot's centre, on a grid finer than the cells."""
 
     def __init__(self, cells: Cells, radius_m: float) -> None:
         parts = ceil(cells.cell_m / PITCH_M)
@@ -35,7 +34,7 @@ class Places:
         self._moves = _moves(self._width)
 
     def nearest(self, point: Point) -> int | None:
-        """The free place nearest to a point, of those around it."""
+        """Return the nearest free place around a point."""
         pitch_m = self._cells.cell_m
         column, row = int(point[0] / pitch_m), int(point[1] / pitch_m)
         around = range(-ROUND_A_PLACE, ROUND_A_PLACE + 1)
@@ -50,15 +49,16 @@ class Places:
         return number if self._flat[number] else None
 
     def cell(self, number: int) -> tuple[int, int]:
-        """Row and column of a place in `free`."""
+        """Return row and column of a place in `free`."""
         row, column = divmod(number, self._width)
         return row - 2, column - 2
 
     def point(self, number: int) -> Point:
+        """Return the position of a place."""
         return self._cells.centre(*self.cell(number))
 
     def way(self, start: Point, goal: Point) -> list[Point] | None:
-        """The places from one to the other, both included; None when there is no way."""
+        """Return the places from one to the other, both included; None if there is no path."""
         first, last = self.nearest(start), self.nearest(goal)
         if first is None or last is None:
             return None
@@ -71,7 +71,7 @@ class Places:
         return [start, *(self.point(number) for number in reversed(numbers)), goal]
 
     def _search(self, first: int, last: int) -> dict[int, int]:
-        """A*: each place's predecessor, as far as it came."""
+        """Return each place's predecessor, as far as A* came."""
         free, width, moves = self._flat, self._width, self._moves
         last_row, last_column = divmod(last, width)
         cost = {first: 0.0}
@@ -101,7 +101,7 @@ class Places:
 
 
 def _moves(width: int) -> list[tuple[int, float, tuple[int, ...]]]:
-    """Sixteen moves: the step, its length, and the places beside it that must be free, too."""
+    """Return sixteen moves: step, length, and the places beside it that must be free, too."""
     moves: list[tuple[int, float, tuple[int, ...]]] = []
     for right, up in ((1, 0), (0, 1), (-1, 0), (0, -1)):
         moves.append((up * width + right, 1.0, ()))
@@ -114,7 +114,7 @@ def _moves(width: int) -> list[tuple[int, float, tuple[int, ...]]]:
 
 
 def route_m(world: World, places: Places, radius_m: float) -> float | None:
-    """The length of the shortest way of a world made of cells; None when there is none."""
+    """Return the length of the shortest path of a world of cells; None if there is none."""
     way = places.way((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
     if way is None:
         return None

@@ -1,1 +1,1 @@
-"""Places in a world: where robots fit, start and go, and the shortest way there."""
+"""Positions in a world: starts, goals, free places and shortest paths."""

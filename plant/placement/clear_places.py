@@ -1,4 +1,4 @@
-"""Checks that the robot can stand at start and goal: on the floor and clear of everything."""
+"""Check that the robot fits at start and goal: on the floor and clear of all obstacles."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -9,6 +9,8 @@ from plant.model.types import Circle, GoalPose, Obstacle, Point, Start
 
 
 class Floor(NamedTuple):
+    """Size, obstacles and robot radius for the check."""
+
     size_m: Point
     walls: bool
     radius_m: float
@@ -16,7 +18,7 @@ class Floor(NamedTuple):
 
 
 def check_places(report: Report, floor: Floor, start: Start | None, goal: GoalPose | None) -> None:
-    """Report where the robot's disc would touch something; obstacles are given by index."""
+    """Report collisions of the robot's disc at start and goal; obstacles are named by index."""
     if start is not None:
         _check_on_floor(report, floor, "start", (start.x_m, start.y_m))
         _check_clear(report, floor, "start", (start.x_m, start.y_m))
@@ -43,7 +45,7 @@ def _check_on_floor(report: Report, floor: Floor, what: str, point: Point) -> No
 def _check_clear(report: Report, floor: Floor, what: str, point: Point) -> None:
     for index, obstacle in floor.obstacles.items():
         if what == "goal" and isinstance(obstacle, Circle) and obstacle.path_m:
-            continue  # it will have moved on
+            continue  # a moving obstacle leaves again
         gap_m = clearance_m(point, obstacle)
         if gap_m >= floor.radius_m - TOUCHING_M:
             continue

@@ -1,4 +1,4 @@
-"""Where several robots go: each to the goal shifted as its start is, or as near as it can stand."""
+"""Goals of several robots: the goal shifted as the robot's start, or the nearest free place."""
 
 from collections.abc import Iterator, Sequence
 from math import ceil, cos, dist, sin
@@ -15,7 +15,7 @@ MAX_PLACE: Final = 12
 
 
 class RobotGoal(NamedTuple):
-    """`shifted`: as its start is; else another place near there, for that one is not free."""
+    """A goal; `shifted` is False if it is another place because the shifted one is not free."""
 
     x_m: float
     y_m: float
@@ -23,9 +23,10 @@ class RobotGoal(NamedTuple):
 
 
 def goals(world: World, body: Body, starts: Sequence[Pose], goal: Point) -> list[RobotGoal]:
-    """The first robot's goal is `goal` itself; the others' can be seen from it and are apart.
+    """Return the goals of all robots; that of the first robot is `goal` itself.
 
-    Where there is no place at all they share it.
+    The other goals are visible from it and apart from each other. Robots without a free place share
+    `goal`.
     """
     pitch_m = 2.0 * body.radius_m + GAP_M
     floor = _Floor(world, body.radius_m + ROOM_M)
@@ -52,7 +53,7 @@ def _apart(place: Point, taken: list[Point], pitch_m: float) -> bool:
 
 
 def _around(goal: Point, heading_rad: float, pitch_m: float) -> Iterator[Point]:
-    """A grid around the goal in which robots can stand, turned as the starts are."""
+    """Yield a grid of places around the goal, rotated as the starts are."""
     along, across = cos(heading_rad) * pitch_m, sin(heading_rad) * pitch_m
     places = range(-MAX_PLACE, MAX_PLACE + 1)
     for ahead in places:
@@ -62,7 +63,7 @@ def _around(goal: Point, heading_rad: float, pitch_m: float) -> Iterator[Point]:
 
 
 class _Floor:
-    """Where a robot finds room. What moves will have moved on."""
+    """Free places for robots. Moving obstacles are ignored: they leave again."""
 
     def __init__(self, world: World, needed_m: float) -> None:
         self._size_m = world.size_m
@@ -71,6 +72,7 @@ class _Floor:
         self._obstacles = [one for one in world.obstacles if not _moves(one)]
 
     def free(self, place: Point) -> bool:
+        """Return whether a robot fits at a place."""
         low_m = self._margin_m
         if not all(
             low_m <= value_m <= size_m - low_m
@@ -80,7 +82,7 @@ class _Floor:
         return all(clearance_m(place, one) >= self._needed_m for one in self._obstacles)
 
     def seen_from(self, goal: Point, place: Point) -> bool:
-        """A robot can stand there and on the straight way from there to the goal."""
+        """Return whether a robot fits at a place and on the straight line to the goal."""
         steps = max(1, ceil(dist(goal, place) / STEP_M))
         return all(
             self.free(

@@ -1,7 +1,7 @@
-"""The shortest way near a given one, for worlds with too many corners to look at all of them.
+"""Shortest path near a given one, for worlds with too many corners for the exact search.
 
-The search of `plant.placement.shortest_path`, but only over corners close to the given way, seen
-from no farther than a few metres; points of the given way itself join what is farther apart.
+This is the search of `plant.placement.shortest_path`, restricted to corners near the given path and
+to a visibility range of a few metres. Points of the given path connect distant parts.
 """
 
 from typing import Final
@@ -21,15 +21,15 @@ from plant.placement.shortest_path import (
 )
 
 NEAR_M: Final = 1.0
-"""Corners so near to the way are looked at."""
+"""Distance from the given path within which corners are used."""
 
 SIGHT_M: Final = 3.0
 EVERY: Final = 3
-"""Of the given way every third point is kept."""
+"""Every third point of the given path is kept."""
 
 
 def near_path(world: World, way: list[Point], radius_m: float) -> list[Point]:
-    """The corners of the shortest way found; the given one itself when none is shorter."""
+    """Return the corners of the shortest path found; the given path if none is shorter."""
     every, given = blocked_by(world, radius_m), np.array(way)
     blocked = _only(every, given, SIGHT_M + NEAR_M)
     corners = rings(world, _only(blocked, given, NEAR_M), radius_m)
@@ -40,7 +40,7 @@ def near_path(world: World, way: list[Point], radius_m: float) -> list[Point]:
 
 
 def _pulled(path: list[Point], blocked: Blocked) -> list[Point]:
-    """Without the points that can be left out because one sees past them, however far."""
+    """Return a path without the points that a straight line can skip."""
     points, kept = np.array(path), [0]
     while kept[-1] < len(path) - 1:
         after = kept[-1] + 1
@@ -50,7 +50,7 @@ def _pulled(path: list[Point], blocked: Blocked) -> list[Point]:
 
 
 def _only(blocked: Blocked, points: Array, reach_m: float) -> Blocked:
-    """What of it is nearer than that to one of the points."""
+    """Return the parts within a distance of one of the points."""
     near = np.zeros(len(blocked.centres), dtype=bool)
     near_edges = np.zeros(len(blocked.tails), dtype=bool)
     for point in points:
@@ -74,7 +74,7 @@ def _edge_distances(blocked: Blocked, point: Array) -> Array:
 
 
 def _free(points: Array, blocked: Blocked) -> Mask:
-    """Which points are clear of every disc, and so far of every edge as its ends' discs are."""
+    """Return which points are clear of all discs, including those at the ends of edges."""
     free = np.ones(len(points), dtype=bool)
     for centre, radius_m in zip(blocked.centres, blocked.radii, strict=True):
         free &= np.hypot(*(points - centre).T) >= radius_m - TOUCHING_M
@@ -86,5 +86,5 @@ def _free(points: Array, blocked: Blocked) -> Mask:
 
 
 def _around(eye: Array, blocked: Blocked) -> Blocked:
-    """What of it can stand in the way of a look of SIGHT_M."""
+    """Return the parts that can block a line of SIGHT_M from a point."""
     return _only(blocked, eye[None, :], SIGHT_M + float(blocked.radii.max(initial=0.0)))

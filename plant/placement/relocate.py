@@ -1,4 +1,4 @@
-"""The same world from another start to another goal, at another time; refused where none can be."""
+"""Derive a world with another start, goal or start time."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,12 +13,14 @@ from plant.model.types import GoalPose, Obstacle, Point, Start, World
 from runtime.errors import UserError
 
 PRESSED_M: Final = 0.005
-"""A robot that stands against something may seem to be in it by this much."""
+"""Apparent penetration tolerated for a robot in contact with an obstacle."""
 
 
 def elsewhere(world: World, start: Start | None, goal: GoalPose | None, at_s: float) -> World:
-    """None: as the world has it. A goal may lie in an obstacle, as an operator's may; raises
-    UserError for a start that is not free at that time, and for what is outside or not finite.
+    """Return the world with the changes; None: unchanged.
+
+    The goal may lie in an obstacle. Raises UserError for a start that is not free at that time, and
+    for a place that is outside the world or not finite.
     """
     if start is not None:
         _refuse_outside(world, "start", (start.x_m, start.y_m), start.heading_rad)
@@ -41,7 +43,7 @@ def _refuse_outside(world: World, what: str, place: Point, heading_rad: float) -
 
 
 def _refuse_taken(world: World, start: Start, at_s: float) -> None:
-    """The robot's disc must be clear of everything, wherever that is by then."""
+    """Raise UserError unless the robot's disc is clear of all obstacles at that time."""
     place, radius_m = (start.x_m, start.y_m), body_of(world).radius_m
     for name, gap_m in _gaps(world, place, at_s):
         if gap_m < radius_m - PRESSED_M:
@@ -52,7 +54,7 @@ def _refuse_taken(world: World, start: Start, at_s: float) -> None:
 
 
 def _gaps(world: World, place: Point, at_s: float) -> Iterator[tuple[str, float]]:
-    """From a place to the surface of each thing there is."""
+    """Yield the distances from a place to the surface of each object."""
     for number, obstacle in enumerate(world.obstacles, start=1):
         yield f"obstacle#{number}", clearance_m(place, _at(obstacle, at_s))
     if world.walls:
@@ -62,7 +64,7 @@ def _gaps(world: World, place: Point, at_s: float) -> Iterator[tuple[str, float]
 
 
 def _at(obstacle: Obstacle, at_s: float) -> Obstacle:
-    """The obstacle where it is at that time."""
+    """Return an obstacle at its position at that time."""
     if not moves(obstacle):
         return obstacle
     x_m, y_m = Mover(obstacle).position_m(at_s)

@@ -1,8 +1,8 @@
-"""The shortest way from start to goal for the robot's disc, past everything that stands still.
+"""Shortest path of the robot's disc from start to goal, around everything static.
 
-A visibility graph: every corner and disc, grown by the robot's radius, carries a ring of points
-just outside, and A* runs over the straight lines between them that touch nothing. The length is
-exact but for the rings, which make an arc at most 0.6 % too long.
+Visibility graph: every corner and disc, grown by the robot's radius, has a ring of points just
+outside it. A* searches the free straight lines between them. The length is exact except for the
+rings, which make an arc at most 0.6 % too long.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ TOUCHING_M: Final = 1e-6
 
 
 class Blocked(NamedTuple):
-    """What the robot's centre must keep out of: discs, and segments between disc centres."""
+    """The area that the robot's centre must avoid: discs, and segments between disc centres."""
 
     centres: Array  # (discs, 2)
     radii: Array  # (discs,)
@@ -36,25 +36,26 @@ class Blocked(NamedTuple):
 
 
 def shortest_path_m(world: World) -> float | None:
-    """The length of the shortest way in metres; None when there is none."""
+    """Return the length of the shortest path in metres; None if there is none."""
     return path_length_m(shortest_path(world))
 
 
 def known_length_m(world: World) -> float | None:
-    """What the world says its shortest way is, computed where it does not say."""
+    """Return the length given by the world, else the computed one."""
     if world.reachable is False or world.shortest_path_m is not None:
         return world.shortest_path_m
     return shortest_path_m(world)
 
 
 def path_length_m(path: list[Point] | None) -> float | None:
+    """Return the length of a path in metres."""
     if path is None:
         return None
     return sum(dist(a, b) for a, b in pairwise(path))
 
 
 def shortest_path(world: World) -> list[Point] | None:
-    """The corners of the shortest way, start and goal included; None when there is none."""
+    """Return the corners of the shortest path with start and goal; None if there is none."""
     radius_m = body_of(world).radius_m
     blocked = blocked_by(world, radius_m)
     start, goal = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
@@ -63,7 +64,7 @@ def shortest_path(world: World) -> list[Point] | None:
 
 
 def blocked_by(world: World, radius_m: float) -> Blocked:
-    """Everything that stands still, grown by the robot's radius."""
+    """Return everything static, grown by the robot's radius."""
     discs: dict[tuple[Point, float], None] = {}
     segments: list[tuple[Point, Point]] = []
     for obstacle in world.obstacles:
@@ -84,13 +85,13 @@ def blocked_by(world: World, radius_m: float) -> Blocked:
 
 
 def _ring_points(world: World, blocked: Blocked, radius_m: float) -> Array:
-    """Points around every disc on which the robot's centre may be."""
+    """Return the points around all discs at which the robot's centre may be."""
     points = rings(world, blocked, radius_m)
     return points[_free(points, world, radius_m)]
 
 
 def rings(world: World, blocked: Blocked, radius_m: float) -> Array:
-    """Points just outside every disc that are on the floor, whatever else is there."""
+    """Return the points just outside every disc that are on the floor, free or not."""
     angles = (np.arange(RING_POINTS) + 0.5) * (2 * pi / RING_POINTS)
     ring = np.stack([np.cos(angles), np.sin(angles)], axis=1) / cos(pi / RING_POINTS)
     points = blocked.centres[:, None, :] + blocked.radii[:, None, None] * ring
@@ -126,10 +127,10 @@ def _from_segment(points: Array, a: Array, b: Array) -> Array:
 
 
 def search(nodes: Array, sees: Sees, sight_m: float = inf) -> list[Point] | None:
-    """A* from the first node to the second, looking no farther than `sight_m` from each.
+    """Search by A* from the first node to the second, with lines of at most `sight_m`.
 
-    `sees` tells which targets a straight line reaches from an eye. The corners of the shortest way,
-    both ends included; None when the second is out of reach.
+    `sees` returns which targets a straight line from an eye reaches. Returns the corners of the
+    shortest path with both ends; None if the second node is unreachable.
     """
     to_goal = np.hypot(*(nodes - nodes[1]).T)
     cost = np.full(len(nodes), np.inf)
@@ -164,7 +165,7 @@ def _way(nodes: Array, came_from: list[int]) -> list[Point]:
 
 
 def visible_from(eye: Array, targets: Array, blocked: Blocked) -> Mask:
-    """Which targets a straight line reaches; eye and targets themselves must be free."""
+    """Return which targets a straight line reaches; eye and targets themselves must be free."""
     way = targets - eye
     length2 = np.maximum((way * way).sum(axis=1), 1e-18)[:, None]
     offset = blocked.centres - eye
@@ -178,7 +179,7 @@ def visible_from(eye: Array, targets: Array, blocked: Blocked) -> Mask:
 
 
 def _crosses(eye: Array, targets: Array, blocked: Blocked) -> Mask:
-    """For each target and segment, whether the line of sight goes through the segment."""
+    """Return, for each target and segment, whether the line of sight crosses the segment."""
     way = targets - eye
     tail, head = blocked.tails - eye, blocked.heads - eye
     along = head - tail

@@ -1,4 +1,4 @@
-"""Where several robots start: side by side, as the world's start and its obstacles allow."""
+"""Start positions of several robots: side by side, as the obstacles allow."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -11,15 +11,15 @@ from plant.model.scene import Pose
 from plant.model.types import World
 
 GAP_M: Final = 0.36
-"""Wider than the avoidance zone (0.30 m), or neighbours would keep each other from their goals."""
+"""Wider than the avoidance zone (0.30 m), so that neighbours do not block each other."""
 ROOM_M: Final = 0.02
 MAX_PLACE: Final = 50
 
 
 def starts(world: World, body: Body, robots: int) -> list[Pose]:
-    """The first robot at the world's start, the others to its left and right in turn.
+    """Return the starts: the first at the world's start, the others alternately left and right.
 
-    Raises ValueError when there are fewer free places than robots.
+    Raises ValueError if there are fewer free places than robots.
     """
     if robots < 1:
         raise ValueError(f"robots: {robots} is less than one")

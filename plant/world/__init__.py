@@ -1,1 +1,1 @@
-"""World files: read, checked, written."""
+"""Reading, checking and writing of world files."""

@@ -1,4 +1,4 @@
-"""Reads the [corpus] table of a world file: what a generator or an importer knew of the world."""
+"""Read the [corpus] table of a world file: facts known to its generator or importer."""
 
 from math import dist, isfinite
 from typing import Final, NamedTuple
@@ -21,7 +21,7 @@ ROUNDED_M: Final = 0.001
 
 
 class Corpus(NamedTuple):
-    """Each is None when the file does not say; there is no shortest path where there is no way."""
+    """Facts about a world; None if unknown. An unreachable goal has no shortest path."""
 
     family: str | None = None
     seed: int | None = None
@@ -33,7 +33,7 @@ UNKNOWN: Final = Corpus()
 
 
 def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
-    """What the table says; problems are reported."""
+    """Return the contents of the table, and report its problems."""
     table = Table(raw, at, EXAMPLES, report)
     family = _family(table) if "family" in table else None
     seed = table.whole_number("seed", SEED) if "seed" in table else None
@@ -41,7 +41,7 @@ def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
     reachable = table.flag("reachable", default=True) if "reachable" in table else None
     if length_m is not None and reachable is False:
         fix = "remove it, or write reachable = true"
-        table.refuse("shortest_path_m", "there is none to a goal that is not reachable", fix)
+        table.refuse("shortest_path_m", "an unreachable goal has no shortest path", fix)
     return Corpus(family, seed, length_m, True if length_m is not None else reachable)
 
 
@@ -51,7 +51,7 @@ def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -
     straight_m = dist((start.x_m, start.y_m), (goal.x_m, goal.y_m))
     if length_m is not None and isfinite(length_m) and length_m < straight_m - ROUNDED_M:
         reason = f"{length_m:g} m is shorter than the straight line of {straight_m:.3f} m"
-        fix = "remove it, and it is computed when it is needed"
+        fix = "remove it; it is then computed when needed"
         report.add(("corpus", "shortest_path_m"), reason, fix)
 
 

@@ -1,6 +1,6 @@
-"""A world file is read here: TOML in metres and degrees in, a checked `World` out.
+"""Load a world file: TOML in metres and degrees, checked and converted to a `World`.
 
-What `worlds show --json` prints is taken as well, from a file or, as "-", from standard input.
+The output of `worlds show --json` is accepted, too, from a file or, as "-", from standard input.
 """
 
 import re
@@ -57,17 +57,17 @@ KEY_ON_LINE: Final = re.compile(r"\s*\[{0,2}\s*([\w.\"' -]+?)\s*(?:=|\]|$)")
 
 
 def shipped() -> list[str]:
-    """The names of the worlds that come with the program."""
+    """Return the names of the shipped worlds."""
     return sorted((path.stem for path in SHIPPED_DIR.glob("*.toml")), key=_by_number)
 
 
 def _by_number(name: str) -> list[str]:
-    """Sorts fig5 before fig11."""
+    """Return a sort key that puts fig5 before fig11."""
     return [part.zfill(6) if part.isdigit() else part for part in re.split(r"(\d+)", name)]
 
 
 def load(path_or_name: str | Path) -> World:
-    """The world of a file, or the shipped one of that name; raises WorldError and nothing else."""
+    """Return the world of a file, or the shipped world of that name; raise only WorldError."""
     text = str(path_or_name)
     if text == STANDARD_INPUT:
         return loads(_decoded(sys.stdin.buffer.read(MAX_BYTES + 1), text), text)
@@ -81,7 +81,7 @@ def load(path_or_name: str | Path) -> World:
 
 
 def loads(text: str, file: str = "world") -> World:
-    """The world a text describes; `file` is what its errors call it. Raises WorldError."""
+    """Return the world that a text describes; `file` is its name in errors. Raises WorldError."""
     if is_json(text):
         return from_json(text, file)
     try:
@@ -136,7 +136,7 @@ def _decoded(data: bytes, file: str) -> str:
 
 
 def _invalid_toml(error: ValueError, text: str, file: str) -> Problem:
-    """What the TOML parser says, with its line and the key on that line."""
+    """Return the problem found by the TOML parser, with its line and the key on that line."""
     match = PARSER_PLACE.fullmatch(str(error))
     reason = match[1] if match else str(error)
     lines = text.split("\n")

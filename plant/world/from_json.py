@@ -1,4 +1,4 @@
-"""A world from its JSON: what `worlds show --json` and the plant tell is a world again."""
+"""Read a world from the JSON of `worlds show --json` and of the plant."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -10,19 +10,19 @@ from runtime.json_reader import value_in
 from runtime.toml_lines import Key
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
-"""The file names one of them, the JSON has the list."""
+"""Keys of lists in the JSON, with their singular names in the file."""
 
 ADDED: Final = ("shortest_path_m", "starts", "goals")
-"""What is no part of a world, but found from it."""
+"""Keys that are computed from a world and ignored when reading."""
 
 
 def is_json(text: str) -> bool:
-    """Nothing of TOML opens with a brace."""
+    """Return whether a text is JSON: TOML cannot begin with a brace."""
     return text.lstrip().startswith("{")
 
 
 def from_json(text: str, file: str) -> World:
-    """Raises WorldError, as for a world file."""
+    """Return the world; raise WorldError, as for a world file."""
     try:
         facts: dict[str, Any] = value_in(text)
     except ValueError as error:
@@ -42,7 +42,7 @@ def from_json(text: str, file: str) -> World:
 
 
 def _tables(facts: dict[str, Any]) -> dict[str, Any]:
-    """As the tables of its file: a heading of null is one that the file leaves out."""
+    """Return the tables of the equivalent world file; a heading of null is omitted."""
     tables = {IN_THE_FILE.get(key, key): value for key, value in facts.items() if key not in ADDED}
     goal = tables.get("goal")
     if isinstance(goal, dict) and goal.get("heading_deg", 0.0) is None:
@@ -51,7 +51,7 @@ def _tables(facts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _nulls(value: object, at: Key) -> Iterator[Key]:
-    """Where there is nothing: a world file cannot say that."""
+    """Yield the keys with null, which a world file cannot express."""
     if value is None:
         yield at
     elif isinstance(value, dict):

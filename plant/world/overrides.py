@@ -1,4 +1,4 @@
-"""Checks what a world file overrides of robot, noise and faults against the classes they fill."""
+"""Check the overrides of robot, noise and faults in a world file against their classes."""
 
 from collections.abc import Callable, Mapping, Set
 from dataclasses import MISSING, Field, fields, replace
@@ -18,11 +18,15 @@ ANY_NUMBER: Final = Limits(-HUGE, HUGE)
 
 
 def read_robot(raw: object, at: Key, report: Report) -> Settings:
+    """Return the overrides of the robot, and report their problems."""
     return _read(raw, at, report, Body, lambda settings: Body(**_fields(settings)))
 
 
 def read_noise(raw: object, at: Key, report: Report) -> Settings:
+    """Return the overrides of the noise, and report their problems."""
+
     def build(settings: Settings) -> Noise:
+        """Build the noise to check its values."""
         values = _fields(settings)
         level = values.pop("level", USUAL_LEVEL)
         if level not in LEVELS:
@@ -33,6 +37,7 @@ def read_noise(raw: object, at: Key, report: Report) -> Settings:
 
 
 def read_fault(raw: object, at: Key, report: Report) -> Settings:
+    """Return the fields of a fault, and report their problems."""
     return _read(raw, at, report, Fault, lambda settings: Fault(**_fields(settings)))
 
 
@@ -44,7 +49,7 @@ def _read(
     build: Callable[[Settings], object],
     more: Mapping[str, str] | None = None,
 ) -> Settings:
-    """What the table sets, by field name and in the field's unit; problems are reported."""
+    """Return the table's settings by field name and in the field's unit; report problems."""
     known = {_file_key(field.name): field for field in fields(kind)}
     examples = {**(more or {}), **{key: _example(field) for key, field in known.items()}}
     table = Table(raw, at, examples, report)
@@ -60,7 +65,7 @@ def _read(
 
 
 def _file_key(name: str) -> str:
-    """The key in the file, which is written in degrees."""
+    """Return the key in the file, where angles are in degrees."""
     return name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name
 
 
@@ -86,7 +91,7 @@ def _value(table: Table, key: str, field: "Field[Any] | None") -> Setting:
 def _try(
     table: Table, settings: Settings, needed: Set[str], build: Callable[[Settings], object]
 ) -> None:
-    """Build it; whatever the class refuses is reported and dropped until it is content."""
+    """Build the object; report and drop refused settings until it succeeds."""
     left = dict(settings)
     while True:
         try:

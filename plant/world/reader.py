@@ -1,4 +1,4 @@
-"""Reads the tables of a world file into a `World`: structure here, geometry in its own modules."""
+"""Convert the tables of a world file to a `World`; checks of geometry are in other modules."""
 
 from math import isfinite, radians
 from typing import Final
@@ -35,7 +35,7 @@ MAX_OBSTACLES: Final = 4000
 
 
 def read_world(raw: object, report: Report) -> World | None:
-    """The world, or None after its problems were reported."""
+    """Return the world, or None after reporting its problems."""
     table = Table(raw, (), EXAMPLES, report)
     name, size_m = _name(table), table.pair("size_m", SIZE)
     walls = table.flag("walls", default=True)
@@ -108,7 +108,7 @@ def _goal(table: Table, report: Report) -> GoalPose | None:
 
 
 def _items(table: Table, key: str, report: Report) -> list[tuple[object, Key]]:
-    """The tables of a list such as [[obstacle]], each with its key."""
+    """Return the tables of a list such as [[obstacle]], each with its key."""
     raw = table.raw.get(key, [])
     if not isinstance(raw, list):
         reason = f"expected [[{key}]] tables, found {type_name(raw)}"
@@ -121,7 +121,7 @@ def _items(table: Table, key: str, report: Report) -> list[tuple[object, Key]]:
 
 
 def _radius_m(robot: Settings) -> float:
-    """The robot's radius, or the usual one when what the file says was refused."""
+    """Return the robot's radius, or the default if that of the file was refused."""
     radius_m = robot.get("radius_m", Body().radius_m)
     sound = isinstance(radius_m, float) and isfinite(radius_m) and radius_m > 0.0
     return float(radius_m) if sound else Body().radius_m

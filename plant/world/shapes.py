@@ -1,4 +1,4 @@
-"""Reads one [[obstacle]]: a polygon, a circle that may move, or a wall."""
+"""Read one [[obstacle]]: a polygon, a circle that may move, or a wall."""
 
 from math import dist, hypot
 from typing import Final
@@ -23,7 +23,7 @@ SPEED: Final = Limits(0.0, 2.0, "m/s", above_low=True)
 
 
 def read_obstacle(raw: object, at: Key, report: Report) -> Obstacle | None:
-    """The obstacle, or None after its problems were reported."""
+    """Return the obstacle, or None after reporting its problems."""
     table = Table(raw, at, EXAMPLES, report)
     shapes = [shape for shape in SHAPES if table.asks_for(shape)]
     if len(shapes) != 1:
@@ -82,7 +82,7 @@ def _edge_text(index: int, points: tuple[Point, ...]) -> str:
 
 
 def _repeats(table: Table, key: str, points: tuple[Point, ...], closed: bool) -> bool:
-    """Report the first point that is the same as the one before it."""
+    """Report the first point that equals the one before it; return whether there is one."""
     for index in range(0 if closed else 1, len(points)):
         if dist(points[index], points[index - 1]) <= TOUCHING_M:
             number, before = (index + 1, index) if index else (len(points), 1)

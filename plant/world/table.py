@@ -1,4 +1,4 @@
-"""One table of a world file, read key by key: whatever is wrong is reported and nothing raises."""
+"""Read one table of a world file, key by key; problems are reported and never raised."""
 
 from collections.abc import Mapping
 from math import isfinite, nan
@@ -23,12 +23,15 @@ TYPE_NAMES: Final = {
 
 
 class Limits(NamedTuple):
+    """Range of a number, with its unit."""
+
     low: float
     high: float
     unit: str = ""
     above_low: bool = False
 
     def hold(self, value: float) -> bool:
+        """Return whether a value is within the limits."""
         return self.low < value <= self.high or (value == self.low and not self.above_low)
 
     def __str__(self) -> str:
@@ -41,13 +44,14 @@ COORDINATE: Final = Limits(-MAX_COORDINATE_M, MAX_COORDINATE_M, "m")
 
 
 def type_name(value: object) -> str:
+    """Return the name of a value's TOML type."""
     return TYPE_NAMES.get(type(value), "a date or time")
 
 
 class Table:
-    """The keys of one table; refuses by name every key that is not in `examples`.
+    """The keys of one table; reports every key that is not in `examples`.
 
-    `examples` maps each known key to a value as it could stand in the file, for the fixes.
+    `examples` maps each known key to a sample value of the file, for the proposed fixes.
     """
 
     def __init__(self, raw: object, at: Key, examples: Mapping[str, str], report: Report) -> None:
@@ -73,35 +77,39 @@ class Table:
 
     @property
     def sound(self) -> bool:
-        """Nothing has been reported since this table was opened."""
+        """Return whether no problem has been reported since this table was opened."""
         return len(self._report.problems) == self._before
 
     def __contains__(self, key: str) -> bool:
         return key in self.raw
 
     def asks_for(self, key: str) -> bool:
-        """The key is there, or another was written in its place."""
+        """Return whether the key is present, or another was written instead of it."""
         return key in self.raw or key in self._meant
 
     def refuse(self, key: str, reason: str, fix: str) -> None:
+        """Report a problem of a key."""
         self._report.add((*self._at, key), reason, fix)
 
     def example(self, key: str) -> str:
+        """Return a sample assignment of a key."""
         return f"{key} = {self._examples[key]}"
 
     def required(self, key: str) -> object | None:
+        """Return the value of a key, and report a missing key."""
         if key not in self.raw and key not in self._meant:
             self.refuse(key, "missing", f"add {key} = {self._examples[key]}")
         return self.raw.get(key)
 
     def number(self, key: str, limits: Limits, default: float | None = None) -> float:
-        """The number of that key, or the default; NaN after a problem was reported."""
+        """Return the number of a key, or the default; NaN after a reported problem."""
         if default is not None and key not in self.raw:
             return default
         value = self.required(key)
         return nan if value is None else self._checked((*self._at, key), value, limits)
 
     def whole_number(self, key: str, limits: Limits) -> int:
+        """Return the whole number of a key; 0 after a reported problem."""
         value = self.required(key)
         if isinstance(value, float):
             self._wrong_type(key, "a whole number", value)
@@ -110,6 +118,7 @@ class Table:
         return int(number) if isfinite(number) else 0
 
     def text(self, key: str) -> str:
+        """Return the text of a key; empty after a reported problem."""
         value = self.required(key)
         if value is None:
             return ""
@@ -119,6 +128,7 @@ class Table:
         return value
 
     def flag(self, key: str, default: bool) -> bool:
+        """Return the truth value of a key, or the default."""
         value = self.raw.get(key, default)
         if not isinstance(value, bool):
             self._wrong_type(key, "true or false", value)
@@ -126,11 +136,12 @@ class Table:
         return value
 
     def pair(self, key: str, limits: Limits) -> Point | None:
+        """Return the two numbers of a key; None after a reported problem."""
         value = self.required(key)
         return None if value is None else self._point((*self._at, key), value, limits)
 
     def points(self, key: str, fewest: int) -> tuple[Point, ...]:
-        """The points of that key; () after a problem was reported."""
+        """Return the points of a key; () after a reported problem."""
         value = self.required(key)
         if value is None:
             return ()

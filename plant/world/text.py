@@ -1,4 +1,4 @@
-"""Draws a world as text: walls, obstacles, start, goal and the shortest way between them."""
+"""Draw a world as text: walls, obstacles, start, goal and the shortest path between them."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -25,17 +25,20 @@ class Canvas:
         self._cells = [[FLOOR] * self.columns for _ in range(self.rows)]
 
     def centre(self, column: int, row: int) -> Point:
+        """Return the centre of a cell on the floor."""
         return (column + 0.5) * self.cell_m, (self.rows - row - 0.5) * self.row_m
 
     def put(self, point: Point, mark: str, over: str = FLOOR + SOLID + MOVING + WAY) -> None:
+        """Put a mark at a point, if the present mark is one of `over`."""
         column = min(self.columns - 1, max(0, int(point[0] / self.cell_m)))
         row = self.rows - 1 - min(self.rows - 1, max(0, int(point[1] / self.row_m)))
         if self._cells[row][column] in over:
             self._cells[row][column] = mark
 
     def fill(self, obstacle: Obstacle) -> None:
+        """Mark the cells of an obstacle."""
         moving = isinstance(obstacle, Circle) and bool(obstacle.path_m)
-        # A thin line must not slip through between two rows.
+        # A thin line must not disappear between two rows.
         near_m = (self.row_m if isinstance(obstacle, Polyline) else self.cell_m) / 2.0
         for row in range(self.rows):
             for column in range(self.columns):
@@ -43,11 +46,12 @@ class Canvas:
                     self._cells[row][column] = MOVING if moving else SOLID
 
     def lines(self) -> list[str]:
+        """Return the rows as text."""
         return ["".join(row) for row in self._cells]
 
 
 def draw(world: World, path: Sequence[Point] | None) -> str:
-    """The map with a ruler in metres, and below it what the marks mean."""
+    """Return the map with a ruler in metres and a legend."""
     canvas = Canvas(world.size_m)
     for obstacle in world.obstacles:
         canvas.fill(obstacle)
@@ -68,7 +72,7 @@ def _framed(canvas: Canvas, walls: bool) -> list[str]:
 
 
 def _ruler(world: World) -> str:
-    """Metres along the lower wall."""
+    """Return a scale in metres along the lower wall."""
     step_m = RULER_STEP_M * max(1, ceil(world.size_m[0] / 12.0))
     text = ""
     for index in range(int(world.size_m[0] / step_m) + 1):
@@ -90,12 +94,12 @@ def _legend(world: World, path: Sequence[Point] | None) -> list[str]:
         f"heading {degrees(start.heading_rad):.4g} deg",
         f"  {GOAL}  goal ({goal.x_m:g}, {goal.y_m:g}) +- {goal.position_tolerance_m:g} m, "
         f"{heading}",
-        f"  {SOLID}  {still} standing",
+        f"  {SOLID}  {still} static",
     ]
     if still < len(world.obstacles):
         lines.append(f"  {MOVING}  {len(world.obstacles) - still} moving, where they begin")
     if path is None and world.shortest_path_m is not None:
-        return [*lines, f"     shortest way {world.shortest_path_m:.2f} m, as the file says"]
+        return [*lines, f"     shortest way {world.shortest_path_m:.2f} m, from the file"]
     if path is None:
         return [*lines, "     the goal cannot be reached"]
     length_m = sum(dist(a, b) for a, b in pairwise(path))

@@ -1,4 +1,4 @@
-"""A world as one JSON object: the keys and units of its file, with the shortest path added."""
+"""Convert a world to one JSON object with the keys and units of its file."""
 
 from collections.abc import Iterable
 from math import degrees
@@ -12,7 +12,7 @@ Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | 
 
 
 def as_json(world: World, shortest_path_m: float | None) -> dict[str, Json]:
-    """Headings and other angles are in degrees; a heading of null means any."""
+    """Return the JSON of a world with its shortest path; angles in degrees, heading null: any."""
     start, goal = world.start, world.goal
     return {
         "name": world.name,
@@ -35,7 +35,7 @@ def as_json(world: World, shortest_path_m: float | None) -> dict[str, Json]:
 
 
 def places_json(starts: Iterable[Pose], goals: Iterable[RobotGoal]) -> dict[str, Json]:
-    """Of each robot where it starts and where it goes; `shifted` false: not as its start is."""
+    """Return start and goal of each robot; `shifted`: the goal is shifted as the start is."""
     return {
         "starts": [
             {"x_m": x_m, "y_m": y_m, "heading_deg": _deg(turn_rad)} for x_m, y_m, turn_rad in starts
@@ -45,7 +45,7 @@ def places_json(starts: Iterable[Pose], goals: Iterable[RobotGoal]) -> dict[str,
 
 
 def _deg(angle_rad: float) -> float:
-    """Rounded, so that what was 3 degrees in the file is 3 again."""
+    """Return degrees, rounded so that 3 degrees in the file become 3 again."""
     return round(degrees(angle_rad), 9)
 
 

@@ -1,7 +1,6 @@
-"""Writes a world as the text of a world file; what `plant.world.file` reads of it is that world.
+"""Write a world as the text of a world file, which `plant.world.file` reads as the same world.
 
-Angles are written in degrees: one that no number of degrees makes exactly comes back one unit in
-its last place off.
+Angles are written in degrees. If no decimal number gives exactly the angle, the last bit differs.
 """
 
 import json
@@ -15,7 +14,7 @@ MAX_DECIMALS: Final = 15
 
 
 def dumps(world: World, says: str = "") -> str:
-    """The text of its file; `says` goes into the comment that it opens with."""
+    """Return the text of a world file that begins with a comment."""
     start, goal = world.start, world.goal
     start_table = {"x_m": start.x_m, "y_m": start.y_m, "heading_rad": start.heading_rad}
     goal_table: dict[str, Setting] = {"x_m": goal.x_m, "y_m": goal.y_m}
@@ -36,7 +35,7 @@ def dumps(world: World, says: str = "") -> str:
 
 
 def _tables(world: World) -> list[tuple[str, Settings]]:
-    """What stands below the obstacles, left out where it is empty."""
+    """Return the non-empty tables below the obstacles."""
     corpus = {
         "family": world.family,
         "seed": world.family_seed,
@@ -78,7 +77,7 @@ def _keyed(name: str, value: Setting) -> str:
 
 
 def in_degrees(angle_rad: float) -> float:
-    """The shortest number of degrees that makes exactly this angle, or else the nearest."""
+    """Return the shortest decimal degrees that give exactly this angle, or else the nearest."""
     angle_deg = degrees(angle_rad)
     tries = [round(angle_deg, decimals) for decimals in range(MAX_DECIMALS + 1)]
     below, above = nextafter(angle_deg, -inf), nextafter(angle_deg, inf)

@@ -1,4 +1,4 @@
-"""Which key a person meant who wrote another unit, no unit, or misspelt it."""
+"""Suggest the intended key for one with a wrong unit, without a unit, or misspelt."""
 
 import re
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from math import degrees
 from typing import Final
 
-# Each unit as (quantity, how many of the world file's units it is).
+# Each unit as (quantity, factor to the unit of the world file).
 UNITS: Final = {
     "m": ("metres", 1.0),
     "cm": ("metres", 0.01),
@@ -30,13 +30,13 @@ WITH_UNIT: Final = re.compile("(.+?)_(" + "|".join(UNITS) + ")")
 
 
 def split(key: str) -> tuple[str, str]:
-    """The key without its unit, and the unit ("" for none)."""
+    """Return the key without its unit, and the unit ("" for none)."""
     match = WITH_UNIT.fullmatch(key)
     return (match[1], match[2]) if match else (key, "")
 
 
 def meant(key: str, known: Iterable[str]) -> str | None:
-    """The known key that was probably meant."""
+    """Return the known key that was probably intended."""
     keys = list(known)
     stem = split(key)[0]
     same_stem = [other for other in keys if split(other)[0] == stem]
@@ -51,7 +51,7 @@ def meant(key: str, known: Iterable[str]) -> str | None:
 
 
 def reason_and_fix(key: str, value: object, known: Iterable[str]) -> tuple[str, str]:
-    """Why an unknown key is refused, and what to write for it."""
+    """Return why an unknown key is refused, and what to write instead."""
     keys = list(known)
     wanted = meant(key, keys)
     if wanted is None:
@@ -65,7 +65,7 @@ def reason_and_fix(key: str, value: object, known: Iterable[str]) -> tuple[str, 
 
 
 def _converted(value: object, unit: str, wanted_unit: str) -> str:
-    """` = 6.0` when the value can be converted, else nothing."""
+    """Return ` = 6.0` if the value can be converted, else nothing."""
     quantity, factor = UNITS.get(unit, ("", 0.0))
     if quantity != UNITS.get(wanted_unit, ("?", 0.0))[0]:
         return ""

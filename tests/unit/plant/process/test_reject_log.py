@@ -1,25 +1,25 @@
-"""Noise is told, and does not become noise itself."""
+"""The plant's log of rejected frames is limited during a flood."""
 
-from plant.process.run import RejectLog as Unreadable
+from plant.process.run import RejectLog
 
 
-def test_the_first_is_told_at_once_and_a_flood_in_few_lines() -> None:
+def test_first_reject_is_logged_at_once_and_a_flood_briefly() -> None:
     counts: dict[str, int] = {}
-    told: list[str] = []
-    unreadable = Unreadable(lambda: counts, told.append)
-    unreadable.look()
-    assert told == []
+    lines: list[str] = []
+    log = RejectLog(lambda: counts, lines.append)
+    log.look()
+    assert lines == []
     for count in range(1, 1001):
         counts["drive/wheels"] = count
-        unreadable.look()
-    assert told[0].startswith("plant: 1 rejected on drive/wheels")
-    assert 5 < len(told) < 12
+        log.look()
+    assert lines[0].startswith("plant: 1 rejected on drive/wheels")
+    assert 5 < len(lines) < 12
 
 
-def test_each_path_is_told_by_itself() -> None:
-    told: list[str] = []
-    Unreadable(lambda: {"drive/wheels": 3, "sim/run": 1, "sim/world": 0}, told.append).look()
-    assert [line.split()[1:7] for line in told] == [
-        ["3", "unreadable", "or", "refused", "on", "drive/wheels:"],
-        ["1", "unreadable", "or", "refused", "on", "sim/run:"],
+def test_each_path_is_logged_separately() -> None:
+    lines: list[str] = []
+    RejectLog(lambda: {"drive/wheels": 3, "sim/run": 1, "sim/world": 0}, lines.append).look()
+    assert [line.split(": ")[1] for line in lines] == [
+        "3 rejected on drive/wheels",
+        "1 rejected on sim/run",
     ]
