@@ -94,7 +94,7 @@ def test_no_name_of_a_world_leads_out_of_the_directory(
     out = tmp_path / "out"
     world = replace(load("box"), name=name)
     assert write([(world, "")], out) == 2
-    assert f"{out}: name: {name!r} is no name" in capsys.readouterr().err
+    assert f"{out}: name: {name!r} is not a valid name" in capsys.readouterr().err
     assert list(tmp_path.rglob("*")) == []
 
 

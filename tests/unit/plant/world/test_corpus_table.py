@@ -76,7 +76,7 @@ def test_a_path_to_a_goal_that_is_not_reachable_is_refused() -> None:
     text = more("[corpus]\nshortest_path_m = 5.0\nreachable = false\n")
     (problem,) = refusal(text).problems
     assert (problem.line, problem.key) == (21, "corpus.shortest_path_m")
-    assert "not reachable" in problem.reason
+    assert "unreachable goal" in problem.reason
 
 
 def test_a_table_that_is_none_is_told() -> None:
