@@ -94,8 +94,8 @@ def test_what_is_missing_is_named(drive: tuple[Recording, Outcome], tmp_path: Pa
     run = drive[0]
     for lacking, world, said in (
         (run, False, "the world is unknown"),
-        (run.without(STATUS), True, "nothing is heard"),
-        (run.without(TRUTH, ODOMETRY), True, "nothing is heard"),
+        (run.without(STATUS), True, "the robot sends no data"),
+        (run.without(TRUTH, ODOMETRY), True, "the robot sends no data"),
     ):
         with pytest.raises(UserError, match=said):
             haunting_of(Show(lacking, tmp_path, 6.0, world)).begin("bug")
