@@ -133,8 +133,12 @@ class Soak:
         """Return whether the time is up, and the fleet recovered or had the time to recover."""
         if self._now_s() < self._seconds:
             return False
+        return not self._is_recovering()
+
+    def _is_recovering(self) -> bool:
+        """Return whether robots are still silent after a fault and have time left to recover."""
         since_ns = self._waits_ns
-        return since_ns is None or self._clock.now_ns() - since_ns > HEALED_S * NS_PER_S
+        return since_ns is not None and self._clock.now_ns() - since_ns <= HEALED_S * NS_PER_S
 
     def _now_s(self) -> float:
         return (self._clock.now_ns() - self._began_ns) / NS_PER_S
@@ -155,7 +159,7 @@ class Soak:
             self._fleet.undo(fault)
             self._begun, self._waits_ns = None, self._clock.now_ns()
             self._course.done.append((fault.name, begun_s, now_s))
-        elif self._next is not None and now_s >= self._next[0]:
+        elif self._next and now_s >= self._next[0] and not self._is_recovering():
             self._begun = self._next[1], now_s
             self._fleet.do(self._next[1])
             self._next = next(self._plan, None)
