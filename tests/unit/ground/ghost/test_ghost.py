@@ -184,7 +184,7 @@ def test_a_death_is_told_with_how_it_died() -> None:
 def test_one_that_cannot_be_started_says_so() -> None:
     ghost = ghost_in("box", command_of=lambda words, parent: ["/nowhere/at/all"])
     assert ended(ghost) == PredictedPath(
-        [], FAILED, "it cannot be started: No such file or directory"
+        [], FAILED, "the process cannot be started: No such file or directory"
     )
 
 
