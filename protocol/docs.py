@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Final
 
 from protocol import topics
-from protocol.bus.tls import permissions
-from protocol.bus.tls.access import grants
+from protocol.bus.tls import permissions_page
+from protocol.bus.tls.role_grants import grants
 from protocol.topics import Service, Topic
 from protocol.wire.layout import LAYOUT, class_name
 from protocol.wire.message import Message
@@ -63,7 +63,7 @@ def page(
         *section("Services", "Every query is answered; a refusal contains its reason."),
         *table(service_head, map(service_row, services)),
         *section("Permissions", ACCESS),
-        *table(permissions.head(), permissions.rows()),
+        *table(permissions_page.head(), permissions_page.rows()),
         "",
         *ACCESS_KEYS.splitlines(),
         "",

@@ -20,13 +20,13 @@ from ground.app.background import BackgroundJobs
 from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
-from ground.app.input.bindings import bindings_of
-from ground.app.input.key_table import KeyBinding, Layer
+from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import Keymap
+from ground.app.input.textual_bindings import bindings_of
 from ground.app.panels.status import SessionInfo
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
-from ground.app.themes import THEMES
+from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.operations import Operation
 from ground.client.results import Outcome

@@ -11,8 +11,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
 from ground.certificates.folder import CA
-from protocol.bus.tls.access import grant_of
 from protocol.bus.tls.certificate import OPEN_TO_OTHERS
+from protocol.bus.tls.role_grants import grant_of
 from runtime.errors import UserError
 
 SOON: Final = timedelta(days=30)

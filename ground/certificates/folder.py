@@ -10,7 +10,7 @@ from typing import Final
 from ground.certificates.authority import Authority, Pair, hosts_in
 from ground.client.connection import Config
 from protocol.bus.network import Network
-from protocol.bus.tls.access import OPERATOR, RECORDER, VIEWER
+from protocol.bus.tls.role_grants import OPERATOR, RECORDER, VIEWER
 from runtime.atomic_file import replace
 from runtime.config import load_shared
 from runtime.errors import UserError

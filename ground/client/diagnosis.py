@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
-from protocol.bus.tls.access import ALL, denial, grant_of
 from protocol.bus.tls.certificate import CertificateStatus
+from protocol.bus.tls.role_grants import ALL, denial, grant_of
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus

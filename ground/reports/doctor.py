@@ -13,8 +13,8 @@ from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
 from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
-from protocol.bus.tls.access import denial
 from protocol.bus.tls.certificate import own_certificate
+from protocol.bus.tls.role_grants import denial
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts

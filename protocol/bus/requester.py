@@ -9,7 +9,7 @@ from protocol.bus.mailbox import foreign
 from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
 from protocol.bus.robot_clock import RobotClocks, time_bytes
-from protocol.bus.tls.access import unanswered
+from protocol.bus.tls.role_grants import unanswered
 from protocol.sender import sender_of
 from protocol.topics import CLOCK_SERVICE, ENCODING, ENCODING_FAMILY, Role, Service
 from protocol.wire.codec import Encoder, decode

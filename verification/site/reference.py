@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, Final
 from unittest.mock import patch
 
-from ground.app.input.key_table import KEYS, Layer
+from ground.app.input.default_keys import KEYS, Layer
 from ground.cli import main as operator
 from ground.client.results import answer_row
 from ground.missions.mission import Circle, Home, Waypoint

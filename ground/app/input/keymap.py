@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from ground.app.input.key_table import KEYS, KeyBinding, Layer
+from ground.app.input.default_keys import KEYS, KeyBinding, Layer
 from runtime.config import read_toml, unknown_key
 from runtime.errors import ConfigError
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from ground.app.input.key_table import KeyBinding
+from ground.app.input.default_keys import KeyBinding
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow

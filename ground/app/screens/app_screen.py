@@ -9,7 +9,7 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.input.key_table import KeyBinding, Layer
+from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import shown
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.input.map_cursor import MapCursor
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows

@@ -7,7 +7,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 
-from ground.app.input.key_table import KeyBinding
+from ground.app.input.default_keys import KeyBinding
 from ground.app.input.keymap import shown
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, row

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.list_view import ListView

@@ -7,7 +7,7 @@ from typing import ClassVar, Final
 from textual.app import ComposeResult
 
 from ground.app.filtered_log import FilteredLog
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen

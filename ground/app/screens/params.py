@@ -5,7 +5,7 @@ from functools import partial
 from math import isclose
 from typing import Final
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action

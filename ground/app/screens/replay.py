@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from textual.app import ComposeResult
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
 from ground.app.screens.app_screen import Action

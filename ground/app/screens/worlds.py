@@ -9,7 +9,7 @@ from typing import Any, Final
 from textual.app import ComposeResult
 from textual.containers import Horizontal
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action

@@ -9,7 +9,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from ground.app.widgets.paint import styles_of
+from ground.app.widgets.role_colours import styles_of
 from ground.app.widgets.rows import Row, in_ascii
 
 

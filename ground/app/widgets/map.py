@@ -11,7 +11,7 @@ from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
-from ground.app.widgets.paint import styles_of
+from ground.app.widgets.role_colours import styles_of
 from ground.map import LAYERS, ROLES, Canvas, MapScene, View, draw_moving, draw_static, static_parts
 from ground.map.view import Point
 

@@ -16,7 +16,7 @@ ASCII: Final = str.maketrans(
 
 
 class Span(NamedTuple):
-    """A text in one role; roles are the names of colours in `ground.app.widgets.paint`."""
+    """A text in one role; roles are the names of colours in `ground.app.widgets.role_colours`."""
 
     text: str
     role: str = "text"

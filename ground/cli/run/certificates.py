@@ -11,7 +11,7 @@ from typing import Final
 from ground.grammar.words import add_json
 from ground.text.output import Output
 from protocol.bus.network import check_operators
-from protocol.bus.tls.access import ROBOT, ROUTER
+from protocol.bus.tls.role_grants import ROBOT, ROUTER
 from protocol.options import whole
 from protocol.topics import robot_name
 from runtime.errors import UserError

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from protocol.bus.network import Tls
-from protocol.bus.tls.access import role_mismatch
+from protocol.bus.tls.role_grants import role_mismatch
 from protocol.topics import Role
 from runtime.errors import BadKeys
 

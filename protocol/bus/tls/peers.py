@@ -8,7 +8,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.network import Network
-from protocol.bus.tls.access import impostor
+from protocol.bus.tls.role_grants import impostor
 from runtime.errors import NotLetIn
 
 QUIET_S: Final = 10.0

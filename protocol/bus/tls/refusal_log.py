@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from protocol.bus.tls.access import grant_of
+from protocol.bus.tls.role_grants import grant_of
 
 QUIET_NS: Final = 60_000_000_000
 """Period after which a sentence is repeated, with a count. Budgets apply to this period."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final, TypeAlias
 
 from protocol.bus.network import Network
-from protocol.bus.tls.access import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
+from protocol.bus.tls.role_grants import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
 
 Rule: TypeAlias = dict[str, object]
 Table: TypeAlias = Mapping[tuple[str, ...], tuple[str, ...]]

@@ -7,7 +7,7 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.tls.access import operator_name
+from protocol.bus.tls.role_grants import operator_name
 from protocol.topics import (
     COMMAND,
     DRIVE,

@@ -3,7 +3,7 @@
 import pytest
 from textual.command import CommandList
 
-from ground.app.input.key_table import KEYS, Layer
+from ground.app.input.default_keys import KEYS, Layer
 from ground.app.input.keymap import Keymap, keymap_of
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen

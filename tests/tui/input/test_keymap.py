@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.input.bindings import bindings_of
-from ground.app.input.key_table import KEYS, Layer
+from ground.app.input.default_keys import KEYS, Layer
 from ground.app.input.keymap import Keymap, as_toml, clashes, keymap_of, load
+from ground.app.input.textual_bindings import bindings_of
 from runtime.errors import ConfigError
 
 

@@ -4,7 +4,7 @@ from math import inf, nan
 
 import pytest
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.input.keymap import Keymap
 from ground.app.panels.mission import mission_rows
 from ground.app.panels.side import side_rows, whole

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.input.key_table import KEYS
+from ground.app.input.default_keys import KEYS
 from protocol.wire.reasons import REASON_TEXTS
 from robot.parameters.table import SPECS
 from runtime.cli.verb_table import VERBS

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import zenoh
 
 from protocol.bus.network import Network
-from protocol.bus.tls.access import (
+from protocol.bus.tls.role_grants import (
     GROUND,
     OPERATOR,
     PLANT,

@@ -1,4 +1,4 @@
-"""Define the five themes for Textual; colours by role are in `ground.app.widgets.paint`."""
+"""Define the five themes for Textual; colours by role are in `ground.app.widgets.role_colours`."""
 
 from typing import Final
 

@@ -6,7 +6,7 @@ import pytest
 import zenoh
 
 from protocol.bus.network import Network
-from protocol.bus.tls.access import (
+from protocol.bus.tls.role_grants import (
     denial,
     grant_of,
     grants,

@@ -9,7 +9,7 @@ from typing import Final
 
 from textual.binding import Binding, BindingsMap
 
-from ground.app.input.key_table import Layer
+from ground.app.input.default_keys import Layer
 from ground.app.input.keymap import Keymap
 
 NAMES: Final = {",": ("comma",), "ctrl+space": ("ctrl+space", "ctrl+@")}

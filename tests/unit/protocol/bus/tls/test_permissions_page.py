@@ -2,8 +2,8 @@
 
 import pytest
 
-from protocol.bus.tls import permissions
-from protocol.bus.tls.permissions import COLUMNS, rows
+from protocol.bus.tls import permissions_page
+from protocol.bus.tls.permissions_page import COLUMNS, rows
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
 ROUTER = {"`router`"}
@@ -14,7 +14,7 @@ def able(says: str) -> set[str]:
     """What the table calls the certificates that can do this; on an open bus everybody can."""
     (row,) = [row for row in rows() if row[0].startswith(says)]
     assert row[1] == "yes"
-    cells = zip(permissions.head()[2:], row[2:], strict=True)
+    cells = zip(permissions_page.head()[2:], row[2:], strict=True)
     return {name for name, cell in cells if cell == "yes"}
 
 
