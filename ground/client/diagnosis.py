@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
 from protocol.bus.tls.certificate import CertificateStatus
+from protocol.bus.tls.certificate_advice import MAKE_NEW
 from protocol.bus.tls.role_grants import ALL, denial, grant_of
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
@@ -111,7 +112,9 @@ def certificate(seen: Observed) -> Iterator[Finding]:
     if why := denial(own.name, seen.robot, COMMAND):
         subscribes = grant is not None and grant.subscribes == ALL
         yield Finding(why, "use --config DIR/ground.toml to command", bad=not subscribes)
-    if own.until_s is not None and own.until_s - seen.clock_s < EXPIRY_WARNING_S:
+    if own.trouble:
+        yield Finding(own.trouble, MAKE_NEW, bad=True)
+    elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRY_WARNING_S:
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
         yield Finding(what, "run `sidestep keys new` again", bad=False)

@@ -24,7 +24,7 @@ from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, payload_bytes
 from protocol.bus.session import bound_endpoints, loss_text, open_session, probed
 from protocol.bus.tls.certificate import holder
-from protocol.bus.tls.config import peer_refusal
+from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.peers import DialledPeers, callers
 from protocol.bus.tls.role_grants import may_fetch, operator_name
 from protocol.sender import sender_of

@@ -13,7 +13,8 @@ import zenoh
 
 from protocol.bus.congestion import congestion
 from protocol.bus.network import Hub, Network
-from protocol.bus.tls.config import peer_refusal, tls_settings
+from protocol.bus.tls.certificate_advice import peer_refusal
+from protocol.bus.tls.config import tls_settings
 from runtime.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}

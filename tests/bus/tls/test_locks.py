@@ -10,8 +10,8 @@ import pytest
 from ground.cli.main import main
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Hub, Network, Tls
-from protocol.bus.tls import config as locks
-from protocol.bus.tls.config import NO_TLS
+from protocol.bus.tls import certificate_advice
+from protocol.bus.tls.certificate_advice import NO_TLS
 from protocol.topics import Role
 from runtime.errors import BadKeys, NotLetIn, PeerHangs, UserError
 from tests.support.keyring import Keyring
@@ -92,7 +92,7 @@ def test_a_lock_against_plain_tcp_is_told(
         raise comes_of_it
 
     if comes_of_it is not None:
-        monkeypatch.setattr(locks, "handshake", knock)
+        monkeypatch.setattr(certificate_advice, "handshake", knock)
     with open_bus(door(None), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tcp/", "tls/")
         with pytest.raises(NotLetIn, match="uses plain TCP, and this one accepts only TLS"):

@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
-from ground.client.diagnosis import Observed, Stream, examine, lines
+from ground.client.diagnosis import DAY_S, Observed, Stream, examine, lines
 from ground.client.presence import PresentProcesses, explain_silence
+from protocol.bus.tls.certificate import CertificateStatus
+from protocol.bus.tls.certificate_advice import MAKE_NEW
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -176,3 +178,19 @@ def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, w
     assert words in explain_silence(
         PresentProcesses(frozenset(there)), "r1", "tcp/h:1", is_beating=is_beating
     )
+
+
+def test_expired_certificate_is_reported_with_its_remedy() -> None:
+    own = CertificateStatus("ground", 1.0, "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT")
+    report = examine(replace(seen(), certified=own))
+    assert not report.healthy
+    assert [(found.what, found.do) for found in report.findings] == [(own.trouble, MAKE_NEW)]
+
+
+def test_certificate_that_expires_soon_is_mentioned() -> None:
+    own = CertificateStatus("ground", 3.2 * DAY_S)
+    report = examine(replace(seen(), certified=own, clock_s=0.2 * DAY_S))
+    assert report.healthy
+    assert [found.what for found in report.findings] == [
+        "the certificate of ground expires in 3 days"
+    ]

@@ -1,0 +1,146 @@
+"""Find out why a peer and this process reject each other, and name the remedy."""
+
+import json
+import socket
+import ssl
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import zenoh
+
+from protocol.bus.network import LOCKED, Network, Tls
+from protocol.bus.tls.certificate import CertificateStatus, context, own_certificate
+from runtime.errors import NotLetIn
+
+HANDSHAKE_S: Final = 1.5
+MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
+EXPIRED_THERE: Final = (9, 10)
+WRONG_NAME: Final = (62, 64)
+"""OpenSSL's verify codes: times; host name, address."""
+NO_TLS: Final = (TimeoutError, ssl.SSLEOFError, ConnectionResetError)
+"""Errors of a TLS greeting to a process without TLS. Zenoh in plain TCP waits for the rest of a
+short greeting, and closes the connection on a long one, as OpenSSL 3.5 sends it."""
+PLAIN: Final = "tcp/"
+PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
+    {
+        "mode": "client",
+        "connect/timeout_ms": round(HANDSHAKE_S * 1000),
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
+    }
+)
+
+
+def peer_refusal(network: Network) -> NotLetIn | None:
+    """Return why the dialled processes refuse this one; None if they do not."""
+    whys = (why for endpoint in network.connect if (why := refusal_at(endpoint, network.tls)))
+    return next(whys, None)
+
+
+def refusal_at(endpoint: str, tls: Tls | None) -> NotLetIn | None:
+    """Return why a process refuses this one, found by a handshake without Zenoh.
+
+    Zenoh does not report the cause of a failed handshake.
+    """
+    protocol, _, address = endpoint.partition("/")
+    host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    place = (host.strip("[]"), int(port) if port.isdecimal() else 0)
+    if tls is None:
+        return peer_wants_tls(endpoint, place) if f"{protocol}/" == PLAIN else None
+    try:
+        handshake(place, context(ssl.PROTOCOL_TLS_CLIENT, tls))
+    except ssl.SSLCertVerificationError as error:
+        return untrusted_peer(endpoint, place[0], tls, error)
+    except NO_TLS:
+        return peer_wants_plain(endpoint, f"{PLAIN}{address}")
+    except ssl.SSLError as error:
+        return refused_by_peer(endpoint, tls, error)
+    except OSError:
+        return None
+    return None
+
+
+def handshake(place: tuple[str, int], client: ssl.SSLContext) -> None:
+    """Do a TLS handshake and wait for a late alert: TLS 1.3 rejects a certificate after it."""
+    with (
+        socket.create_connection(place, timeout=HANDSHAKE_S) as plain,
+        client.wrap_socket(plain, server_hostname=place[0]) as connection,
+    ):
+        try:
+            connection.recv(1)
+        except TimeoutError:
+            return
+
+
+def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> NotLetIn | None:
+    """Return an error if a process that we dial in plain TCP answers a TLS greeting."""
+    greeting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    greeting.check_hostname, greeting.verify_mode = False, ssl.CERT_NONE
+    try:
+        handshake(place, greeting)
+    except ssl.SSLEOFError:
+        return None
+    except ssl.SSLError:
+        pass  # the refusal is a TLS alert, so the peer uses TLS
+    except OSError:
+        return None
+    return NotLetIn(
+        f"the process at {endpoint} accepts only TLS, and this one uses plain TCP",
+        f"use --config DIR/ground.toml of `sidestep keys new DIR`, and {LOCKED}HOST:PORT",
+    )
+
+
+def peer_wants_plain(endpoint: str, plain: str) -> NotLetIn | None:
+    """Return an error if a process that we dial by TLS answers in plain TCP."""
+    config = zenoh.Config()
+    for key, value in {**PLAIN_CONFIG, "connect/endpoints": [plain]}.items():
+        config.insert_json5(key, json.dumps(value))
+    try:
+        with zenoh.open(config):
+            pass
+    except zenoh.ZError:
+        return None
+    return NotLetIn(
+        f"the process at {endpoint} uses plain TCP, and this one accepts only TLS",
+        f"give that process [network.tls], too, or dial {plain} without it",
+    )
+
+
+def untrusted_peer(
+    endpoint: str, host: str, tls: Tls, error: ssl.SSLCertVerificationError
+) -> NotLetIn:
+    """Return the error for a peer whose certificate we reject."""
+    there = f"the process at {endpoint} shows a certificate that"
+    if error.verify_code in EXPIRED_THERE:
+        words = "has expired" if error.verify_code == EXPIRED_THERE[1] else "is not valid yet"
+        return NotLetIn(f"{there} {words}", f"compare the clocks; else {MAKE_NEW}")
+    if error.verify_code in WRONG_NAME:
+        do = (
+            f"dial a name it has, or make a new set with `sidestep keys new DIR --host {host}` "
+            f"(of one robot among several: --host ROBOT={host})"
+        )
+        return NotLetIn(f"{there} is not for {host}", do)
+    return NotLetIn(f"{there} is signed by another authority than {tls.ca}", MAKE_NEW)
+
+
+def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> NotLetIn | None:
+    """Return the error for a peer that rejects our certificate; None for other TLS errors."""
+    reason = error.reason or ""
+    if "ALERT" not in reason:
+        return None
+    seen = own_certificate(tls)
+    why = f"the process at {endpoint} rejects this one: {complaint(seen, tls, reason)}"
+    return NotLetIn(why, MAKE_NEW)
+
+
+def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:
+    """Return what is wrong with our certificate, as far as this side can determine it."""
+    if seen.trouble:
+        return seen.trouble
+    if "EXPIRED" in reason:
+        return f"for its clock {tls.certificate} is expired or not yet valid; compare the clocks"
+    if "UNKNOWN_CA" in reason or "DECRYPT_ERROR" in reason:
+        return f"{tls.certificate} is signed by another authority than the one it trusts"
+    return f"it does not accept {tls.certificate} ({reason.lower().replace('_', ' ')})"
