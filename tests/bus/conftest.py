@@ -1,4 +1,4 @@
-"""What tests of verbs share: a robot that is played, and a command line that talks to it."""
+"""Fixtures for tests of verbs: a simulated robot and a command line connected to it."""
 
 from collections.abc import Iterator
 

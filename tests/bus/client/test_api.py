@@ -111,7 +111,7 @@ def test_goal_cancelled_while_it_is_sent_is_aborted_after_it(stage: Stage) -> No
     assert played.commands == [goal, goal, Command.SIDESTEP_ABORT_GOAL]
 
 
-def test_drive_by_hand_stands_and_holds_when_it_is_cancelled(stage: Stage) -> None:
+def test_cancelled_drive_stops_and_holds(stage: Stage) -> None:
     played, _ = stage
 
     async def story(robot: sidestep.Robot) -> None:
@@ -147,12 +147,12 @@ def test_stop_waits_for_no_request(stage: Stage) -> None:
 
 
 async def with_robot(stage: Stage, story: Callable[[sidestep.Robot], Awaitable[Any]]) -> Any:
-    """The same without a time limit of its own."""
+    """Run a story with a robot, without a time limit."""
     async with sidestep.connect(stage[1]) as robot:
         return await story(robot)
 
 
-def test_stop_that_is_cancelled_goes_on(stage: Stage) -> None:
+def test_cancelled_stop_is_still_sent(stage: Stage) -> None:
     played, _ = stage
     played.deaf = True
 
@@ -214,7 +214,7 @@ def test_telemetry_is_iterated_and_what_is_not_read_gives_way(stage: Stage) -> N
     driven(stage, story)
 
 
-def test_events_tell_what_changes(stage: Stage) -> None:
+def test_events_report_changes(stage: Stage) -> None:
     played, _ = stage
 
     async def story(robot: sidestep.Robot) -> list[sidestep.Event]:

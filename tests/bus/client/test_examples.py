@@ -127,6 +127,6 @@ def test_custom_navigator_is_tried_and_taken_out_again(capsys: pytest.CaptureFix
     assert before == NAVIGATORS
 
 
-def test_examples_say_when_there_is_no_robot() -> None:
+def test_examples_raise_without_a_robot() -> None:
     with pytest.raises(sidestep.UnansweredError):
         asyncio.run(sonar_terminal.show("tcp/127.0.0.1:9", 1))

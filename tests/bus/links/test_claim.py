@@ -56,8 +56,8 @@ def test_a_name_is_free_again_when_its_process_is_gone() -> None:
         claim(joined(scope, network, Role.ROBOT, "r1"), ["r1"])
 
 
-def test_a_second_of_one_name_that_appears_later_is_seen_until_it_goes() -> None:
-    """As when a network that kept two robots apart is whole again: nobody has looked in time."""
+def test_later_duplicate_name_is_reported_while_present() -> None:
+    """Reproduce a healed network partition: neither robot saw the other when it started."""
     with ExitStack() as scope:
         network = router(scope)
         first = joined(scope, network, Role.ROBOT, "r1")

@@ -1,4 +1,4 @@
-"""Events are told once each, in order, whatever was cut off, came later or began anew meanwhile."""
+"""Late join: each event arrives once and in order, across link cuts, late joiners and restarts."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -41,7 +41,7 @@ def text(words: str) -> Statustext:
 
 
 class Heard:
-    """What a recorder gets: words of events in order, and how old they were on arrival."""
+    """Collect the texts of events in order, and their age on arrival, as a recorder does."""
 
     def __init__(self, bus: Bus) -> None:
         self.words: list[str] = []
@@ -84,7 +84,7 @@ class Line:
         self.heard = Heard(recorder)
 
     def begin(self, network: Network) -> None:
-        """A robot, or another one after the first was killed."""
+        """Start a robot, or replace one that was killed."""
         self._scope.close()
         self.network = network
         self.robot = self._scope.enter_context(open_bus(network, Role.ROBOT, "r1"))
@@ -119,7 +119,7 @@ def tell(found: Sequence[Line], *words: str) -> None:
 
 
 def cut(found: Sequence[Line], word: str, seconds: float = CUT_S) -> None:
-    """For so long; meanwhile the robots tell something."""
+    """Cut the links for `seconds` while the robots publish events."""
     for line in found:
         line.cable.cut()
     tell(found, *(f"{word} {number}" for number in range(round(seconds / EVERY_S))))
@@ -141,7 +141,7 @@ def test_no_event_is_lost_or_doubled_over_a_cut(way: Way) -> None:
             assert max(line.heard.ages_s) > CUT_S / 2, "what is old looks new"
 
 
-def test_of_a_robot_that_was_killed_in_a_cut_the_log_lacks_only_what_died_with_it() -> None:
+def test_log_lacks_only_events_of_a_robot_killed_in_a_cut() -> None:
     with lines("router") as found:
         cut(found, "before it was killed", EVERY_S)
         for line in found:
@@ -155,8 +155,8 @@ def test_of_a_robot_that_was_killed_in_a_cut_the_log_lacks_only_what_died_with_i
             assert line.heard.words == line.told
 
 
-def test_a_robot_that_begins_anew_is_heard_from_its_first_word_on() -> None:
-    """Twenty times in a row, with nobody waiting for anybody."""
+def test_events_of_a_restarted_robot_arrive_from_the_first() -> None:
+    """Repeat 20 times in a row, without waiting for a match."""
     with lines("router", 1) as (line,):
         for life in range(20):
             line.begin(line.network)
@@ -167,7 +167,7 @@ def test_a_robot_that_begins_anew_is_heard_from_its_first_word_on() -> None:
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_who_comes_late_gets_the_newest_with_their_age(topology: Topology) -> None:
+def test_late_joiner_receives_newest_events_with_their_age(topology: Topology) -> None:
     with net(topology) as bus:
         publisher = bus.robot.publisher(TEXT)
         for number in range(TEXT.history + 5):
@@ -183,7 +183,7 @@ def test_who_comes_late_gets_the_newest_with_their_age(topology: Topology) -> No
 
 
 @pytest.mark.parametrize("listener", ["router", "robot-r1"])
-def test_behind_locked_doors_who_may_listen_gets_them_too(listener: str, tmp_path: Path) -> None:
+def test_late_join_works_with_tls_for_allowed_roles(listener: str, tmp_path: Path) -> None:
     ring, prefix = Keyring(tmp_path), next(prefixes)
 
     def doors(name: str, connect: tuple[str, ...] = ()) -> Network:
@@ -215,13 +215,13 @@ def test_behind_locked_doors_who_may_listen_gets_them_too(listener: str, tmp_pat
         assert sorted(heard.words) == ["a remark", "live", "started"]
 
 
-def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> None:
+def test_streams_are_never_fetched_and_arrive_once() -> None:
     with net() as bus:
         wheels, events = bus.plant.publisher(WHEELS), bus.robot.publisher(TEXT)
         early = bus.robot.mailbox(WHEELS)
         until(lambda: wheels.matched)
         wheels.put(TICKS)
-        until(early.latest)  # the hub has it, so it is under way to nobody any more
+        until(early.latest)  # the hub has the sample: none is still in transit
         bus.robot.unsubscribe(early)
         until(lambda: not wheels.matched)
         heard = Heard(bus.ground)
@@ -233,7 +233,7 @@ def test_what_streams_is_never_fetched_and_comes_once_beside_the_events() -> Non
         assert not any(topic.history for topic in TOPICS if topic.rate_hz)
 
 
-def test_only_what_is_old_says_so() -> None:
+def test_only_old_events_show_their_age() -> None:
     ages_s = (0, 2, 12, 119, 130, 7300)
     assert [aged("x", age_s * 10**9) for age_s in ages_s] == [
         *("x", "x", "x (12 s ago)", "x (119 s ago)", "x (2 min ago)", "x (2 h ago)")

@@ -1,4 +1,4 @@
-"""What the link does when a process dies or comes back."""
+"""Behaviour of the link when a process dies or returns."""
 
 import socket
 import subprocess
@@ -26,7 +26,7 @@ with open_bus(network, Role.GROUND, "r1") as bus:
 """
 
 
-def test_the_presence_of_a_killed_process_ends_at_once() -> None:
+def test_presence_of_a_killed_process_ends_at_once() -> None:
     with net() as bus:
         gone: list[str] = []
         bus.robot.watch(lambda who, came: None if came else gone.append(who.role))
@@ -44,7 +44,7 @@ def test_the_presence_of_a_killed_process_ends_at_once() -> None:
         assert bus.robot.present() == []
 
 
-def test_a_restarted_hub_hears_its_publishers_again_without_their_doing() -> None:
+def test_restarted_hub_receives_from_old_publishers() -> None:
     with open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1") as first:
         endpoint = first.locator()
         network = Network(mode="client", connect=(endpoint,))
@@ -62,7 +62,7 @@ def hub(endpoint: str) -> Bus:
     return open_bus(Network(mode="peer", listen=(endpoint,)), Role.ROBOT, "r1")
 
 
-def test_who_has_lost_its_hub_knows_whether_it_has_ended_or_hangs() -> None:
+def test_client_distinguishes_an_ended_from_a_hung_hub() -> None:
     with hub("tcp/127.0.0.1:0") as first:
         endpoint = first.locator()
         client = open_bus(Network(mode="client", connect=(endpoint,)), Role.GROUND, "r1")

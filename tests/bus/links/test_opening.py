@@ -1,4 +1,4 @@
-"""Joining the bus: what stands in the way is named, and leaving never hangs."""
+"""Opening the bus: errors name the obstacle, and closing never hangs."""
 
 import socket
 import subprocess
@@ -25,7 +25,7 @@ def test_the_port_behind_a_zero_is_known() -> None:
         assert not bus.locator().endswith(":0")
 
 
-def test_who_listens_nowhere_has_no_locator() -> None:
+def test_bus_without_a_listener_has_no_locator() -> None:
     with open_bus(Network(mode="peer"), None, "r1") as bus, pytest.raises(LocalError):
         bus.locator()
 
@@ -37,14 +37,14 @@ def test_an_endpoint_in_use_is_named() -> None:
             open_bus(Network(mode="peer", listen=(taken,)), Role.ROBOT, "r1")
 
 
-def test_nobody_listening_is_named_with_what_to_do() -> None:
+def test_missing_peer_error_names_endpoint_and_remedy() -> None:
     network = Network(mode="client", connect=(NOBODY_THERE,), connect_timeout_s=0.05)
     with pytest.raises(NoPeer, match=rf"{NOBODY_THERE} .*waited 0\.05 s.* start") as caught:
         open_bus(network, Role.PLANT, "r1")
     assert caught.value.exit_code == 2
 
 
-def test_a_process_that_takes_the_call_and_says_nothing_is_told_apart() -> None:
+def test_silent_listener_is_reported_as_hung() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
         network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.2)
@@ -93,7 +93,7 @@ def test_a_client_waits_for_a_hub_that_starts_later() -> None:
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_who_watches_is_never_told_that_nobody_is_there(topology: Topology) -> None:
+def test_watcher_always_sees_all_present_processes(topology: Topology) -> None:
     with net(topology) as bus:
         bus.ground.watch(lambda who, came: None)
         bus.robot.announce()
@@ -103,7 +103,7 @@ def test_who_watches_is_never_told_that_nobody_is_there(topology: Topology) -> N
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_who_only_asks_is_never_told_that_nobody_is_there(topology: Topology) -> None:
+def test_presence_query_always_returns_all_processes(topology: Topology) -> None:
     with net(topology) as bus:
         bus.robot.announce()
         bus.plant.announce()
@@ -112,7 +112,7 @@ def test_who_only_asks_is_never_told_that_nobody_is_there(topology: Topology) ->
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_presence_comes_and_goes_with_the_process(topology: Topology) -> None:
+def test_presence_follows_the_process(topology: Topology) -> None:
     with net(topology) as bus:
         seen: list[tuple[str, str, bool]] = []
         bus.ground.watch(lambda who, came: seen.append((who.robot, who.role, came)))
@@ -128,7 +128,7 @@ def test_presence_comes_and_goes_with_the_process(topology: Topology) -> None:
         assert [who.zid for who in bus.ground.present()] == [bus.robot.zid]
 
 
-def test_who_has_no_role_cannot_announce_itself() -> None:
+def test_bus_without_a_role_cannot_announce() -> None:
     with net() as bus, pytest.raises(LocalError, match="without a role"):
         bus.join(None).announce()
 
@@ -145,7 +145,7 @@ raise SystemExit(3)
 """
 
 
-def test_a_process_that_forgets_to_close_still_ends_and_prints_nothing() -> None:
+def test_unclosed_bus_lets_the_process_exit_silently() -> None:
     ended = subprocess.run(
         [sys.executable, "-c", LEFT_OPEN],
         timeout=PATIENCE_S,

@@ -1,4 +1,4 @@
-"""The plant's process over real sockets: when time goes by, when it stands, what it answers."""
+"""The plant process over real sockets: when time runs, when it pauses, and what it answers."""
 
 import json
 import threading
@@ -112,7 +112,7 @@ def test_a_paused_plant_shows_tick_0_until_it_is_started(lockstep: bool) -> None
         until(lambda: driver.seen().seq > 2, what="time went on")
 
 
-def test_a_pause_stops_time_and_a_start_lets_it_go_on_with_the_same_score() -> None:
+def test_pause_stops_time_and_start_keeps_the_score() -> None:
     with running() as driver:
         until(lambda: driver.seen().seq > 40, what="the run")
         driver.ask(RunAction.PAUSE)
@@ -144,7 +144,7 @@ def test_an_unknown_action_is_refused() -> None:
         assert answer.result == AckResult.UNSUPPORTED
 
 
-def test_the_world_in_force_is_told_as_json() -> None:
+def test_plant_returns_its_world_as_json() -> None:
     with running() as driver:
         told = driver.bus.ask(WORLD, None, 2.0)
         assert isinstance(told, bytes)
@@ -168,7 +168,7 @@ def test_a_robot_that_comes_back_is_obeyed_again() -> None:
         until(lambda: drives(driver), what="the robot drives again")
 
 
-def test_a_speed_limits_how_fast_simulated_time_goes_by() -> None:
+def test_speed_limits_the_rate_of_simulated_time() -> None:
     with running(speed=10.0) as driver:
         begun_ns, stamp_ns = WallClock().now_ns(), driver.seen().time_ns
         until(lambda: driver.seen().time_ns >= stamp_ns + 2 * SECOND_NS, what="two seconds")

@@ -1,4 +1,4 @@
-"""Services: a question gets its answer, a refusal with a reason, or is told that nobody answers."""
+"""Services: a request gets its answer, a refusal with a reason, or an error if none serves it."""
 
 import json
 import threading
@@ -24,7 +24,7 @@ TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=-3, bumper=0, expired=0)
 
 
 def answer(bus: Bus, service: Service, message: Message | None = None) -> Message | bytes:
-    """Asks until somebody serves: declaring a service takes a moment to get around."""
+    """Repeat the request until it is served: a service declaration takes a moment to propagate."""
     found: list[Message | bytes] = []
 
     def asked() -> bool:
@@ -59,7 +59,7 @@ def test_a_command_is_answered_from_the_loops_thread(topology: Topology) -> None
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_who_asks_is_known_if_it_is_an_operator(topology: Topology) -> None:
+def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
     with net(topology) as bus:
         operators: list[str] = []
 
@@ -126,7 +126,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None
         assert bus.robot.rejected == {"srv/command": 1}
 
 
-def test_when_nobody_serves_the_asker_is_told_at_once_and_who_is_missing() -> None:
+def test_missing_service_is_reported_at_once_with_its_role() -> None:
     with (
         net() as bus,
         pytest.raises(NoAnswer, match=r"sim/run: no process .* plant running"),
@@ -194,7 +194,7 @@ def bus_answers(bus: Bus) -> bool:
 
 
 class Unread(ServiceRequest):
-    """A question that nobody has looked at yet."""
+    """A request that has not been read yet."""
 
     def __init__(self) -> None:
         self.service = COMMAND
@@ -213,6 +213,6 @@ def test_questions_beyond_what_can_wait_are_dropped_and_counted() -> None:
     assert desk.rejected == {COMMAND.path: 3}
 
 
-def test_a_frame_of_megabytes_is_not_even_copied() -> None:
+def test_oversized_frame_is_not_copied() -> None:
     assert payload_bytes(ZBytes(b"\xfd" * 2_000_000)) == bytes(LARGEST_FRAME + 1)
     assert payload_bytes(ZBytes(b"\xfd" * LARGEST_FRAME)) == b"\xfd" * LARGEST_FRAME

@@ -45,7 +45,7 @@ def slow_viewer(robot: Bus, ring: Keyring) -> Iterator[zenoh.Session]:
 
 @pytest.fixture
 def locked(tmp_path: Path) -> Iterator[tuple[Bus, zenoh.Session, Bus]]:
-    """A robot that listens, a slow viewer and the ground station."""
+    """Provide a listening robot, a slow viewer and the ground station."""
     ring = Keyring(tmp_path / "ring")
     listening = Network(listen=("tls/127.0.0.1:0",), tls=ring.tls("robot-r1"))
     with ExitStack() as stack:
@@ -74,7 +74,7 @@ def ask(viewer: zenoh.Session, key: str) -> None:
 
 
 def worst_put_s(robot: Bus, times: int = 40) -> float:
-    """The longest time that one of some puts has taken, on a topic that the viewer hears."""
+    """Return the longest duration in seconds of `times` puts on a topic the viewer subscribes."""
     publisher, pause, worst_s = robot.publisher(TEXT), Event(), 0.0
     for _ in range(times):
         begun_s = time.monotonic()
@@ -84,7 +84,7 @@ def worst_put_s(robot: Bus, times: int = 40) -> float:
     return worst_s
 
 
-def test_long_answers_that_are_hardly_read_delay_nobody(
+def test_slow_reader_of_long_answers_delays_no_publisher(
     locked: tuple[Bus, zenoh.Session, Bus],
 ) -> None:
     robot, viewer, ground = locked
@@ -104,7 +104,7 @@ def test_long_answers_that_are_hardly_read_delay_nobody(
     assert time.monotonic() - begun_s < 2 * WAITS_S
 
 
-def test_histories_that_are_hardly_read_delay_nobody(
+def test_slow_reader_of_histories_delays_no_publisher(
     locked: tuple[Bus, zenoh.Session, Bus],
 ) -> None:
     robot, viewer, _ = locked
@@ -118,7 +118,7 @@ def test_histories_that_are_hardly_read_delay_nobody(
 
 
 def lingering(port: int) -> int:
-    """How many of this process's connections to or from a port wait when they are closed."""
+    """Count the connections of this process on `port` that linger when they are closed."""
     found = 0
     for descriptor in sockets():
         with suppress(OSError), socket_of(os.dup(descriptor)) as one:
@@ -134,8 +134,8 @@ def other_port(end: socket.socket) -> int:
         return 0
 
 
-def test_closing_the_link_of_a_slow_reader_waits_for_nobody() -> None:
-    """For up to 10 s nobody was heard: closing blocked the threads that take samples in."""
+def test_link_of_a_slow_reader_closes_without_lingering() -> None:
+    """Lingering sockets once blocked the threads that receive samples for up to 10 s."""
     with net() as bus:
         port = int(bus.endpoint.rpartition(":")[2])
         assert len(links(port)) >= 4
@@ -145,6 +145,6 @@ def test_closing_the_link_of_a_slow_reader_waits_for_nobody() -> None:
 
 
 def links(port: int) -> list[str]:
-    """The connections to and from that port, as the system has them."""
+    """Return the established connections to and from `port` that the system lists."""
     lines = Path("/proc/net/tcp").read_text().splitlines()
     return [line for line in lines if f":{port:04X} " in line and " 01 " in line]

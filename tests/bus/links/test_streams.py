@@ -47,7 +47,7 @@ def test_the_first_sample_after_the_barrier_is_never_lost(topology: Topology) ->
             until(ticks.latest)
 
 
-def test_without_a_subscriber_a_publisher_is_not_matched_and_the_barrier_names_it() -> None:
+def test_barrier_names_a_publisher_without_subscriber() -> None:
     with net() as bus:
         wheels = bus.plant.publisher(WHEELS)
         assert wheels.matched is False
@@ -88,7 +88,7 @@ def test_a_box_may_take_only_what_one_operator_puts_there(topology: Topology) ->
         assert box.rejected == 0
 
 
-def test_robots_do_not_hear_each_others_senses() -> None:
+def test_robots_do_not_receive_each_others_samples() -> None:
     with net() as bus:
         first, second = bus.plant.publisher(WHEELS), bus.plant.publisher(WHEELS, robot="r2")
         mine, other = bus.robot.mailbox(WHEELS), bus.ground.mailbox(WHEELS, robot="r2")
@@ -98,7 +98,7 @@ def test_robots_do_not_hear_each_others_senses() -> None:
         assert mine.latest() is None
 
 
-def test_two_prefixes_do_not_hear_each_other() -> None:
+def test_prefixes_are_isolated() -> None:
     with net() as one, net() as other:
         assert one.prefix != other.prefix
         wheels = one.plant.publisher(WHEELS)
@@ -155,12 +155,12 @@ def test_garbage_is_counted_by_topic_named_and_ignored() -> None:
 
 
 def rejections(box: Mailbox[WheelTicks]) -> int:
-    """After a look into the mailbox."""
+    """Return the number of rejected samples after one read of the mailbox."""
     box.latest()
     return box.rejected
 
 
-def test_frames_say_who_sent_them() -> None:
+def test_frames_carry_the_sender_ids() -> None:
     with net() as bus:
         frame = decode(bus.plant.publisher(WHEELS).put(TICKS))
         assert (frame.system_id, frame.component_id) == (1, 25)
@@ -168,7 +168,7 @@ def test_frames_say_who_sent_them() -> None:
         assert (frame.system_id, frame.component_id) == (1, 1)
 
 
-def test_what_is_forgotten_is_heard_no_more() -> None:
+def test_unsubscribed_mailbox_receives_nothing() -> None:
     with net() as bus:
         wheels = bus.plant.publisher(WHEELS)
         boxes = [bus.robot.mailbox(WHEELS) for _ in range(20)]

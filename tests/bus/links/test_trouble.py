@@ -53,7 +53,7 @@ def send(heard: Heard, wheels: Publisher[WheelTicks], *seqs: int) -> None:
     until(lambda: len(heard.dealt_with) == before + len(seqs))
 
 
-def test_without_trouble_all_is_heard() -> None:
+def test_all_samples_arrive_without_faults() -> None:
     with pair(None) as (_, heard, wheels):
         send(heard, wheels, *range(50))
         assert heard.seqs == list(range(50))
@@ -90,7 +90,7 @@ def test_copies_and_swaps() -> None:
         assert heard.seqs == [1, 1, 3, 2]
 
 
-def test_only_the_named_topics_are_in_trouble_and_the_clock_of_lockstep_never_is() -> None:
+def test_faults_affect_only_named_topics_and_never_the_clock() -> None:
     with pair(LinkFaults(loss=1.0, paths=("sense/sonar",))) as (robot, heard, wheels):
         send(heard, wheels, 1)
         assert heard.seqs == [1]

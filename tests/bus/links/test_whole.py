@@ -1,4 +1,4 @@
-"""Of each sender all is heard from the beginning, also what Zenoh has fetched and dropped."""
+"""Each stream arrives complete from its first sample, even if Zenoh fetched and dropped some."""
 
 from threading import Event
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from tests.support.until import PATIENCE_S, until
 
 
 def sample(number: int, sender: str = "a", *, live: bool = True) -> zenoh.Sample:
-    """What it is told by, and whether just now."""
+    """Return a numbered sample of `sender`, either live or fetched."""
     info = SimpleNamespace(source_id=SimpleNamespace(zid=sender, eid=7), source_sn=number)
     how = LIVE if live else FETCHED
     return cast(zenoh.Sample, SimpleNamespace(source_info=info, congestion_control=how))
@@ -38,7 +38,7 @@ class Following:
         self.heard.append((str(info.source_id.zid), info.source_sn))
 
 
-def test_what_came_before_the_first_live_sample_is_fetched_and_told_before_it() -> None:
+def test_fetched_samples_precede_the_first_live_sample() -> None:
     following = Following()
     for number in (3, 4, 5):
         following.whole.receive(sample(number))
@@ -52,7 +52,7 @@ def test_what_came_before_the_first_live_sample_is_fetched_and_told_before_it() 
 
 
 @pytest.mark.parametrize("first", [sample(0), sample(3, live=False)])
-def test_nothing_is_fetched_where_zenoh_has_told_the_beginning(first: zenoh.Sample) -> None:
+def test_complete_stream_is_not_fetched(first: zenoh.Sample) -> None:
     following = Following()
     following.whole.receive(first)
     following.whole.receive(sample(4))
@@ -60,7 +60,7 @@ def test_nothing_is_fetched_where_zenoh_has_told_the_beginning(first: zenoh.Samp
     assert not following.asked
 
 
-def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
+def test_invented_senders_use_bounded_threads_and_memory() -> None:
     following = Following()
     for number in range(2 * SOURCES):
         following.whole.receive(sample(9, str(number)))
@@ -71,7 +71,7 @@ def test_who_makes_up_senders_gets_few_threads_and_little_memory() -> None:
     assert len(following.whole._known) == SOURCES
 
 
-def test_what_waits_is_heard_also_when_asking_fails() -> None:
+def test_waiting_samples_are_delivered_if_the_fetch_fails() -> None:
     heard: list[zenoh.Sample] = []
 
     def fetch(_: Source) -> list[zenoh.Sample]:
@@ -82,7 +82,7 @@ def test_what_waits_is_heard_also_when_asking_fails() -> None:
     until(lambda: len(heard) == 1)
 
 
-def test_what_no_publisher_of_ours_has_told_is_handed_on_as_it_comes() -> None:
+def test_foreign_samples_are_delivered_unchanged() -> None:
     heard: list[zenoh.Sample] = []
     foreign = cast(zenoh.Sample, SimpleNamespace(source_info=None, congestion_control=LIVE))
     whole = LateJoin(lambda _: [], heard.append)

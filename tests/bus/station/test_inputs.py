@@ -1,4 +1,4 @@
-"""A run can be had again from what was on the bus: the same core, given the same, says the same."""
+"""A run is reproducible from its bus traffic: the same core and inputs give the same outputs."""
 
 from collections.abc import Container, Iterator
 from functools import partial
@@ -39,7 +39,7 @@ TOLD: Final = (WheelCommand, PlanarOdometry, AvoidanceDecision, NavigatorStatus)
 
 
 class Tape:
-    """Every frame on the bus, by type, and by key where the type does not tell."""
+    """Collect each frame on the bus by type, and by key where several topics share a type."""
 
     def __init__(self, stack: Stack) -> None:
         self._lock = Lock()
@@ -55,7 +55,7 @@ class Tape:
         return [message for key, message in self.frames if key.endswith(topic.path)]
 
     def requests(self) -> list[Message | None]:
-        """Each that was recorded; None for what the lease kept from the core, or was about it."""
+        """Return each recorded request; None if the lease refused it or it was a lease request."""
         return [
             None if isinstance(asked, LeaseRequest) or refused(answer) else asked
             for asked, answer in zip(self.on(COMMANDED), self.on(ANSWERED), strict=True)
@@ -75,7 +75,7 @@ def refused(answer: Message) -> bool:
 
 
 def again(tape: Tape, params: Params, start: Pose) -> Iterator[tuple[TickInputs, Vehicle, Outputs]]:
-    """The run once more, without a plant, an operator or a bus."""
+    """Repeat the run, without a plant, an operator or a bus."""
     vehicle = Vehicle(params, Store(None), start)
     wheels = {one.seq: one for one in tape.of(WheelTicks)}
     scans = {one.seq: one for one in tape.of(SonarScan)}
@@ -95,11 +95,11 @@ def again(tape: Tape, params: Params, start: Pose) -> Iterator[tuple[TickInputs,
 
 
 def unheard(wheels: Container[int], scans: Container[int], given: TickInputs) -> bool:
-    """A tick while it stood, of whose senses the tape did not hear yet."""
+    """Return whether an idle tick uses samples from before the tape began."""
     return not given.requests and (given.wheels_seq not in wheels or given.scan_seq not in scans)
 
 
-def test_a_run_with_all_there_is_in_it_can_be_had_again_to_the_last_bit() -> None:
+def test_full_run_is_reproduced_bit_by_bit() -> None:
     with Stack("box", noise="default", seed=4) as stack:
         tape = Tape(stack)
         stack.until(
@@ -127,7 +127,7 @@ def compare(tape: Tape, params: Params, start: Pose) -> None:
 def said_again(
     given: TickInputs, vehicle: Vehicle, outputs: Outputs, sent: Message
 ) -> list[Message]:
-    """What the process tells of a tick; but for the counters of the command that was sent."""
+    """Return the messages of a tick, with the counters of the command that was sent."""
     at_ns = given.time_ns
     wheels = {"left_mrad_s": outputs.left_mrad_s, "right_mrad_s": outputs.right_mrad_s}
     return [
@@ -139,5 +139,5 @@ def said_again(
 
 
 def wire(message: Message) -> bytes:
-    """As the bus carries it, in which NaN is NaN."""
+    """Encode as on the bus, so that two NaN values compare equal."""
     return Encoder(1, 1).encode(message)

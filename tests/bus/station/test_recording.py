@@ -55,7 +55,7 @@ def test_it_is_begun_and_ended(recording: RecordingSession) -> None:
         assert log.damage() == ""
 
 
-def test_a_recorder_that_is_killed_is_told_and_can_be_begun_anew(
+def test_killed_recorder_is_reported_and_can_restart(
     recording: RecordingSession,
 ) -> None:
     recording.begin()

@@ -13,7 +13,7 @@ from tests.support.harness import Stack
 from tests.support.operators import drive_about
 
 
-def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_path: Path) -> None:
+def test_all_commands_and_lost_samples_are_reproduced(tmp_path: Path) -> None:
     form, lock, path = McapFormat("r1", {}), Lock(), tmp_path / "a.mcap"
     heard: set[str] = set()
 
@@ -28,7 +28,7 @@ def test_goals_missions_fences_teleop_leases_and_lost_senses_are_had_again(tmp_p
         prefix = stack.ground.network.prefix
         needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}
         stack.until(lambda: needed <= heard, within_s=1.0)
-        stack.forward(0.1)  # ticks of which all was heard, before anything is asked
+        stack.forward(0.1)  # ticks recorded completely, before the first request
         drive_about(stack)
     with lock:
         path.write_bytes(form.end())

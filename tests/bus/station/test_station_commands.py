@@ -24,7 +24,7 @@ pytestmark = pytest.mark.stack
 
 
 def typed(seen: Watching, words: str) -> Job:
-    """What the app's command line does with these words, over the station's own bus."""
+    """Run `words` as the app's command line does, over the bus of the station."""
     bus = seen.station._bus
     assert isinstance(bus, Bus)
     operation = read(words)
@@ -49,7 +49,7 @@ def machine(stack: Lively) -> Callable[[], Vehicle]:
     return lambda: Vehicle(stack.vehicle.state.machine.vehicle)
 
 
-def test_typed_commands_take_the_lease_arm_and_are_answered_in_the_log() -> None:
+def test_typed_commands_take_the_lease_and_log_answers() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         stack.operator = False
         seen.until_ready()
@@ -68,7 +68,7 @@ def test_an_app_that_hangs_loses_the_robot_its_operator_and_the_lease() -> None:
         done(seen, "arm")
         done(seen, "goal 5 2")
         seen.until(lambda: stack.vehicle.state.machine.mode == Mode.GUIDED)
-        until(lambda: machine(stack)() is Vehicle.FAILSAFE)  # nobody polls
+        until(lambda: machine(stack)() is Vehicle.FAILSAFE)  # the station is not polled
         until(lambda: stack.vehicle.lease.allows("somebody else"))
         seen.until(lambda: not seen.station.lease.held)
         assert seen.station.log.find("the lease has lapsed")
@@ -96,7 +96,7 @@ def test_two_stations_one_commands_and_the_other_may_still_stop_it() -> None:
         assert machine(stack)() is Vehicle.EMERGENCY_STOP
 
 
-def test_the_e_stop_is_repeated_while_the_robot_is_gone_until_it_is_back() -> None:
+def test_e_stop_repeats_until_a_lost_robot_returns() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         with stack.halted():
@@ -109,7 +109,7 @@ def test_the_e_stop_is_repeated_while_the_robot_is_gone_until_it_is_back() -> No
         assert machine(stack)() is Vehicle.EMERGENCY_STOP
 
 
-def test_a_hung_robot_obeys_the_e_stop_as_soon_as_it_goes_on() -> None:
+def test_hung_robot_obeys_the_e_stop_when_it_resumes() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         stack.hung = True
@@ -120,7 +120,7 @@ def test_a_hung_robot_obeys_the_e_stop_as_soon_as_it_goes_on() -> None:
         assert machine(stack)() is Vehicle.EMERGENCY_STOP
 
 
-def test_pressing_the_e_stop_costs_the_caller_nothing_and_its_latency_is_in_the_log() -> None:
+def test_e_stop_does_not_block_and_logs_its_latency() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         cost_ms: list[float] = []
@@ -136,7 +136,7 @@ def test_pressing_the_e_stop_costs_the_caller_nothing_and_its_latency_is_in_the_
         assert all(took > 0.0 for took in took_ms)
 
 
-def test_closing_gives_the_lease_back_within_two_seconds_whatever_the_robot_does() -> None:
+def test_close_releases_the_lease_within_two_seconds() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         done(seen, "arm")
@@ -154,7 +154,7 @@ def test_closing_gives_the_lease_back_within_two_seconds_whatever_the_robot_does
         assert monotonic() - began_s < 2.2
 
 
-def test_the_robot_still_hears_others_after_all_that() -> None:
+def test_robot_accepts_others_after_the_station_closes() -> None:
     with Lively() as stack, stack.going():
         with watching(stack) as seen:
             seen.until_ready()

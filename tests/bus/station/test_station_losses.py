@@ -1,4 +1,4 @@
-"""Each loss that can be made with real peers is told by its name, and its end is noticed."""
+"""Each kind of loss that real peers can cause is reported by name, and so is its end."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from verification.harness.tcp_proxy import TcpProxy
 pytestmark = pytest.mark.stack
 
 
-def test_a_robot_whose_process_ends_behind_a_router_is_dead_and_comes_back() -> None:
+def test_dead_robot_behind_a_router_is_reported_and_returns() -> None:
     with Lively(router=True) as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         with stack.halted():
@@ -42,7 +42,7 @@ def test_the_robot_that_is_the_hub_itself_is_dead_and_comes_back() -> None:
 
 
 @pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
-def test_a_loop_that_stands_is_hung_while_its_token_lives(router: bool) -> None:
+def test_stopped_loop_with_a_live_token_is_hung(router: bool) -> None:
     with Lively(router=router) as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         stack.hung = True
@@ -54,7 +54,7 @@ def test_a_loop_that_stands_is_hung_while_its_token_lives(router: bool) -> None:
         assert seen.station.restarts(Role.ROBOT) == 0
 
 
-def test_a_hung_loop_is_told_from_a_lost_link_even_when_nobody_else_speaks() -> None:
+def test_hung_loop_differs_from_a_lost_link_without_peers() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         with stack.halted():
@@ -87,12 +87,12 @@ def test_another_operators_lease_is_a_loss_until_it_is_given_back() -> None:
         assert answer.result == AckResult.ACCEPTED
         seen.until_lost(LossKind.OTHER_OPERATOR)
         assert seen.station.lease.name == "ben"
-        seen.until(lambda: not seen.station.lease.held)  # nobody beats for it: it lapses
+        seen.until(lambda: not seen.station.lease.held)  # without heartbeats the lease lapses
         seen.until_ready()
         assert seen.kinds() == ["OTHER OPERATOR"]
 
 
-def test_a_router_that_goes_is_told_and_dialled_again() -> None:
+def test_lost_router_is_reported_and_reconnected() -> None:
     with Lively(router=True) as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()
         endpoint = stack._hub

@@ -1,4 +1,4 @@
-"""Behind locked doors a certificate lets nobody do more than its role: no wildcard, no forgery."""
+"""Access control with TLS: a certificate allows only its role, without wildcards or forgery."""
 
 from functools import partial
 from pathlib import Path
@@ -130,7 +130,7 @@ def test_a_revoked_certificate_may_do_nothing_though_it_is_valid(
 
 
 def asked(intruder: Intruder, key: str, arrives: bool) -> bool:
-    """Whether a question was answered, or need not be."""
+    """Send a request; return true if it was answered or no answer is expected."""
     intruder.ask(key)
     return not arrives or bool(intruder.answered)
 
@@ -146,7 +146,7 @@ def what_is_allowed_arrives(net: Locked, watchful: Watchful) -> None:
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
 @pytest.mark.parametrize("name", ["viewer", "plant", "robot-r2", "stranger"])
-def test_nobody_answers_in_place_of_the_robot(
+def test_only_the_robot_may_answer_its_services(
     topology: Topology, name: str, tmp_path: Path
 ) -> None:
     with locked(topology, tmp_path / "ring") as net:
@@ -160,13 +160,13 @@ def test_nobody_answers_in_place_of_the_robot(
 
 
 def answers(net: Locked) -> list[bytes]:
-    """What the ground station is told when it asks the robot."""
+    """Return the answers that the ground station receives to a command."""
     replies = net.ground.get(net.key(COMMAND.path), payload=b"go", timeout=2.0)
     return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_nobody_shows_itself_as_somebody_else(topology: Topology, tmp_path: Path) -> None:
+def test_presence_of_another_role_is_rejected(topology: Topology, tmp_path: Path) -> None:
     with locked(topology, tmp_path / "ring") as net:
         tokens = [
             net.join(name).liveliness().declare_token(net.key(f"alive/{role}/1"))
@@ -186,7 +186,7 @@ def test_nobody_shows_itself_as_somebody_else(topology: Topology, tmp_path: Path
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-def test_each_hears_only_what_is_for_it(topology: Topology, tmp_path: Path) -> None:
+def test_each_role_receives_only_its_topics(topology: Topology, tmp_path: Path) -> None:
     with locked(topology, tmp_path / "ring") as net:
         heard: dict[str, set[str]] = {}
         for name in ("viewer", "robot-r2", "stranger", "plant"):
@@ -216,7 +216,7 @@ def note(keys: set[str], sample: zenoh.Sample) -> None:
     keys.add(str(sample.key_expr))
 
 
-def test_a_robot_does_not_hear_the_truth_about_itself(tmp_path: Path) -> None:
+def test_robot_does_not_receive_ground_truth(tmp_path: Path) -> None:
     with locked("router", tmp_path / "ring") as net:
         heard: set[str] = set()
         for key in (net.key("**"), *(net.key(topic.path) for topic in TOPICS)):

@@ -33,7 +33,7 @@ def ring(tmp_path: Path) -> Keyring:
 
 @contextmanager
 def listening(ring: Keyring, name: str, port: int = 0) -> Iterator[tuple[zenoh.Session, int]]:
-    """A router that has the key of somebody, filters nothing, and its port."""
+    """Open a router with the key `name` and no access control; yield its session and port."""
     network = Network(mode="router", listen=(f"tls/127.0.0.1:{port}",), tls=ring.tls(name))
     config = configured(network, DIAL_S)
     config.insert_json5("access_control", '{"enabled": false}')
@@ -69,7 +69,7 @@ def test_another_robot_where_the_router_is_dialled_is_refused(ring: Keyring, nam
         assert f"tls/127.0.0.1:{port}" in caught.value.why
 
 
-def test_a_robot_does_not_even_believe_its_own_certificate_at_the_router(ring: Keyring) -> None:
+def test_robot_rejects_its_own_certificate_at_the_router(ring: Keyring) -> None:
     with listening(ring, "robot-r1") as (_, port):
         with pytest.raises(NotLetIn, match="robot-r1 dials only a router"):
             opened(ring, "robot-r1", port)
@@ -84,7 +84,7 @@ def test_a_router_whose_certificate_is_revoked_is_refused(ring: Keyring) -> None
 
 
 class Robot:
-    """What comes to robot r1 on its keys, whoever sends it."""
+    """Record the keys of all samples and requests that robot r1 accepts, from any sender."""
 
     def __init__(self, bus: Bus) -> None:
         self.bus = bus
@@ -96,7 +96,7 @@ class Robot:
 
 
 def noting(keys: list[str]) -> Any:
-    """A callback that adds the key of each sample."""
+    """Return a callback that appends the key of each sample."""
     return Callback(lambda sample: keys.append(str(sample.key_expr)), indirect=False)
 
 
@@ -113,8 +113,8 @@ def attack(session: zenoh.Session) -> None:
         assert list(session.get(f"{PREFIX}/r1/{path}", timeout=1.0)) == []
 
 
-def test_an_impostor_that_is_dialled_again_brings_and_hears_nothing(ring: Keyring) -> None:
-    """A robot is linked to its router; then another robot's key listens there."""
+def test_impostor_sends_and_receives_nothing_on_reconnect(ring: Keyring) -> None:
+    """Link a robot to its router, then replace the router by one with another robot's key."""
     told: list[str] = []
     with listening(ring, "router") as (router, port):
         bus = opened(ring, "robot-r1", port)
@@ -152,8 +152,8 @@ def test_a_router_that_comes_back_is_believed_again(ring: Keyring) -> None:
             assert bus.hub() is Hub.ROUTER
 
 
-def test_a_robot_takes_from_a_router_only_what_is_for_a_robot(ring: Keyring) -> None:
-    """Its own access list: a router that passes on everything opens nothing else."""
+def test_robot_accepts_only_robot_topics_from_a_router(ring: Keyring) -> None:
+    """Apply the robot's own access list even if the router forwards everything."""
     with listening(ring, "router") as (router, port), opened(ring, "robot-r1", port) as bus:
         came: list[str] = []
         bus._declared.append(bus._session.declare_subscriber(f"{PREFIX}/**", noting(came)))

@@ -1,4 +1,4 @@
-"""A locked door says why it stays shut, on the side that stands before it."""
+"""TLS refusals: the connecting side gets an error with the reason."""
 
 import json
 import socket
@@ -26,7 +26,7 @@ def ring(tmp_path: Path) -> Keyring:
 
 
 def door(tls: Tls | None, host: str = "127.0.0.1") -> Network:
-    """Of a robot that waits, locked or not."""
+    """Return the network of a listening robot, with or without TLS."""
     protocol = "tls" if tls else "tcp"
     return Network(mode="peer", listen=(f"{protocol}/{host}:0",), tls=tls)
 
@@ -36,7 +36,7 @@ def dialling(endpoint: str, tls: Tls | None) -> Network:
 
 
 def refusal(ring: Keyring, tls: Tls | None, protocol: str = "tls") -> NotLetIn:
-    """What who dials a locked robot is told."""
+    """Return the refusal of a ground station that connects to a TLS robot."""
     with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tls/", f"{protocol}/")
         with pytest.raises(NotLetIn) as caught:
@@ -45,7 +45,7 @@ def refusal(ring: Keyring, tls: Tls | None, protocol: str = "tls") -> NotLetIn:
     return caught.value
 
 
-def test_who_has_a_key_is_let_in(ring: Keyring) -> None:
+def test_valid_certificate_is_accepted(ring: Keyring) -> None:
     with (
         open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot,
         open_bus(dialling(robot.locator(), ring.tls("ground")), Role.GROUND, "r1") as ground,
@@ -59,7 +59,7 @@ def test_an_expired_certificate_is_named_with_its_end(ring: Keyring) -> None:
     assert f"{tls.certificate} expired at" in refusal(ring, tls).why
 
 
-def test_a_certificate_of_tomorrow_is_named_with_its_beginning(ring: Keyring) -> None:
+def test_future_certificate_error_names_its_start(ring: Keyring) -> None:
     tls = ring.early("ground")
     assert f"{tls.certificate} is not valid before" in refusal(ring, tls).why
 
@@ -69,23 +69,23 @@ def test_another_authority_is_named(ring: Keyring, tmp_path: Path) -> None:
     assert f"signed by another authority than {tls.ca}" in refusal(ring, tls).why
 
 
-def test_a_stranger_who_believes_the_robot_is_not_believed(ring: Keyring, tmp_path: Path) -> None:
+def test_certificate_of_another_authority_is_rejected(ring: Keyring, tmp_path: Path) -> None:
     stranger = Keyring(tmp_path / "other").tls("ground")
     tls = Tls(ca=ring.tls("ground").ca, certificate=stranger.certificate, key=stranger.key)
     assert f"{tls.certificate} is not signed by {tls.ca}" in refusal(ring, tls).why
 
 
-def test_plain_tcp_against_a_lock_is_told_how_to_use_a_key(ring: Keyring) -> None:
+def test_plain_tcp_to_tls_error_names_the_config_option(ring: Keyring) -> None:
     told = refusal(ring, None, "tcp")
     assert "accepts only TLS, and this one uses plain TCP" in told.why
     assert "--config" in told.do
 
 
 @pytest.mark.parametrize("comes_of_it", [None, *NO_TLS])
-def test_a_lock_against_plain_tcp_is_told(
+def test_tls_to_plain_tcp_is_reported(
     ring: Keyring, monkeypatch: pytest.MonkeyPatch, comes_of_it: type[OSError] | None
 ) -> None:
-    """Whatever comes of the greeting: that depends on how long the TLS library makes it."""
+    """Cover each result of the handshake; it depends on the length of the TLS greeting."""
 
     def knock(*_: object) -> None:
         assert comes_of_it is not None
@@ -99,29 +99,29 @@ def test_a_lock_against_plain_tcp_is_told(
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
 
 
-def test_a_door_dialled_by_a_name_it_does_not_have_is_told(ring: Keyring) -> None:
+def test_host_missing_in_the_certificate_is_reported(ring: Keyring) -> None:
     with open_bus(door(ring.tls("robot-r1"), "0.0.0.0"), Role.ROBOT, "r1") as robot:
         port = robot.locator().rpartition(":")[2]
         with pytest.raises(NotLetIn, match=r"is not for 127\.0\.0\.2.*--host 127\.0\.0\.2"):
             open_bus(dialling(f"tls/127.0.0.2:{port}", ring.tls("ground")), Role.GROUND, "r1")
 
 
-def test_who_only_dials_is_not_believed_when_it_listens(ring: Keyring) -> None:
-    """A viewer that poses as the robot."""
+def test_client_certificate_is_rejected_on_a_listener(ring: Keyring) -> None:
+    """Let a viewer pose as the robot."""
     with open_bus(door(ring.tls("viewer")), None, "r1") as posing:
         network = dialling(posing.locator(), ring.tls("ground"))
         with pytest.raises(NotLetIn, match="shows a certificate that"):
             open_bus(network, Role.GROUND, "r1")
 
 
-def test_who_hangs_behind_a_lock_is_told_from_who_does_not_let_in(ring: Keyring) -> None:
+def test_tls_peer_that_hangs_differs_from_a_refusal(ring: Keyring) -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tls/127.0.0.1:{mute.getsockname()[1]}"
         with pytest.raises(PeerHangs, match="does not answer"):
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
 
 
-def test_a_listener_whom_nobody_would_believe_does_not_start(ring: Keyring) -> None:
+def test_listener_with_an_expired_certificate_does_not_start(ring: Keyring) -> None:
     tls = ring.expired("robot-r1")
     with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* others would reject it"):
         open_bus(door(tls), Role.ROBOT, "r1")
@@ -135,14 +135,14 @@ def test_a_listener_whom_nobody_would_believe_does_not_start(ring: Keyring) -> N
         ("robot-r2", Role.ROBOT, "robot-r1"),
     ],
 )
-def test_a_process_with_the_certificate_of_another_role_does_not_start(
+def test_process_with_the_wrong_role_does_not_start(
     ring: Keyring, name: str, role: Role, needs: str
 ) -> None:
     with pytest.raises(BadKeys, match=f"{name}.*needs that of '{needs}': use --config"):
         open_bus(dialling("tls/127.0.0.1:1", ring.tls(name)), role, "r1")
 
 
-def test_keys_of_different_sets_are_named(ring: Keyring) -> None:
+def test_mismatched_key_files_are_named(ring: Keyring) -> None:
     tls = Tls(
         ca=ring.tls("ground").ca,
         certificate=ring.tls("ground").certificate,
@@ -168,8 +168,8 @@ def test_a_process_does_not_start_with_a_key_that_others_can_read(ring: Keyring,
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
 
 
-def test_a_link_ends_when_the_certificate_of_the_other_side_does(ring: Keyring) -> None:
-    """Who is linked before that must not stay for ever."""
+def test_link_ends_when_the_peer_certificate_expires(ring: Keyring) -> None:
+    """Close an open link when its certificate expires."""
     until_s = datetime.now(UTC) + timedelta(seconds=2)
     tls = ring.tls("ground", until=until_s, label="brief")
     with (
@@ -182,7 +182,7 @@ def test_a_link_ends_when_the_certificate_of_the_other_side_does(ring: Keyring) 
 
 
 def config(folder: Path, tls: Tls | None, endpoint: str) -> str:
-    """The file for `--config`."""
+    """Write the file for `--config` and return its path."""
     path = folder / "verb.toml"
     text = f'[network]\nconnect = ["{endpoint}"]\n'
     if tls:
@@ -194,7 +194,7 @@ def config(folder: Path, tls: Tls | None, endpoint: str) -> str:
     return str(path)
 
 
-def test_a_verb_of_a_viewer_says_that_it_may_not_command(
+def test_viewer_command_is_refused_with_its_role(
     ring: Keyring, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
@@ -217,7 +217,7 @@ def test_a_verb_of_a_viewer_says_that_it_may_not_command(
         ("stranger", False, "'stranger', which is no role: it permits nothing"),
     ],
 )
-def test_the_doctor_says_what_a_certificate_may_do(
+def test_doctor_reports_the_permissions_of_a_certificate(
     ring: Keyring,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -243,7 +243,7 @@ def test_the_doctor_says_what_a_certificate_may_do(
         ("plain", "accepts only TLS, and this one uses plain TCP"),
     ],
 )
-def test_the_doctor_says_why_the_door_stays_shut(
+def test_doctor_explains_a_tls_refusal(
     ring: Keyring, tmp_path: Path, capsys: pytest.CaptureFixture[str], label: str, says: str
 ) -> None:
     shown: dict[str, Tls | None] = {

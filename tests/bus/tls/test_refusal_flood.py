@@ -43,7 +43,7 @@ print(largest)
 
 
 def told(folder: Path, key: str, times: int, length: int) -> tuple[str, int]:
-    """What a listener writes, and the most bytes of files in memory that it held."""
+    """Return the log of a listener, and the most bytes of in-memory files that it held."""
     done = subprocess.run(
         [sys.executable, "-c", LISTENER, str(folder / "ring"), key, str(times), str(length)],
         capture_output=True,

@@ -31,7 +31,7 @@ WANTED = frozenset({"/world", "/robot/pose", "/tlm/status/NavigatorStatus", RAW_
 
 @pytest.fixture
 def port() -> Iterator[int]:
-    """Of a bridge that goes its rounds beside a robot that speaks."""
+    """Run a bridge beside a publishing robot and yield its port."""
     with played() as (robot, endpoint):
         robot.pose = (1.25, 0.5, 0.0)
         robot.bus.serve(WORLD, lambda asked: asked.reply(WORLD_TEXT.encode()))
@@ -59,7 +59,7 @@ def go_round(bridge: Bridge, stop: threading.Event) -> None:
 
 
 async def viewed(port: int, topics: frozenset[str]) -> dict[str, Any]:
-    """The first message of each topic, as a viewer that has just connected gets it."""
+    """Return the first message of each topic that a newly connected viewer receives."""
     found: dict[str, Any] = {}
     channels: dict[int, str] = {}
     async with (

@@ -1,4 +1,4 @@
-"""Who reads only the beginning ends the verb, without a word about it: exit code 141."""
+"""A reader that closes the pipe early ends the verb silently with exit code 141."""
 
 import os
 import subprocess
@@ -17,7 +17,7 @@ START_US = 1_790_000_000_000_000
 
 
 def read_one_line_of(*words: str, both: bool = False) -> tuple[str, int, str]:
-    """The first line, the exit code after the reader has gone, and what stood on standard error."""
+    """Return the first line, the exit code after the pipe closes, and standard error."""
     error = subprocess.STDOUT if both else subprocess.PIPE
     with subprocess.Popen(
         [sys.executable, str(ROOT / "sidestep.py"), *words],
@@ -32,7 +32,7 @@ def read_one_line_of(*words: str, both: bool = False) -> tuple[str, int, str]:
         return line, verb.wait(timeout=20.0), said
 
 
-def test_the_head_of_a_table(tmp_path: Path) -> None:
+def test_head_of_a_table_exits_with_broken_pipe(tmp_path: Path) -> None:
     encoder = Encoder(1, 1)
     log = tmp_path / "x.tlog"
     log.write_bytes(b"".join(record_bytes(START_US, encoder.encode(BEAT)) for _ in range(20_000)))
@@ -44,7 +44,7 @@ def test_the_head_of_a_table(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("both", [False, True])
-def test_the_head_of_what_the_robot_says(both: bool) -> None:
+def test_head_of_watch_output_exits_with_broken_pipe(both: bool) -> None:
     with played() as (_, endpoint):
         line, code, said = read_one_line_of("watch", "--connect", endpoint, both=both)
     assert "STANDBY" in line
@@ -52,7 +52,7 @@ def test_the_head_of_what_the_robot_says(both: bool) -> None:
 
 
 @pytest.mark.parametrize("words", [("param", "list"), ("watch", "--once")])
-def test_a_reader_that_has_gone_before_anything_was_said(words: tuple[str, ...]) -> None:
+def test_reader_closed_before_output_gives_broken_pipe(words: tuple[str, ...]) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     with played() as (_, endpoint):

@@ -1,4 +1,4 @@
-"""What is typed in the app asks the robot for the same as the command line, over a real bus."""
+"""The app's console sends the robot the same requests as the command line, over a real bus."""
 
 import sys
 from collections.abc import Iterator
@@ -60,7 +60,7 @@ def typed_in(endpoint: str, text: str, draft: Draft | None = None) -> tuple[int,
 
 
 def done(text: str, link: Link, draft: Draft) -> tuple[int, str, str]:
-    """What the app does with a typed line, over its link."""
+    """Run a typed line as the app does, over its link."""
     notes = Notes()
     try:
         operation = read(text, lambda: draft.text)
@@ -74,7 +74,7 @@ def done(text: str, link: Link, draft: Draft) -> tuple[int, str, str]:
 
 
 def wanted(robot: PlayedRobot, *, lease: bool) -> list[Message]:
-    """What was asked of it, but for the ids of the requests."""
+    """Return the messages that the robot received, without request ids."""
     leases: list[Message] = [*robot.desk.actions[:1]] if lease else []
     asked = [*robot.asked, *leases, *robot.desk.frames]
     plain = [message for message in asked if "request_id" not in message.__struct_fields__]
@@ -129,7 +129,7 @@ def test_a_goal_typed_in_the_app_is_attended_by_it_and_nothing_waits(
     assert robot.desk.actions == []
 
 
-def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str]) -> None:
+def test_unattended_goal_is_auto_in_the_app(stage: tuple[PlayedRobot, str]) -> None:
     robot, endpoint = stage
     assert typed_in(endpoint, "goal 1 2 --no-wait")[0] == 0
     (goal,) = set(robot.asked)
@@ -148,7 +148,7 @@ def test_a_goal_that_needs_nobody_is_auto_here_too(stage: tuple[PlayedRobot, str
         ("teleop 0.1 0", 2, "--for S is missing"),
     ],
 )
-def test_what_goes_wrong_is_said_and_never_raised(
+def test_errors_are_printed_and_never_raised(
     stage: tuple[PlayedRobot, str], typed: str, code: int, said: str
 ) -> None:
     found, out, err = typed_in(stage[1], typed)

@@ -1,4 +1,4 @@
-"""`goto` over a real bus: it arms, waits, tells how it ended, and leaves no goal behind."""
+"""`goto` over a real bus: it arms, waits, reports the result, and leaves no goal behind."""
 
 import json
 from math import pi
@@ -16,9 +16,7 @@ from tests.support.bus.robots import PlayedRobot, Say
 from tests.support.interrupt import interrupt_when
 
 
-def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
-    robot: PlayedRobot, say: Say
-) -> None:
+def test_goto_arms_a_standby_robot_and_waits_for_the_end(robot: PlayedRobot, say: Say) -> None:
     def arrive() -> None:
         robot.goal = GoalState.REACHED
 
@@ -34,7 +32,7 @@ def test_goto_arms_a_robot_that_stands_by_and_waits_for_the_end(
     assert [(goal.x_mm, goal.y_mm, goal.mode) for goal in goals] == [(1000, 2000, Mode.GUIDED)] * 2
 
 
-def test_goto_does_not_show_the_end_of_the_goal_before(
+def test_goto_ignores_the_result_of_the_previous_goal(
     robot: PlayedRobot, say: Say, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shown: list[str] = []
@@ -103,9 +101,7 @@ def test_goto_without_waiting_leaves_the_robot_to_itself(robot: PlayedRobot, say
     assert robot.beats == 0
 
 
-def test_a_goal_seen_from_the_robot_becomes_a_place_of_the_world(
-    robot: PlayedRobot, say: Say
-) -> None:
+def test_body_frame_goal_is_converted_to_the_world_frame(robot: PlayedRobot, say: Say) -> None:
     robot.pose = (1.0, 2.0, pi / 2)
     assert say("goto", "2", "-0.5", "90", "--frame", "body", "--no-wait")[0] == 0
     (goal,) = set(robot.asked)
@@ -113,9 +109,7 @@ def test_a_goal_seen_from_the_robot_becomes_a_place_of_the_world(
     assert (goal.x_mm, goal.y_mm, abs(goal.heading_urad)) == (1500, 4000, round(pi * 1e6))
 
 
-def test_a_robot_that_does_not_say_where_it_is_cannot_be_sent_from_there(
-    robot: PlayedRobot, say: Say
-) -> None:
+def test_body_frame_goal_needs_a_known_pose(robot: PlayedRobot, say: Say) -> None:
     code, _, err = say("goto", "1", "0", "--frame", "body", "--no-wait")
     assert code == 1
     assert "publishes no pose" in err
@@ -129,7 +123,7 @@ def test_goto_holds_the_lease_while_it_runs(robot: PlayedRobot, say: Say) -> Non
     assert robot.desk.held is None
 
 
-def test_goto_says_who_commands_the_robot_when_it_may_not(robot: PlayedRobot, say: Say) -> None:
+def test_goto_names_the_lease_holder_when_refused(robot: PlayedRobot, say: Say) -> None:
     robot.desk.held = ("beef", "anna")
     code, out, err = say("goto", "1", "2", "--json")
     assert code == 1

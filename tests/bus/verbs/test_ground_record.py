@@ -81,7 +81,7 @@ def test_a_folder_that_cannot_be_made_is_refused(stage: tuple[PlayedRobot, str])
     assert main(["record", "/proc/nowhere", "--connect", stage[1]]) == 2
 
 
-def test_a_table_is_made_and_damage_is_told(
+def test_export_writes_a_table_and_reports_damage(
     tmp_path: Path, stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     interrupt_when(lambda: size_of(tmp_path) > 1000)
@@ -95,7 +95,7 @@ def test_a_table_is_made_and_damage_is_told(
     assert json.loads(capsys.readouterr().out)["lost_bytes"] > 0
 
 
-def test_a_remark_reaches_whoever_records(
+def test_mark_reaches_the_recorder(
     stage: tuple[PlayedRobot, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     heard: list[Statustext] = []
@@ -142,7 +142,7 @@ def test_watch_only_looks(
     assert "Traceback" not in "".join((*said, *capsys.readouterr()))
 
 
-def test_a_router_carries_what_others_say(capsys: pytest.CaptureFixture[str]) -> None:
+def test_router_forwards_samples(capsys: pytest.CaptureFixture[str]) -> None:
     heard: list[bytes] = []
 
     def meet() -> bool:

@@ -1,4 +1,4 @@
-"""Verbs over a real bus: every command is answered with a reason, or it is said who is missing."""
+"""Verbs over a real bus: each command returns a reason, or an error that names the missing peer."""
 
 import json
 
@@ -29,7 +29,7 @@ from tests.support.bus.robots import PlayedRobot, Say
         (("navigator", "vgm"), Command.SIDESTEP_SET_NAVIGATOR, 2.0, 0.0),
     ],
 )
-def test_each_verb_sends_its_command_and_tells_the_answer(
+def test_each_verb_sends_its_command_and_prints_the_answer(
     robot: PlayedRobot,
     say: Say,
     words: tuple[str, ...],
@@ -82,14 +82,14 @@ def test_a_dropped_command_is_repeated_with_the_same_id(robot: PlayedRobot, say:
     assert (code, len(robot.asked), len(ids)) == (0, 3, 1)
 
 
-def test_a_robot_that_beats_and_does_not_answer_is_told_so(robot: PlayedRobot, say: Say) -> None:
+def test_unanswered_command_with_heartbeat_is_reported(robot: PlayedRobot, say: Say) -> None:
     robot.answers = [None] * 3
     code, _, err = say("hold", "--timeout", "0.1")
     assert code == 1
     assert "sends its heartbeat, but does not answer" in err
 
 
-def test_a_robot_whose_loop_hangs_is_told_so(robot: PlayedRobot, say: Say) -> None:
+def test_hung_control_loop_is_reported(robot: PlayedRobot, say: Say) -> None:
     robot.fall_silent()
     robot.answers = [None] * 3
     code, _, err = say("hold", "--timeout", "0.1")
@@ -103,7 +103,7 @@ def test_another_robot_is_offered(say: Say) -> None:
     assert "only r1: use --id" in err
 
 
-def test_nobody_at_the_endpoint_is_said_with_the_endpoint(
+def test_missing_peer_message_names_the_endpoint(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["hold", "--connect", "tcp/127.0.0.1:1", "--json"]) == 1
@@ -112,7 +112,7 @@ def test_nobody_at_the_endpoint_is_said_with_the_endpoint(
     assert "no robot and no router" in said.err
 
 
-def test_a_plant_without_its_robot_is_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+def test_plant_without_robot_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     network = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
     with open_bus(network, Role.PLANT, "r1") as bus:
         bus.announce()
@@ -139,6 +139,6 @@ def test_the_doctor_misses_the_plant_and_the_silent_streams(say: Say) -> None:
     assert not [what for what in said if "sonar" in what or "srv/" in what]
 
 
-def test_the_doctor_says_so_when_nobody_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doctor_reports_a_missing_robot(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--connect", "tcp/127.0.0.1:1"]) == 1
     assert "sidestep robot" in capsys.readouterr().out

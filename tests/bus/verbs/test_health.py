@@ -1,4 +1,4 @@
-"""A role is healthy when what it says is heard; that its process is there proves nothing."""
+"""A role is healthy only if its messages arrive; a live process alone is not enough."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -24,7 +24,7 @@ Ask = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def ask(capsys: pytest.CaptureFixture[str]) -> Ask:
-    """`sidestep health`: its exit code and what it says on standard error."""
+    """Run `sidestep health`; return its exit code and standard error."""
 
     def run(*words: str) -> tuple[int, str]:
         code = main(["health", *words])
@@ -34,7 +34,7 @@ def ask(capsys: pytest.CaptureFixture[str]) -> Ask:
 
 
 def reach(stack: Lively, folder: Path) -> tuple[str, str]:
-    """How a stack of a test, which has a prefix of its own, is dialled."""
+    """Return the options that connect to a stack with a prefix of its own."""
     file = folder / "health.toml"
     file.write_text(
         f'[network]\nmode = "client"\nconnect = ["{stack._hub}"]\nprefix = "{stack._prefix}"\n'
@@ -44,7 +44,7 @@ def reach(stack: Lively, folder: Path) -> tuple[str, str]:
 
 @contextmanager
 def page(status: int) -> Iterator[str]:
-    """Somebody who answers every browser with this status."""
+    """Serve a page that answers every request with `status`."""
 
     class Answers(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
@@ -61,14 +61,12 @@ def page(status: int) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("role", ["robot", "plant", "ground", "router"])
-def test_where_all_speak_every_role_is_healthy(role: str, tmp_path: Path, ask: Ask) -> None:
+def test_all_roles_are_healthy_when_all_publish(role: str, tmp_path: Path, ask: Ask) -> None:
     with Lively(router=True) as stack, stack.going():
         assert ask(role, *reach(stack, tmp_path)) == (0, "")
 
 
-def test_a_robot_whose_loop_stands_is_not_healthy_though_its_token_lives(
-    tmp_path: Path, ask: Ask
-) -> None:
+def test_hung_robot_with_a_live_token_is_unhealthy(tmp_path: Path, ask: Ask) -> None:
     with Lively() as stack, stack.going():
         stack.hung = True
         code, why = ask("robot", *reach(stack, tmp_path))
@@ -77,7 +75,7 @@ def test_a_robot_whose_loop_stands_is_not_healthy_though_its_token_lives(
     assert "robot r1 hangs" in why
 
 
-def test_a_plant_that_is_there_and_says_nothing_is_not_healthy(tmp_path: Path, ask: Ask) -> None:
+def test_silent_plant_is_unhealthy(tmp_path: Path, ask: Ask) -> None:
     with Lively() as stack, stack.going():
         stack.mute = True
         code, why = ask("plant", *reach(stack, tmp_path))
@@ -85,21 +83,19 @@ def test_a_plant_that_is_there_and_says_nothing_is_not_healthy(tmp_path: Path, a
     assert "no message on sense/wheels of r1 within 450 ms: the plant hangs or is paused" in why
 
 
-def test_a_robot_that_no_plant_carries_makes_the_plant_unhealthy_for_it(
-    tmp_path: Path, ask: Ask
-) -> None:
+def test_plant_is_unhealthy_for_a_robot_it_does_not_carry(tmp_path: Path, ask: Ask) -> None:
     with Lively() as stack, stack.going():
         code, why = ask("plant", "--id", "r2", *reach(stack, tmp_path))
     assert (code, "no plant is running" in why) == (1, True), why
 
 
-def test_a_robot_of_another_name_is_named(ask: Ask) -> None:
+def test_health_names_another_robot_it_finds(ask: Ask) -> None:
     with played("r7") as (_, endpoint):
         code, why = ask("robot", "--connect", endpoint)
     assert (code, "only r7: use --id" in why) == (1, True), why
 
 
-def test_what_nobody_can_read_is_no_sign_of_health(ask: Ask) -> None:
+def test_unreadable_frames_do_not_count_as_healthy(ask: Ask) -> None:
     network = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
     with open_bus(network, Role.ROBOT, "r1") as bus:
         heart, over = bus.publisher(HEARTBEAT), Event()
@@ -122,18 +118,18 @@ def test_a_robot_that_listens_is_no_router(ask: Ask) -> None:
     assert (code, "is a peer, not a router" in why) == (1, True), why
 
 
-def test_a_router_is_healthy_before_anybody_speaks(ask: Ask) -> None:
+def test_router_without_clients_is_healthy(ask: Ask) -> None:
     with net("router") as found:
         assert ask("router", "--connect", found.endpoint) == (0, "")
 
 
 @pytest.mark.parametrize("role", ["robot", "plant", "ground", "router"])
-def test_where_nobody_listens_nobody_is_healthy(role: str, ask: Ask) -> None:
+def test_roles_are_unhealthy_without_a_listener(role: str, ask: Ask) -> None:
     code, why = ask(role, "--connect", "tcp/127.0.0.1:1")
     assert (code, "no process answers at tcp/127.0.0.1:1" in why) == (1, True), why
 
 
-def test_a_ground_station_whose_page_refuses_strangers_is_healthy(ask: Ask) -> None:
+def test_page_that_requires_a_login_is_healthy(ask: Ask) -> None:
     with played() as (_, endpoint), page(403) as web:
         assert ask("ground", "--connect", endpoint, "--web", web) == (0, "")
 

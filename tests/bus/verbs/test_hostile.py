@@ -1,4 +1,4 @@
-"""A hostile robot and its neighbours say what would command a terminal: no verb lets it out."""
+"""Texts from a hostile robot hold terminal control sequences: no verb prints any of them."""
 
 import json
 import signal
@@ -140,14 +140,14 @@ def test_a_saved_list_sets_parameters_only(run: Run) -> None:
     assert [line.split(" = ")[0] for line in text.splitlines()[1:]] == ["d_obs_m"]
 
 
-def test_a_token_with_no_name_of_a_robot_is_none(run: Run) -> None:
+def test_token_without_a_valid_robot_name_is_ignored(run: Run) -> None:
     said = run("watch", "--once", "--id", "nobody")
     assert "only r1: use --id" in said
     assert OWNED not in said
 
 
 def test_the_app_on_a_terminal_lets_none_out(endpoint: str, tmp_path: Path) -> None:
-    """Every byte that it writes: only Textual's own sequences may be among them."""
+    """Check each byte the app writes: only Textual's own sequences are allowed."""
     words = ("ground", "--connect", endpoint, "--no-record")
     with Terminal(words, (120, 40), {"XDG_STATE_HOME": str(tmp_path)}) as terminal:
         for key, sign in (("", "long"), ("4", "long"), ("3", "zone"), ("5", "is encoded as")):

@@ -1,4 +1,4 @@
-"""Two operators and one robot, over the whole stack: who holds the lease commands alone."""
+"""Two operators and one robot, over the whole stack: only the lease holder commands."""
 
 from protocol.topics import LEASE, PARAMETER
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
@@ -20,7 +20,7 @@ GOAL = GoalRequest(
 ZONE = ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9)
 
 
-def test_another_operator_is_refused_everything_but_the_emergency_stop() -> None:
+def test_operator_without_the_lease_may_only_e_stop() -> None:
     with Stack("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
@@ -60,7 +60,7 @@ def test_it_lapses_three_seconds_after_its_holder_has_fallen_silent() -> None:
         assert any("lapsed" in text for text in stack.texts)
 
 
-def test_an_operator_who_seizes_it_commands_and_everybody_hears_of_it() -> None:
+def test_seized_lease_is_published_and_allows_commands() -> None:
     with Stack("open") as stack:
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")
         box = stack.ground.mailbox(LEASE)
@@ -79,7 +79,7 @@ def named(newest: tuple[LeaseStatus, int] | None) -> str | None:
     return None if newest is None else newest[0].name
 
 
-def test_guided_is_for_the_holder_another_operators_heartbeat_does_not_count() -> None:
+def test_only_the_heartbeat_of_the_holder_keeps_guided() -> None:
     with Stack("open") as stack:
         stack.operator = False
         ada, bob = Operator(stack, "ada"), Operator(stack, "bob")

@@ -77,7 +77,7 @@ def test_driving_by_hand_ends_when_the_robot_is_stopped(robot: PlayedRobot, say:
     assert out.startswith("stopped: ")
 
 
-def test_a_speed_no_robot_has_is_refused_before_anybody_is_dialled(
+def test_impossible_speed_is_refused_before_connecting(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["teleop", "50", "0", "--connect", "tcp/127.0.0.1:1"]) == 2

@@ -75,7 +75,7 @@ def test_a_refused_fence_keeps_the_mission_here(robot: PlayedRobot, say: Say, mi
     } == {MissionType.FENCE}
 
 
-def test_what_the_robot_has_but_could_not_save_is_told_and_the_mission_follows_its_fence(
+def test_unsaved_fence_is_reported_and_mission_still_uploaded(
     robot: PlayedRobot, say: Say, mission: str
 ) -> None:
     Path(mission).write_text(MISSION + FENCE)
@@ -95,7 +95,7 @@ def test_frames_that_are_lost_are_sent_again(robot: PlayedRobot, say: Say, missi
     assert len(robot.desk.kept[MissionType.MISSION]) == 2
 
 
-def test_a_bad_file_is_refused_before_anybody_is_dialled(
+def test_bad_mission_file_is_refused_before_connecting(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "m.toml"
@@ -124,7 +124,7 @@ def test_check_and_convert_need_no_robot(
     assert read(plan).mission.waypoints == read(Path(mission)).mission.waypoints
 
 
-def test_what_is_dropped_from_a_plan_is_told(
+def test_dropped_plan_items_are_reported(
     robot: PlayedRobot, say: Say, mission: str, tmp_path: Path
 ) -> None:
     plan = tmp_path / "m.plan"
@@ -162,7 +162,7 @@ def test_each_order_to_a_mission_is_a_command(
     assert (asked.command, asked.param1) == (command, param1)
 
 
-def test_a_mission_arms_a_robot_that_stands_by(robot: PlayedRobot, say: Say) -> None:
+def test_mission_start_arms_a_standby_robot(robot: PlayedRobot, say: Say) -> None:
     robot.answers = [Reason.NOT_ARMED]
     code, _, err = say("mission", "start")
     assert (code, robot.vehicle) == (0, Vehicle.ACTIVE)
@@ -230,9 +230,7 @@ def test_what_is_no_fence_is_refused_at_once(
     assert why in capsys.readouterr().err
 
 
-def test_whoever_is_refused_because_of_the_lease_is_told_of_whom(
-    robot: PlayedRobot, say: Say, mission: str
-) -> None:
+def test_lease_refusal_names_the_holder(robot: PlayedRobot, say: Say, mission: str) -> None:
     robot.desk.held = ("beef", "anna")
     robot.desk.verdict = (Reason.LEASE_HELD, 65_535)
     robot.answers = [Reason.LEASE_HELD]

@@ -9,7 +9,7 @@ from tests.support.operators import Operator, fence, stops
 
 
 class Watched:
-    """A stack without its operator, one who has uploaded a mission, and what is told of it."""
+    """A stack whose operator uploaded a mission and left, with the mission states it publishes."""
 
     def __init__(self, stack: Stack, *places: tuple[float, float], hold_s: float = 0.0) -> None:
         self.stack = stack
@@ -31,7 +31,7 @@ class Watched:
         )
 
 
-def test_a_mission_is_driven_to_its_end_with_its_waits_and_without_an_operator() -> None:
+def test_mission_runs_to_its_end_without_an_operator() -> None:
     with Stack("open") as stack:
         run = Watched(stack, (1.5, 2.0), (1.5, 1.0), (0.8, 1.0), hold_s=1.0)
         assert run.ada.command(Command.MISSION_START) == Reason.NONE
@@ -67,7 +67,7 @@ def test_a_mission_is_paused_goes_on_jumps_and_is_aborted() -> None:
         assert stack.state == Vehicle.ACTIVE
 
 
-def test_a_mission_that_cannot_go_on_fails_with_the_reason_of_its_goal() -> None:
+def test_failed_mission_carries_the_reason_of_its_goal() -> None:
     with Stack("open") as stack:
         run = Watched(stack, (2.5, 2.0))
         run.ada.command(Command.MISSION_START)

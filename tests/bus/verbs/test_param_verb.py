@@ -25,7 +25,7 @@ def test_parameters_are_listed_found_and_set(say: Say) -> None:
         (None, "the robot does not report"),
     ],
 )
-def test_whether_a_value_survives_a_restart_is_what_the_robot_says(
+def test_saved_flag_is_the_one_the_robot_reports(
     robot: PlayedRobot, say: Say, saves: bool | None, words: str
 ) -> None:
     robot.saves = saves
@@ -41,7 +41,7 @@ def test_robot_on_a_slow_disk_is_asked_until_it_has_saved(robot: PlayedRobot, sa
     assert robot.saving == 0
 
 
-def test_a_parameter_nobody_knows_is_refused_with_a_reason(say: Say) -> None:
+def test_unknown_parameter_is_refused_with_a_reason(say: Say) -> None:
     assert say("param", "get", "zzz")[0] == 2
     code, out, _ = say("param", "set", "zzz", "1")
     assert code == 1
