@@ -23,7 +23,7 @@ Entry = Callable[[Sequence[str]], int]
 Install = Callable[[Entry], None]
 
 
-class AskedForTooMuch(Exception):
+class TooManyRequestedError(Exception):
     exit_code = 2
 
 
@@ -116,7 +116,7 @@ def test_help_names_every_verb_once(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_error_meant_for_the_user_is_its_own_line(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    install(fail_with(AskedForTooMuch("no world 'moon'")))
+    install(fail_with(TooManyRequestedError("no world 'moon'")))
     assert sidestep.main(["up"]) == 2
     assert capsys.readouterr().err == "sidestep up: no world 'moon'\n"
 

@@ -1,8 +1,8 @@
 """What is written for people is held to what the code says."""
 
 import re
-import xml.etree.ElementTree as xml
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -24,7 +24,7 @@ README = (ROOT / "README.md").read_text()
 DOCS = ROOT / "docs"
 PAGES = {path.relative_to(ROOT).as_posix(): path.read_text() for path in DOCS.rglob("*.md")}
 PAGES |= {path.name: path.read_text() for path in ROOT.glob("*.md")}
-DIALECT = xml.fromstring(
+DIALECT = ElementTree.fromstring(
     """<mavlink><enums><enum name="LAMP"><description>A lamp.</description>
     <entry value="1" name="LAMP_ON"><description>On | lit.</description></entry></enum></enums>
     <messages><message id="7" name="LIGHT"><description>Says.</description>

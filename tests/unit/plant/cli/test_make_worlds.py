@@ -42,7 +42,7 @@ def refusal(capsys: Told, *argv: str) -> str:
     return told.err
 
 
-def test_generate_writes_the_worlds_it_was_asked_for(tmp_path: Path, capsys: Told) -> None:
+def test_generate_writes_the_requested_worlds(tmp_path: Path, capsys: Told) -> None:
     out = tmp_path / "new" / "folder"
     argv = ["generate", "--family", "box", "u_trap", "box", "--per-family", "3", "--seed", "4"]
     assert main([*argv, "--out", str(out)]) == 0
@@ -52,7 +52,7 @@ def test_generate_writes_the_worlds_it_was_asked_for(tmp_path: Path, capsys: Tol
     assert (out / "box_4_002.toml").read_text().startswith("# Number 2 of the family box from seed")
 
 
-def test_generate_makes_every_family_but_the_grids_unless_told(tmp_path: Path) -> None:
+def test_generate_makes_every_family_but_grids_by_default(tmp_path: Path) -> None:
     assert main(["generate", "--per-family", "1", "--out", str(tmp_path)]) == 0
     found = {load(path).family for path in tmp_path.glob("*.toml")}
     assert found == set(FAMILIES)
@@ -72,7 +72,7 @@ def test_generate_makes_every_family_but_the_grids_unless_told(tmp_path: Path) -
         (["--seed", "-1"], "-1 is not within 0 to"),
     ],
 )
-def test_generate_refuses_what_it_cannot_make(
+def test_generate_rejects_impossible_requests(
     argv: list[str], says: str, tmp_path: Path, capsys: Told
 ) -> None:
     told = refusal(capsys, "generate", *argv, "--out", str(tmp_path))
@@ -80,7 +80,7 @@ def test_generate_refuses_what_it_cannot_make(
     assert says in told
 
 
-def test_a_place_that_cannot_be_written_to_is_told(tmp_path: Path, capsys: Told) -> None:
+def test_unwritable_output_directory_is_reported(tmp_path: Path, capsys: Told) -> None:
     (tmp_path / "file").write_text("x")
     told = refusal(capsys, "generate", "--family", "open", "--out", str(tmp_path / "file"))
     reason = "File exists; fix: give a directory that can be written to"
@@ -88,9 +88,7 @@ def test_a_place_that_cannot_be_written_to_is_told(tmp_path: Path, capsys: Told)
 
 
 @pytest.mark.parametrize("name", ["../escaped", "/tmp/escaped", "..", "a/b", "a\0b", ""])
-def test_no_name_of_a_world_leads_out_of_the_directory(
-    name: str, tmp_path: Path, capsys: Told
-) -> None:
+def test_world_name_cannot_leave_the_directory(name: str, tmp_path: Path, capsys: Told) -> None:
     out = tmp_path / "out"
     world = replace(load("box"), name=name)
     assert write([(world, "")], out) == 2
@@ -98,7 +96,7 @@ def test_no_name_of_a_world_leads_out_of_the_directory(
     assert list(tmp_path.rglob("*")) == []
 
 
-def test_an_odd_name_of_a_file_makes_a_world_that_can_be_read(folder: Path) -> None:
+def test_unusual_file_name_gives_a_readable_world(folder: Path) -> None:
     """Its comment names the file, which may hold line breaks and control characters."""
     odd = folder / ".b\x1b\nname = 3\u2028.map"
     (folder / "hand.map").rename(odd)
@@ -107,7 +105,7 @@ def test_an_odd_name_of_a_file_makes_a_world_that_can_be_read(folder: Path) -> N
     assert load(str(file)).name == file.stem
 
 
-def test_a_moving_ai_map_becomes_a_world(folder: Path) -> None:
+def test_moving_ai_map_becomes_a_world(folder: Path) -> None:
     (path,) = made(folder, str(folder / "hand.map"))
     world = load(path)
     assert (world.name, world.family, world.family_seed) == ("hand_1_000", "moving_ai", 1)
@@ -118,7 +116,7 @@ def test_a_moving_ai_map_becomes_a_world(folder: Path) -> None:
     assert path.read_text().startswith("# Made of hand.map with seed 1.\n")
 
 
-def test_the_seed_chooses_and_the_count_says_how_many(folder: Path) -> None:
+def test_seed_selects_places_and_count_limits_them(folder: Path) -> None:
     paths = made(folder, str(folder / "hand.map"), "--count", "4", "--seed", "3", "--cell", "0.5")
     worlds = [load(path) for path in paths]
     assert [world.name for world in worlds] == [f"hand_3_{index:03d}" for index in range(4)]
@@ -133,14 +131,14 @@ def test_the_seed_chooses_and_the_count_says_how_many(folder: Path) -> None:
     ] == before
 
 
-def test_a_window_is_a_part_of_the_map(folder: Path) -> None:
+def test_window_is_a_part_of_the_map(folder: Path) -> None:
     rows = "\n".join("." * 60 for _ in range(60))
     (folder / "big.map").write_text(f"type octile\nheight 60\nwidth 60\nmap\n{rows}\n")
     (path,) = made(folder, str(folder / "big.map"), "--window", "12")
     assert load(path).size_m == pytest.approx((4.8, 4.8))
 
 
-def test_scenarios_say_where_to_start_and_where_to_go(folder: Path) -> None:
+def test_scenarios_define_start_and_goal(folder: Path) -> None:
     paths = made(folder, str(folder / "hand.map.scen"), "--count", "2")
     first, second = (load(path) for path in paths)
     assert (first.name, second.name) == ("hand_1_002", "hand_1_003")
@@ -149,7 +147,7 @@ def test_scenarios_say_where_to_start_and_where_to_go(folder: Path) -> None:
     assert (first.goal.x_m, first.goal.y_m) == pytest.approx((3.0, 0.2))
 
 
-def test_a_ros_map_becomes_a_world_with_places_in_its_own_frame(folder: Path) -> None:
+def test_ros_map_becomes_a_world_in_its_own_frame(folder: Path) -> None:
     argv = [str(folder / "hand.yaml"), "--start", "0", "-1", "--goal", "3", "-1.25"]
     (path,) = made(folder, *argv)
     world = load(path)
@@ -158,7 +156,7 @@ def test_a_ros_map_becomes_a_world_with_places_in_its_own_frame(folder: Path) ->
     assert (world.goal.x_m, world.goal.y_m) == (3.5, 0.25)
 
 
-def test_a_barn_grid_is_crossed_from_before_to_behind(folder: Path) -> None:
+def test_barn_grid_is_crossed_from_front_to_back(folder: Path) -> None:
     (path,) = made(folder, str(folder / "grid_7.npy"))
     world = load(path)
     assert (world.name, world.family, len(world.obstacles)) == ("grid_7", "barn", 20)
@@ -167,7 +165,7 @@ def test_a_barn_grid_is_crossed_from_before_to_behind(folder: Path) -> None:
     assert world.reachable is False
 
 
-def test_a_list_of_cylinders_becomes_a_world(folder: Path) -> None:
+def test_cylinder_list_becomes_a_world(folder: Path) -> None:
     (path,) = made(folder, str(folder / "list.csv"))
     world = load(path)
     start = (world.start.x_m, world.start.y_m)
@@ -176,7 +174,7 @@ def test_a_list_of_cylinders_becomes_a_world(folder: Path) -> None:
     assert world.shortest_path_m == pytest.approx(shortest_path_m(world), abs=1e-3)
 
 
-def test_a_list_takes_places_in_its_own_frame(folder: Path) -> None:
+def test_cylinder_list_uses_its_own_frame(folder: Path) -> None:
     (path,) = made(folder, str(folder / "list.csv"), "--start", "0.5", "1", "--goal", "3.5", "1")
     world = load(path)
     assert world.goal.x_m - world.start.x_m == pytest.approx(3.0)
@@ -209,7 +207,7 @@ def test_a_list_takes_places_in_its_own_frame(folder: Path) -> None:
         ),
     ],
 )
-def test_import_refuses_with_file_key_and_fix(
+def test_import_error_names_file_key_and_remedy(
     argv: list[str], says: str, folder: Path, capsys: Told
 ) -> None:
     told = refusal(capsys, "import", str(folder / argv[0]), *argv[1:], "--out", str(folder / "o"))
@@ -221,20 +219,18 @@ def test_import_refuses_with_file_key_and_fix(
 @pytest.mark.parametrize(
     "argv", [["--cell", "0"], ["--cell", "nan"], ["--start", "inf", "0"], ["--count", "0"]]
 )
-def test_numbers_that_cannot_be_are_wrong_usage(
-    argv: list[str], folder: Path, capsys: Told
-) -> None:
+def test_impossible_numbers_are_usage_errors(argv: list[str], folder: Path, capsys: Told) -> None:
     told = refusal(capsys, "import", str(folder / "hand.map"), *argv, "--out", str(folder))
     assert "usage: sidestep worlds import" in told
 
 
-def test_a_scenario_without_its_map_is_told(folder: Path, capsys: Told) -> None:
+def test_scenario_without_its_map_is_reported(folder: Path, capsys: Told) -> None:
     (folder / "hand.map").unlink()
     told = refusal(capsys, "import", str(folder / "hand.map.scen"), "--out", str(folder / "o"))
     assert ": map: hand.map is not beside it; fix: put hand.map beside it" in told
 
 
-def test_a_blocked_map_has_no_place(folder: Path, capsys: Told) -> None:
+def test_blocked_map_has_no_free_place(folder: Path, capsys: Told) -> None:
     (folder / "full.map").write_text("type octile\nheight 3\nwidth 3\nmap\n" + "@@@\n" * 3)
     told = refusal(capsys, "import", str(folder / "full.map"), "--out", str(folder / "o"))
     assert "start: no two places" in told

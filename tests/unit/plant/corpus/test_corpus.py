@@ -34,13 +34,13 @@ def ends(world: World) -> tuple[Point, Point]:
     return (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
 
 
-def test_there_are_enough_families_for_450_worlds() -> None:
+def test_families_suffice_for_450_worlds() -> None:
     assert len(FAMILIES) == len(set(FAMILIES)) == 18
     assert 25 * len(FAMILIES) >= 450
     assert not set(FAMILIES) & set(GRID_FAMILIES)
 
 
-def test_a_corpus_is_so_many_worlds_of_every_family_in_order() -> None:
+def test_corpus_lists_every_family_in_order() -> None:
     worlds = list(made.corpus(per_family=2, seed=7))
     assert [world.family for world in worlds] == [name for name in FAMILIES for _ in range(2)]
     assert len({world.name for world in worlds}) == 2 * len(FAMILIES)
@@ -48,20 +48,20 @@ def test_a_corpus_is_so_many_worlds_of_every_family_in_order() -> None:
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES])
-def test_a_world_is_one_that_a_file_can_hold(family: str) -> None:
+def test_generated_world_survives_a_round_trip_through_a_file(family: str) -> None:
     for world in some(family):
         assert loads(dumps(world)) == world
 
 
 @pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES])
-def test_the_same_three_make_the_same_world_and_another_index_or_seed_another(family: str) -> None:
+def test_family_seed_and_index_determine_the_world(family: str) -> None:
     assert generate(family, 1, 11) == some(family)[1]
     assert some(family)[0] != some(family)[1]
     assert generate(family, 1, 12).obstacles != some(family)[1].obstacles or family == "open"
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_start_and_goal_are_clear_of_everything_that_stands_still(family: str) -> None:
+def test_start_and_goal_are_clear_of_static_obstacles(family: str) -> None:
     for world in some(family):
         for point in ends(world):
             rim_m = min(*point, world.size_m[0] - point[0], world.size_m[1] - point[1])
@@ -70,7 +70,7 @@ def test_start_and_goal_are_clear_of_everything_that_stands_still(family: str) -
 
 
 @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "unreachable"])
-def test_a_larger_robot_finds_a_way_too(family: str) -> None:
+def test_larger_robot_has_a_path_too(family: str) -> None:
     for world in some(family):
         larger = replace(world, robot={"radius_m": Body().radius_m + MARGIN_M})
         assert world.reachable
@@ -78,7 +78,7 @@ def test_a_larger_robot_finds_a_way_too(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "unreachable"])
-def test_a_world_tells_its_shortest_path_to_the_millimetre(family: str) -> None:
+def test_world_gives_its_shortest_path_to_the_millimetre(family: str) -> None:
     for world in some(family):
         exact_m = shortest_path_m(world)
         assert exact_m is not None
@@ -86,7 +86,7 @@ def test_a_world_tells_its_shortest_path_to_the_millimetre(family: str) -> None:
         assert world.shortest_path_m >= dist(*ends(world)) - 1e-3
 
 
-def test_an_unreachable_goal_is_free_floor_without_a_way() -> None:
+def test_unreachable_goal_is_on_free_floor_without_a_path() -> None:
     for world in some("unreachable"):
         assert world.reachable is False
         assert world.shortest_path_m is None
@@ -98,25 +98,25 @@ def test_goals_are_unreachable_in_different_ways() -> None:
     assert kinds == {True, False}
 
 
-def test_half_of_the_goals_ask_for_a_heading() -> None:
+def test_half_of_the_goals_have_a_heading() -> None:
     worlds = [world for family in FAMILIES for world in some(family)]
     asking = [world for world in worlds if world.goal.heading_rad is not None]
     assert 0.3 < len(asking) / len(worlds) < 0.7
 
 
-def test_floors_are_of_many_sizes_and_turned_shapes_in_any_direction() -> None:
+def test_floors_vary_in_size_and_shapes_in_direction() -> None:
     sizes = {world.size_m for family in FAMILIES for world in some(family)}
     assert len(sizes) > 0.9 * SOME * len(FAMILIES)
     walls = [one for world in some("wall") for one in world.obstacles if isinstance(one, Polyline)]
     assert all(a[0] != b[0] and a[1] != b[1] for wall in walls for a, b in pairwise(wall.points_m))
 
 
-def test_the_seed_of_a_world_is_kept_and_stands_in_its_name() -> None:
+def test_world_keeps_its_seed_and_its_name_contains_it() -> None:
     world = generate("u_trap", 3, 42)
     assert (world.name, world.family, world.family_seed) == ("u_trap_42_003", "u_trap", 42)
 
 
-def test_a_family_that_is_not_there_is_refused_by_name() -> None:
+def test_unknown_family_is_rejected_by_name() -> None:
     with pytest.raises(ValueError, match="no family 'u_tarp'; there are open, disc"):
         generate("u_tarp", 0, 1)
 
@@ -128,7 +128,7 @@ def along(walker: Circle) -> Iterator[Point]:
         )
 
 
-def test_people_are_slower_than_the_robot_and_leave_it_a_way() -> None:
+def test_people_are_slower_than_the_robot_and_leave_it_a_path() -> None:
     room_m = 2.0 * Body().radius_m
     for world in some("moving"):
         walkers = movers(world)
@@ -145,7 +145,7 @@ def test_people_are_slower_than_the_robot_and_leave_it_a_way() -> None:
                 assert min(gaps_m) > 0.2 + room_m
 
 
-def test_the_committed_worlds_are_two_of_each_family_and_still_what_the_generator_makes() -> None:
+def test_committed_worlds_match_the_generator() -> None:
     files = sorted(FIXED_DIR.glob("*.toml"))
     expected = {world.name: world for world in made.corpus(per_family=2, seed=1)}
     assert [file.stem for file in files] == sorted(expected)

@@ -26,7 +26,7 @@ def walls_of(world: World) -> list[Polyline]:
 
 
 @given(st.floats(-pi, pi), st.floats(-3, 3), st.floats(-3, 3), st.sampled_from((-1, 1)))
-def test_a_frame_turns_and_mirrors_but_keeps_distances(
+def test_frame_preserves_distances_when_turned_or_mirrored(
     angle_rad: float, along_m: float, left_m: float, hand: int
 ) -> None:
     frame = Frame((1.0, 2.0), angle_rad, hand)
@@ -37,7 +37,7 @@ def test_a_frame_turns_and_mirrors_but_keeps_distances(
     )
 
 
-def test_traps_have_many_sizes_and_are_open_towards_the_start() -> None:
+def test_traps_vary_in_size_and_open_towards_the_start() -> None:
     for index in SOME:
         world = generate("u_trap", index, 5)
         (trap,) = walls_of(world)
@@ -50,7 +50,7 @@ def test_traps_have_many_sizes_and_are_open_towards_the_start() -> None:
         assert dist(start, goal) > 1.0
 
 
-def test_a_door_is_wide_enough_and_the_only_way_through_its_wall() -> None:
+def test_door_is_wide_enough_and_the_only_passage_of_its_wall() -> None:
     for index in SOME:
         world = generate("door", index, 5)
         walls = walls_of(world)
@@ -70,7 +70,7 @@ def test_a_door_is_wide_enough_and_the_only_way_through_its_wall() -> None:
         ("forest_dense", 1.0, 1.35),
     ],
 )
-def test_a_forest_has_its_density_and_a_passage_between_any_two_trunks(
+def test_forest_has_its_density_and_passages_between_trunks(
     family: str, low_m2: float, high_m2: float
 ) -> None:
     for index in SOME:
@@ -84,7 +84,7 @@ def test_a_forest_has_its_density_and_a_passage_between_any_two_trunks(
         assert min(gaps_m) >= MIN_PASSAGE_M > 2.0 * Body().radius_m
 
 
-def test_a_spiral_winds_and_its_arms_leave_the_robot_room() -> None:
+def test_spiral_winds_and_leaves_room_for_the_robot() -> None:
     for index in SOME:
         (wall,) = walls_of(generate("spiral", index, 5))
         legs_m = [dist(a, b) for a, b in pairwise(wall.points_m)]
@@ -94,7 +94,7 @@ def test_a_spiral_winds_and_its_arms_leave_the_robot_room() -> None:
 
 
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 1000))
-def test_a_carved_building_joins_all_cells_and_without_loops_only_just(
+def test_carved_building_is_a_spanning_tree_when_it_has_no_loops(
     columns: int, rows: int, seed: int
 ) -> None:
     doors = carved(Random(seed), columns, rows, 0.0)
@@ -110,7 +110,7 @@ def test_a_carved_building_joins_all_cells_and_without_loops_only_just(
 
 
 @given(st.integers(2, 7), st.integers(2, 7), st.integers(0, 1000))
-def test_the_walls_of_a_maze_are_as_long_as_all_borders_that_are_shut(
+def test_maze_wall_length_equals_length_of_closed_borders(
     columns: int, rows: int, seed: int
 ) -> None:
     doors = carved(Random(seed), columns, rows, 0.1)
@@ -122,7 +122,7 @@ def test_the_walls_of_a_maze_are_as_long_as_all_borders_that_are_shut(
 
 @pytest.mark.parametrize("family", GRID_FAMILIES)
 @pytest.mark.parametrize("seed", SOME)
-def test_a_grid_map_is_a_map_of_the_right_size(family: str, seed: int) -> None:
+def test_grid_map_has_the_requested_size(family: str, seed: int) -> None:
     cells = parse_map(MAPS[family](Random(seed)), "test.map", 0.4)
     assert 20 <= min(cells.rows, cells.columns) <= max(cells.rows, cells.columns) <= 32
     share = cells.blocked.mean()
@@ -132,7 +132,7 @@ def test_a_grid_map_is_a_map_of_the_right_size(family: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("family", GRID_FAMILIES)
-def test_a_grid_world_has_a_way(family: str) -> None:
+def test_grid_world_has_a_path_to_its_goal(family: str) -> None:
     for index in range(3):
         world = generate(family, index, 9)
         start, goal = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)

@@ -22,7 +22,7 @@ def places(field: CylinderField) -> set[tuple[float, float]]:
     return {(one.x_m, one.y_m) for one in field.cylinders}
 
 
-def test_a_grid_is_cylinders_at_their_pitch_with_free_floor_before_and_behind(
+def test_grid_becomes_cylinders_with_free_floor_at_both_ends(
     tmp_path: Path,
 ) -> None:
     grid = np.zeros((30, 20), dtype=int)
@@ -35,7 +35,7 @@ def test_a_grid_is_cylinders_at_their_pitch_with_free_floor_before_and_behind(
     assert field.ends == ((0.75, 2.25), (5.25, 2.25))
 
 
-def test_a_cylinder_with_all_its_neighbours_is_left_out(tmp_path: Path) -> None:
+def test_fully_surrounded_cylinder_is_omitted(tmp_path: Path) -> None:
     grid = np.zeros((6, 6), dtype=np.int64)
     grid[1:4, 1:4] = 1
     assert len(load_grid(saved(tmp_path, grid)).cylinders) == 8
@@ -43,14 +43,14 @@ def test_a_cylinder_with_all_its_neighbours_is_left_out(tmp_path: Path) -> None:
     assert len(load_grid(saved(tmp_path, np.ones((3, 3)))).cylinders) == 8
 
 
-def test_another_pitch_makes_other_cylinders(tmp_path: Path) -> None:
+def test_pitch_scales_the_cylinders(tmp_path: Path) -> None:
     field = load_grid(saved(tmp_path, [[1, 0], [0, 0]]), pitch_m=0.3)
     assert field.size_m == (3.6, 0.6)
     assert field.cylinders[0].radius_m == 0.15
 
 
 @pytest.mark.parametrize("kind", ["bool", "uint8", "int32", "int64", "float64"])
-def test_any_kind_of_number_will_do(tmp_path: Path, kind: str) -> None:
+def test_any_numeric_type_is_accepted(tmp_path: Path, kind: str) -> None:
     field = load_grid(saved(tmp_path, np.eye(4).astype(kind)))
     assert len(field.cylinders) == 4
 
@@ -66,7 +66,7 @@ def test_any_kind_of_number_will_do(tmp_path: Path, kind: str) -> None:
         (np.zeros((1001, 1)), "1001 x 1"),
     ],
 )
-def test_a_bad_grid_is_refused(tmp_path: Path, grid: object, reason: str) -> None:
+def test_invalid_grid_is_rejected(tmp_path: Path, grid: object, reason: str) -> None:
     path = saved(tmp_path, grid)
     problem = refused(lambda: load_grid(path))
     assert (problem.file, problem.key) == (str(path), "npy")
@@ -79,13 +79,13 @@ def test_pickled_objects_are_never_opened(tmp_path: Path) -> None:
     assert "found '|O'" in refused(lambda: load_grid(path)).reason
 
 
-def test_an_archive_of_grids_is_no_grid(tmp_path: Path) -> None:
+def test_archive_of_grids_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "grid_0.npz"
     np.savez(path, np.zeros((3, 3)))
     assert "no .npy file" in refused(lambda: load_grid(path)).reason
 
 
-def test_a_table_stored_by_columns_is_the_same_table(tmp_path: Path) -> None:
+def test_column_major_table_is_read_the_same(tmp_path: Path) -> None:
     grid = np.zeros((3, 5))
     grid[0, 4] = 1
     by_rows = load_grid(saved(tmp_path, grid))
@@ -94,7 +94,7 @@ def test_a_table_stored_by_columns_is_the_same_table(tmp_path: Path) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(0, 200), st.binary(max_size=20), st.booleans())
-def test_a_grid_cut_or_spoilt_anywhere_is_read_or_refused(
+def test_damaged_grid_is_read_or_rejected(
     tmp_path_factory: pytest.TempPathFactory, at: int, noise: bytes, cut: bool
 ) -> None:
     buffer = io.BytesIO()
@@ -106,7 +106,7 @@ def test_a_grid_cut_or_spoilt_anywhere_is_read_or_refused(
         assert len(load_grid(path).cylinders) <= 9
 
 
-def test_a_list_is_x_y_and_perhaps_radius_around_which_the_floor_ends() -> None:
+def test_list_rows_are_x_y_and_optional_radius() -> None:
     field = parse_list("x,y,radius\n# two of them\n2.0, -1.0\n\n4.0; 1.0; 0.2\n", "list.csv")
     assert field.corner == pytest.approx((0.925, -2.075))
     assert [one.radius_m for one in field.cylinders] == [0.075, 0.2]
@@ -115,7 +115,7 @@ def test_a_list_is_x_y_and_perhaps_radius_around_which_the_floor_ends() -> None:
     assert field.ends is None
 
 
-def test_a_cylinder_given_twice_stands_once() -> None:
+def test_duplicate_cylinder_is_kept_once() -> None:
     assert len(parse_list("1 1\n1 1\n2 2\n", "list.txt").cylinders) == 2
 
 
@@ -135,12 +135,12 @@ def test_a_cylinder_given_twice_stands_once() -> None:
         ("1 2\nx,y\n", 2, "cylinder"),
     ],
 )
-def test_a_bad_list_is_refused_with_its_line(text: str, line: int | None, key: str) -> None:
+def test_invalid_list_is_rejected_with_its_line(text: str, line: int | None, key: str) -> None:
     problem = refused(lambda: parse_list(text, "list.csv"))
     assert (problem.file, problem.line, problem.key) == ("list.csv", line, key)
 
 
-def test_a_list_that_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_binary_list_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "list.csv"
     path.write_bytes(b"1 2\n\xff\xfe\n")
     problem = refused(lambda: load_list(path))

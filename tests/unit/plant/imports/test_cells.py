@@ -26,7 +26,7 @@ def flooded(mask: Mask, row: int, column: int) -> set[tuple[int, int]]:
 
 
 @given(masks)
-def test_what_hangs_together_has_one_number(mask: Mask) -> None:
+def test_connected_cells_share_one_label(mask: Mask) -> None:
     labels = labelled(mask)
     assert ((labels > 0) == mask).all()
     assert set(labels[mask].tolist()) == set(range(1, labels.max(initial=0) + 1))
@@ -36,9 +36,7 @@ def test_what_hangs_together_has_one_number(mask: Mask) -> None:
 
 
 @given(masks, st.floats(0.0, 2.5))
-def test_a_place_is_clear_when_no_blocked_cell_and_no_rim_is_near(
-    mask: Mask, room_m: float
-) -> None:
+def test_place_is_clear_far_from_blocked_cells_and_rim(mask: Mask, room_m: float) -> None:
     clear = standing(Cells(mask, 1.0), room_m)
     blocked = np.argwhere(np.pad(mask, 4, constant_values=True)) - 4
     for row, column in np.ndindex(mask.shape):
@@ -51,7 +49,7 @@ def test_a_place_is_clear_when_no_blocked_cell_and_no_rim_is_near(
 
 
 @given(masks)
-def test_trimmed_has_all_that_is_free_where_it_was(mask: Mask) -> None:
+def test_trimming_keeps_all_free_cells_in_place(mask: Mask) -> None:
     whole = Cells(mask, 0.5, corner=(10.0, 20.0), yaw_rad=0.3)
     part = whole.trimmed()
     assert (~part.blocked).sum() == (~mask).sum()
@@ -70,7 +68,7 @@ def test_trimmed_has_all_that_is_free_where_it_was(mask: Mask) -> None:
 
 
 @given(masks, st.integers(1, 12), st.integers(0, 99))
-def test_a_window_is_a_part_of_the_map(mask: Mask, side: int, seed: int) -> None:
+def test_window_is_a_part_of_the_map(mask: Mask, side: int, seed: int) -> None:
     whole = Cells(mask, 1.0)
     part = whole.window(Random(seed), side)
     assert part.blocked.shape == (min(side, whole.rows), min(side, whole.columns))
@@ -81,7 +79,7 @@ def test_a_window_is_a_part_of_the_map(mask: Mask, side: int, seed: int) -> None
 
 @settings(max_examples=30)
 @given(masks, st.integers(1, 4))
-def test_finer_cells_are_the_same_floor(mask: Mask, parts: int) -> None:
+def test_finer_cells_cover_the_same_floor(mask: Mask, parts: int) -> None:
     fine = Cells(mask, 0.6).finer(parts)
     assert fine.size_m == Cells(mask, 0.6).size_m
     assert (fine.blocked[::parts, ::parts] == mask).all()

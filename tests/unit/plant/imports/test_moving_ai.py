@@ -12,7 +12,7 @@ def cells(text: str = MAP) -> Cells:
     return parse_map(text, "hand.map", 0.4)
 
 
-def test_a_map_has_its_first_row_at_the_top() -> None:
+def test_map_has_its_first_row_at_the_top() -> None:
     found = cells()
     assert (found.columns, found.rows, found.cell_m) == (8, 5, 0.4)
     assert found.size_m == (3.2, 2.0)
@@ -22,7 +22,7 @@ def test_a_map_has_its_first_row_at_the_top() -> None:
     assert found.blocked[2, 6]
 
 
-def test_dots_g_and_s_are_free_and_everything_else_is_not() -> None:
+def test_only_dot_g_and_s_cells_are_free() -> None:
     row = cells("type octile\nheight 1\nwidth 7\nmap\n.GS@OTW\n").blocked[0]
     assert row.tolist() == [False] * 3 + [True] * 4
 
@@ -37,7 +37,7 @@ def test_dots_g_and_s_are_free_and_everything_else_is_not() -> None:
     ],
     ids=["no last newline", "empty lines at the end", "width first", "blanks after a row"],
 )
-def test_small_liberties_change_nothing(text: str) -> None:
+def test_tolerated_format_variations_give_the_same_map(text: str) -> None:
     assert (cells(text).blocked == cells().blocked).all()
 
 
@@ -60,7 +60,7 @@ BAD_MAPS = [
 
 
 @pytest.mark.parametrize(("story", "text", "line", "key", "reason"), BAD_MAPS)
-def test_a_bad_map_is_refused_with_line_and_key(
+def test_invalid_map_is_rejected_with_line_and_key(
     story: str, text: str, line: int | None, key: str, reason: str
 ) -> None:
     problem = refused(lambda: cells(text))
@@ -70,7 +70,7 @@ def test_a_bad_map_is_refused_with_line_and_key(
 
 @settings(max_examples=300)
 @given(st.text(alphabet="typeoctilheghwdmap 0123458\n.@GSTWOx", max_size=80), st.integers(0, 60))
-def test_whatever_the_text_is_nothing_else_is_raised(noise: str, at: int) -> None:
+def test_any_map_text_raises_only_import_errors(noise: str, at: int) -> None:
     for text in (noise, MAP[:at] + noise, MAP[:at] + noise + MAP[at:]):
         try:
             found = cells(text)
@@ -79,7 +79,7 @@ def test_whatever_the_text_is_nothing_else_is_raised(noise: str, at: int) -> Non
         assert found.blocked.shape == (found.rows, found.columns)
 
 
-def test_scenarios_are_start_and_goal_by_column_and_row() -> None:
+def test_scenarios_give_start_and_goal_by_column_and_row() -> None:
     first, second = parse_scenarios(SCEN, "hand.map.scen")
     assert first == Scenario(2, "maps/hand.map", 8, 5, (0, 0), (7, 4))
     assert (second.line, second.start, second.goal) == (3, (3, 3), (0, 4))
@@ -98,7 +98,7 @@ def test_scenarios_are_start_and_goal_by_column_and_row() -> None:
         (SCEN[:-8], 3, "scenario", "9 fields"),
     ],
 )
-def test_bad_scenarios_are_refused(text: str, line: int, key: str, reason: str) -> None:
+def test_invalid_scenarios_are_rejected(text: str, line: int, key: str, reason: str) -> None:
     problem = refused(lambda: parse_scenarios(text, "hand.scen"))
     assert (problem.line, problem.key) == (line, key)
     assert reason in problem.reason
@@ -113,7 +113,7 @@ def test_bad_scenarios_are_refused(text: str, line: int, key: str, reason: str) 
         ({"goal": (1, 1)}, "goal", "(1, 1) is on a blocked cell"),
     ],
 )
-def test_a_scenario_that_does_not_fit_its_map_is_refused(
+def test_scenario_that_does_not_fit_its_map_is_rejected(
     change: dict[str, object], key: str, reason: str
 ) -> None:
     scenario = parse_scenarios(SCEN, "x")[0]._replace(**change)  # type: ignore[arg-type]

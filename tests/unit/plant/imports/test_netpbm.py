@@ -10,27 +10,27 @@ from plant.model.errors import WorldError
 from tests.support.plant.imports.files import P2, P5, ROWS, refused
 
 
-def test_both_kinds_say_the_same() -> None:
+def test_text_and_binary_pictures_are_equal() -> None:
     expected = np.array(ROWS) / 255
     assert np.allclose(parse_pgm(P5, "x.pgm"), expected)
     assert np.allclose(parse_pgm(P2, "x.pgm"), expected)
 
 
-def test_the_largest_value_is_white() -> None:
+def test_largest_value_is_white() -> None:
     assert parse_pgm(b"P2 3 1 4 0 2 4", "x.pgm").tolist() == [[0.0, 0.5, 1.0]]
 
 
-def test_above_255_a_value_has_two_bytes_the_higher_first() -> None:
+def test_values_above_255_are_big_endian_16_bit() -> None:
     assert parse_pgm(b"P5 2 1 1000 \x03\xe8\x01\xf4", "x.pgm").tolist() == [[1.0, 0.5]]
 
 
-def test_comments_stand_anywhere_before_the_pixels() -> None:
+def test_comments_may_appear_anywhere_before_the_pixels() -> None:
     data = b"P5 # one\n#two\n 2 # three\n1\n#four\n255\n\x00\xff"
     assert parse_pgm(data, "x.pgm").tolist() == [[0.0, 1.0]]
     assert parse_pgm(b"P2\n2 1\n1\n0 # a comment\n1\n", "x.pgm").tolist() == [[0.0, 1.0]]
 
 
-def test_a_pixel_may_look_like_a_blank() -> None:
+def test_pixel_may_have_the_value_of_a_blank() -> None:
     assert parse_pgm(b"P5 2 1 255\n\n\n", "x.pgm").shape == (1, 2)
     assert parse_pgm(b"P5 1 1 255\n \n", "x.pgm").shape == (1, 1)
 
@@ -68,7 +68,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("data", "key", "reason"), BAD)
-def test_a_bad_picture_is_refused_by_key(data: bytes, key: str, reason: str) -> None:
+def test_invalid_picture_is_rejected_by_key(data: bytes, key: str, reason: str) -> None:
     problem = refused(lambda: parse_pgm(data, "bad.pgm"))
     assert (problem.file, problem.key) == ("bad.pgm", key)
     assert reason in problem.reason
@@ -76,9 +76,7 @@ def test_a_bad_picture_is_refused_by_key(data: bytes, key: str, reason: str) -> 
 
 @settings(max_examples=500)
 @given(st.sampled_from((P2, P5)), st.integers(0, 90), st.binary(max_size=12), st.booleans())
-def test_a_picture_cut_or_spoilt_anywhere_is_read_or_refused(
-    good: bytes, at: int, noise: bytes, cut: bool
-) -> None:
+def test_damaged_picture_is_read_or_rejected(good: bytes, at: int, noise: bytes, cut: bool) -> None:
     data = good[:at] + noise + (b"" if cut else good[at:])
     try:
         found = parse_pgm(data, "x.pgm")
@@ -90,14 +88,16 @@ def test_a_picture_cut_or_spoilt_anywhere_is_read_or_refused(
 
 @settings(max_examples=300)
 @given(st.binary(max_size=40))
-def test_whatever_the_bytes_are_nothing_else_is_raised(noise: bytes) -> None:
+def test_any_bytes_raise_only_import_errors(noise: bytes) -> None:
     for data in (noise, b"P5 " + noise, b"P2 3 2 " + noise):
         with suppress(WorldError):
             assert parse_pgm(data, "x.pgm").size > 0
 
 
 @given(st.integers(1, 6), st.integers(1, 6), st.integers(1, 65535), st.data())
-def test_what_is_written_is_read(width: int, height: int, most: int, data: st.DataObject) -> None:
+def test_written_picture_is_read_back(
+    width: int, height: int, most: int, data: st.DataObject
+) -> None:
     values = data.draw(
         st.lists(st.integers(0, most), min_size=width * height, max_size=width * height)
     )

@@ -19,7 +19,7 @@ PINCHED = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 0]], dtype=bool)
 @example(PINCHED)
 @example(PINCHED[::-1])
 @example(np.kron(RING, RING).astype(bool))
-def test_the_outlines_cover_what_is_blocked_and_nothing_else(mask: Mask) -> None:
+def test_outlines_cover_exactly_the_blocked_cells(mask: Mask) -> None:
     polygons = outlines(Cells(mask, 1.0))
     assert sum(area_m2(one.points_m) for one in polygons) == pytest.approx(mask.sum())
     for row, column in np.ndindex(mask.shape):
@@ -30,30 +30,30 @@ def test_the_outlines_cover_what_is_blocked_and_nothing_else(mask: Mask) -> None
 @settings(max_examples=200, deadline=None)
 @given(masks)
 @example(PINCHED)
-def test_each_outline_is_one_that_a_world_may_have(mask: Mask) -> None:
+def test_each_outline_is_valid_in_a_world(mask: Mask) -> None:
     for polygon in outlines(Cells(mask, 0.4)):
         assert 4 <= len(polygon.points_m) <= MAX_POINTS
         assert crossing_edges(polygon.points_m) is None
         assert folded_corner(polygon.points_m) is None
 
 
-def test_a_block_is_one_polygon_of_four_points() -> None:
+def test_block_is_one_polygon_of_four_points() -> None:
     (polygon,) = outlines(Cells(np.ones((40, 60), dtype=bool), 0.05))
     assert set(polygon.points_m) == {(0.0, 0.0), (3.0, 0.0), (3.0, 2.0), (0.0, 2.0)}
 
 
-def test_a_hole_costs_one_cut() -> None:
+def test_hole_needs_one_cut() -> None:
     mask = np.ones((9, 9), dtype=bool)
     mask[3:6, 3:6] = False
     assert len(outlines(Cells(mask, 1.0))) == 2
 
 
-def test_two_blocks_that_meet_at_a_corner_are_two_polygons_that_touch() -> None:
+def test_blocks_meeting_at_a_corner_give_two_touching_polygons() -> None:
     first, second = outlines(Cells(np.eye(2, dtype=bool), 1.0))
     assert set(first.points_m) & set(second.points_m) == {(1.0, 1.0)}
 
 
-def test_a_comb_with_many_teeth_is_cut_to_size() -> None:
+def test_outline_with_too_many_points_is_split() -> None:
     mask = np.ones((2, 101), dtype=bool)
     mask[1, ::2] = False
     polygons = outlines(Cells(mask, 1.0))

@@ -25,7 +25,7 @@ def yaml(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_map_is_what_is_free_and_the_unknown_is_not(folder: Path) -> None:
+def test_unknown_cells_of_a_map_are_blocked(folder: Path) -> None:
     cells = load_ros_map(folder / "hand.yaml")
     assert (cells.columns, cells.rows, cells.cell_m) == (8, 4, 0.5)
     # The picture's first row is the top one; the black frame is left to the outer walls.
@@ -34,14 +34,14 @@ def test_a_map_is_what_is_free_and_the_unknown_is_not(folder: Path) -> None:
     assert cells.blocked.sum() == 3
 
 
-def test_the_frame_of_the_map_stays_its_own(folder: Path) -> None:
+def test_map_keeps_its_own_frame(folder: Path) -> None:
     cells = load_ros_map(folder / "hand.yaml")
     # The frame was one pixel of 0.5 m wide and its outer corner at (-1, -2).
     assert cells.corner == (-0.5, -1.5)
     assert cells.on_floor((0.0, 0.0)) == (0.5, 1.5)
 
 
-def test_a_turned_map_is_turned_back(folder: Path) -> None:
+def test_rotated_map_is_rotated_back(folder: Path) -> None:
     text = YAML.replace("-1.0, -2.0, 0.0", f"-1.0, -2.0, {pi / 2}")
     cells = load_ros_map(yaml(folder, text))
     # Its x axis points up in the frame: the trimmed pixel lies above and to the left.
@@ -51,7 +51,7 @@ def test_a_turned_map_is_turned_back(folder: Path) -> None:
     assert cells.on_floor((-2.5, 0.5)) == (2.0, 1.0)
 
 
-def test_a_text_picture_is_the_same_map(folder: Path) -> None:
+def test_text_picture_gives_the_same_map(folder: Path) -> None:
     (folder / "text.pgm").write_bytes(P2)
     cells = load_ros_map(yaml(folder, YAML.replace("hand.pgm", "text.pgm")))
     assert (cells.blocked == load_ros_map(folder / "hand.yaml").blocked).all()
@@ -64,7 +64,7 @@ def test_negated_black_is_free(folder: Path) -> None:
     assert cells.blocked[1:5, 1:8].sum() == 7 * 4 - 2
 
 
-def test_the_threshold_decides_what_grey_is(folder: Path) -> None:
+def test_threshold_classifies_grey_cells(folder: Path) -> None:
     cells = load_ros_map(yaml(folder, YAML.replace("free_thresh: 0.196", "free_thresh: 0.25")))
     assert cells.blocked.sum() == 2
 
@@ -96,7 +96,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("story", "text", "line", "key", "reason"), BAD)
-def test_a_bad_yaml_is_refused_with_line_and_key(
+def test_invalid_yaml_is_rejected_with_line_and_key(
     folder: Path, story: str, text: str, line: int | None, key: str, reason: str
 ) -> None:
     path = yaml(folder, text)
@@ -105,7 +105,7 @@ def test_a_bad_yaml_is_refused_with_line_and_key(
     assert reason in problem.reason
 
 
-def test_a_picture_that_is_not_there_or_spoilt_is_told_by_its_own_name(folder: Path) -> None:
+def test_missing_or_damaged_picture_is_reported_by_name(folder: Path) -> None:
     missing = yaml(folder, YAML.replace("hand.pgm", "gone.pgm"))
     assert refused(lambda: load_ros_map(missing)).file == str(folder / "gone.pgm")
     (folder / "cut.pgm").write_bytes(P5[:-1])
@@ -114,7 +114,7 @@ def test_a_picture_that_is_not_there_or_spoilt_is_told_by_its_own_name(folder: P
     assert (problem.file, problem.key) == (str(folder / "cut.pgm"), "raster")
 
 
-def test_yaml_in_the_ways_that_map_savers_write_it() -> None:
+def test_yaml_styles_of_map_savers_are_read() -> None:
     text = """\
 ---
 # a comment
@@ -135,7 +135,7 @@ name: 'it''s' # not
 
 @settings(max_examples=300)
 @given(st.text(alphabet="image: .pgm0\n-[],#'\"reslution\t", max_size=60), st.integers(0, 130))
-def test_whatever_the_yaml_is_nothing_else_is_raised(noise: str, at: int) -> None:
+def test_any_yaml_raises_only_import_errors(noise: str, at: int) -> None:
     for text in (noise, YAML[:at] + noise + YAML[at:]):
         with suppress(WorldError):
             said = parse_map_yaml(text, "x.yaml")

@@ -65,7 +65,7 @@ def grid_length_m(world: World, room_m: float) -> float:
 
 
 @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "forest_dense"])
-def test_the_shortest_path_of_a_corpus_world_is_no_longer_than_that_of_a_fine_grid(
+def test_exact_path_is_not_longer_than_a_fine_grid_path(
     family: str,
 ) -> None:
     world = generate(family, 2, 31)
@@ -80,7 +80,7 @@ def test_the_shortest_path_of_a_corpus_world_is_no_longer_than_that_of_a_fine_gr
 
 
 @pytest.mark.parametrize("family", GRID_FAMILIES)
-def test_the_way_over_cells_is_that_of_the_exact_search(family: str) -> None:
+def test_path_over_cells_matches_the_exact_search(family: str) -> None:
     world = generate(family, {"grid_maze": 2, "grid_rooms": 3, "grid_random": 0}[family], 1)
     exact_m = shortest_path_m(world)
     assert exact_m is not None
@@ -98,7 +98,7 @@ def world_of(cells: Cells, start: Point, goal: Point) -> World:
     return grid_world(cells, made, Random(1))
 
 
-def test_a_passage_of_one_cell_is_a_passage() -> None:
+def test_passage_of_one_cell_is_open() -> None:
     cells = cells_of("...#...", "...#...", ".......", "...#...")
     world = world_of(cells, (0.6, 0.2), (2.2, 0.2))
     assert world.reachable
@@ -108,14 +108,14 @@ def test_a_passage_of_one_cell_is_a_passage() -> None:
     assert world.shortest_path_m == pytest.approx(exact_m, rel=0.006)
 
 
-def test_a_squeeze_between_two_cells_that_meet_at_a_corner_is_none() -> None:
+def test_diagonal_gap_between_blocked_cells_is_closed() -> None:
     cells = cells_of("..#.", "..#.", "##..", "....")
     world = world_of(cells, (0.2, 1.4), (1.4, 1.4))
     assert (world.reachable, world.shortest_path_m) == (False, None)
     assert shortest_path_m(world) is None
 
 
-def test_a_room_too_narrow_for_the_robot_is_closed() -> None:
+def test_room_too_narrow_for_the_robot_is_closed() -> None:
     narrow = cells_of("......", "##.###", "......")._replace(cell_m=0.23)
     world = world_of(narrow._replace(blocked=narrow.finer(3).blocked), (0.4, 0.3), (0.4, 1.7))
     assert world.reachable
@@ -123,13 +123,13 @@ def test_a_room_too_narrow_for_the_robot_is_closed() -> None:
     assert Places(tight, RADIUS_M).way((0.5, 0.115), (0.5, 0.575)) is None
 
 
-def test_a_straight_way_is_straight() -> None:
+def test_straight_path_over_cells_is_straight() -> None:
     world = world_of(Cells(np.zeros((20, 30), dtype=bool), 0.4), (1.0, 1.0), (10.0, 6.3))
     assert world.shortest_path_m == round(dist((1.0, 1.0), (10.0, 6.3)), 3)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_a_way_over_cells_touches_nothing(seed: int) -> None:
+def test_path_over_cells_touches_no_obstacle(seed: int) -> None:
     mask = np.random.default_rng(seed).random((24, 24)) < 0.25
     made = ImportedWorld(file="x.map", name="x", family="test", seed=seed)
     world = grid_world(Cells(mask, 0.4), made, Random(seed))

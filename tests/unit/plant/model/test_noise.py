@@ -6,26 +6,26 @@ import pytest
 from plant.model.noise import LEVELS, Noise
 
 
-def test_there_are_four_levels() -> None:
+def test_noise_has_four_levels() -> None:
     assert list(LEVELS) == ["none", "default", "lossy", "harsh"]
 
 
-def test_none_is_none() -> None:
+def test_level_none_has_no_noise() -> None:
     assert astuple(LEVELS["none"]) == (0.0, 0.0, 0.0, 0.0, pi / 2, 0.0, 0.0)
 
 
-def test_lossy_is_default_without_grazing_echoes() -> None:
+def test_level_lossy_is_default_without_grazing_echoes() -> None:
     default, lossy = astuple(LEVELS["default"]), astuple(LEVELS["lossy"])
     assert default == (0.003, 0.01, 0.005, 0.001, pi / 2, 2e-6, 0.0)
     assert lossy == (*default[:4], radians(40.0), *default[5:])
 
 
-def test_harsh_is_as_navigation_says() -> None:
+def test_level_harsh_has_fixed_values() -> None:
     assert astuple(LEVELS["harsh"]) == (0.01, 0.02, 0.03, 0.01, radians(40.0), 2e-5, 0.005)
 
 
 @pytest.mark.parametrize("name", [field.name for field in fields(Noise)])
 @pytest.mark.parametrize("value", [nan, inf, -inf, -0.3, 2.0])
-def test_a_value_out_of_range_is_refused_by_name(name: str, value: float) -> None:
+def test_value_out_of_range_is_rejected_by_name(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"^{name}: "):
         Noise(**{name: value})

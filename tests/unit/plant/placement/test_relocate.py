@@ -20,12 +20,12 @@ def at(x_m: float, y_m: float) -> Start:
     return Start(x_m=x_m, y_m=y_m)
 
 
-def test_nothing_asked_for_is_the_world_itself() -> None:
+def test_relocate_without_changes_returns_the_same_world() -> None:
     world = room(ROLLER)
     assert elsewhere(world, None, None, 0.0) == world
 
 
-def test_start_and_goal_are_replaced_and_the_rest_stays() -> None:
+def test_start_and_goal_are_replaced_and_the_rest_kept() -> None:
     world = room(BOX)
     moved = elsewhere(world, at(3.0, 3.0), GoalPose(x_m=0.5, y_m=0.5), 4.0)
     assert (moved.start, moved.goal) == (at(3.0, 3.0), GoalPose(x_m=0.5, y_m=0.5))
@@ -46,7 +46,7 @@ def test_start_and_goal_are_replaced_and_the_rest_stays() -> None:
         (BOX, (1.0, inf), "finite"),
     ],
 )
-def test_a_start_that_is_not_free_is_refused_with_the_reason(
+def test_blocked_start_is_rejected_with_the_reason(
     obstacle: Circle | Polygon | Polyline, place: tuple[float, float], reason: str
 ) -> None:
     with pytest.raises(UserError, match="start") as refused:
@@ -54,13 +54,13 @@ def test_a_start_that_is_not_free_is_refused_with_the_reason(
     assert reason in str(refused.value)
 
 
-def test_a_robot_that_stands_against_something_may_start_there() -> None:
+def test_start_in_contact_with_an_obstacle_is_allowed() -> None:
     radius_m = 0.12
     against = at(BOX.points_m[0][0] - radius_m + 0.004, 1.2)
     assert elsewhere(room(BOX), against, None, 0.0).start == against
 
 
-def test_what_moves_is_in_the_way_only_while_it_is_there() -> None:
+def test_moving_obstacle_blocks_only_its_current_position() -> None:
     """After four seconds it has rolled two metres up and stands at the end of its path."""
     world = room(ROLLER)
     assert elsewhere(world, at(2.0, 1.0), None, 4.0).start == at(2.0, 1.0)
@@ -68,14 +68,14 @@ def test_what_moves_is_in_the_way_only_while_it_is_there() -> None:
         elsewhere(world, at(2.0, 3.0), None, 4.0)
 
 
-def test_the_world_s_own_start_may_be_taken_later() -> None:
+def test_start_of_the_world_may_be_used_later() -> None:
     world = room(ROLLER, start=(2.0, 3.0, 0.0))
     assert elsewhere(world, None, None, 0.0) == world
     with pytest.raises(UserError, match="taken"):
         elsewhere(world, None, None, 4.0)
 
 
-def test_a_goal_may_lie_in_an_obstacle_but_not_outside_or_nowhere() -> None:
+def test_goal_may_be_in_an_obstacle_but_not_outside() -> None:
     world = room(BOX)
     assert elsewhere(world, None, GoalPose(x_m=1.2, y_m=1.2), 0.0).goal.x_m == 1.2
     for goal in (GoalPose(x_m=99.0, y_m=1.0), GoalPose(x_m=nan, y_m=1.0)):
@@ -89,7 +89,7 @@ def plant_at(world: World, at_ns: int) -> Plant:
     return Plant(world, 1, LEVELS["none"], at_ns=at_ns)
 
 
-def test_a_plant_that_begins_later_is_where_the_other_one_has_come_to() -> None:
+def test_plant_started_later_matches_the_earlier_plant() -> None:
     """The robot stands still in both, and what passes it is seen and touched alike."""
     world = room(ROLLER, start=(1.4, 2.0, 0.0))
     begun, later = plant_at(world, 0), plant_at(world, 2_000_000_000)
@@ -103,7 +103,7 @@ def test_a_plant_that_begins_later_is_where_the_other_one_has_come_to() -> None:
         assert begun.senses()[1] == later.senses()[1]
 
 
-def test_its_score_counts_from_where_it_began() -> None:
+def test_score_of_a_later_start_counts_from_that_start() -> None:
     plant = plant_at(room(), 2_000_000_000)
     for _ in range(10):
         plant.advance()

@@ -42,17 +42,17 @@ def around_disc_m(radius_m: float, half_m: float) -> float:
     return 2.0 * tangent_m + radius_m * (pi - 2.0 * acos(radius_m / half_m))
 
 
-def test_nothing_in_the_way_is_a_straight_line() -> None:
+def test_path_without_obstacles_is_a_straight_line() -> None:
     assert isclose(length_m(), 4.0)
 
 
 @pytest.mark.parametrize("radius_m", [0.05, 0.4, 0.8, 1.5])
-def test_a_disc_is_tangent_arc_tangent(radius_m: float) -> None:
+def test_path_around_a_disc_is_tangent_arc_tangent(radius_m: float) -> None:
     exact_m = around_disc_m(radius_m + RADIUS_M, 2.0)
     assert exact_m - 1e-4 <= length_m(Circle(x_m=3.0, y_m=2.0, radius_m=radius_m)) < 1.006 * exact_m
 
 
-def test_a_box_is_passed_on_its_short_side() -> None:
+def test_path_passes_a_box_on_its_short_side() -> None:
     # Tangent to the corner circle, straight along the top, and the same again.
     along_m, up_m = 1.5, 0.3
     to_corner_m = sqrt(along_m**2 + up_m**2 - RADIUS_M**2)
@@ -65,14 +65,14 @@ def _elevation(along_m: float, up_m: float) -> float:
     return acos(along_m / hypot(along_m, up_m))
 
 
-def test_a_wall_is_passed_as_thick_as_it_is() -> None:
+def test_path_respects_the_thickness_of_a_wall() -> None:
     thick = Polyline(((3.0, 0.0), (3.0, 2.5)), 0.4)
     # Its round end is a disc of 0.2 m, which the robot passes above.
     exact_m = length_m(Circle(x_m=3.0, y_m=2.5, radius_m=0.2), box(2.9, 0.0, 3.1, 2.5))
     assert isclose(length_m(thick), exact_m, rel_tol=1e-3)
 
 
-def test_the_robot_needs_its_own_width() -> None:
+def test_path_needs_the_width_of_the_robot() -> None:
     narrow = (box(2.9, 0.0, 3.1, 1.9), box(2.9, 2.13, 3.1, 4.0))
     wide = (box(2.9, 0.0, 3.1, 1.9), box(2.9, 2.17, 3.1, 4.0))
     assert shortest_path(world_with(*narrow)) is None
@@ -80,29 +80,29 @@ def test_the_robot_needs_its_own_width() -> None:
     assert shortest_path(world_with(*narrow, radius_m=0.1)) is not None
 
 
-def test_a_wall_from_side_to_side_leaves_no_way() -> None:
+def test_wall_across_the_room_leaves_no_path() -> None:
     across = Polyline(((3.0, 0.0), (3.0, 4.0)))
     assert shortest_path(world_with(across)) is None
     assert shortest_path_m(world_with(across)) is None
 
 
-def test_the_same_wall_is_passed_outside_where_there_are_no_outer_walls() -> None:
+def test_path_goes_outside_when_there_are_no_outer_walls() -> None:
     assert 5.6 < length_m(Polyline(((3.0, 0.0), (3.0, 4.0))), walls=False) < 6.1
 
 
-def test_a_goal_shut_in_is_not_reached() -> None:
+def test_enclosed_goal_has_no_path() -> None:
     ring = Polyline(((4.5, 1.5), (5.5, 1.5), (5.5, 2.5), (4.5, 2.5), (4.5, 1.5)))
     assert shortest_path(world_with(ring)) is None
 
 
-def test_a_trap_is_left_around_its_arms() -> None:
+def test_path_leaves_a_trap_around_its_arms() -> None:
     trap = Polyline(((0.5, 2.5), (2.5, 2.5), (2.5, 1.5), (0.5, 1.5)), 0.02)
     # Tangent to the arm's end, round it, along the arm, round its joint, tangent to the goal.
     exact_m = 0.695 + 0.130 * 2.541 + 2.0 + 0.130 * 0.248 + 2.546
     assert isclose(length_m(trap), exact_m, rel_tol=0.006)
 
 
-def test_those_who_move_are_left_out() -> None:
+def test_moving_obstacles_are_ignored() -> None:
     walker = Circle(x_m=3.0, y_m=2.0, radius_m=0.5, path_m=((3.0, 2.0), (3.0, 3.0)), speed_m_s=0.1)
     assert isclose(length_m(walker), 4.0)
 
@@ -117,7 +117,7 @@ discs = st.lists(
 
 @settings(max_examples=60, deadline=None)
 @given(discs)
-def test_the_way_touches_nothing_and_one_more_disc_never_makes_it_shorter(
+def test_adding_a_disc_never_shortens_the_path(
     circles: list[Circle],
 ) -> None:
     before_m = 4.0
@@ -136,7 +136,7 @@ def _clear(a: tuple[float, float], b: tuple[float, float], circles: list[Circle]
     return all(clearance_m(p, one) >= RADIUS_M - 1e-5 for p in points for one in circles)
 
 
-def test_each_shipped_world_takes_less_than_a_second() -> None:
+def test_each_shipped_world_takes_under_a_second() -> None:
     for name in shipped():
         world, before_s = load(name), thread_time()
         shortest_path(world)

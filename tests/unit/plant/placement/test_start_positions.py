@@ -9,11 +9,11 @@ from plant.placement.start_positions import starts
 from tests.support.plant.rooms import room
 
 
-def test_one_robot_starts_where_the_world_says() -> None:
+def test_one_robot_starts_at_the_start_of_the_world() -> None:
     assert starts(room(start=(1.0, 2.0, 0.7)), Body(), 1) == [(1.0, 2.0, 0.7)]
 
 
-def test_several_start_side_by_side_with_a_gap() -> None:
+def test_several_robots_start_side_by_side_with_a_gap() -> None:
     places = starts(room(start=(1.0, 2.0, pi / 2)), Body(), 3)
     assert [place[:2] for place in places] == [
         pytest.approx((1.0, 2.0)),
@@ -24,18 +24,18 @@ def test_several_start_side_by_side_with_a_gap() -> None:
     assert min(dist(a[:2], b[:2]) for a, b in combinations(places, 2)) > 2.0 * 0.12
 
 
-def test_places_in_walls_and_obstacles_are_passed_over() -> None:
+def test_start_places_in_walls_and_obstacles_are_skipped() -> None:
     pillar = Circle(x_m=1.0, y_m=1.0, radius_m=0.1)
     block = Polygon(((0.8, 2.0), (1.2, 2.0), (1.2, 2.6), (0.8, 2.6)))
     places = starts(room(pillar, block, start=(1.0, 0.5, 0.0)), Body(), 3)
     assert [round(place[1], 3) for place in places] == [0.5, 1.7, 2.9]
 
 
-def test_too_many_robots_are_refused_with_the_number_that_fits() -> None:
+def test_too_many_robots_are_rejected_with_the_number_that_fits() -> None:
     with pytest.raises(ValueError, match=r"^robots: room has room for 7 beside .* not for 12"):
         starts(room(), Body(), 12)
 
 
-def test_no_robots_are_refused() -> None:
+def test_zero_robots_are_rejected() -> None:
     with pytest.raises(ValueError, match=r"^robots: 0 is less than one"):
         starts(room(), Body(), 0)

@@ -41,7 +41,7 @@ def forged(frame: tuple[int, int, int, int, int, int], tick: int) -> WheelComman
 
 
 @given(periods, firsts)
-def test_no_frames_move_a_wheel_150_ms_after_the_tick_they_answer(
+def test_no_frame_moves_a_wheel_150_ms_after_its_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], first: int
 ) -> None:
     """From then on each wheel slows down until it stands, whatever came and in which order."""
@@ -66,7 +66,7 @@ def test_no_frames_move_a_wheel_150_ms_after_the_tick_they_answer(
 
 
 @given(periods, st.lists(st.integers(0, 4), min_size=6, max_size=6), st.integers(0, 2))
-def test_no_frames_move_a_robot_that_brakes_at_every_tick(
+def test_no_frame_moves_a_robot_that_brakes_at_every_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], places: list[int], epoch: int
 ) -> None:
     """A robot that is disarmed or stopped stands, whatever else answers its ticks."""
@@ -83,9 +83,7 @@ def test_no_frames_move_a_robot_that_brakes_at_every_tick(
 
 
 @given(st.lists(st.tuples(speeds, speeds, st.booleans()), max_size=30), numbers)
-def test_a_robot_that_is_alone_is_always_obeyed(
-    told: list[tuple[int, int, bool]], epoch: int
-) -> None:
+def test_single_robot_is_always_obeyed(told: list[tuple[int, int, bool]], epoch: int) -> None:
     gate = CommandGate()
     for tick, (left_mrad_s, right_mrad_s, lost) in enumerate(told):
         gate.begin_tick(tick)

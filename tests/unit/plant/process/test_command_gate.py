@@ -15,7 +15,7 @@ DRIVE = WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS)
 @pytest.mark.parametrize(
     ("age", "left_ms"), [(-1, None), (0, 150), (1, 100), (2, 50), (3, 0), (4, None), (20, None)]
 )
-def test_a_command_counts_from_the_tick_it_answers(age: int, left_ms: int | None) -> None:
+def test_command_age_counts_from_the_tick_it_answers(age: int, left_ms: int | None) -> None:
     """A future tick, the age of 3 periods and the one beyond are the boundaries."""
     expected = None if left_ms is None else WheelOutput(FAST, FAST, left_ms)
     assert taken(gate_at(20), command(20 - age)) == expected
@@ -24,16 +24,16 @@ def test_a_command_counts_from_the_tick_it_answers(age: int, left_ms: int | None
 @pytest.mark.parametrize(
     ("ttl_ms", "left_ms"), [(1, 1), (149, 149), (150, 150), (151, 150), (65535, 150)]
 )
-def test_the_time_to_live_is_capped(ttl_ms: int, left_ms: int) -> None:
+def test_time_to_live_is_capped(ttl_ms: int, left_ms: int) -> None:
     assert taken(gate_at(20), command(20, ttl_ms=ttl_ms)) == WheelOutput(FAST, FAST, left_ms)
 
 
 @pytest.mark.parametrize(("age", "left_ms"), [(1, 10), (2, 0), (3, 0)])
-def test_a_short_time_to_live_counts_from_the_tick_too(age: int, left_ms: int) -> None:
+def test_short_time_to_live_counts_from_the_tick_too(age: int, left_ms: int) -> None:
     assert taken(gate_at(20), command(20 - age, ttl_ms=60)) == WheelOutput(FAST, FAST, left_ms)
 
 
-def test_the_frame_of_finding_a3_is_refused() -> None:
+def test_frame_of_finding_a3_is_rejected() -> None:
     gate = gate_at(20)
     assert gate.receive(command(UINT32, ttl_ms=65535)) == "answers a tick that was never sent"
     assert gate.take() is None
@@ -41,20 +41,20 @@ def test_the_frame_of_finding_a3_is_refused() -> None:
 
 
 @pytest.mark.parametrize("age", [1, 2, 3])
-def test_no_tick_before_the_first_one_counts(age: int) -> None:
+def test_ticks_before_the_first_are_rejected(age: int) -> None:
     """The numbers wrap, so the last ones of uint32 are not those before tick 0."""
     assert taken(gate_at(0), command(-age)) is None
     assert taken(gate_at(500, first=500), command(500 - age)) is None
 
 
 @pytest.mark.parametrize("tick", [UINT32 - 1, UINT32, UINT32 + 1, UINT32 + 2])
-def test_the_number_of_a_tick_may_wrap(tick: int) -> None:
+def test_tick_number_may_wrap(tick: int) -> None:
     gate = gate_at(tick, first=UINT32 - 5)
     assert taken(gate, command(tick - 2)) == WheelOutput(FAST, FAST, 50)
     assert taken(gate, command(tick + 1)) is None
 
 
-def test_nothing_counts_before_the_first_tick() -> None:
+def test_commands_before_the_first_tick_are_rejected() -> None:
     gate = CommandGate()
     assert [gate.receive(command(0)), gate.receive(command(0, mrad_s=0))] == ["", ""]
     assert gate.take() is None
@@ -64,13 +64,13 @@ def test_nothing_counts_before_the_first_tick() -> None:
 @pytest.mark.parametrize(
     "one", [command(20), command(20, mrad_s=0), command(16), command(2), command(40, mrad_s=0)]
 )
-def test_a_command_that_is_only_late_is_no_fault_of_its_sender(one: WheelCommand) -> None:
+def test_late_command_is_not_counted_as_a_sender_fault(one: WheelCommand) -> None:
     gate = gate_at(20)
     assert gate.receive(one) == ""
     assert gate.receive(one) == ""
 
 
-def test_a_robot_that_remembers_the_plant_before_is_not_obeyed() -> None:
+def test_commands_for_an_earlier_plant_are_rejected() -> None:
     """Its larger numbers must not keep out the answers to the ticks of the plant that is there."""
     gate = gate_at(0)
     assert taken(gate, command(4000, seq=4000)) is None
@@ -80,21 +80,21 @@ def test_a_robot_that_remembers_the_plant_before_is_not_obeyed() -> None:
 @pytest.mark.parametrize(
     ("tick", "seq", "obeyed"), [(20, 6, True), (20, 5, False), (20, 4, False), (19, 9, False)]
 )
-def test_of_two_commands_the_newer_counts(tick: int, seq: int, obeyed: bool) -> None:
+def test_newer_of_two_commands_is_used(tick: int, seq: int, obeyed: bool) -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
     found = taken(gate, command(tick, seq=seq, mrad_s=1000))
     assert found == (WheelOutput(1000, 1000, MAX_WHEEL_TTL_MS) if obeyed else None)
 
 
-def test_a_robot_that_began_anew_counts_from_0_again() -> None:
+def test_restarted_robot_counts_from_0_again() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=4000))
     gate.begin_tick(21)
     assert taken(gate, command(21, seq=0)) == DRIVE
 
 
-def test_a_command_that_comes_between_two_ticks_ages() -> None:
+def test_command_between_two_ticks_ages() -> None:
     gate = gate_at(20)
     gate.receive(command(20))
     gate.begin_tick(21)
@@ -105,7 +105,7 @@ def test_a_command_that_comes_between_two_ticks_ages() -> None:
 @pytest.mark.parametrize("ttl_ms", [0, MAX_WHEEL_TTL_MS])
 @pytest.mark.parametrize("seq", [0, UINT32])
 @pytest.mark.parametrize("epoch", [0, 7, 9])
-def test_a_brake_is_obeyed_whatever_its_numbers(
+def test_brake_is_obeyed_whatever_its_numbers(
     sense_seq: int, ttl_ms: int, seq: int, epoch: int
 ) -> None:
     gate = gate_at(20)
@@ -117,13 +117,13 @@ def test_a_brake_is_obeyed_whatever_its_numbers(
     assert found.ttl_ms <= MAX_WHEEL_TTL_MS
 
 
-def test_a_brake_in_time_runs_the_motors_down_like_any_command() -> None:
+def test_timely_brake_slows_motors_like_any_command() -> None:
     """So that a trajectory is the same to the bit with and without processes."""
     assert taken(gate_at(20), command(19, mrad_s=0)) == WheelOutput(0, 0, 100)
 
 
 @pytest.mark.parametrize("first", [0, FAST])
-def test_a_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
+def test_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
     gate = gate_at(20)
     second = FAST - first
     assert taken(gate, command(20, seq=1, mrad_s=first), command(20, seq=2, mrad_s=second)) == BRAKE
@@ -138,12 +138,12 @@ def test_a_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
     )
 
 
-def test_a_brake_out_of_time_contradicts_a_move_for_this_tick() -> None:
+def test_late_brake_contradicts_a_move_for_this_tick() -> None:
     assert taken(gate_at(20), command(3, mrad_s=0), command(20, seq=2)) == BRAKE
 
 
 @pytest.mark.parametrize("sense_seq", [1, UINT32])
-def test_a_brake_out_of_time_stops_at_once(sense_seq: int) -> None:
+def test_late_brake_stops_the_wheels_at_once(sense_seq: int) -> None:
     """Also at tick 0, where all times are small."""
     assert taken(gate_at(0), command(sense_seq, mrad_s=0)) == BRAKE
     assert taken(gate_at(0), command(0), command(sense_seq, mrad_s=0)) == BRAKE
@@ -152,7 +152,7 @@ def test_a_brake_out_of_time_stops_at_once(sense_seq: int) -> None:
 
 @pytest.mark.parametrize("age", [0, 1, 2, 3])
 @pytest.mark.parametrize("first", [0, FAST])
-def test_each_tick_that_counts_is_held_to_one_answer(age: int, first: int) -> None:
+def test_each_valid_tick_accepts_only_one_answer(age: int, first: int) -> None:
     gate = gate_at(20)
     for tick in range(20, 24):
         gate.begin_tick(tick)
@@ -162,7 +162,7 @@ def test_each_tick_that_counts_is_held_to_one_answer(age: int, first: int) -> No
 
 
 @pytest.mark.parametrize("braked", [17, 18, 19])
-def test_a_late_brake_for_another_tick_does_not_hold_the_wheels(braked: int) -> None:
+def test_late_brake_for_another_tick_does_not_hold_wheels(braked: int) -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
     late = taken(gate, command(braked, seq=9, mrad_s=0))
@@ -172,7 +172,7 @@ def test_a_late_brake_for_another_tick_does_not_hold_the_wheels(braked: int) -> 
     assert taken(gate, command(20, seq=6)) == DRIVE
 
 
-def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
+def test_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0))
     gate.begin_tick(21)
@@ -182,7 +182,7 @@ def test_a_move_for_the_tick_after_a_brake_is_obeyed_at_once() -> None:
 # Two robots of one name.
 
 
-def test_the_robot_started_last_drives() -> None:
+def test_robot_started_last_drives() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=900, epoch=5))
     assert taken(gate, command(20, seq=0, mrad_s=1000, epoch=6)) == WheelOutput(
@@ -193,20 +193,20 @@ def test_the_robot_started_last_drives() -> None:
     assert gate.take() is None
 
 
-def test_a_braking_newer_robot_keeps_the_older_out() -> None:
+def test_braking_newer_robot_locks_out_the_older() -> None:
     gate = gate_at(20)
     taken(gate, command(20, mrad_s=0, epoch=6))
     assert taken(gate, command(20, seq=9, epoch=5)) is None
 
 
-def test_an_older_robot_is_obeyed_when_it_brakes_and_takes_nothing_over() -> None:
+def test_older_robot_may_brake_but_gains_no_control() -> None:
     gate = gate_at(20)
     taken(gate, command(19, epoch=6))
     assert taken(gate, command(18, mrad_s=0, epoch=5)) == WheelOutput(0, 0, 50)
     assert taken(gate, command(20, epoch=5)) is None
 
 
-def test_a_newer_robot_lives_while_its_late_commands_come() -> None:
+def test_late_commands_keep_a_newer_robot_alive() -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=2, epoch=6))
     gate.begin_tick(22)
@@ -220,7 +220,7 @@ def test_a_newer_robot_lives_while_its_late_commands_come() -> None:
 
 
 @pytest.mark.parametrize(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
-def test_an_older_robot_drives_when_the_newer_is_silent(silent: int, drives: bool) -> None:
+def test_older_robot_drives_when_the_newer_is_silent(silent: int, drives: bool) -> None:
     gate = gate_at(20)
     taken(gate, command(20, epoch=6))
     for tick in range(21, 21 + silent):
@@ -229,7 +229,7 @@ def test_an_older_robot_drives_when_the_newer_is_silent(silent: int, drives: boo
     assert found == (WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS) if drives else None)
 
 
-def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
+def test_stale_frame_of_a_newer_robot_locks_out_nothing() -> None:
     gate = gate_at(20)
     taken(
         gate, command(16, epoch=UINT32), command(16, mrad_s=0, epoch=UINT32), command(21, epoch=9)
@@ -248,7 +248,7 @@ def test_a_stale_frame_of_a_newer_robot_fences_nothing_off() -> None:
         (20, FAST, 4, False),
     ],
 )
-def test_what_answers_the_newest_tick(
+def test_newest_tick_is_answered_only_by_timely_commands(
     sense_seq: int, mrad_s: int, epoch: int, answered: bool
 ) -> None:
     gate = gate_at(19)

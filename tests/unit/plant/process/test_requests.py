@@ -50,7 +50,7 @@ def asking() -> Asking:
     return Asking()
 
 
-def test_a_turn_answers_only_a_few_and_the_next_one_goes_on(asking: Asking) -> None:
+def test_each_cycle_answers_a_few_requests_and_the_next_continues(asking: Asking) -> None:
     """A flood of questions must not keep time from going by."""
     questions = [Question() for _ in range(2 * MAX_ANSWERED)]
     asking.ask(*questions)
@@ -64,7 +64,7 @@ def test_a_turn_answers_only_a_few_and_the_next_one_goes_on(asking: Asking) -> N
     assert asking.nudges == before + 1, "the loop turns again for the rest, and not without one"
 
 
-def test_of_too_many_the_rest_is_refused_and_the_first_are_answered(asking: Asking) -> None:
+def test_excess_requests_are_rejected_and_the_first_answered(asking: Asking) -> None:
     questions = [Question() for _ in range(MAX_WAITING + 2)]
     asking.ask(*questions)
     assert [len(one.answers) for one in questions] == [0] * MAX_WAITING + [1, 1]
@@ -78,7 +78,7 @@ def test_of_too_many_the_rest_is_refused_and_the_first_are_answered(asking: Aski
     assert late.answers == [], "there is room again"
 
 
-def test_the_world_is_told_without_the_loop(asking: Asking) -> None:
+def test_world_request_is_answered_without_the_loop(asking: Asking) -> None:
     """Whoever only observes may ask for it: as often as it likes, at no cost to the plant."""
     asking.ask(*[Question() for _ in range(MAX_WAITING)])
     before = asking.nudges

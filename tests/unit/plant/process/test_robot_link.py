@@ -59,11 +59,11 @@ class Bench:
 
 
 @pytest.mark.parametrize(("age", "driven"), [(0, 3), (1, 2), (2, 1), (3, 0), (20, 0)])
-def test_a_command_counts_from_the_senses_that_it_answers(age: int, driven: int) -> None:
+def test_command_age_counts_from_the_senses_it_answers(age: int, driven: int) -> None:
     assert Bench().ticks_driven((1, 20 - age, FAST)) == driven
 
 
-def test_a_late_copy_does_not_make_it_count_for_longer() -> None:
+def test_late_duplicate_does_not_extend_a_command() -> None:
     bench = Bench()
     command = (1, 20, FAST)
     speeds = [bench.tick(command), bench.tick(command), bench.tick(command)]
@@ -71,7 +71,7 @@ def test_a_late_copy_does_not_make_it_count_for_longer() -> None:
     assert bench.tick(command) < speeds[-1], "its 150 ms are over"
 
 
-def test_one_that_was_overtaken_is_not_obeyed() -> None:
+def test_overtaken_command_is_not_obeyed() -> None:
     bench = Bench()
     bench.tick((1, 20, FAST))
     bench.tick((3, 21, 0))
@@ -79,7 +79,7 @@ def test_one_that_was_overtaken_is_not_obeyed() -> None:
     assert bench.tick((2, 21, FAST)) < slower_m_s
 
 
-def test_a_robot_that_began_anew_is_obeyed() -> None:
+def test_restarted_robot_is_obeyed() -> None:
     bench = Bench()
     bench.tick((4000, 20, 0))
     assert bench.tick((0, 21, FAST)) > 0.0
@@ -124,7 +124,7 @@ def test_no_clock_is_published_in_wall_time() -> None:
 @pytest.mark.parametrize(
     ("at_ms", "boot_ms"), [(0, 0), (20 * 50, 1000), (2**32 + 4, 4)], ids=["0", "1 s", "wrapped"]
 )
-def test_clock_tells_simulated_time(at_ms: int, boot_ms: int) -> None:
+def test_clock_carries_simulated_time(at_ms: int, boot_ms: int) -> None:
     """Of a plant that is older than 2^32 ms the milliseconds begin anew."""
     heard = Listener(lockstep=True, at_ns=at_ms * 1_000_000).heard()
     assert heard[2] == SystemTime(time_unix_usec=at_ms * 1000, time_boot_ms=boot_ms)
@@ -134,7 +134,7 @@ def test_clock_tells_simulated_time(at_ms: int, boot_ms: int) -> None:
     ("kind", "left"),
     [("ticks_stopped", [SonarScan, GroundTruth]), ("scan_stopped", [WheelTicks, GroundTruth])],
 )
-def test_what_a_fault_keeps_back_is_not_published(kind: str, left: list[type[Message]]) -> None:
+def test_senses_withheld_by_a_fault_are_not_published(kind: str, left: list[type[Message]]) -> None:
     listener = Listener(lockstep=False)
     listener.plant.inject(Fault(kind=kind, robot=1))
     listener.plant.advance()
@@ -142,11 +142,11 @@ def test_what_a_fault_keeps_back_is_not_published(kind: str, left: list[type[Mes
 
 
 @pytest.mark.parametrize(("lockstep", "clock"), [(True, [CLOCK.path]), (False, [])])
-def test_a_robot_must_subscribe_to_senses_and_clock(lockstep: bool, clock: list[str]) -> None:
+def test_robot_must_subscribe_to_senses_and_clock(lockstep: bool, clock: list[str]) -> None:
     assert Listener(lockstep=lockstep).topics() == [SONAR.path, WHEELS.path, *clock]
 
 
-def test_a_link_names_its_robot_and_tells_whether_it_has_answered() -> None:
+def test_link_reports_its_robot_and_whether_it_has_answered() -> None:
     bench = Bench()
     assert bench.link.robot == "r1"
     bench.tick((1, 19, FAST))

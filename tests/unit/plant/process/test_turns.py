@@ -51,16 +51,16 @@ def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
 
 @pytest.mark.parametrize("running", [True, False])
 @pytest.mark.parametrize("speed", [inf, SLOW])
-def test_in_lockstep_paused_or_slow(running: bool, speed: float) -> None:
+def test_loop_reports_progress_in_lockstep_paused_or_slow(running: bool, speed: float) -> None:
     assert ended(running=running, drive=lambda process: process.run_lockstep(speed)) >= TURNS
 
 
 @pytest.mark.parametrize("running", [True, False])
-def test_in_wall_time(running: bool) -> None:
+def test_loop_reports_progress_in_wall_time(running: bool) -> None:
     assert ended(running=running, drive=lambda process: process.run_wall(WallClock())) >= TURNS
 
 
-def test_calls_nobody_waits_for_do_not_add_up() -> None:
+def test_wake_ups_without_a_waiter_do_not_accumulate() -> None:
     """In wall time the loop never waits on it, and each command and question calls it."""
     wake = Wake()
     for _ in range(10_000):
@@ -72,7 +72,7 @@ def test_calls_nobody_waits_for_do_not_add_up() -> None:
 
 
 @pytest.mark.parametrize("called", [True, False])
-def test_a_stop_wakes_the_loop(called: bool) -> None:
+def test_stop_wakes_the_loop(called: bool) -> None:
     wake = Wake()
     if called:
         wake()

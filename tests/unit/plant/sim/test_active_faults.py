@@ -7,11 +7,11 @@ from plant.sim.active_faults import NO_TROUBLE, FaultSchedule
 S = 10**9
 
 
-def test_without_faults_there_is_no_trouble() -> None:
+def test_no_fault_gives_no_effect() -> None:
     assert FaultSchedule([]).at(0) is NO_TROUBLE
 
 
-def test_trouble_comes_and_goes_on_time() -> None:
+def test_fault_effects_start_and_end_on_time() -> None:
     schedule = FaultSchedule(
         [Fault("scan_stopped", "", 1.0, 2.0), Fault("ticks_stopped", "", 1.5, 3.0)]
     )
@@ -33,7 +33,7 @@ def test_trouble_comes_and_goes_on_time() -> None:
     st.lists(st.tuples(st.integers(0, 20), st.integers(1, 20)), max_size=5),
     st.lists(st.integers(0, 40), max_size=10).map(sorted),
 )
-def test_a_fault_lasts_from_its_start_to_before_its_end(
+def test_fault_lasts_from_its_start_to_before_its_end(
     spans: list[tuple[int, int]], moments: list[int]
 ) -> None:
     schedule = FaultSchedule(
@@ -44,14 +44,14 @@ def test_a_fault_lasts_from_its_start_to_before_its_end(
         assert schedule.at(now * S).scan_stopped == wanted
 
 
-def test_a_fault_added_while_running_is_in_force_at_once() -> None:
+def test_fault_added_while_running_acts_at_once() -> None:
     schedule = FaultSchedule([])
     schedule.at(5 * S)
     schedule.add(Fault("wheel_stuck", "both"))
     assert schedule.at(5 * S).wheel_stuck == (True, True)
 
 
-def test_cleared_faults_are_gone_but_a_jump_stays_counted() -> None:
+def test_clearing_ends_faults_but_keeps_an_encoder_jump() -> None:
     jump, later = (Fault("encoder_jump", "left", start_s, value=7) for start_s in (1.0, 9.0))
     schedule = FaultSchedule([jump, later, Fault("encoder_stuck", "right")])
     assert schedule.at(2 * S).encoder_stuck == (False, True)
@@ -60,17 +60,17 @@ def test_cleared_faults_are_gone_but_a_jump_stays_counted() -> None:
     assert schedule.at(10 * S).jumped_ticks == (7, 0)
 
 
-def test_two_slips_of_one_wheel_add_up_to_less_than_their_sum() -> None:
+def test_two_slips_of_one_wheel_combine_below_their_sum() -> None:
     slips = [Fault("wheel_slip", "both", value=0.5), Fault("wheel_slip", "right", value=0.5)]
     assert FaultSchedule(slips).at(0).slip == (0.5, 0.75)
 
 
-def test_pressed_sectors_are_united() -> None:
+def test_pressed_sectors_are_merged() -> None:
     pressed = [Fault("bumper_stuck", value=1), Fault("bumper_stuck", value=5)]
     assert FaultSchedule(pressed).at(0).bumper == 5
 
 
-def test_all_sonars_are_meant_by_all_and_one_by_its_number() -> None:
+def test_fault_targets_all_sonars_or_one_by_number() -> None:
     faults = [Fault("sonar_fixed", "all", value=1.0), Fault("sonar_fixed", "3", value=2.0)]
     sonar = FaultSchedule([*faults, Fault("sonar_dead", "7")]).at(0).sonar
     assert sonar is not None

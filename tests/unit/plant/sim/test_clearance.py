@@ -34,22 +34,20 @@ def step_m() -> st.SearchStrategy[float]:
     st.tuples(st.floats(0.2, 9.0), st.floats(0.2, 9.0)),
     st.lists(st.tuples(step_m(), step_m()), max_size=60),
 )
-def test_what_is_remembered_gives_the_clearance_to_the_last_bit(
-    start: Point, steps: list[Point]
-) -> None:
+def test_cached_clearance_is_bit_identical(start: Point, steps: list[Point]) -> None:
     remembering, asking = arena(), arena(FAR_AWAY)
     for at in accumulate(steps, lambda a, b: (a[0] + b[0], a[1] + b[1]), initial=start):
         assert remembering.clearance_m(0, at) == asking.clearance_m(0, at)
 
 
-def test_a_wall_of_one_point_is_as_far_as_its_rim() -> None:
+def test_clearance_to_a_one_point_wall_is_to_its_rim() -> None:
     point = Polyline(points_m=((5.0, 6.0), (5.0, 6.0)), thickness_m=0.2)
     lonely = Arena(room(point, walls=False), RADIUS_M)
     lonely.add_robot(1.0, 1.0)
     assert lonely.clearance_m(0, (5.0, 5.0)) == pytest.approx(1.0 - 0.1 - RADIUS_M)
 
 
-def test_where_nothing_is_the_clearance_is_the_limit() -> None:
+def test_clearance_without_obstacles_is_the_limit() -> None:
     empty = Arena(room(walls=False), RADIUS_M)
     empty.add_robot(1.0, 1.0)
     assert empty.clearance_m(0, (pi, pi)) == CLEARANCE_LIMIT_M

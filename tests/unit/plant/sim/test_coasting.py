@@ -39,7 +39,7 @@ def driven(
     COMMANDS,
     st.sampled_from(list(LEVELS)),
 )
-def test_the_way_is_the_same_with_and_without_the_arena(
+def test_trajectory_is_identical_with_and_without_the_arena(
     family: str, commands: list[tuple[int, int]], noise: str
 ) -> None:
     one = driven(family, commands, noise, always_ask=False)
@@ -47,7 +47,7 @@ def test_the_way_is_the_same_with_and_without_the_arena(
 
 
 @pytest.mark.parametrize("family", ["forest_dense", "maze"])
-def test_also_when_it_runs_into_things_and_leaves_them_again(family: str) -> None:
+def test_trajectory_is_identical_through_contacts_too(family: str) -> None:
     commands = [(9000, 9000), (-9000, -8500), (9000, 8000), (-9000, -9000), (9000, 9000)] * 2
     one = driven(family, commands, "harsh", always_ask=False)
     assert one.contacts > 1

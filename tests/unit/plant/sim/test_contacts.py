@@ -27,7 +27,7 @@ def plant(world: World, robots: int = 1) -> Plant:
         (Polygon(((2.5, 1.0), (3.0, 1.0), (3.0, 3.0), (2.5, 3.0))), 2.5),
     ],
 )
-def test_a_robot_stops_at_what_it_drives_against(obstacle: Obstacle, stopped_at_m: float) -> None:
+def test_robot_stops_at_an_obstacle(obstacle: Obstacle, stopped_at_m: float) -> None:
     one = plant(room(obstacle, start=(1.5, 2.0, 0.0)))
     deepest_m = 0.0
     for _ in range(200):
@@ -40,7 +40,7 @@ def test_a_robot_stops_at_what_it_drives_against(obstacle: Obstacle, stopped_at_
     assert one.score(FOREVER_NS).contacts == 1
 
 
-def test_the_outer_wall_holds_and_lets_go() -> None:
+def test_outer_wall_stops_and_releases_the_robot() -> None:
     one = plant(room(start=(3.7, 2.0, 0.0)))
     drive(one, 0.3, 0.3, 60)
     assert one.truth().x_m == pytest.approx(3.88, abs=5e-4)
@@ -51,14 +51,14 @@ def test_the_outer_wall_holds_and_lets_go() -> None:
     assert one.score(FOREVER_NS).contacts == 2
 
 
-def test_without_outer_walls_a_robot_drives_off_the_floor() -> None:
+def test_robot_leaves_the_floor_without_outer_walls() -> None:
     one = plant(room(start=(3.7, 2.0, 0.0), walls=False))
     drive(one, 0.3, 0.3, 60)
     assert one.truth().x_m > 4.3
     assert one.truth().contact == 0
 
 
-def test_a_robot_that_meets_a_wall_aslant_slides_along_it() -> None:
+def test_robot_slides_along_a_wall_met_at_an_angle() -> None:
     one = plant(room(start=(3.5, 1.0, radians(35.0))))
     drive(one, 0.3, 0.3, 120)
     assert one.truth().x_m == pytest.approx(3.88, abs=5e-4)
@@ -78,7 +78,7 @@ def test_a_robot_that_meets_a_wall_aslant_slides_along_it() -> None:
         (180, REAR),
     ],
 )
-def test_the_bumper_tells_where_it_was_touched(bearing_deg: float, sectors: int) -> None:
+def test_bumper_reports_the_touched_sector(bearing_deg: float, sectors: int) -> None:
     towards_rad = 1.0 + radians(bearing_deg)  # straight away from the pillar, which comes near
     far, near = 0.35, 0.2
     path = tuple((2.0 + d * cos(towards_rad), 2.0 + d * sin(towards_rad)) for d in (far, near))
@@ -90,7 +90,7 @@ def test_the_bumper_tells_where_it_was_touched(bearing_deg: float, sectors: int)
 
 
 @pytest.mark.parametrize("angle_deg", range(0, 90, 7))
-def test_nobody_gets_through_a_thin_wall_however_long_he_pushes(angle_deg: int) -> None:
+def test_robot_never_pushes_through_a_thin_wall(angle_deg: int) -> None:
     one = plant(room(THIN_WALL, start=(1.7, 2.0, radians(angle_deg)), robot={"max_speed_m_s": 1.5}))
     for _ in range(60):
         drive(one, 1.5, 1.5, 1)
@@ -100,7 +100,7 @@ def test_nobody_gets_through_a_thin_wall_however_long_he_pushes(angle_deg: int) 
     assert one.truth().x_m <= 2.0 - 0.12
 
 
-def test_clearance_is_the_gap_between_rim_and_nearest_surface() -> None:
+def test_clearance_is_from_rim_to_nearest_surface() -> None:
     obstacles = (BAY, THIN_WALL, Circle(x_m=0.5, y_m=0.5, radius_m=0.2))
     one = plant(room(*obstacles, start=(0.9, 2.0, -1.2)))
     for _ in range(100):
@@ -111,7 +111,7 @@ def test_clearance_is_the_gap_between_rim_and_nearest_surface() -> None:
         assert truth.clearance_m == pytest.approx(min(*gaps_m, rim_m) - 0.12, abs=1e-9)
 
 
-def test_far_from_everything_the_clearance_is_the_limit() -> None:
+def test_clearance_far_from_obstacles_is_the_limit() -> None:
     assert plant(room(size_m=(40.0, 40.0), start=(20.0, 20.0, 0.0))).truth().clearance_m == 3.0
 
 
@@ -150,7 +150,9 @@ def until_touched(one: Plant, left_m_s: float, right_m_s: float) -> tuple[int, i
 
 @pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
 @pytest.mark.parametrize("spin_m_s", [0.0, 0.2])
-def test_who_stands_or_turns_on_the_spot_is_run_into(bearing_deg: int, spin_m_s: float) -> None:
+def test_contact_of_a_still_or_turning_robot_is_not_its_own(
+    bearing_deg: int, spin_m_s: float
+) -> None:
     one = plant(room(walker(radians(bearing_deg)), start=(2.0, 2.0, 0.3)))
     assert until_touched(one, -spin_m_s, spin_m_s) == (1, 0)
 
@@ -166,19 +168,19 @@ def test_who_stands_or_turns_on_the_spot_is_run_into(bearing_deg: int, spin_m_s:
         (45, 0.05, 1),
     ],
 )
-def test_a_contact_is_the_doing_of_who_moves_towards_it(
+def test_contact_is_caused_by_the_body_that_approaches(
     bearing_deg: int, speed_m_s: float, own: int
 ) -> None:
     one = plant(room(walker(radians(bearing_deg)), start=(2.0, 2.0, 0.0)))
     assert until_touched(one, speed_m_s, speed_m_s) == (1, own)
 
 
-def test_a_wall_is_always_run_into() -> None:
+def test_contact_with_a_wall_is_always_the_robots() -> None:
     assert until_touched(plant(room(THIN_WALL, start=(1.5, 2.0, 0.0))), 0.02, 0.02) == (0, 0)
     assert until_touched(plant(room(THIN_WALL, start=(1.8, 2.0, 0.0))), 0.02, 0.02) == (1, 1)
 
 
-def test_a_robot_is_pushed_away_by_an_obstacle_that_moves() -> None:
+def test_moving_obstacle_pushes_the_robot_away() -> None:
     roller = Circle(x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.0, 2.0)), speed_m_s=0.5)
     one = plant(room(roller, start=(2.0, 2.0, 0.0)))
     for _ in range(60):
@@ -188,7 +190,7 @@ def test_a_robot_is_pushed_away_by_an_obstacle_that_moves() -> None:
     assert bumper(one) == REAR
 
 
-def test_a_robot_between_an_obstacle_that_moves_and_a_wall_stays_in_the_room() -> None:
+def test_robot_between_mover_and_wall_stays_in_the_room() -> None:
     press = Circle(x_m=1.0, y_m=2.0, radius_m=0.3, path_m=((1.0, 2.0), (3.9, 2.0)), speed_m_s=0.5)
     one = plant(room(press, start=(3.5, 2.0, 0.0)))
     for _ in range(200):
@@ -196,7 +198,7 @@ def test_a_robot_between_an_obstacle_that_moves_and_a_wall_stays_in_the_room() -
         assert one.truth().x_m < 3.89
 
 
-def test_what_cannot_move_is_always_run_into_and_be_it_grazed() -> None:
+def test_grazing_a_static_obstacle_is_the_robots_contact() -> None:
     """Half a degree off along a wall: it comes nearer by 3 mm/s."""
     one = plant(room(start=(1.0, 0.125, -0.009)))
     assert until_touched(one, 0.3, 0.3) == (1, 1)

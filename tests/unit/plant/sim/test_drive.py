@@ -33,13 +33,13 @@ def run(
     return left_m, right_m
 
 
-def test_a_small_change_of_speed_lags_exponentially() -> None:
+def test_small_speed_change_lags_exponentially() -> None:
     motor = Motor(Body(motor_lag_s=0.05))
     motor.turn(0.05, 0.03)
     assert motor.speed_m_s == pytest.approx(0.05 * (1.0 - exp(-0.6)), abs=1e-12)
 
 
-def test_a_large_change_of_speed_is_limited_by_the_acceleration() -> None:
+def test_large_speed_change_is_limited_by_acceleration() -> None:
     motor = Motor(Body())
     way_m = motor.turn(0.3, 0.1)
     assert motor.speed_m_s == pytest.approx(0.15, abs=1e-12)
@@ -47,7 +47,7 @@ def test_a_large_change_of_speed_is_limited_by_the_acceleration() -> None:
 
 
 @given(speeds, speeds, st.integers(1, 40), st.floats(0.0, 0.2))
-def test_a_motor_does_not_care_into_how_many_steps_time_is_cut(
+def test_motor_result_does_not_depend_on_the_step_size(
     start_m_s: float, wanted_m_s: float, parts: int, lag_s: float
 ) -> None:
     whole, cut = Motor(Body(motor_lag_s=lag_s)), Motor(Body(motor_lag_s=lag_s))
@@ -59,7 +59,7 @@ def test_a_motor_does_not_care_into_how_many_steps_time_is_cut(
 
 
 @given(speeds, speeds, st.floats(1e-3, 1.0), st.floats(0.0, 0.5))
-def test_a_motor_keeps_its_acceleration_and_never_overshoots(
+def test_motor_limits_acceleration_and_never_overshoots(
     start_m_s: float, wanted_m_s: float, span_s: float, lag_s: float
 ) -> None:
     motor = Motor(Body(motor_lag_s=lag_s))
@@ -72,7 +72,7 @@ def test_a_motor_keeps_its_acceleration_and_never_overshoots(
 
 
 @given(speeds, st.floats(1e-4, 1.0))
-def test_a_braked_motor_stops_and_does_not_run_back(start_m_s: float, span_s: float) -> None:
+def test_braked_motor_stops_and_does_not_reverse(start_m_s: float, span_s: float) -> None:
     motor = Motor(Body())
     motor.speed_m_s = start_m_s
     way_m = motor.brake(8.0, span_s)
@@ -82,14 +82,14 @@ def test_a_braked_motor_stops_and_does_not_run_back(start_m_s: float, span_s: fl
 
 
 @given(st.integers(), st.integers())
-def test_no_command_turns_a_wheel_faster_than_it_can(left_mrad_s: int, right_mrad_s: int) -> None:
+def test_no_command_exceeds_the_maximum_wheel_speed(left_mrad_s: int, right_mrad_s: int) -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     drive.command(left_mrad_s, right_mrad_s, 150, 0)
     ways_m = drive.roll(0, SUBSTEP_S, NO_TROUBLE)
     assert max(abs(way_m) for way_m in ways_m) <= 0.3 * SUBSTEP_S + 1e-12
 
 
-def test_a_command_expires_and_the_wheels_brake() -> None:
+def test_wheels_brake_when_the_command_expires() -> None:
     drive = Drive(Body(), LEVELS["none"], 1, 0)
     run(drive, 0.3, 0.3, 40)
     drive.command(mrad_s(0.3), mrad_s(0.3), 150, 0)
@@ -102,7 +102,7 @@ def test_a_command_expires_and_the_wheels_brake() -> None:
     assert drive.roll(200 * MS, SUBSTEP_S, NO_TROUBLE) == (0.0, 0.0)
 
 
-def test_a_new_command_ends_the_expiry() -> None:
+def test_new_command_ends_the_expiry() -> None:
     drive = Drive(Body(), LEVELS["none"], 1, 0)
     drive.command(1000, 1000, 25, 0)
     drive.roll(25 * MS, SUBSTEP_S, NO_TROUBLE)
@@ -112,13 +112,13 @@ def test_a_new_command_ends_the_expiry() -> None:
     assert not drive.expired
 
 
-def test_before_the_first_command_nothing_has_expired() -> None:
+def test_no_command_has_expired_before_the_first() -> None:
     drive = Drive(Body(), LEVELS["none"], 1, 0)
     assert drive.roll(10**12, SUBSTEP_S, NO_TROUBLE) == (0.0, 0.0)
     assert not drive.expired
 
 
-def test_an_encoder_counts_whole_ticks_of_a_fifth_of_a_millimetre() -> None:
+def test_encoder_counts_whole_ticks_of_0_2_mm() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     left_m, right_m = run(drive, 0.1, -0.1, 40)
     assert left_m == pytest.approx(0.1, rel=2e-4)
@@ -126,7 +126,7 @@ def test_an_encoder_counts_whole_ticks_of_a_fifth_of_a_millimetre() -> None:
 
 
 @pytest.mark.parametrize(("start", "rim_m_s"), [(2**31 - 100, 0.1), (-(2**31) + 100, -0.1)])
-def test_a_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
+def test_encoder_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
     drive = Drive(
         Body(max_acceleration_m_s2=1e6, motor_lag_s=0.0, left_start_ticks=start),
         LEVELS["none"],
@@ -139,14 +139,14 @@ def test_a_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
     assert (left - start + 2**31) % 2**32 - 2**31 == pytest.approx(right, abs=1)
 
 
-def test_unequal_wheels_turn_alike_and_roll_unlike() -> None:
+def test_unequal_wheels_roll_different_distances_per_turn() -> None:
     drive = Drive(QUICK, Noise(diameter_difference_ratio=0.005), 1, 0)
     left_m, right_m = run(drive, 0.2, 0.2, 40)
     assert drive.ticks()[0] == drive.ticks()[1]
     assert right_m / left_m - 1.0 == pytest.approx(0.005, rel=0.01)
 
 
-def test_the_variance_of_slip_grows_with_the_way_of_each_wheel() -> None:
+def test_slip_variance_grows_with_wheel_distance() -> None:
     drive = Drive(QUICK, Noise(slip_variance_m=2e-6), 7, 0)
     rows = 20_000
     errors = np.empty((rows, 2))
@@ -159,12 +159,12 @@ def test_the_variance_of_slip_grows_with_the_way_of_each_wheel() -> None:
     assert abs(errors.mean()) < 5e-6
 
 
-def test_a_wheel_at_rest_does_not_slip() -> None:
+def test_wheel_at_rest_does_not_slip() -> None:
     drive = Drive(QUICK, LEVELS["harsh"], 1, 0)
     assert run(drive, 0.0, 0.0, 10) == (0.0, 0.0)
 
 
-def test_a_slipping_wheel_counts_more_than_it_rolls() -> None:
+def test_slipping_wheel_counts_more_than_it_rolls() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     trouble = FaultSchedule([Fault("wheel_slip", "right", value=0.3)]).at(0)
     left_m, right_m = run(drive, 0.2, 0.2, 40, trouble)
@@ -172,14 +172,14 @@ def test_a_slipping_wheel_counts_more_than_it_rolls() -> None:
     assert drive.ticks()[0] == drive.ticks()[1]
 
 
-def test_a_stuck_wheel_neither_rolls_nor_counts() -> None:
+def test_stuck_wheel_neither_rolls_nor_counts() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     left_m, right_m = run(drive, 0.2, 0.2, 4, FaultSchedule([Fault("wheel_stuck", "left")]).at(0))
     assert (left_m, drive.ticks()[0]) == (0.0, 0)
     assert (right_m > 0.0, drive.ticks()[1] > 0) == (True, True)
 
 
-def test_a_stuck_encoder_misses_what_the_wheel_rolls_and_goes_on_from_there() -> None:
+def test_stuck_encoder_misses_the_distance_rolled_meanwhile() -> None:
     drive = Drive(QUICK, LEVELS["none"], 1, 0)
     run(drive, 0.2, 0.2, 4)
     before = drive.ticks()

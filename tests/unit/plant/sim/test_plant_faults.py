@@ -13,7 +13,7 @@ def plant(*faults: Fault) -> Plant:
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_every_fault_can_be_felt_and_ends(kind: str) -> None:
+def test_every_fault_takes_effect_and_ends(kind: str) -> None:
     spec = KINDS[kind]
     fault = Fault(kind, spec.targets[-1], 0.5, 1.0, spec.highest)
     sound, faulty = plant(), plant(fault)
@@ -29,7 +29,7 @@ def test_every_fault_can_be_felt_and_ends(kind: str) -> None:
 
 
 @pytest.mark.parametrize(("kind", "index"), [("ticks_stopped", 0), ("scan_stopped", 1)])
-def test_senses_that_stop_are_none_and_come_back(kind: str, index: int) -> None:
+def test_stopped_senses_are_none_and_resume(kind: str, index: int) -> None:
     one = plant(Fault(kind, "", 0.1, 0.2))
     missing = []
     for _ in range(6):
@@ -40,18 +40,18 @@ def test_senses_that_stop_are_none_and_come_back(kind: str, index: int) -> None:
     assert missing == [False, False, True, True, False, False]
 
 
-def test_a_fault_can_be_there_from_the_start() -> None:
+def test_fault_may_be_active_from_the_start() -> None:
     assert plant(Fault("scan_stopped")).senses()[1] is None
 
 
-def test_a_stuck_bumper_is_pressed_without_a_contact() -> None:
+def test_stuck_bumper_is_pressed_without_a_contact() -> None:
     one = plant(Fault("bumper_stuck", value=5))
     assert bumper(one) == 5
     one.advance()
     assert one.truth().contact == 0
 
 
-def test_an_encoder_jumps_once() -> None:
+def test_encoder_jumps_once() -> None:
     one = plant(Fault("encoder_jump", "left", 0.1, inf, 5000))
     left = []
     for _ in range(4):
@@ -60,21 +60,21 @@ def test_an_encoder_jumps_once() -> None:
     assert left == [0, 0, 5000, 5000]
 
 
-def test_a_stuck_wheel_turns_the_robot_on_the_spot() -> None:
+def test_stuck_wheel_turns_the_robot() -> None:
     one = plant(Fault("wheel_stuck", "left"))
     drive(one, 0.2, 0.2, 20)
     assert one.truth().heading_rad > 0.5
     assert counters(one)[0] == 0
 
 
-def test_a_slipping_wheel_is_not_seen_by_its_encoder() -> None:
+def test_encoder_does_not_measure_wheel_slip() -> None:
     one = plant(Fault("wheel_slip", "right", value=0.5))
     drive(one, 0.2, 0.2, 20)
     assert one.truth().heading_rad < -0.3
     assert counters(one)[0] == counters(one)[1]
 
 
-def test_a_fault_injected_is_felt_from_the_coming_period_until_it_is_cleared() -> None:
+def test_injected_fault_acts_from_the_next_period_until_cleared() -> None:
     one = plant()
     one.inject(Fault("sonar_dropout", "all", value=1.0))
     assert ranges_m(one)[0] is not None
@@ -85,20 +85,20 @@ def test_a_fault_injected_is_felt_from_the_coming_period_until_it_is_cleared() -
     assert ranges_m(one)[0] is not None
 
 
-def test_a_fault_is_felt_by_its_robot_alone() -> None:
+def test_fault_affects_only_its_robot() -> None:
     pair = Plant(room(), 1, NONE, [Fault("scan_stopped", robot=1)], robots=2)
     assert pair.senses(0)[1] is not None
     assert pair.senses(1)[1] is None
 
 
-def test_a_fault_of_a_robot_that_is_not_there_is_refused() -> None:
+def test_fault_of_an_absent_robot_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"^robot: 1 has a fault"):
         plant(Fault("scan_stopped", robot=1))
     with pytest.raises(ValueError, match=r"^robot: 2 has a fault"):
         plant().inject(Fault("scan_stopped", robot=2))
 
 
-def test_a_fault_shifts_no_other_noise() -> None:
+def test_fault_does_not_shift_other_noise() -> None:
     """What the sound sonars read is the same with and without a fault of another."""
     sound = Plant(room(), 4, LEVELS["harsh"])
     faulty = Plant(room(), 4, LEVELS["harsh"], [Fault("sonar_dropout", "0", value=0.5)])

@@ -21,14 +21,14 @@ def square_run() -> Score:
     return score
 
 
-def test_a_run_is_scored_as_far_as_it_has_come() -> None:
+def test_unfinished_run_is_scored_up_to_now() -> None:
     whole = square_run().until(10**18)
     assert (whole.ticks, whole.time_ns, whole.contacts) == (5, START_NS + 5 * TICK_NS, 2)
     assert (whole.x_m, whole.y_m, whole.heading_rad) == (0.0, 0.0, 0.4)
     assert (whole.path_m, whole.min_clearance_m) == (4.0, -0.001)
 
 
-def test_a_run_is_cut_at_the_tick_asked_for() -> None:
+def test_score_ends_at_the_requested_tick() -> None:
     cut = square_run().until(START_NS + 1 * TICK_NS)
     assert (cut.ticks, cut.contacts, cut.x_m, cut.path_m) == (1, 0, 1.0, 1.0)
     assert cut.min_clearance_m == 0.5
@@ -36,13 +36,13 @@ def test_a_run_is_cut_at_the_tick_asked_for() -> None:
     assert between == cut
 
 
-def test_the_start_alone_has_no_ticks_but_a_clearance() -> None:
+def test_score_at_the_start_has_no_ticks_but_a_clearance() -> None:
     start = square_run().until(0)
     assert (start.ticks, start.time_ns, start.min_clearance_m) == (0, START_NS, 0.9)
     assert bytes(start.digest) == sha256().digest()
 
 
-def test_the_digest_is_that_of_the_stamps_and_true_poses() -> None:
+def test_digest_covers_stamps_and_true_poses() -> None:
     poses = [(1.0, 0.0, 0.1), (1.0, 1.0, 0.2)]
     wanted = sha256()
     for tick, pose in enumerate(poses, start=1):
@@ -50,7 +50,7 @@ def test_the_digest_is_that_of_the_stamps_and_true_poses() -> None:
     assert bytes(square_run().until(START_NS + 2 * TICK_NS).digest) == wanted.digest()
 
 
-def test_the_digest_is_the_same_wherever_states_of_the_hash_are_kept(
+def test_digest_does_not_depend_on_saved_hash_states(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """So that the score of a run of many hours does not keep the plant from its period."""
@@ -66,21 +66,21 @@ def test_the_digest_is_the_same_wherever_states_of_the_hash_are_kept(
         assert digest == wanted[tick].digest(), tick
 
 
-def test_a_touch_that_lasts_is_one_contact_wherever_the_run_is_cut() -> None:
+def test_lasting_touch_is_one_contact_wherever_the_run_is_cut() -> None:
     run = square_run()
     assert [run.until(START_NS + tick * TICK_NS).contacts for tick in range(6)] == [
         *(0, 0, 1, 1, 1, 2)
     ]
 
 
-def test_a_contact_is_the_robots_own_when_it_closed_in_as_the_touch_began() -> None:
+def test_contact_is_the_robots_if_it_approached_at_first_touch() -> None:
     run = square_run()
     assert [run.until(START_NS + tick * TICK_NS).own_contacts for tick in range(6)] == [
         *(0, 0, 0, 0, 0, 1)
     ]
 
 
-def test_a_full_score_says_so_and_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_score_is_marked_and_no_longer_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(score_module, "MAX_TICKS", 5)
     run = square_run()
     assert run.full

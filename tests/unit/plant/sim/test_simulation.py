@@ -27,7 +27,7 @@ def wander(world: World, seed: int, noise: Noise, ticks: int = 200) -> Plant:
     return plant
 
 
-def test_tick_0_exists_before_anything_moves() -> None:
+def test_tick_0_precedes_any_motion() -> None:
     plant = Plant(room(), 1, NONE)
     ticks, scan = plant.senses()
     assert ticks is not None
@@ -38,7 +38,7 @@ def test_tick_0_exists_before_anything_moves() -> None:
     assert plant.score(FOREVER_NS).ticks == 0
 
 
-def test_each_period_has_the_next_stamp() -> None:
+def test_each_period_advances_the_stamp() -> None:
     plant = Plant(room(), 1, NONE)
     for seq in range(1, 4):
         plant.advance()
@@ -49,13 +49,13 @@ def test_each_period_has_the_next_stamp() -> None:
         assert (ticks.seq, scan.seq, plant.truth().seq) == (seq, seq, seq)
 
 
-def test_senses_do_not_change_by_being_read_twice() -> None:
+def test_reading_senses_twice_gives_the_same_values() -> None:
     plant = Plant(room(), 1, LEVELS["harsh"])
     plant.advance()
     assert plant.senses() == plant.senses()
 
 
-def test_whatever_is_sensed_fits_the_wire() -> None:
+def test_all_senses_fit_their_wire_fields() -> None:
     encoder, plant = Encoder(1, 1), Plant(FOREST, 1, LEVELS["harsh"])
     for _ in range(100):
         drive(plant, 0.3, 0.25, 1)
@@ -68,7 +68,7 @@ def test_whatever_is_sensed_fits_the_wire() -> None:
 @pytest.mark.parametrize(
     ("left_m_s", "right_m_s"), [(0.29, 0.29), (0.1, 0.29), (0.29, 0.25), (-0.2, 0.2), (-0.29, -0.1)]
 )
-def test_free_motion_is_the_exact_arc(left_m_s: float, right_m_s: float) -> None:
+def test_free_motion_follows_the_exact_arc(left_m_s: float, right_m_s: float) -> None:
     start = (20.0, 20.0, 0.4)
     plant = Plant(room(start=start, size_m=(40.0, 40.0), robot=AT_ONCE), 1, NONE)
     left_m_s, right_m_s = (mrad_s(speed) * 0.033e-3 for speed in (left_m_s, right_m_s))
@@ -93,7 +93,7 @@ def test_free_motion_is_the_exact_arc(left_m_s: float, right_m_s: float) -> None
     assert truth.speed_m_s * speed_m_s >= 0.0
 
 
-def test_the_wheels_stop_within_200_ms_when_commands_stop() -> None:
+def test_wheels_stop_within_200_ms_when_commands_stop() -> None:
     plant = Plant(room(), 1, NONE)
     drive(plant, 0.3, 0.3, 20)
     for _ in range(3):
@@ -112,14 +112,14 @@ def test_the_wheels_stop_within_200_ms_when_commands_stop() -> None:
     assert ticks.expired == 0
 
 
-def test_encoders_tell_the_way_without_noise() -> None:
+def test_encoders_measure_the_distance_without_noise() -> None:
     plant = Plant(room(), 1, NONE)
     drive(plant, 0.3, 0.3, 100)
     way_m = plant.truth().x_m - 1.0
     assert counters(plant) == (int(way_m * 5000.0),) * 2
 
 
-def test_early_sonars_see_where_the_robot_was_half_a_period_ago() -> None:
+def test_early_sonars_use_the_pose_half_a_period_ago() -> None:
     plant = Plant(room(start=(0.5, 2.0, 0.0)), 1, NONE)
     drive(plant, 0.3, 0.3, 40)
     odd_m, even_m = ranges_m(plant)[3], ranges_m(plant)[4]
@@ -131,7 +131,7 @@ def test_early_sonars_see_where_the_robot_was_half_a_period_ago() -> None:
     assert even_m - odd_m == pytest.approx(0.3 * 0.025 / cos(radians(2.25)), abs=0.0011)
 
 
-def test_an_obstacle_that_moves_is_seen_coming() -> None:
+def test_approaching_obstacle_gives_shrinking_ranges() -> None:
     roller = Circle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=((3.5, 2.0), (1.5, 2.0)), speed_m_s=0.2)
     plant = Plant(room(roller, start=(1.3, 2.0, 0.0)), 1, NONE)
     far_m = ranges_m(plant)[3]
@@ -144,7 +144,7 @@ def test_an_obstacle_that_moves_is_seen_coming() -> None:
     assert plant.truth().clearance_m == pytest.approx(2.5 - 1.3 - 0.3 - 0.12, abs=1e-9)
 
 
-def test_early_sonars_see_an_obstacle_where_it_was_half_a_period_ago() -> None:
+def test_early_sonars_use_obstacle_positions_half_a_period_ago() -> None:
     path = ((3.5, 2.0), (1.5, 2.0))
     roller = Circle(x_m=3.5, y_m=2.0, radius_m=0.3, path_m=path, speed_m_s=1.0)
     plant = Plant(room(roller), 1, NONE)
@@ -156,7 +156,7 @@ def test_early_sonars_see_an_obstacle_where_it_was_half_a_period_ago() -> None:
     assert early_m - late_m == pytest.approx(1.0 * 0.025, abs=0.0015)
 
 
-def test_robots_see_each_other_and_drive_on_their_own() -> None:
+def test_robots_detect_each_other_and_drive_independently() -> None:
     plant = Plant(room(start=(2.0, 1.5, pi / 2)), 1, NONE, robots=2)
     assert plant.truth(0).clearance_m == plant.truth(1).clearance_m == pytest.approx(0.36)
     assert ranges_m(plant, 0)[7] == pytest.approx(0.36, abs=0.005)
@@ -167,7 +167,7 @@ def test_robots_see_each_other_and_drive_on_their_own() -> None:
     assert plant.score(FOREVER_NS, 0).path_m < 1e-9 < plant.score(FOREVER_NS, 1).path_m
 
 
-def test_robots_have_noise_of_their_own() -> None:
+def test_each_robot_has_its_own_noise() -> None:
     world = room(start=(2.0, 2.0, 0.0))
     three = Plant(world, 1, LEVELS["default"], robots=3)
     ahead_m = [ranges_m(three, robot)[2:6] for robot in range(3)]
@@ -176,23 +176,23 @@ def test_robots_have_noise_of_their_own() -> None:
 
 
 @pytest.mark.parametrize("level", list(LEVELS))
-def test_the_same_seed_drives_the_same_to_the_last_bit(level: str) -> None:
+def test_same_seed_gives_a_bit_identical_drive(level: str) -> None:
     one, two = (wander(FOREST, 5, LEVELS[level]) for _ in range(2))
     assert one.score(FOREVER_NS) == two.score(FOREVER_NS)
     assert one.senses() == two.senses()
 
 
-def test_another_seed_drives_another_way() -> None:
+def test_different_seed_gives_a_different_drive() -> None:
     one, two = (wander(FOREST, seed, LEVELS["default"]) for seed in (5, 6))
     assert one.score(FOREVER_NS).digest != two.score(FOREVER_NS).digest
 
 
-def test_without_noise_the_seed_does_not_matter() -> None:
+def test_seed_has_no_effect_without_noise() -> None:
     one, two = (wander(FOREST, seed, NONE) for seed in (5, 6))
     assert one.score(FOREVER_NS).digest == two.score(FOREVER_NS).digest
 
 
-def test_the_score_starts_anew_when_asked() -> None:
+def test_score_restarts_on_request() -> None:
     plant = Plant(room(), 1, NONE)
     drive(plant, 0.3, 0.3, 40)
     plant.restart_score()
@@ -204,7 +204,7 @@ def test_the_score_starts_anew_when_asked() -> None:
     assert not plant.score_full()
 
 
-def test_the_world_may_ask_for_another_robot() -> None:
+def test_world_may_override_the_robot() -> None:
     world = room(robot={"radius_m": 0.2, "track_m": 0.3, "left_start_ticks": 2**31 - 1})
     plant = Plant(world, 1, NONE)
     assert plant.truth().clearance_m == pytest.approx(0.8)
@@ -212,7 +212,7 @@ def test_the_world_may_ask_for_another_robot() -> None:
     assert counters(plant)[0] < 0 < counters(plant)[1]
 
 
-def test_an_empty_floor_without_walls_is_silence() -> None:
+def test_empty_floor_without_walls_gives_no_echo() -> None:
     plant = Plant(replace(room(), walls=False), 1, LEVELS["lossy"])
     seen = 0
     for _ in range(50):

@@ -16,30 +16,30 @@ reachable = true
 """
 
 
-def test_what_the_table_says_is_in_the_world() -> None:
+def test_world_contains_the_values_of_its_corpus_table() -> None:
     world = loads(more(WHOLE))
     known = (world.family, world.family_seed, world.shortest_path_m, world.reachable)
     assert known == ("u_trap", 7, 5.25, True)
 
 
-def test_a_file_without_the_table_says_nothing() -> None:
+def test_file_without_corpus_table_has_no_values() -> None:
     world = loads(GOOD)
     known = (world.family, world.family_seed, world.shortest_path_m, world.reachable)
     assert known == (None, None, None, None)
     assert known_length_m(world) == shortest_path_m(world)
 
 
-def test_a_shortest_path_means_that_there_is_one() -> None:
+def test_shortest_path_implies_a_reachable_goal() -> None:
     assert loads(more("[corpus]\nshortest_path_m = 5.25\n")).reachable is True
 
 
-def test_what_the_file_says_is_not_computed_again() -> None:
+def test_shortest_path_of_the_file_is_not_recomputed() -> None:
     assert known_length_m(loads(more(WHOLE))) == 5.25
     assert known_length_m(loads(more("[corpus]\nreachable = false\n"))) is None
     assert shortest_once(loads(more(WHOLE))) == 5.25
 
 
-def test_a_trial_tells_the_length_that_the_file_says() -> None:
+def test_trial_reports_the_path_length_of_the_file() -> None:
     outcome = run_trial(Trial(world=loads(more(WHOLE)), timeout_s=0.1))
     assert outcome.shortest_path_m == 5.25
 
@@ -68,18 +68,18 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_a_bad_table_is_told(bad: Bad) -> None:
+def test_invalid_corpus_table_is_rejected(bad: Bad) -> None:
     assert_told(bad._replace(text=more(f"[corpus]\n{bad.text}\n")), alone=True)
 
 
-def test_a_path_to_a_goal_that_is_not_reachable_is_refused() -> None:
+def test_path_to_an_unreachable_goal_is_rejected() -> None:
     text = more("[corpus]\nshortest_path_m = 5.0\nreachable = false\n")
     (problem,) = refusal(text).problems
     assert (problem.line, problem.key) == (21, "corpus.shortest_path_m")
     assert "unreachable goal" in problem.reason
 
 
-def test_a_table_that_is_none_is_told() -> None:
+def test_corpus_value_that_is_no_table_is_rejected() -> None:
     (problem,) = refusal("corpus = 3\n" + GOOD).problems
     assert (problem.line, problem.key) == (1, "corpus")
     assert "expected a table, found a whole number" in problem.reason

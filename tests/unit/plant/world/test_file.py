@@ -20,7 +20,7 @@ from plant.world.file import (
 from tests.support.plant.world_texts import GOOD, goal, more, start, with_line
 
 
-def test_a_world_is_read_in_metres_and_radians() -> None:
+def test_world_is_read_in_metres_and_radians() -> None:
     world = loads(GOOD)
     assert (world.name, world.size_m, world.walls) == ("test", (6.0, 4.0), True)
     assert (world.start.x_m, world.start.y_m) == (0.6, 2.0)
@@ -28,7 +28,7 @@ def test_a_world_is_read_in_metres_and_radians() -> None:
     assert isclose(world.goal.heading_rad or 0.0, -pi / 2)
 
 
-def test_the_obstacles_keep_the_order_of_the_file() -> None:
+def test_obstacles_keep_the_order_of_the_file() -> None:
     polygon, disc, wall, walker = loads(GOOD).obstacles
     assert polygon == Polygon(((2.0, 1.0), (3.0, 1.0), (3.0, 1.5), (2.0, 1.5)))
     assert disc == Circle(x_m=4.0, y_m=3.0, radius_m=0.25)
@@ -37,45 +37,45 @@ def test_the_obstacles_keep_the_order_of_the_file() -> None:
     assert walker == Circle(x_m=3.5, y_m=0.5, radius_m=0.15, path_m=path_m, speed_m_s=0.1)
 
 
-def test_a_goal_without_heading_takes_any() -> None:
+def test_goal_without_heading_accepts_any() -> None:
     world = loads(goal("{ x_m = 5.4, y_m = 2.0 }"))
     assert world.goal.heading_rad is None
     assert world.goal.position_tolerance_m == 0.05
     assert isclose(world.goal.heading_tolerance_rad, radians(3.0))
 
 
-def test_whole_numbers_are_numbers() -> None:
+def test_integers_are_accepted_as_floats() -> None:
     assert loads(with_line(2, "size_m = [6, 4]")).size_m == (6.0, 4.0)
 
 
-def test_concave_polygons_are_welcome() -> None:
+def test_concave_polygons_are_accepted() -> None:
     concave = "polygon_m = [[2, 1], [3, 1], [3, 1.6], [2.5, 1.1], [2, 1.6]]"
     assert len(loads(with_line(7, concave)).obstacles) == 4
 
 
-def test_a_start_in_the_bay_of_a_concave_polygon_is_free() -> None:
+def test_start_in_the_bay_of_a_concave_polygon_is_free() -> None:
     bay = "polygon_m = [[0.2, 1.6], [1.2, 1.6], [1.2, 2.4], [0.2, 2.4], [0.2, 2.3], [1.1, 2.3],"
     bay += "[1.1, 1.7], [0.2, 1.7]]"
     assert loads(with_line(7, bay)).start.x_m == 0.6
 
 
-def test_without_outer_walls_the_robot_may_stand_at_the_edge() -> None:
+def test_start_at_the_edge_is_valid_without_outer_walls() -> None:
     edge = start("{ x_m = 0.0, y_m = 2.0 }")
     assert not loads(with_line(5, "walls = false", edge)).walls
 
 
-def test_a_goal_may_be_where_someone_stands_only_at_first() -> None:
+def test_goal_may_be_at_the_start_of_a_moving_obstacle() -> None:
     assert loads(goal("{ x_m = 3.5, y_m = 0.5 }")).goal.y_m == 0.5
 
 
-def test_the_robot_is_the_usual_one_but_for_what_the_file_says() -> None:
+def test_world_file_overrides_only_the_named_robot_values() -> None:
     world = loads(more("[robot]\nradius_m = 0.15\nmax_speed_m_s = 0.2\n"))
     assert world.robot == {"radius_m": 0.15, "max_speed_m_s": 0.2}
     assert body_of(world) == Body(radius_m=0.15, max_speed_m_s=0.2)
     assert body_of(loads(GOOD)) == Body()
 
 
-def test_noise_is_a_level_with_changes_and_the_command_line_comes_last() -> None:
+def test_command_line_noise_overrides_the_file() -> None:
     world = loads(more('[noise]\nlevel = "none"\nincidence_limit_deg = 40.0\n'))
     assert isclose(noise_of(world).incidence_limit_rad, radians(40.0))
     assert noise_of(world).range_sigma_m == 0.0
@@ -98,39 +98,37 @@ def refused(path: Path | str) -> str:
     return str(caught.value)
 
 
-def test_a_file_is_loaded_by_its_path(tmp_path: Path) -> None:
+def test_file_is_loaded_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(GOOD.replace("\n", "\r\n"), encoding="utf-8")
     assert load(path) == loads(GOOD)
 
 
-def test_an_error_names_the_file_that_was_given(tmp_path: Path) -> None:
+def test_error_names_the_given_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(with_line(2, ""), encoding="utf-8")
     assert refused(path).startswith(f"{path}:1: size_m: missing; fix: add size_m")
 
 
-def test_a_misspelt_name_is_answered_with_the_nearest_and_all() -> None:
+def test_misspelt_world_name_gets_a_suggestion_and_all_names() -> None:
     text = refused("u_trp")
     assert text.startswith("u_trp: name: no shipped world has this name; fix: did you mean u_trap?")
     assert all(name in text for name in shipped())
 
 
 @pytest.mark.parametrize("name", ["", ".", "..", "x" * 5000, "a\0b"])
-def test_a_strange_name_is_no_world(name: str) -> None:
+def test_path_like_name_is_not_a_shipped_world(name: str) -> None:
     assert "no shipped world has this name; fix: " in refused(name)
 
 
 @pytest.mark.parametrize("name", ["nowhere.toml", "no/where", "x" * 5000 + ".toml", "a\0b.toml"])
-def test_a_file_that_is_not_there_is_told(name: str, tmp_path: Path) -> None:
+def test_missing_file_is_reported(name: str, tmp_path: Path) -> None:
     text = refused(f"{tmp_path}/{name}")
     assert ": file: cannot be read: " in text
     assert "; fix: give a readable .toml file" in text
 
 
-def test_a_file_that_may_not_be_read_is_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_file_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def deny(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -138,21 +136,21 @@ def test_a_file_that_may_not_be_read_is_told(
     assert "x.toml: file: cannot be read: Permission denied; fix: " in refused(tmp_path / "x.toml")
 
 
-def test_a_directory_is_no_world(tmp_path: Path) -> None:
+def test_directory_is_rejected_as_a_world(tmp_path: Path) -> None:
     assert refused(tmp_path) == f"{tmp_path}: file: not a regular file; fix: give a .toml file"
 
 
-def test_a_device_is_not_read() -> None:
+def test_device_is_not_read() -> None:
     assert "/dev/zero: file: not a regular file; fix: " in refused("/dev/zero")
 
 
-def test_a_binary_file_is_told_with_its_line(tmp_path: Path) -> None:
+def test_binary_file_is_reported_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "picture.toml"
     path.write_bytes(b'name = "x"\n\x89PNG\xff\xfe')
     assert refused(path).startswith(f"{path}:2: file: not UTF-8 text; fix: is it a world file?")
 
 
-def test_a_huge_file_is_not_read_to_its_end(tmp_path: Path) -> None:
+def test_huge_file_is_not_read_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "log.toml"
     path.write_bytes(b"#" * 1_000_001)
     assert ": file: larger than 1000000 bytes; fix: " in refused(path)

@@ -20,13 +20,13 @@ def facts(name: str = "moving") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_every_shipped_world_comes_back_as_it_was(name: str) -> None:
+def test_every_shipped_world_survives_a_json_round_trip(name: str) -> None:
     world = load(name)
     again = loads(json.dumps(as_json(world, 4.2)))
     assert [getattr(again, key) for key in GIVEN] == [getattr(world, key) for key in GIVEN]
 
 
-def test_overrides_and_faults_come_back_in_their_units() -> None:
+def test_overrides_and_faults_survive_a_json_round_trip() -> None:
     text = dumps(load("box")) + (
         '[robot]\nradius_m = 0.1\n[noise]\nlevel = "none"\nincidence_limit_deg = 40.0\n'
         '[[fault]]\nkind = "sonar_dead"\ntarget = "3"\nstart_s = 2.0\n'
@@ -37,12 +37,12 @@ def test_overrides_and_faults_come_back_in_their_units() -> None:
     assert again.noise["incidence_limit_rad"] == world.noise["incidence_limit_rad"]
 
 
-def test_what_several_robots_add_is_left_out() -> None:
+def test_fields_of_several_robots_are_ignored() -> None:
     more = facts() | {"starts": [], "goals": []}
     assert from_json(json.dumps(more), "-").name == "moving"
 
 
-def test_a_file_that_ends_in_json_is_a_world_too(tmp_path: Path) -> None:
+def test_world_file_may_be_json(tmp_path: Path) -> None:
     path = tmp_path / "told.json"
     path.write_text(json.dumps(facts("box")), encoding="utf-8")
     assert load(path).obstacles == load("box").obstacles
@@ -56,7 +56,7 @@ class Given:
 
 
 @pytest.mark.parametrize("text", [json.dumps(facts("box")), dumps(load("box"))])
-def test_a_dash_is_standard_input(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dash_reads_standard_input(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", Given(text.encode()))
     world: World = load("-")
     assert world.obstacles == load("box").obstacles
@@ -85,13 +85,13 @@ def broken(**changes: object) -> str:
         (broken(faults=[{"kind": "gremlin"}]), "gremlin"),
     ],
 )
-def test_what_is_no_world_is_refused_by_name(text: str, said: str) -> None:
+def test_invalid_json_world_is_rejected_by_name(text: str, said: str) -> None:
     with pytest.raises(WorldError) as refused:
         loads(text, "-")
     assert said in str(refused.value)
 
 
-def test_standard_input_that_is_too_much_or_no_text_is_refused(
+def test_oversized_or_binary_standard_input_is_rejected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     for data, said in ((b"{" + b" " * 1_000_001, "larger than"), (b"\xff\xfe", "UTF-8")):

@@ -111,5 +111,5 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_a_robot_noise_or_fault_that_cannot_be_is_told(bad: Bad) -> None:
+def test_impossible_robot_noise_or_fault_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)

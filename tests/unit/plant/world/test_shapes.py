@@ -199,5 +199,5 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_an_obstacle_that_cannot_be_is_told(bad: Bad) -> None:
+def test_impossible_obstacle_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)

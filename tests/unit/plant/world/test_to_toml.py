@@ -37,48 +37,48 @@ reachable = false
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_a_shipped_world_comes_back_the_same(name: str) -> None:
+def test_shipped_world_survives_a_toml_round_trip(name: str) -> None:
     assert loads(dumps(load(name))) == load(name)
 
 
-def test_everything_a_file_can_say_comes_back_the_same() -> None:
+def test_every_file_key_survives_a_toml_round_trip() -> None:
     world = loads(EVERYTHING)
     assert loads(dumps(world)) == world
     assert (world.faults, world.robot, world.noise) != ((), {}, {})
 
 
-def test_no_outer_walls_and_an_odd_family_come_back_the_same() -> None:
+def test_missing_outer_walls_survive_a_toml_round_trip() -> None:
     family = "[corpus]\nfamily = 'a \"b\" \\ é 世'\n"
     world = loads(GOOD.replace('"test"', '"te.st-1"\nwalls = false') + family)
     assert not world.walls
     assert loads(dumps(world)) == world
 
 
-def test_the_comment_stands_above_and_a_person_can_read_the_rest() -> None:
+def test_toml_starts_with_the_comment_and_is_readable() -> None:
     lines = dumps(loads(GOOD), "What it shows.\nAnd why.").splitlines()
     assert lines[:3] == ["# What it shows.", "# And why.", 'name = "test"']
     assert "start = { x_m = 0.6, y_m = 2.0, heading_deg = 90.0 }" in lines
     assert "circle_m = { x = 4.0, y = 3.0, radius = 0.25 }" in lines
 
 
-def test_a_free_heading_is_left_out() -> None:
+def test_free_heading_is_omitted() -> None:
     text = GOOD.replace(", heading_deg = -90.0", "")
     assert "heading_deg" not in dumps(loads(text)).splitlines()[3]
     assert loads(dumps(loads(text))).goal.heading_rad is None
 
 
 @given(st.floats(-360.0, 360.0))
-def test_an_angle_that_was_given_in_degrees_comes_back_exactly(angle_deg: float) -> None:
+def test_angle_given_in_degrees_is_restored_exactly(angle_deg: float) -> None:
     assert radians(in_degrees(radians(angle_deg))) == radians(angle_deg)
 
 
 @given(st.floats(-2.0 * pi, 2.0 * pi))
-def test_any_other_angle_comes_back_within_its_last_places(angle_rad: float) -> None:
+def test_any_other_angle_is_restored_within_rounding(angle_rad: float) -> None:
     back_rad = radians(in_degrees(angle_rad))
     assert back_rad == pytest.approx(angle_rad, rel=1e-15, abs=5e-324)
 
 
-def test_a_tenth_of_a_degree_is_written_as_one() -> None:
+def test_tenth_of_a_degree_is_written_with_one_decimal() -> None:
     assert in_degrees(radians(12.3)) == 12.3
     assert in_degrees(nextafter(radians(12.3), 10.0)) != 12.3
 
@@ -98,7 +98,7 @@ obstacles: st.SearchStrategy[Obstacle] = st.one_of(
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(obstacles, max_size=6), st.floats(-360, 360), st.none() | st.floats(-360, 360))
-def test_any_world_comes_back_the_same(
+def test_any_world_survives_a_toml_round_trip(
     some: list[Obstacle], start_deg: float, goal_deg: float | None
 ) -> None:
     world = World(

@@ -23,7 +23,7 @@ def bad(tmp_path: Path) -> Path:
     return path
 
 
-def test_list_names_every_world_with_what_it_shows(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_names_and_describes_every_world(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines] == shipped()
@@ -35,12 +35,12 @@ def test_list_as_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:
     assert [one["name"] for one in json.loads(capsys.readouterr().out)["worlds"]] == shipped()
 
 
-def test_a_good_file_is_ok(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_accepts_a_valid_file(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(good)]) == 0
     assert f"{good}: ok: test, 4 obstacles, shortest way " in capsys.readouterr().out
 
 
-def test_a_bad_file_is_refused_on_standard_error(
+def test_check_rejects_an_invalid_file_on_standard_error(
     bad: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for verb in ("check", "show"):
@@ -53,20 +53,20 @@ def test_a_bad_file_is_refused_on_standard_error(
         )
 
 
-def test_check_as_json_tells_each_problem(bad: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_as_json_lists_each_problem(bad: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(bad), "--json"]) == 2
     found = json.loads(capsys.readouterr().out)
     assert not found["ok"]
     assert [(one["line"], one["key"]) for one in found["problems"]] == [(2, "size_cm")]
 
 
-def test_check_as_json_says_ok(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_check_as_json_reports_success(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", str(good), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found == {"ok": True, "file": str(good), "name": "test", "problems": []}
 
 
-def test_show_as_json_has_the_units_of_the_file(
+def test_show_as_json_uses_the_units_of_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "world.toml"
@@ -82,7 +82,7 @@ def test_show_as_json_has_the_units_of_the_file(
     assert 4.8 <= shown["shortest_path_m"] < 5.0
 
 
-def test_a_free_heading_and_no_way_are_null(
+def test_free_heading_and_missing_path_are_null(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "shut.toml"
@@ -97,9 +97,7 @@ def test_a_free_heading_and_no_way_are_null(
 
 
 @pytest.mark.parametrize("name", shipped())
-def test_a_map_shows_start_and_goal_in_a_frame(
-    name: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_map_shows_start_and_goal_in_a_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", name]) == 0
     shown = capsys.readouterr().out.split("\n\n")[0].splitlines()
     floor = [line for line in shown if line.startswith("|")]
@@ -108,7 +106,7 @@ def test_a_map_shows_start_and_goal_in_a_frame(
     assert shown[0] == shown[len(floor) + 1] == "+" + "-" * 72 + "+"
 
 
-def test_the_map_has_left_on_the_left_and_up_at_the_top() -> None:
+def test_map_is_drawn_with_x_right_and_y_up() -> None:
     rows = draw(load("corridor"), None).splitlines()
     start_row = next(index for index, row in enumerate(rows) if "S" in row)
     goal_row = next(index for index, row in enumerate(rows) if "G" in row)
@@ -120,24 +118,24 @@ def test_the_map_has_left_on_the_left_and_up_at_the_top() -> None:
 @pytest.mark.parametrize(
     "argv", [[], ["frob"], ["check"], ["show"], ["list", "more"], ["show", "box", "--jsn"]]
 )
-def test_wrong_usage_is_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(argv) == 2
     told = capsys.readouterr()
     assert told.out == ""
     assert "usage: sidestep worlds" in told.err
 
 
-def test_help_is_no_mistake(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_exits_with_0(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
     assert "list|faults|check|show" in capsys.readouterr().out
 
 
-def test_a_name_nobody_knows_is_2(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_world_name_exits_with_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "bxo"]) == 2
     assert "did you mean box?" in capsys.readouterr().err
 
 
-def test_show_tells_where_several_robots_start_and_go(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_lists_starts_and_goals_of_several_robots(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "box", "--robots", "2", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["starts"][0] == found["start"]
@@ -148,15 +146,13 @@ def test_show_tells_where_several_robots_start_and_go(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("robots", ["12", "0"])
-def test_show_refuses_more_robots_than_there_is_room_for(
-    robots: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_show_rejects_more_robots_than_fit(robots: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "box", "--robots", robots, "--json"]) == 2
     told = capsys.readouterr()
     assert told.out == ""
     assert told.err.startswith("robots: ")
 
 
-def test_show_without_robots_is_as_it_was(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_without_robots_has_no_robot_list(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "box", "--json"]) == 0
     assert not {"starts", "goals"} & json.loads(capsys.readouterr().out).keys()

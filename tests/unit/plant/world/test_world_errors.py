@@ -48,17 +48,17 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_text_that_is_no_toml_is_told(bad: Bad) -> None:
+def test_invalid_toml_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)
 
 
-def test_an_obstacle_must_be_a_table() -> None:
+def test_obstacle_must_be_a_table() -> None:
     text = "\n".join(["obstacle = [1]", *GOOD.split("\n")[:4]])
     error = refusal(text)
     assert str(error).startswith("bad.toml:1: obstacle#1: expected a table, found a whole number")
 
 
-def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
+def test_all_errors_are_reported_in_the_order_of_the_file() -> None:
     text = with_line(2, "size_cm = [600, 400]", with_line(10, "circle_m = { x = 1, y = 2 }"))
     text = with_line(19, "", with_line(3, 'start = { x_m = "here", y_m = 2 }', text))
     keys = [problem.key for problem in refusal(text).problems]
@@ -70,13 +70,13 @@ def test_all_mistakes_are_told_at_once_in_the_order_of_the_file() -> None:
     ]
 
 
-def test_start_and_goal_are_checked_although_an_obstacle_is_bad() -> None:
+def test_invalid_obstacle_does_not_hide_errors_in_start_or_goal() -> None:
     text = with_line(19, "", with_line(3, "start = { x_m = 2.5, y_m = 1.2 }"))
     assert [problem.key for problem in refusal(text).problems] == ["start", "obstacle#4.speed_m_s"]
 
 
 @given(st.text(max_size=200))
-def test_no_text_whatever_raises_anything_else(text: str) -> None:
+def test_any_text_raises_only_world_errors(text: str) -> None:
     with pytest.raises(WorldError):
         loads(text)
 
@@ -85,7 +85,7 @@ VALUES = ["nan", "inf", "-1", "1e300", "true", '"x"', "[]", "{}", "[[1]]", "[{}]
 
 
 @given(st.integers(1, 19), st.sampled_from(VALUES))
-def test_no_value_whatever_raises_anything_else(number: int, value: str) -> None:
+def test_any_value_raises_only_world_errors(number: int, value: str) -> None:
     key, equals, _ = GOOD.split("\n")[number - 1].partition(" = ")
     with suppress(WorldError):
         assert loads(with_line(number, f"{key} = {value}" if equals else ""))

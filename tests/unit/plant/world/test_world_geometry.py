@@ -19,7 +19,7 @@ L_SHAPE: tuple[Point, ...] = ((0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2))
 
 
 @given(points, points, points)
-def test_no_point_of_a_segment_is_nearer_than_its_distance(p: Point, a: Point, b: Point) -> None:
+def test_no_segment_point_is_nearer_than_the_distance(p: Point, a: Point, b: Point) -> None:
     nearest_m = from_segment_m(p, a, b)
     for tenth in range(11):
         share = tenth / 10
@@ -28,18 +28,16 @@ def test_no_point_of_a_segment_is_nearer_than_its_distance(p: Point, a: Point, b
 
 
 @given(points, points, points, points)
-def test_it_does_not_matter_in_which_order_segments_meet(
-    a: Point, b: Point, c: Point, d: Point
-) -> None:
+def test_segment_intersection_is_symmetric(a: Point, b: Point, c: Point, d: Point) -> None:
     assert meet(a, b, c, d) == meet(d, c, b, a)
 
 
 @given(points, points, points)
-def test_segments_that_share_an_end_meet(a: Point, b: Point, c: Point) -> None:
+def test_segments_with_a_common_end_intersect(a: Point, b: Point, c: Point) -> None:
     assert meet(a, b, b, c)
 
 
-def test_the_bay_of_an_l_is_outside() -> None:
+def test_bay_of_an_l_shape_is_outside() -> None:
     assert inside((0.5, 1.5), L_SHAPE)
     assert not inside((1.5, 1.5), L_SHAPE)
     assert isclose(clearance_m((1.5, 1.4), Polygon(L_SHAPE)), 0.4)
@@ -47,15 +45,13 @@ def test_the_bay_of_an_l_is_outside() -> None:
     assert area_m2(L_SHAPE) == 3.0
 
 
-def test_clearance_counts_from_the_surface() -> None:
+def test_clearance_is_measured_from_the_surface() -> None:
     assert isclose(clearance_m((3.0, 0.0), Circle(x_m=0.0, y_m=0.0, radius_m=1.0)), 2.0)
     assert isclose(clearance_m((1.0, 1.0), Polyline(((0.0, 0.0), (2.0, 0.0)), 0.2)), 0.9)
 
 
 @given(st.integers(3, 30), st.lists(st.floats(0.1, 5.0), min_size=30, max_size=30))
-def test_an_outline_that_goes_round_once_never_crosses_itself(
-    count: int, radii_m: list[float]
-) -> None:
+def test_simple_outline_never_crosses_itself(count: int, radii_m: list[float]) -> None:
     outline = tuple(
         (radii_m[i] * cos(2 * pi * i / count), radii_m[i] * sin(2 * pi * i / count))
         for i in range(count)
@@ -63,5 +59,5 @@ def test_an_outline_that_goes_round_once_never_crosses_itself(
     assert crossing_edges(outline) is None
 
 
-def test_two_swapped_corners_cross() -> None:
+def test_outline_with_two_swapped_corners_crosses_itself() -> None:
     assert crossing_edges(((0, 0), (1, 1), (1, 0), (0, 1))) == (0, 2)

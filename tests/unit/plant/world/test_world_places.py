@@ -87,5 +87,5 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_a_start_or_goal_where_the_robot_cannot_stand_is_told(bad: Bad) -> None:
+def test_blocked_start_or_goal_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=False)

@@ -158,5 +158,5 @@ BAD = [
 
 
 @pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
-def test_a_key_that_is_missing_misspelt_or_mistyped_is_told(bad: Bad) -> None:
+def test_missing_misspelt_or_mistyped_key_is_reported(bad: Bad) -> None:
     assert_told(bad, alone=True)

@@ -19,16 +19,16 @@ NAMES = [
 ]
 
 
-def test_the_shipped_worlds_are_these() -> None:
+def test_shipped_worlds_are_listed() -> None:
     assert set(shipped()) == set(NAMES)
 
 
-def test_figures_are_listed_by_number() -> None:
+def test_paper_figures_are_listed_by_number() -> None:
     assert [name for name in shipped() if name in FIGURES] == FIGURES
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_robot_can_reach_the_goal(name: str) -> None:
+def test_robot_can_reach_the_goal(name: str) -> None:
     world = load(name)
     length_m = shortest_path_m(world)
     start, goal = world.start, world.goal
@@ -38,7 +38,7 @@ def test_the_robot_can_reach_the_goal(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_shipped_file_is_named_as_its_world_and_opens_with_what_it_shows(name: str) -> None:
+def test_shipped_file_has_its_world_name_and_description(name: str) -> None:
     opening = (SHIPPED_DIR / f"{name}.toml").read_text(encoding="utf-8").split("\n")[0]
     assert load(name).name == name
     assert opening.startswith("# ")
@@ -46,20 +46,20 @@ def test_a_shipped_file_is_named_as_its_world_and_opens_with_what_it_shows(name:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_shipped_world_changes_the_robot_its_noise_or_its_faults(name: str) -> None:
+def test_shipped_worlds_use_the_default_robot_noise_and_faults(name: str) -> None:
     world = load(name)
     assert (world.robot, world.noise, world.faults) == ({}, {}, ())
 
 
 @pytest.mark.parametrize("name", FORESTS)
-def test_a_forest_is_what_its_seed_grows(name: str) -> None:
+def test_forest_is_determined_by_its_seed(name: str) -> None:
     world, (count, seed) = load(name), FORESTS[name]
     clearings = ((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
     assert world.obstacles == grow(count, world.size_m, clearings, seed)
 
 
 @pytest.mark.parametrize("name", FORESTS)
-def test_between_any_two_trunks_there_is_a_passage(name: str) -> None:
+def test_robot_fits_between_any_two_trunks(name: str) -> None:
     trunks = [one for one in load(name).obstacles if isinstance(one, Circle)]
     gaps_m = [
         dist((a.x_m, a.y_m), (b.x_m, b.y_m)) - a.radius_m - b.radius_m
@@ -70,18 +70,18 @@ def test_between_any_two_trunks_there_is_a_passage(name: str) -> None:
     assert min(gaps_m) > 2.0 * Body().radius_m
 
 
-def test_too_many_trunks_are_refused() -> None:
+def test_too_many_trunks_are_rejected() -> None:
     with pytest.raises(ValueError, match=r"60 trunks do not fit on 2 x 2 m"):
         grow(60, (2.0, 2.0), (), seed=1)
 
 
-def test_both_methods_meet_the_same_obstacle_in_the_figures_that_compare_them() -> None:
+def test_compared_figures_have_the_same_obstacle() -> None:
     virtual_goal, bug = load("paper_fig11"), load("paper_fig12")
     assert virtual_goal.obstacles == bug.obstacles
     assert (virtual_goal.start, virtual_goal.goal) == (bug.start, bug.goal)
 
 
-def test_those_who_move_are_slower_than_the_robot() -> None:
+def test_moving_obstacles_are_slower_than_the_robot() -> None:
     walkers = [one for one in load("moving").obstacles if isinstance(one, Circle)]
     assert all(0.0 < walker.speed_m_s <= 0.2 < Body().max_speed_m_s for walker in walkers)
     assert len(walkers) == 3

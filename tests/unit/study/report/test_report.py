@@ -2,9 +2,9 @@
 
 import json
 import re
-import xml.etree.ElementTree as xml
 from html.parser import HTMLParser
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pyarrow as pa
 import pytest
@@ -97,7 +97,7 @@ def written(table: pa.Table, directory: Path, request: ReportRequest = ASKED) ->
     pictures = re.findall(r"!\[.+\]\((\S+)\)", text)
     assert len(pictures) == len(set(pictures)) == page.count("<svg ")
     for picture in pictures:
-        xml.fromstring((directory / picture).read_text())
+        ElementTree.fromstring((directory / picture).read_text())
     assert not re.search(r"\b(nan|inf|None)\b", re.sub(r"<style>.*?</style>", "", page))
     for lines in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
         rows = lines.splitlines()

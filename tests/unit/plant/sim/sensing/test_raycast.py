@@ -44,7 +44,7 @@ def cone_rays_rad(sonar: int) -> tuple[float, ...]:
     return ray_bearings_rad()[column : column + RAYS_PER_SONAR]
 
 
-def test_the_cones_tile_half_a_turn_with_evenly_spaced_rays() -> None:
+def test_cones_cover_a_half_turn_with_evenly_spaced_rays() -> None:
     bearings = sorted(degrees(bearing) for bearing in ray_bearings_rad())
     gaps = [b - a for a, b in pairwise(bearings)]
     assert gaps == pytest.approx([4.5] * 39)
@@ -54,23 +54,23 @@ def test_the_cones_tile_half_a_turn_with_evenly_spaced_rays() -> None:
         assert offsets == pytest.approx([-9.0, -4.5, 0.0, 4.5, 9.0])
 
 
-def test_nothing_is_seen_where_nothing_is() -> None:
+def test_empty_space_gives_no_echo() -> None:
     assert seen_m(Caster(NOTHING, 3.0, pi / 2), (0.0, 0.0, 0.0)) == [inf] * 8
 
 
-def test_the_walls_of_a_room_are_as_far_as_geometry_says() -> None:
+def test_ranges_to_room_walls_match_geometry() -> None:
     seen = seen_m(Caster(still(room()), 10.0, pi / 2), (1.0, 2.0, 0.0))
     assert seen[AHEAD_LEFT] == pytest.approx(3.0 / cos(INNERMOST_RAD), abs=1e-12)
     assert [seen[0], seen[7]] == pytest.approx([2.0 / sin(OUTERMOST_RAD)] * 2, abs=1e-12)
 
 
-def test_a_disc_straight_in_a_ray_is_as_far_as_its_rim() -> None:
+def test_range_to_a_disc_on_the_ray_is_to_its_rim() -> None:
     heading_rad = -radians(2.25)  # one ray of the cone ahead to the left looks along x
     seen = seen_m(Caster(Scene(((2.0, 0.0, 0.5),), ()), 10.0, pi / 2), (0.0, 0.0, heading_rad))
     assert seen[AHEAD_LEFT] == pytest.approx(1.5, abs=1e-12)
 
 
-def test_a_disc_beside_a_ray_is_met_on_its_flank() -> None:
+def test_ray_beside_the_centre_meets_the_flank_of_a_disc() -> None:
     scene = Scene(((2.0, 0.0, 0.5),), ())
     seen = seen_m(Caster(scene, 10.0, pi / 2), (0.0, 0.0, 0.0))
     away_m = 2.0 * cos(INNERMOST_RAD) - sqrt(0.25 - (2.0 * sin(INNERMOST_RAD)) ** 2)
@@ -80,20 +80,20 @@ def test_a_disc_beside_a_ray_is_met_on_its_flank() -> None:
     assert [away < inf for away in seen] == visible
 
 
-def test_what_is_behind_is_not_seen() -> None:
+def test_shapes_behind_the_origin_are_not_seen() -> None:
     behind = still(room(Circle(x_m=0.4, y_m=2.0, radius_m=0.2), walls=False))
     assert seen_m(Caster(behind, 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
     box = Polygon(((0.2, 1.5), (0.6, 1.5), (0.6, 2.5), (0.2, 2.5)))
     assert seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0)) == [inf] * 8
 
 
-def test_the_round_end_of_a_wall_is_seen() -> None:
+def test_round_end_of_a_wall_is_seen() -> None:
     wall = still(room(Polyline(((2.0, 2.0), (3.0, 2.0)), 0.2), walls=False))
     seen = seen_m(Caster(wall, 10.0, pi / 2), (1.0, 2.0, -radians(2.25)))
     assert seen[AHEAD_LEFT] == pytest.approx(0.9, abs=1e-12)
 
 
-def test_standing_in_line_with_an_edge_it_is_not_seen_from_the_side_it_does_not_show() -> None:
+def test_edge_on_wall_is_not_seen_from_its_hidden_side() -> None:
     box = Polygon(((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
     seen = seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
     assert seen[AHEAD_LEFT] == pytest.approx(1.0 / cos(INNERMOST_RAD), abs=1e-12)
@@ -105,7 +105,7 @@ U_SHAPE = Polygon(
 )
 
 
-def test_the_inside_of_a_concave_polygon_is_seen() -> None:
+def test_inside_of_a_concave_polygon_is_seen() -> None:
     seen = seen_m(Caster(still(room(U_SHAPE, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
     assert seen[AHEAD_LEFT] == pytest.approx(1.8 / cos(INNERMOST_RAD), abs=1e-12)
 
@@ -121,9 +121,7 @@ OBSTACLES: tuple[Obstacle, ...] = (
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 4.0), st.floats(0.0, 4.0), st.floats(-pi, pi))
-def test_every_cone_sees_what_walking_along_its_rays_finds(
-    x_m: float, y_m: float, heading_rad: float
-) -> None:
+def test_cone_ranges_match_sphere_tracing(x_m: float, y_m: float, heading_rad: float) -> None:
     if min(clearance_m((x_m, y_m), obstacle) for obstacle in OBSTACLES) < 0.12:
         return
     pose = (x_m, y_m, heading_rad)
@@ -143,9 +141,7 @@ def test_no_ray_slips_between_the_walls_of_a_closed_room(
 
 
 @given(st.floats(-80.0, 80.0), st.floats(5.0, 85.0))
-def test_a_wall_gives_an_echo_only_where_it_is_met_steeply(
-    bearing_deg: float, limit_deg: float
-) -> None:
+def test_wall_returns_an_echo_only_at_steep_incidence(bearing_deg: float, limit_deg: float) -> None:
     caster = Caster(Scene((), (_facing(bearing_deg),)), 30.0, radians(limit_deg))
     seen = seen_m(caster, (0.0, 0.0, 0.0))
     for sonar in range(SONARS):
@@ -169,7 +165,7 @@ def _facing(bearing_deg: float) -> tuple[float, float, float, float]:
     )
 
 
-def test_a_disc_gives_an_echo_only_where_it_is_met_steeply() -> None:
+def test_disc_returns_an_echo_only_at_steep_incidence() -> None:
     disc = Scene(((1.0, 0.0, 0.3),), ())
     aside_rad = asin(0.3 * sin(radians(45.0)))  # this ray meets the disc at 45 degrees
     for limit_deg, met in ((44.0, False), (46.0, True)):
@@ -178,13 +174,13 @@ def test_a_disc_gives_an_echo_only_where_it_is_met_steeply() -> None:
         assert (seen[7] < inf) == met
 
 
-def test_what_hides_behind_a_grazed_wall_stays_hidden() -> None:
+def test_grazed_wall_still_hides_shapes_behind_it() -> None:
     hidden = Scene(((3.0, 0.0, 0.5),), (_facing(60.0),))
     seen = seen_m(Caster(hidden, 9.0, radians(20.0)), (0.0, 0.0, 0.0))
     assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == inf
 
 
-def test_early_sonars_look_from_where_the_robot_was() -> None:
+def test_early_sonars_measure_from_the_earlier_pose() -> None:
     caster = Caster(still(room()), 10.0, pi / 2)
     early, late = (1.0, 2.0, 0.2), (1.1, 2.05, 0.3)
     both, from_early = in_turn(caster.cast(early, late)), seen_m(caster, early)
@@ -194,7 +190,7 @@ def test_early_sonars_look_from_where_the_robot_was() -> None:
         assert both[sonar] == pytest.approx(wanted[sonar], abs=1e-12)
 
 
-def test_a_moving_disc_is_seen_where_it_was_at_each_ping() -> None:
+def test_moving_disc_is_seen_at_its_position_of_each_ping() -> None:
     caster = Caster(NOTHING, 10.0, pi / 2)
     here = (0.0, 0.0, 0.0)
     seen = in_turn(caster.cast(here, here, ([(2.0, 0.0, 0.5)], [(2.2, 0.0, 0.5)])))
@@ -204,7 +200,7 @@ def test_a_moving_disc_is_seen_where_it_was_at_each_ping() -> None:
     assert seen_m(caster, here) == [inf] * 8
 
 
-def test_a_moving_disc_grazed_is_lost_like_any_other() -> None:
+def test_grazed_moving_disc_gives_no_echo() -> None:
     caster = Caster(NOTHING, 10.0, radians(1.0))
     here, disc = (0.0, 0.0, 0.0), [(2.0, 0.0, 0.5)]
     assert in_turn(caster.cast(here, here, (disc, disc))) == [inf] * 8
@@ -218,7 +214,7 @@ def test_a_moving_disc_grazed_is_lost_like_any_other() -> None:
         max_size=40,
     )
 )
-def test_what_is_out_of_reach_or_behind_is_left_out_and_nothing_else(poses: list[Pose]) -> None:
+def test_only_shapes_behind_or_out_of_range_are_skipped(poses: list[Pose]) -> None:
     """One caster that travels and turns sees what a caster made anew at each pose sees."""
     discs = tuple((0.5 * i, 2.0 + (-1.0) ** i, 0.2) for i in range(60))
     scene = Scene(discs, still(room(size_m=(30.0, 4.0))).edges)
@@ -234,7 +230,7 @@ def test_what_is_out_of_reach_or_behind_is_left_out_and_nothing_else(poses: list
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(st.floats(-0.2, 0.2), st.floats(-0.4, 0.4)), min_size=1, max_size=60))
-def test_a_slow_turn_and_a_short_way_hide_nothing(steps: list[tuple[float, float]]) -> None:
+def test_slow_turn_and_short_motion_hide_no_shape(steps: list[tuple[float, float]]) -> None:
     """Small steps, after which the surfaces are mostly not chosen anew."""
     discs = tuple((2.0 + 0.6 * i, 2.0 + 0.6 * j, 0.1) for i in range(-4, 5) for j in range(-4, 5))
     scene = Scene(discs, still(room(size_m=(4.0, 4.0))).edges)

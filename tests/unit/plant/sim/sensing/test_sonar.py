@@ -43,7 +43,7 @@ def echoes_mm(readings: list[Reading]) -> list[int]:
     return [reading.range_mm[i] for reading in readings for i in range(8) if reading.echo >> i & 1]
 
 
-def test_ranges_count_from_the_rim_and_keep_their_sonar() -> None:
+def test_ranges_are_from_the_rim_in_sonar_order() -> None:
     reading = ring().read(nearness([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]), None)
     assert reading == Reading((100, 200, 300, 400, 500, 600, 700, 800), ALL, ALL)
 
@@ -52,13 +52,13 @@ def test_even_sonars_were_pinged_half_a_period_before_the_stamp() -> None:
     assert PING_AGE_US == (25_000, 0, 25_000, 0, 25_000, 0, 25_000, 0)
 
 
-def test_no_echo_is_no_range_but_it_is_a_measurement() -> None:
+def test_missing_echo_still_counts_as_a_measurement() -> None:
     reading = ring().read(nearness([None, 1.0, 3.0001, 2.9999, 1.0, 1.0, 1.0, 1.0]), None)
     assert (reading.valid, reading.echo) == (ALL, 0b1111_1010)
     assert reading.range_mm[:4] == (0, 1000, 0, 3000)
 
 
-def test_what_is_nearer_than_the_least_range_reads_the_least_range() -> None:
+def test_ranges_below_the_minimum_read_the_minimum() -> None:
     assert ring().read(nearness([0.0, 0.019, -0.001, 0.021] * 2), None).range_mm[:4] == (
         20,
         20,
@@ -68,9 +68,7 @@ def test_what_is_nearer_than_the_least_range_reads_the_least_range() -> None:
 
 
 @pytest.mark.parametrize(("level", "range_m"), [("default", 0.5), ("default", 2.5), ("harsh", 1.0)])
-def test_the_noise_of_a_range_is_gaussian_with_the_sigma_of_the_table(
-    level: str, range_m: float
-) -> None:
+def test_range_noise_is_gaussian_with_the_configured_sigma(level: str, range_m: float) -> None:
     noise = LEVELS[level]
     sigma_mm = 1e3 * (noise.range_sigma_m + noise.range_sigma_ratio * range_m)
     errors = np.array(echoes_mm(many(noise, range_m))) - range_m * 1e3
@@ -81,14 +79,14 @@ def test_the_noise_of_a_range_is_gaussian_with_the_sigma_of_the_table(
 
 
 @pytest.mark.parametrize("level", ["default", "harsh"])
-def test_echoes_drop_out_as_often_as_the_table_says(level: str) -> None:
+def test_echo_dropout_rate_matches_the_configuration(level: str) -> None:
     readings = many(LEVELS[level], 1.0)
     lost = 1.0 - len(echoes_mm(readings)) / (8 * SCANS)
     assert lost == pytest.approx(LEVELS[level].dropout_probability, rel=0.2)
     assert {reading.valid for reading in readings} == {ALL}
 
 
-def test_ghosts_are_nearer_than_what_is_there_and_as_frequent_as_the_table_says() -> None:
+def test_false_echoes_are_nearer_and_have_the_configured_rate() -> None:
     ghosts = echoes_mm(many(Noise(ghost_probability=0.01), None))
     assert len(ghosts) / (8 * SCANS) == pytest.approx(0.01, rel=0.2)
     assert (min(ghosts) >= 20, max(ghosts) <= 3000) == (True, True)
@@ -98,7 +96,7 @@ def test_ghosts_are_nearer_than_what_is_there_and_as_frequent_as_the_table_says(
     assert max(short) < 500
 
 
-def test_the_same_seed_reads_the_same_and_another_does_not() -> None:
+def test_readings_depend_only_on_the_seed() -> None:
     def read(seed: int) -> Reading:
         return ring(LEVELS["default"], seed).read(nearness([2.0] * 8), None)
 
@@ -107,7 +105,7 @@ def test_the_same_seed_reads_the_same_and_another_does_not() -> None:
 
 
 @given(st.lists(st.one_of(st.none(), st.floats(-0.119, 5.0)), min_size=8, max_size=8))
-def test_whatever_is_there_a_reading_fits_the_wire(ranges_m: list[float | None]) -> None:
+def test_every_reading_fits_its_wire_field(ranges_m: list[float | None]) -> None:
     noise = Noise(range_sigma_m=1.0, range_sigma_ratio=1.0, ghost_probability=0.3)
     reading = ring(noise).read(nearness(ranges_m), None)
     for sonar in range(8):
@@ -116,12 +114,12 @@ def test_whatever_is_there_a_reading_fits_the_wire(ranges_m: list[float | None])
         assert not echo or 20 <= reading.range_mm[sonar] <= 3000
 
 
-def test_a_dead_sonar_does_not_measure() -> None:
+def test_dead_sonar_does_not_measure() -> None:
     reading = ring().read(nearness([1.0] * 8), trouble(Fault("sonar_dead", "2")))
     assert (reading.valid, reading.echo, reading.range_mm[2]) == (0b1111_1011, 0b1111_1011, 0)
 
 
-def test_a_frozen_sonar_repeats_what_it_read_last() -> None:
+def test_frozen_sonar_repeats_its_last_reading() -> None:
     one, frozen = ring(), trouble(Fault("sonar_frozen", "2"), Fault("sonar_frozen", "5"))
     one.read(nearness([1.0, 1.0, 1.0, 1.0, 1.0, None, 1.0, 1.0]), None)
     for range_m in (0.9, 0.8):
@@ -131,24 +129,24 @@ def test_a_frozen_sonar_repeats_what_it_read_last() -> None:
     assert one.read(nearness([0.7] * 8), None).range_mm[2] == 700
 
 
-def test_a_lying_sonar_reads_its_value_with_or_without_an_echo() -> None:
+def test_sonar_with_fixed_value_ignores_the_echo() -> None:
     fixed = trouble(Fault("sonar_fixed", "0", value=0.4), Fault("sonar_fixed", "1", value=12.5))
     reading = ring().read(nearness([1.0] + [None] * 7), fixed)
     assert (reading.range_mm[:2], reading.echo) == ((400, 12500), 0b11)
 
 
-def test_a_sonar_with_an_offset_reads_too_far_or_too_near() -> None:
+def test_sonar_with_an_offset_reads_too_far_or_too_near() -> None:
     off = trouble(Fault("sonar_offset", "0", value=0.2), Fault("sonar_offset", "1", value=-2.0))
     reading = ring().read(nearness([1.0] * 2 + [None] * 6), off)
     assert (reading.range_mm[:3], reading.echo) == ((1200, 0, 0), 0b11)
 
 
-def test_a_ring_whose_echoes_all_drop_out_still_measures() -> None:
+def test_ring_without_any_echo_still_measures() -> None:
     lost = trouble(Fault("sonar_dropout", "all", value=1.0))
     assert ring().read(nearness([1.0] * 8), lost) == Reading((0,) * 8, ALL, 0)
 
 
-def test_a_weak_sonar_loses_the_share_of_echoes_it_is_told_to() -> None:
+def test_weak_sonar_loses_the_configured_share_of_echoes() -> None:
     one, weak = ring(), trouble(Fault("sonar_dropout", "3", value=0.25))
     read = [one.read(nearness([1.0] * 8), weak).echo for _ in range(2000)]
     assert sum(not echo >> 3 & 1 for echo in read) / 2000 == pytest.approx(0.25, rel=0.15)

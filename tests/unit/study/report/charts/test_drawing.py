@@ -1,7 +1,7 @@
 """Drawings: coordinates, simplified paths, and maps of worlds."""
 
-import xml.etree.ElementTree as xml
 from math import hypot, inf, nan, pi, sqrt
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ from tests.support.study.report.made import drive
 
 def shapes(drawing: SvgDrawing) -> list[str]:
     """Return the shapes of a drawing, which must be well-formed alone and in a page."""
-    assert xml.fromstring(drawing.inline()).tag == "svg"
-    root = xml.fromstring(drawing.alone())
+    assert ElementTree.fromstring(drawing.inline()).tag == "svg"
+    root = ElementTree.fromstring(drawing.alone())
     return [child.tag.partition("}")[2] for child in root]
 
 
@@ -37,7 +37,7 @@ def test_text_is_escaped() -> None:
     drawing = SvgDrawing(10, 10, "a < b & c")
     drawing.text((1, 1), "<&>")
     assert shapes(drawing)[-1] == "text"
-    assert xml.fromstring(drawing.inline())[0].text == "a < b & c"
+    assert ElementTree.fromstring(drawing.inline())[0].text == "a < b & c"
 
 
 def test_rerun_gives_the_same_drive() -> None:
