@@ -154,7 +154,7 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (None, standing(), "its decision is unknown"),
     ],
 )
-def test_the_headline_says_what_the_wheels_do_and_why(
+def test_headline_states_wheel_motion_and_reason(
     decision: AvoidanceDecision | None, status: NavigatorStatus | None, words: str
 ) -> None:
     assert explain(decision, status).headline == words
@@ -167,7 +167,7 @@ def line(
     report: CycleReport | None = None,
     previous: AvoidanceDecision | None = None,
 ) -> str:
-    """What the line of that name says."""
+    """Return the text of the line called `name`."""
     found = explain(decision, status, report, previous).lines
     (text,) = (text for text in found if text.split()[0] == name)
     return text[len(name) :].strip()
@@ -243,26 +243,26 @@ def line(
         ),
     ],
 )
-def test_each_line_tells_one_thing_with_its_numbers(
+def test_each_line_states_one_fact_with_numbers(
     name: str, decision: AvoidanceDecision | None, status: NavigatorStatus | None, words: str
 ) -> None:
     assert line(name, decision, status) == words
 
 
-def test_what_a_tick_cost_is_told_when_it_is_known() -> None:
+def test_cycle_line_shows_the_cost_of_a_tick() -> None:
     words = "400 of 10000 us, 0.4 ms late, senses 1.5 ms old"
     assert line("cycle", None, report=cycle()) == words
     assert line("cycle", None, report=cycle(missed=3)) == f"{words}, 3 ticks missed"
 
 
-def test_what_changed_since_the_tick_before_is_told() -> None:
+def test_changed_line_compares_with_the_previous_tick() -> None:
     before = decided(time_ns=9_950_000_000, branch=Branch.TO_GOAL, guard=Reason.SLOWED)
     words = "goes for the goal -> passes on the right; guard: slowed for an obstacle -> nothing"
     assert line("changed", decided(), previous=before) == f"{words} (within 0.05 s)"
     assert line("changed", decided(), previous=decided()) == "nothing (within 0 s)"
 
 
-def test_the_names_of_the_lines_stand_in_one_column() -> None:
+def test_line_names_are_aligned_in_one_column() -> None:
     lines = explain(decided(), standing(), cycle(), decided()).lines
     names = [text.split()[0] for text in lines]
     assert names == [
@@ -272,6 +272,6 @@ def test_the_names_of_the_lines_stand_in_one_column() -> None:
     assert all(text[8] == " " and text[9] != " " for text in lines)
 
 
-def test_every_reason_of_the_guard_is_told_in_its_words() -> None:
+def test_guard_line_contains_the_reason_text() -> None:
     for reason in (Reason.OBSTACLE_AHEAD, Reason.SLOWED, Reason.WHEEL_LIMIT, Reason.BUMPER):
         assert reason_text(reason) in line("guard", decided(guard=reason))

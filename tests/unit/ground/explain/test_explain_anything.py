@@ -1,4 +1,4 @@
-"""Whatever a robot tells is explained, and what is told of real drives is what the wheels did."""
+"""Any robot messages can be explained, and explanations of real drives match the wheels."""
 
 from math import copysign, degrees, isfinite
 
@@ -74,8 +74,8 @@ def test_the_headline_never_names_the_wrong_side(
 
 @pytest.mark.parametrize("navigator", NAVIGATORS)
 @pytest.mark.parametrize("world", WORLDS)
-def test_in_real_drives_the_wheels_turn_as_the_headline_says(world: str, navigator: str) -> None:
-    """The motors lag: where a turn begins they may be two ticks behind."""
+def test_headline_matches_wheel_motion_in_real_drives(world: str, navigator: str) -> None:
+    """Ignore the motor lag: up to two ticks at the beginning of a turn."""
     agreeing, turning, said_for, before = 0, 0, 0, 0.0
     for moment in drive(world, navigator):
         words = headline(moment.decision, moment.status)
@@ -89,8 +89,8 @@ def test_in_real_drives_the_wheels_turn_as_the_headline_says(world: str, navigat
 
 
 @pytest.mark.parametrize("navigator", NAVIGATORS)
-def test_in_real_drives_the_reason_fits_the_turn(navigator: str) -> None:
-    """A turn against the wanted side is admitted, and is rare."""
+def test_headline_reason_matches_the_turn_in_real_drives(navigator: str) -> None:
+    """Allow turns against the wanted side if the headline admits them and they are rare."""
     excused = turning = 0
     for moment in drive("u_trap", navigator):
         words = headline(moment.decision, moment.status)

@@ -1,4 +1,4 @@
-"""Asked of a recording, `explain` tells of any instant what was decided then."""
+"""`explain` on a recording describes the decision at any instant."""
 
 import json
 from pathlib import Path
@@ -33,7 +33,7 @@ def decisions(run: Recording) -> list[AvoidanceDecision]:
     return [one for one in found if isinstance(one, AvoidanceDecision)]
 
 
-def test_every_tick_is_told_with_the_status_and_the_cost_of_that_tick(run: Recording) -> None:
+def test_each_tick_has_its_own_status_and_cost(run: Recording) -> None:
     told = Recorded(LogIndex(run))
     for at_ns in (0, 5 * S, 8 * S + 7):
         found = told.at(at_ns)
@@ -44,13 +44,13 @@ def test_every_tick_is_told_with_the_status_and_the_cost_of_that_tick(run: Recor
         assert any(line.startswith("cycle    15 of 2500 us") for line in explanation.lines)
 
 
-def test_before_the_first_decision_there_is_nothing_to_tell(run: Recording) -> None:
+def test_no_explanation_before_the_first_decision(run: Recording) -> None:
     assert Recorded(LogIndex(run)).at(-1) is None
     assert Recorded(LogIndex(run.without(DECISION))).at(9 * S) is None
     assert Recorded(LogIndex(Recording())).at(0) is None
 
 
-def test_without_status_and_cost_the_decision_is_still_told(run: Recording) -> None:
+def test_decision_is_explained_without_status_and_cost(run: Recording) -> None:
     found = Recorded(LogIndex(run.without(STATUS, CYCLE))).at(6 * S)
     assert found is not None
     before, now = (one for one in decisions(run) if one.time_ns in (6 * S - 50_000_000, 6 * S))
@@ -66,7 +66,7 @@ def test_its_turning_points_are_those_of_the_run(run: Recording) -> None:
     assert len(turns) > 5
 
 
-def test_of_two_decisions_at_one_instant_the_one_that_turned_is_told(run: Recording) -> None:
+def test_turning_point_wins_over_a_simultaneous_decision(run: Recording) -> None:
     """Frames of two ticks may come at once."""
     told = Recorded(LogIndex(run))
     turn = list(told.turns())[1]
@@ -80,7 +80,7 @@ def test_of_two_decisions_at_one_instant_the_one_that_turned_is_told(run: Record
         told._times_ns[other] = before
 
 
-def test_an_instant_is_told_in_words(log: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_explain_prints_an_instant_in_words(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", log, "--at", "6"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
     assert head.startswith("at 6.00 s it turns left at ")
@@ -131,7 +131,7 @@ def test_a_time_that_is_not_in_it_is_refused(
     assert said in capsys.readouterr().err
 
 
-def test_a_file_that_is_not_there_or_tells_nothing_is_refused(
+def test_missing_or_empty_recording_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     empty = tmp_path / "empty.tlog"
@@ -145,7 +145,7 @@ def test_a_file_that_is_not_there_or_tells_nothing_is_refused(
     assert "the decision never changed" in said.out
 
 
-def test_what_was_cut_off_is_told_and_the_rest_explained(
+def test_damage_is_reported_and_the_rest_explained(
     run: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole = Path(run.written(tmp_path / "whole.tlog")).read_bytes()

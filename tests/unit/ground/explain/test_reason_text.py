@@ -1,4 +1,4 @@
-"""Of a robot that is shown no turning point is missed, however seldom somebody looks."""
+"""No turning point of a robot is missed, at any poll rate."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,7 +29,7 @@ def show(run: Recording, tmp_path: Path) -> Iterator[Show]:
 
 
 def of_the_run(run: Recording, until_s: float) -> list[str]:
-    """The turning points up to then."""
+    """Return the turning points until `until_s`."""
     messages = (decode(one.frame).message for one in run.found)
     decisions = [one for one in messages if isinstance(one, AvoidanceDecision)]
     return [
@@ -38,7 +38,7 @@ def of_the_run(run: Recording, until_s: float) -> list[str]:
 
 
 @pytest.mark.parametrize("step_s", [0.05, 0.4, 7.0, 30.0])
-def test_however_seldom_somebody_looks_none_is_missed(
+def test_no_turning_point_is_missed_at_any_poll_rate(
     run: Recording, show: Show, step_s: float
 ) -> None:
     why, at_s = Why(), 0.0
@@ -118,7 +118,7 @@ def test_another_robot_begins_anew() -> None:
     assert why.points == []
 
 
-def test_a_turn_of_which_little_is_known_any_more_is_explained_all_the_same() -> None:
+def test_turn_with_expired_details_is_still_explained() -> None:
     why, stage = Why(), Stage(Branch.TO_GOAL, Branch.PASS_LEFT)
     why.look(stage)
     turned = why.at()
@@ -126,8 +126,8 @@ def test_a_turn_of_which_little_is_known_any_more_is_explained_all_the_same() ->
     assert "so it passes on the left" in explained(turned, stage).headline
 
 
-def test_of_what_was_left_out_no_turn_is_made_up() -> None:
-    """More was said than is taken at once: what came before that is not compared with it."""
+def test_skipped_decisions_create_no_turning_point() -> None:
+    """Overflow the batch: the first decision after a gap is not compared with older ones."""
     assert MANY == AT_ONCE
     why, stage = Why(), Stage(Branch.TO_GOAL)
     why.look(stage)

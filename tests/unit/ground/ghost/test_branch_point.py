@@ -50,7 +50,7 @@ def test_start_time_and_goal_arrive_as_they_were(
     assert (options.trace, options.json) == ("-", True)
 
 
-def test_a_world_by_name_needs_nothing_more_and_one_by_its_facts_is_handed_over() -> None:
+def test_world_is_passed_by_name_or_by_its_facts() -> None:
     named = BranchPoint("u_trap", (0.6, 2.0, 0.0), 0.0, GOAL)
     told = named._replace(world={"name": "told"})
     assert "u_trap" in trial_words(named, "bug", {})

@@ -48,7 +48,7 @@ def sockets(pid: int) -> bool:
 
 
 def instead(source: str) -> Callable[[Sequence[str], int], list[str]]:
-    """A process that does something else."""
+    """Return a command that runs other Python source instead of a ghost."""
     return lambda words, parent: [sys.executable, "-c", source]
 
 
@@ -57,7 +57,7 @@ def stubborn(**more: Any) -> Ghost:
 
 
 @pytest.mark.parametrize("navigator", NAVIGATORS)
-def test_from_the_start_of_a_run_without_noise_it_drives_that_run(navigator: str) -> None:
+def test_ghost_without_noise_repeats_the_run(navigator: str) -> None:
     outcome, places = driven(Trial(world=load("box"), navigator=navigator, noise="none"))
     course = ended(ghost_in("box", navigator))
     assert (course.outcome, course.reason) == (outcome.outcome, outcome.reason)
@@ -93,7 +93,7 @@ def test_noise_seed_side_and_parameters_are_those_asked_for() -> None:
     assert (course.time_s, course.length_m) == (outcome.time_s, outcome.path_m)
 
 
-def test_a_world_that_the_plant_tells_of_needs_no_file() -> None:
+def test_world_received_from_the_plant_needs_no_file() -> None:
     outcome, _ = driven(Trial(world=load("u_trap"), navigator="bug", noise="none"))
     facts = dict(as_json(load("u_trap"), 5.1))
     with Ghost(facts, START, 0.0, goal_in("u_trap"), "bug") as ghost:
@@ -172,7 +172,7 @@ def test_one_that_takes_too_long_is_given_up() -> None:
     assert not alive(pid)
 
 
-def test_a_death_is_told_with_how_it_died() -> None:
+def test_killed_process_is_reported_with_its_signal() -> None:
     ghost = stubborn()
     ghost.start()
     assert ghost.pid is not None
@@ -181,7 +181,7 @@ def test_a_death_is_told_with_how_it_died() -> None:
     assert ghost.poll() == PredictedPath([], FAILED, "the process ended with signal SIGKILL")
 
 
-def test_one_that_cannot_be_started_says_so() -> None:
+def test_failed_process_start_is_reported() -> None:
     ghost = ghost_in("box", command_of=lambda words, parent: ["/nowhere/at/all"])
     assert ended(ghost) == PredictedPath(
         [], FAILED, "the process cannot be started: No such file or directory"
@@ -226,7 +226,7 @@ def test_its_path_can_be_seen_while_it_drives() -> None:
         assert ghost.path_m == [(1.0, 2.0), (1.5, 2.0)]
 
 
-def test_no_more_of_them_drive_than_were_allowed_and_the_others_follow() -> None:
+def test_ghosts_above_the_limit_wait_for_their_turn() -> None:
     with Ghosts(most=2) as ghosts:
         for navigator in ("bug", "bug2", "distbug", "vgm_memory"):
             ghosts.add(navigator, ghost_in("box", navigator))
@@ -245,7 +245,7 @@ def test_no_more_of_them_drive_than_were_allowed_and_the_others_follow() -> None
         assert all(trail.outcome == "reached" and trail.path_m for trail in ghosts.trails())
 
 
-def test_a_second_one_of_a_label_takes_the_place_of_the_first() -> None:
+def test_new_ghost_replaces_one_with_the_same_label() -> None:
     with Ghosts(most=1) as ghosts:
         ghosts.add("one", stubborn())
         (first,) = ghosts.pids

@@ -1,4 +1,4 @@
-"""What a station shows, live or played, can be haunted from the instant that it shows."""
+"""Ghosts start at the instant that a station shows, from a live robot or a recording."""
 
 from collections.abc import Iterator
 from math import nan
@@ -53,7 +53,7 @@ def test_an_instant_that_is_shown_is_where_the_ghost_begins(show: Show) -> None:
     assert 1.5 < instant.start[0] < 3.0
 
 
-def test_a_ghost_is_drawn_and_told_when_it_has_ended(show: Show) -> None:
+def test_ended_ghost_is_drawn_and_logged(show: Show) -> None:
     haunting = haunting_of(show)
     haunting.begin("distbug")
     assert [(trail.label, trail.outcome) for trail in haunting.trails()] == [("distbug", "")]
@@ -112,7 +112,7 @@ def test_a_robot_without_a_goal_has_no_ghosts(show: Show) -> None:
         haunting_of(show).begin("bug")
 
 
-def test_how_it_came_out_is_told_in_one_line() -> None:
+def test_outcome_is_one_line() -> None:
     stuck = PredictedPath([], "stuck", "no way", 12.34, 5.678)
     assert told(stuck) == "stuck after 12.3 s and 5.68 m: no way"
     assert told(stuck._replace(reason="ok", outcome="reached")) == "reached after 12.3 s and 5.68 m"
@@ -127,7 +127,7 @@ def test_without_truth_it_begins_where_the_robot_believes_to_be(
     assert 1.5 < instant_of(show.station).start[0] < 3.0
 
 
-def test_one_that_cannot_be_run_is_told_with_its_reason(show: Show) -> None:
+def test_failed_ghost_is_logged_with_its_reason(show: Show) -> None:
     world = WORLD._replace(text=WORLD.text.replace('"size_m": [6.0, 4.0]', '"size_m": [1.0, 1.0]'))
     station = Station(show.bus, "r1", show.bus.timeline, world)
     haunting = GhostRunner(lambda: station)

@@ -1,4 +1,4 @@
-"""What comes out of a ghost's process is read as it comes, whatever the pieces."""
+"""The output of a ghost process is parsed incrementally, in pieces of any size."""
 
 import json
 from itertools import pairwise
@@ -42,7 +42,7 @@ def test_the_pieces_in_which_it_comes_do_not_matter(cuts: list[int]) -> None:
     assert taken(*pieces).course("") == taken(whole).course("")
 
 
-def test_points_that_nobody_could_tell_apart_are_left_out_but_the_last_one_is_kept() -> None:
+def test_close_points_are_dropped_except_the_last() -> None:
     places = [(1.0 + 0.001 * tick, 2.0) for tick in range(100)]
     driving = taken(run(*places))
     assert len(driving.path_m) <= 0.1 / STEP_M + 1
@@ -50,7 +50,7 @@ def test_points_that_nobody_could_tell_apart_are_left_out_but_the_last_one_is_ke
     assert (driving.path_m[0], driving.path_m[-1]) == (places[0], places[-1])
 
 
-def test_a_robot_that_stands_still_is_one_point() -> None:
+def test_stationary_robot_is_one_point() -> None:
     assert taken(run(*[(1.0, 2.0)] * 50) + END + b"\n").path_m == [(1.0, 2.0)]
 
 

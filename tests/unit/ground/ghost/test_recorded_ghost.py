@@ -94,7 +94,7 @@ def test_the_rest_of_the_drive_is_measured_to_its_end(drive: tuple[Recording, Ou
     assert rest.path_m[-1] == whole.path_m[-1]
 
 
-def test_a_recording_that_ends_under_way_says_so(run: Recording) -> None:
+def test_truncated_recording_has_outcome_driving(run: Recording) -> None:
     half = Recording(run.facts, run.found[: len(run.found) // 2])
     assert footage(half).rest(0).outcome == "driving"
 
@@ -105,7 +105,7 @@ def test_without_truth_the_robots_own_belief_must_do(run: Recording) -> None:
     assert believed.start == pytest.approx(footage(run).instant(6 * S, None, None).start, abs=0.05)
 
 
-def test_what_the_recording_does_not_tell_is_said(run: Recording) -> None:
+def test_missing_data_of_a_recording_is_named(run: Recording) -> None:
     for lacking, said in (
         (run.without(STATUS), "has no status of the robot"),
         (run.without(TRUTH, ODOMETRY), "no position of the robot"),
@@ -119,8 +119,8 @@ def test_what_the_recording_does_not_tell_is_said(run: Recording) -> None:
         footage(Recording()).beginning_ns()
 
 
-def test_in_lockstep_what_belongs_together_is_told_by_its_stamps(run: Recording) -> None:
-    """The robot's status of a tick may arrive when the plant is at the next one already."""
+def test_lockstep_messages_are_matched_by_time_stamp(run: Recording) -> None:
+    """Deliver the robot's status of a tick after the plant began the next tick."""
     late = Recording(run.facts, [one for one in run.found if not one.key.endswith(STATUS.path)])
     status = [one for one in run.found if one.key.endswith(STATUS.path)]
     ticks = sorted({one.time_ns for one in run.found})
@@ -162,7 +162,7 @@ def test_the_verb_lays_the_ghosts_beside_the_real_run(
     assert found["ghosts"]["distbug"]["length_m"] != found["ghosts"]["bug"]["length_m"]
 
 
-def test_a_ghost_passes_on_the_side_of_the_robot_unless_another_is_asked_for(
+def test_ghost_passes_on_the_side_of_the_robot_by_default(
     tmp_path: Path, drive: tuple[Recording, Outcome], capsys: pytest.CaptureFixture[str]
 ) -> None:
     run, outcome = box("bug", side="right")
@@ -198,7 +198,7 @@ def test_for_a_person_it_is_a_table(log: str, capsys: pytest.CaptureFixture[str]
         ([], 2, "--world"),
     ],
 )
-def test_what_cannot_be_run_is_told_with_its_reason(
+def test_verb_reports_why_a_ghost_cannot_run(
     log: str, words: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["ghost", "--navigator", "bug", "--from", log, *words]) == code

@@ -12,7 +12,7 @@ from runtime.errors import UserError
 
 
 def say(draft: Draft, text: str) -> str:
-    """What typing this to the console answers."""
+    """Return the answer of the console to `text`."""
     edit = read(text)
     assert isinstance(edit, Edit)
     return draft.apply(edit)

@@ -43,7 +43,7 @@ PLAN: dict[str, Any] = {
 
 
 def plan(*more: dict[str, Any], **parts: Any) -> str:
-    """The plan above with more items, or other parts."""
+    """Return the plan above with more items or replaced parts."""
     mission = PLAN["mission"] | {"items": [*PLAN["mission"]["items"], *more]}
     return json.dumps(PLAN | {"mission": mission} | parts)
 
@@ -66,9 +66,7 @@ def test_a_waypoint_of_qgroundcontrol_is_one_of_ours() -> None:
 @pytest.mark.parametrize(
     ("yaw_deg", "heading_deg"), [(None, None), (0, None), (360, 90.0), (90, 0.0), (-90, 180.0)]
 )
-def test_a_yaw_of_zero_means_none_as_everybody_writes_it(
-    yaw_deg: float | None, heading_deg: float | None
-) -> None:
+def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float | None) -> None:
     text = plan(simple(16, 0, 0, 0, yaw_deg, 47.4, 8.5001, 0))
     assert plan_file.read_text(text, "").mission.waypoints[1].heading_deg == heading_deg
 
@@ -105,7 +103,7 @@ def test_what_the_robot_cannot_do_is_refused_by_item_and_reason(
     assert kept.dropped[0].startswith("item 2: ")
 
 
-def test_all_refused_items_are_told_in_one_go() -> None:
+def test_all_refused_items_are_listed_together() -> None:
     said = refusal(plan(simple(22), simple(21)))
     assert [line.split(": ")[1] for line in said.splitlines()] == ["item 2", "item 3"]
 
@@ -223,9 +221,7 @@ def values(waypoint: Waypoint) -> tuple[float, ...]:
 
 
 @given(missions(homes, USUAL), homes)
-def test_a_plan_that_is_written_reads_back_to_a_tenth_of_a_millimetre(
-    mission: Mission, home: Home
-) -> None:
+def test_written_plan_reads_back_to_a_tenth_mm(mission: Mission, home: Home) -> None:
     found = plan_file.read_text(plan_file.text_of(mission, home), "").mission
     assert same(found, mission)
     assert (found.fence, found.home) == (mission.fence, home)
@@ -267,7 +263,7 @@ def test_any_text_after_the_header_is_refused_or_a_mission(text: str) -> None:
     assert not said or said.startswith("m.waypoints:")
 
 
-def test_what_a_format_has_no_room_for_is_told(tmp_path: Path) -> None:
+def test_data_a_format_cannot_store_is_reported(tmp_path: Path) -> None:
     waypoint = Waypoint(x_m=1.0, y_m=2.0, heading_tolerance_deg=9.0)
     fence = Circle(x_m=0.0, y_m=0.0, radius_m=4.0)
     mission = Mission(waypoints=(waypoint,), fence=fence, home=HOME)
@@ -285,7 +281,7 @@ def test_a_foreign_file_is_not_written_without_a_home(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_cannot_be_read_or_written_says_so(tmp_path: Path) -> None:
+def test_unreadable_or_unwritable_file_is_reported(tmp_path: Path) -> None:
     mission = Mission(waypoints=(Waypoint(x_m=1.0, y_m=2.0),))
     (tmp_path / "bad.toml").write_bytes(b"\xff\xfe\xff")
     for path, why in [

@@ -31,9 +31,7 @@ def test_a_compass_turns_the_other_way_from_north(yaw_deg: float, heading_deg: f
 
 
 @given(homes, metres, metres)
-def test_a_place_goes_there_and_back_to_the_last_tenth_of_a_millimetre(
-    home: Home, x_m: float, y_m: float
-) -> None:
+def test_conversion_round_trip_is_exact_to_a_tenth_mm(home: Home, x_m: float, y_m: float) -> None:
     assert to_local(home, *to_global(home, x_m, y_m)) == (x_m, y_m)
 
 

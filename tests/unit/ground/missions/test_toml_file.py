@@ -37,7 +37,7 @@ def problem(text: str) -> str:
     return str(caught.value)
 
 
-def test_a_file_says_where_to_go_how_exactly_and_for_how_long() -> None:
+def test_file_defines_places_tolerances_and_hold_times() -> None:
     mission = read_text(WHOLE, "m.toml")
     assert mission.waypoints == (
         Waypoint(x_m=1.0, y_m=2.5, heading_deg=90.0, hold_s=3.0),
@@ -91,11 +91,11 @@ def test_corners_make_a_fence_too() -> None:
         ("[home]\nlatitude_deg = 91\nlongitude_deg = 0", "m.toml:2: home.latitude_deg:"),
     ],
 )
-def test_what_is_wrong_is_told_with_file_line_key_and_fix(text: str, said: str) -> None:
+def test_error_names_file_line_key_and_fix(text: str, said: str) -> None:
     assert said in problem(text)
 
 
-def test_every_table_tells_its_mistake_in_one_go() -> None:
+def test_errors_of_all_tables_are_listed_together() -> None:
     text = "[[waypoint]]\nx_m = 'a'\ny_m = 0\n[[waypoint]]\ny_m = 0\n[fence]\nround = true"
     lines = problem(text).splitlines()
     assert [line.split(": ")[1] for line in lines] == [

@@ -44,14 +44,14 @@ def verdict(reason: int = 0, item: int = NO_ITEM, kind: int = MISSION) -> Missio
 
 
 def asked(transfer: Transfer, now_ns: int) -> Message:
-    """The one question of this step."""
+    """Return the only request of this step."""
     (send,) = transfer.due(now_ns)
     assert transfer.due(now_ns) == []
     assert send.request is not None
     return send.request
 
 
-def test_an_upload_gives_what_it_is_asked_for_until_there_is_a_verdict() -> None:
+def test_upload_sends_requested_items_until_the_verdict() -> None:
     upload = Upload(ITEMS, MISSION, 0)
     assert asked(upload, 0) == MissionCount(count=3, mission_type=MISSION)
     for seq, item in enumerate(ITEMS):
@@ -66,7 +66,7 @@ SAVING = CommandAck(command=0, result=AckResult.IN_PROGRESS)
 
 
 def test_robot_that_is_saving_is_asked_until_it_has_saved() -> None:
-    """A slow disk takes longer than all attempts for a robot that does not answer."""
+    """Wait for a slow disk longer than for a robot that does not answer."""
     clear, now_ns = Clear(MISSION, 0), 0
     for _ in range(4 * ATTEMPTS):
         assert asked(clear, now_ns) == MissionClearAll(mission_type=MISSION)
@@ -97,7 +97,7 @@ def test_a_refusal_may_come_at_any_step_and_names_the_item() -> None:
     assert upload.outcome.text == "item 2: goal is outside of the fence"
 
 
-def test_a_question_without_an_answer_is_asked_again_a_fixed_time_apart() -> None:
+def test_unanswered_request_repeats_at_a_fixed_interval() -> None:
     upload = Upload(ITEMS, MISSION, 0)
     first = asked(upload, 0)
     upload.unanswered("no process serves it")
@@ -105,7 +105,7 @@ def test_a_question_without_an_answer_is_asked_again_a_fixed_time_apart() -> Non
     assert asked(upload, PATIENCE_NS) == first
 
 
-def test_it_is_given_up_with_the_last_reason_when_nobody_answers() -> None:
+def test_unanswered_transfer_ends_with_the_last_reason() -> None:
     download = Download(MISSION, 0)
     for attempt in range(ATTEMPTS):
         asked(download, attempt * PATIENCE_NS)
@@ -192,7 +192,7 @@ class Robot:
     st.integers(1, 30).map(lambda count: [Waypoint(x_m=float(at), y_m=1.0) for at in range(count)]),
     st.lists(st.sampled_from(["whole", "question lost", "answer lost"]), max_size=40),
 )
-def test_a_mission_arrives_whole_whatever_is_lost_on_the_way(
+def test_mission_arrives_complete_despite_losses(
     waypoints: list[Waypoint], fates: list[str]
 ) -> None:
     robot, items, waiting = Robot(), items_of(waypoints), iter(fates)

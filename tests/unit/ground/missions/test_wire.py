@@ -14,7 +14,7 @@ from tests.support.ground.missions.made_up import fences, missions, thousandths
 
 
 def sent(items: list[MissionItemInt]) -> list[MissionItemInt]:
-    """As they arrive: single precision and all."""
+    """Return the items as they arrive, rounded to single precision."""
     encoder = Encoder(255, 190)
     arrived = [decode(encoder.encode(item)).message for item in items]
     assert all(isinstance(item, MissionItemInt) for item in arrived)
