@@ -98,7 +98,7 @@ def test_after_a_change_only_pip_is_asked(tree: Path, changed: str) -> None:
     assert asked(tree) == INSTALLS
 
 
-def test_what_pip_cannot_install_is_told_in_its_words_and_made_afresh_next_time(tree: Path) -> None:
+def test_pip_failure_is_shown_and_setup_repeated_next_time(tree: Path) -> None:
     (tree / "broken").touch()
     run = make(tree)
     assert run.returncode == 2
@@ -126,7 +126,7 @@ def test_an_environment_whose_python_is_gone_is_made_afresh(tree: Path) -> None:
     assert asked(tree) == ["venv", *INSTALLS]
 
 
-def test_without_a_fitting_python_it_says_so_and_what_to_install(tree: Path) -> None:
+def test_missing_python_is_reported_with_what_to_install(tree: Path) -> None:
     executable(tree / "old", "#!/bin/sh\nexit 1\n")
     run = make(tree, pythons="./old python-not-there")
     assert run.returncode == 2
@@ -135,13 +135,13 @@ def test_without_a_fitting_python_it_says_so_and_what_to_install(tree: Path) -> 
     assert not (tree / ".venv").exists()
 
 
-def test_a_python_without_venv_is_named_with_the_package_it_lacks(tree: Path) -> None:
+def test_python_without_venv_is_reported_with_its_package(tree: Path) -> None:
     executable(tree / "python3.12", WITHOUT_VENV)
     run = make(tree, pythons="./python3.12")
     assert run.returncode == 2
     assert "apt install ./python3.12-venv" in run.stderr
 
 
-def test_a_python_that_lacks_venv_is_passed_over_for_one_that_has_it(tree: Path) -> None:
+def test_python_without_venv_is_skipped_for_another(tree: Path) -> None:
     executable(tree / "python3.12", WITHOUT_VENV)
     assert make(tree, pythons="./python3.12 ./fake_python").returncode == 0

@@ -24,7 +24,7 @@ def run_pytest(folder: Path, sources: list[str], *options: str) -> subprocess.Co
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def test_a_skip_fails_the_run_in_ci_and_says_why(tmp_path: Path) -> None:
+def test_skip_fails_the_run_in_ci_with_the_reason(tmp_path: Path) -> None:
     run = run_pytest(tmp_path, [SKIPS, SKIPS_INSIDE, MODULE_SKIPS, PASSES], "--no-skips", GO_ON)
     assert run.returncode != 0
     summary = run.stdout.partition("short test summary")[2]
@@ -39,5 +39,5 @@ def test_elsewhere_a_skip_is_only_reported(tmp_path: Path) -> None:
     assert run_pytest(tmp_path, [PASSES + SKIPS]).returncode == 0
 
 
-def test_what_passes_and_what_is_known_to_fail_is_not_touched(tmp_path: Path) -> None:
+def test_passing_and_expected_failing_tests_are_unchanged(tmp_path: Path) -> None:
     assert run_pytest(tmp_path, [PASSES + EXPECTED_FAILURE], "--no-skips").returncode == 0

@@ -36,7 +36,7 @@ def test_what_is_asked_for_is_pinned_at_or_above_its_floor(text: str) -> None:
     assert pins()[canonicalize_name(wanted.name)] in wanted.specifier
 
 
-def test_the_pythons_make_looks_for_are_the_pythons_the_package_accepts() -> None:
+def test_make_looks_for_the_pythons_the_package_accepts() -> None:
     makefile = (ROOT / "Makefile").read_text()
     accepted = SpecifierSet(PROJECT["project"]["requires-python"])
     named = re.findall(r"python(3\.\d+)", re.findall(r"PYTHONS := (.*)", makefile)[0])

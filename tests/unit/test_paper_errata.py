@@ -43,7 +43,7 @@ def pivot(arc_m: float, divisor_m: float) -> Pose:
     return pose
 
 
-def test_eq_6_a_wheel_that_stands_must_not_wander() -> None:
+def test_eq_6_stopped_wheel_must_not_move() -> None:
     stands = left_contact(Pose(0.0, 0.0, 0.0))
     assert dist(left_contact(pivot(0.2, divisor_m=TRACK_M)), stands) < 1e-6
     assert dist(left_contact(pivot(0.2, divisor_m=2 * TRACK_M)), stands) == pytest.approx(
@@ -132,7 +132,7 @@ def test_eq_2_a_position_needs_the_translation_too() -> None:
     assert hypot(*turned) == pytest.approx(hypot(*here))  # its own place, seen from itself: not 0
 
 
-def test_sonars_nine_directions_are_printed_and_eight_cones_tile_the_half_circle() -> None:
+def test_paper_prints_nine_sonar_directions_for_eight_cones() -> None:
     assert len(range(0, 1801, 225)) == 9
     assert [round(degrees(b), 2) for b in BEARINGS] == [(i - 3.5) * 22.5 for i in range(8)]
     assert degrees(BEARINGS[7]) + 22.5 / 2 == pytest.approx(90.0)
@@ -166,7 +166,7 @@ def goal_at(x_m: float, y_m: float) -> Goal:
 
 @pytest.mark.parametrize("sonar", range(8))
 @pytest.mark.parametrize("goal", [(3.0, 0.0), (1.0, 2.0), (-1.0, -0.5)])
-def test_gamma_the_core_is_tangent_and_keeps_the_obstacle_on_its_side(
+def test_gamma_of_the_core_is_tangent_and_keeps_the_side(
     sonar: int, goal: tuple[float, float]
 ) -> None:
     pose = Pose(0.4, -0.3, 0.8)
@@ -177,7 +177,7 @@ def test_gamma_the_core_is_tangent_and_keeps_the_obstacle_on_its_side(
     assert to_obstacle_rad * BEARINGS[sonar] > 0
 
 
-def test_the_virtual_goal_does_not_depend_on_where_the_map_begins() -> None:
+def test_virtual_goal_does_not_depend_on_the_map_origin() -> None:
     here = decide(6, Pose(0.0, 0.0, 0.3), (2.0, 1.0))
     there = decide(6, Pose(50.0, -20.0, 0.3), (52.0, -19.0))
     assert there.rotation_rad == pytest.approx(here.rotation_rad)
@@ -185,7 +185,7 @@ def test_the_virtual_goal_does_not_depend_on_where_the_map_begins() -> None:
     assert there.virtual_y_m + 20.0 == pytest.approx(here.virtual_y_m)
 
 
-def test_d_obs_is_the_width_of_the_zone_and_the_nearest_range_is_compared_with_it() -> None:
+def test_d_obs_is_the_zone_width_compared_with_the_nearest_range() -> None:
     ring = Ring()
     ring.nearest, ring.nearest_m = 4, DEFAULTS.d_obs_m
     goal = goal_at(3.0, 0.0)
@@ -197,7 +197,7 @@ def test_d_obs_is_the_width_of_the_zone_and_the_nearest_range_is_compared_with_i
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_guarantee_a_goal_with_a_way_to_it_that_the_virtual_goal_method_never_reaches(
+def test_virtual_goal_method_can_miss_a_reachable_goal(
     seed: int,
 ) -> None:
     world = load("u_trap")

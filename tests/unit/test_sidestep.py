@@ -69,7 +69,7 @@ def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     assert all(callable(getattr(module, name)) for name in named if name)
 
 
-def test_verbs_of_one_group_stand_together_in_the_help() -> None:
+def test_verbs_of_one_group_are_together_in_the_help() -> None:
     groups = [verb.group for verb in VERBS.values()]
     assert [name for name, _ in groupby(groups)] == list(dict.fromkeys(groups))
 
@@ -121,7 +121,7 @@ def test_an_error_meant_for_the_user_is_its_own_line(
     assert capsys.readouterr().err == "sidestep up: no world 'moon'\n"
 
 
-def test_a_defect_says_where_it_is_and_how_to_see_more(
+def test_defect_names_its_place_and_how_to_see_more(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install(fail_with(ZeroDivisionError("division by zero")))

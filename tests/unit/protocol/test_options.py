@@ -115,7 +115,7 @@ NOTHING_SAID = argparse.Namespace(listen=None, connect=None)
         ("client", (HERE,), (THERE,), ((), (THERE,)), ((), (THERE,))),
     ],
 )
-def test_one_network_table_serves_who_waits_and_who_dials(
+def test_network_table_serves_listeners_and_connectors(
     mode: Literal["peer", "client"],
     listen: tuple[str, ...],
     connect: tuple[str, ...],
@@ -135,7 +135,7 @@ def test_the_command_line_counts_more_than_the_file() -> None:
     assert (found.mode, found.listen, found.connect) == ("client", (), (THERE,))
 
 
-def test_who_has_keys_waits_and_dials_behind_a_lock() -> None:
+def test_endpoints_use_tls_when_keys_are_configured() -> None:
     table = Network(tls=Tls(ca="ca.pem", certificate="plant.pem", key="plant.key"))
     assert network_of(NOTHING_SAID, table, listens=True).listen == (LOCKED_ENDPOINT,)
     assert network_of(NOTHING_SAID, table, listens=False).connect == (LOCKED_ENDPOINT,)

@@ -79,7 +79,7 @@ def test_the_keys_are_those_that_were_promised_in_that_order() -> None:
     assert json.loads(json.dumps(run().as_json()))["digest"].startswith("000102")
 
 
-def test_errors_are_against_the_truth_and_the_estimate_against_the_goal_it_was_given() -> None:
+def test_errors_compare_truth_and_estimate_with_the_goal() -> None:
     outcome = run()
     assert outcome.position_error_m == pytest.approx(0.05)
     assert outcome.estimated_position_error_m == pytest.approx(0.05)
@@ -109,7 +109,7 @@ def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
     assert outcome.reason == "touched something 2 times; reached"
 
 
-def test_a_robot_that_was_only_run_into_did_not_collide_but_its_contacts_stay() -> None:
+def test_being_run_into_is_a_contact_but_no_collision() -> None:
     outcome = run(contacts=2)
     assert (outcome.outcome, outcome.contacts, outcome.own_contacts) == ("reached", 2, 0)
     assert outcome.reason == "ok; was touched 2 times"

@@ -21,7 +21,7 @@ def test_every_stream_with_a_rate_lives_through_two_lost_frames() -> None:
         assert topic.stale_after_ns >= 2.9e9 / topic.rate_hz, topic.path
 
 
-def test_every_topic_carries_something_and_says_what() -> None:
+def test_every_topic_has_messages_and_a_description() -> None:
     assert all(topic.messages and topic.doc for topic in TOPICS)
     assert all(service.doc for service in SERVICES)
 
@@ -44,7 +44,7 @@ def test_every_good_name_is_one_element_of_a_key(name: str) -> None:
     assert 1 <= system_id_of(name) <= 250
 
 
-def test_senders_can_be_told_apart() -> None:
+def test_senders_are_distinguishable() -> None:
     assert sender_of(Role.ROBOT, "r7") == (7, 1)
     assert sender_of(Role.PLANT, "r7") == (7, 25)
     assert sender_of(Role.GROUND, "r7") == (255, 190)

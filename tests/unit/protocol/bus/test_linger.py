@@ -47,7 +47,7 @@ def no_descriptor_left() -> Iterator[None]:
             os.close(one)
 
 
-def test_a_shortage_of_descriptors_is_raised(lingering: socket.socket) -> None:
+def test_shortage_of_descriptors_is_raised(lingering: socket.socket) -> None:
     with no_descriptor_left(), pytest.raises(OSError, match="Too many open files"):
         stop_lingering()
     assert lingers(lingering)

@@ -54,7 +54,7 @@ def ticks_at(stamp_ns: int) -> Sample:
     return sample(WheelTicks(time_ns=stamp_ns, seq=1, left=0, right=0, bumper=0, expired=0))
 
 
-def test_what_was_sent_before_is_not_taken_again_while_the_newest_is_fresh() -> None:
+def test_older_sample_is_ignored_while_the_newest_is_fresh() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append, forward=True)
     box.store(ticks_at(500 * NS_PER_MS), 1_000 * NS_PER_MS)
@@ -70,7 +70,7 @@ def test_what_was_sent_before_is_not_taken_again_while_the_newest_is_fresh() -> 
     assert (box.rejected, box.last_rejection) == (3, "WheelTicks is older than the one before it")
 
 
-def test_who_begins_anew_is_heard_when_the_other_has_been_silent_for_long_enough() -> None:
+def test_restarted_sender_is_accepted_after_enough_silence() -> None:
     box = Mailbox(WHEELS, forward=True)
     box.store(ticks_at(500 * NS_PER_MS), 1_000 * NS_PER_MS)
     box.store(ticks_at(50 * NS_PER_MS), 1_151 * NS_PER_MS)
@@ -100,7 +100,7 @@ def test_a_stamp_of_two_to_the_62nd_is_no_time(forward: bool) -> None:
     assert (box.latest() is not None, box.rejected) == (True, 3)
 
 
-def test_a_stamp_may_be_ten_seconds_ahead_of_the_one_before_and_no_more() -> None:
+def test_stamp_may_be_at_most_ten_seconds_ahead_of_the_last() -> None:
     box = Mailbox(WHEELS, forward=True)
     box.store(ticks_at(5_000 * NS_PER_MS), 1_000 * NS_PER_MS)
     box.store(ticks_at(15_000 * NS_PER_MS), 1_050 * NS_PER_MS)
@@ -123,7 +123,7 @@ def test_messages_without_a_stamp_are_never_out_of_order() -> None:
     assert box.rejected == 0
 
 
-def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
+def test_samples_of_a_stopped_clock_are_accepted() -> None:
     box = Mailbox(WHEELS, forward=True)
     for arrived_ms in range(0, 500, 50):
         box.store(ticks_at(7), arrived_ms * NS_PER_MS)
@@ -148,7 +148,7 @@ def test_a_clock_that_stands_still_is_heard_all_the_time() -> None:
         (sample(encoding="application/mavlink2;\x9b2J"), f"has dialect ?2J, not {DIALECT}"),
     ],
 )
-def test_what_cannot_be_read_is_counted_named_and_ignored(bad: Sample, words: str) -> None:
+def test_unreadable_sample_is_counted_named_and_ignored(bad: Sample, words: str) -> None:
     box = Mailbox(WHEELS)
     box.store(sample(), 10)
     assert box.latest() == (TICKS, 10)
@@ -172,7 +172,7 @@ def test_random_bytes_never_get_through(noise: bytes) -> None:
     assert box.rejected == 1
 
 
-def test_whoever_waits_is_notified_of_each_arrival() -> None:
+def test_waiter_is_notified_of_each_arrival() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append)
     box.store(sample(), 10)
@@ -191,7 +191,7 @@ def test_a_box_may_take_only_what_one_sender_puts_there() -> None:
     assert heard == [30]
 
 
-def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
+def test_invalid_sample_replaces_no_message_and_wakes_no_waiter() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append)
     box.store(sample(), 10)
@@ -206,7 +206,7 @@ def test_noise_takes_no_messages_place_and_wakes_nobody() -> None:
     assert box.latest() == (TICKS, 10)
 
 
-def test_what_the_check_finds_wrong_is_counted_named_and_ignored() -> None:
+def test_sample_that_fails_the_check_is_counted_and_ignored() -> None:
     heard: list[int] = []
     wrong = ["", "is forged"]
     box = Mailbox(WHEELS, heard.append, check=lambda _: wrong.pop(0))

@@ -44,18 +44,18 @@ def test_a_bad_endpoint_is_named(endpoint: str) -> None:
     assert "tcp/127.0.0.1:7447" in str(caught.value)
 
 
-def test_a_client_has_to_be_told_where_to_connect() -> None:
+def test_client_needs_a_connect_endpoint() -> None:
     with pytest.raises(BadEndpoint, match="client needs an endpoint"):
         Network(mode="client")
 
 
-def test_a_router_has_to_be_told_where_to_listen() -> None:
+def test_router_needs_a_listen_endpoint() -> None:
     with pytest.raises(BadEndpoint, match="router needs an endpoint"):
         Network(mode="router")
 
 
 @pytest.mark.parametrize("prefix", ["", "a*", "/a", "a/", "a//b", "a?b"])
-def test_a_prefix_that_is_no_plain_key_is_refused(prefix: str) -> None:
+def test_prefix_that_is_no_plain_key_is_rejected(prefix: str) -> None:
     with pytest.raises(BadEndpoint, match="prefix"):
         Network(prefix=prefix)
 
@@ -67,7 +67,7 @@ def test_with_keys_all_links_are_locked() -> None:
 
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "udp/127.0.0.1:1", "unixsock-stream/x"])
 @pytest.mark.parametrize("where", ["listen", "connect"])
-def test_an_open_door_among_locked_ones_is_refused(where: str, endpoint: str) -> None:
+def test_plain_endpoint_among_tls_endpoints_is_rejected(where: str, endpoint: str) -> None:
     with pytest.raises(BadEndpoint, match="has no TLS") as caught:
         Network(tls=TLS, **{where: ("tls/127.0.0.1:1", endpoint)})  # type: ignore[arg-type]
     assert repr(endpoint) in str(caught.value)
@@ -88,7 +88,7 @@ def test_a_file_that_is_not_named_is_refused() -> None:
         Tls(ca="ca.pem", certificate="ground.pem", key="")
 
 
-def test_a_listener_knows_twenty_robots_unless_told_which() -> None:
+def test_listener_tracks_twenty_robots_by_default() -> None:
     assert (Network().robots[0], Network().robots[-1], len(Network().robots)) == ("r1", "r20", 20)
     assert Network(robots=("kitchen",)).robots == ("kitchen",)
     with pytest.raises(UserError, match="robot name 'R 1'"):

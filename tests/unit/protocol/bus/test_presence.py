@@ -10,7 +10,7 @@ from protocol.bus.presence import Presence, TokenSet, presence_in
 from tests.support.hostile import TEXT
 
 
-def test_a_token_says_robot_role_and_session() -> None:
+def test_token_contains_robot_role_and_session() -> None:
     assert presence_in("sidestep/r1/alive/robot/4f2a") == Presence("r1", "robot", "4f2a")
     assert presence_in("a/b/r-2/alive/ground/0") == Presence("r-2", "ground", "0")
 

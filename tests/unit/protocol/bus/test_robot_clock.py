@@ -33,7 +33,7 @@ def test_an_unknown_clock_has_no_time() -> None:
     assert RobotClock().time_ns(5) is None
 
 
-def test_one_measurement_tells_the_time_but_for_the_way_back() -> None:
+def test_one_measurement_is_exact_up_to_the_return_delay() -> None:
     clock = RobotClock()
     clock.observe(asked_ns=100, robot_ns=5_000, answered_ns=140)
     assert clock.time_ns(140) == 5_000

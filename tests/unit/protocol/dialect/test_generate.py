@@ -51,7 +51,7 @@ def test_our_enums_are_whole() -> None:
         assert wanted <= {f"{enum.name}_{entry.name}" for entry in enum.entries}
 
 
-def test_our_ids_are_used_by_nobody_upstream() -> None:
+def test_message_ids_are_unused_upstream() -> None:
     ours = {message.number for message in DIALECT.messages if message.number >= FIRST_OWN_ID}
     roots = [ET.parse(path).getroot() for path in upstream_definitions()]
     theirs = {int(element.attrib["id"]) for root in roots for element in root.iter("message")}
@@ -80,7 +80,7 @@ def test_a_changed_description_changes_what_is_made_of_it() -> None:
     }
 
 
-def test_a_limit_is_the_number_that_the_xml_says() -> None:
+def test_limit_equals_the_number_in_the_xml() -> None:
     """The text of a reason shows the same one."""
     lost = DIALECT.enums["SIDESTEP_REASON"]
     entries = (entry._replace(text=entry.text.replace("150 ms", "1.7 s")) for entry in lost.entries)
@@ -119,7 +119,7 @@ def test_a_docstring_is_a_summary_and_the_rest_of_it() -> None:
     assert doc_lines("One.", "", ["More."]) == ['"""One.', "", "More.", '"""']
 
 
-def test_a_comment_too_long_for_its_line_stands_above_it() -> None:
+def test_long_comment_is_placed_above_its_line() -> None:
     assert commented("A = 1", "b", "") == ["A = 1  # b"]
     above = commented("A = 1", "b " * 60, "")
     assert above[-1] == "A = 1"

@@ -75,9 +75,7 @@ def test_random_bytes_raise_nothing_but_remote_error(noise: bytes) -> None:
 
 
 @given(any_message, st.binary(min_size=1, max_size=255))
-def test_a_right_header_before_random_bytes_raises_nothing_but_remote_error(
-    message: Message, noise: bytes
-) -> None:
+def test_valid_header_with_random_bytes_raises_remote_error(message: Message, noise: bytes) -> None:
     header = bytearray(Encoder(1, 1).encode(message)[:10])
     header[1] = len(noise)
     refused(bytes(header) + noise + b"\0\0")  # one in 65,536 has the right checksum by chance
@@ -110,7 +108,7 @@ def test_zeros_at_the_end_are_left_out_and_read_back(text: str, chunk_seq: int) 
     assert decode(frame).message == sent
 
 
-def test_the_outer_form_of_a_frame_is_told_without_reading_it() -> None:
+def test_frame_format_is_recognised_without_decoding() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
     assert is_frame(frame)
     assert is_frame(frame[:-1] + bytes([frame[-1] ^ 1])), "the checksum is not looked at"
@@ -118,7 +116,7 @@ def test_the_outer_form_of_a_frame_is_told_without_reading_it() -> None:
         assert not is_frame(bad)
 
 
-def test_a_refusal_says_what_is_wrong() -> None:
+def test_rejected_frame_gives_the_reason() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
     causes = {
         b"": "too short",
@@ -144,7 +142,7 @@ def test_a_text_that_is_not_utf8_is_refused() -> None:
         decode(resealed(Encoder(1, 1).encode(broken), payload))
 
 
-def test_a_longer_payload_is_a_newer_dialects_and_its_known_part_is_read() -> None:
+def test_known_part_of_a_longer_payload_is_read() -> None:
     frame = Encoder(1, 1).encode(COMMAND)
     payload = frame[10:-2].ljust(30, b"\0") + b"\x07\x08"
     longer = resealed(frame, payload)

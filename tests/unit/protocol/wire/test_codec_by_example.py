@@ -163,7 +163,7 @@ def test_payload_of_a_newer_dialect_is_read_as_far_as_it_is_known() -> None:
     assert decode(longer).message == expected
 
 
-def test_outer_form_is_told_without_reading_the_frame() -> None:
+def test_outer_form_is_recognised_without_decoding() -> None:
     assert is_frame(COMMAND_BYTES)
     assert is_frame(COMMAND_BYTES[:-1] + b"\0"), "the checksum is not looked at"
     assert is_frame(b"\xfd\x01".ljust(SMALLEST_FRAME, b"\0"))

@@ -44,7 +44,7 @@ def test_the_core_gets_the_goal_within_half_a_millimetre(
 
 
 @given(metres, metres, st.integers(-360_000, 360_000))
-def test_a_start_told_in_words_arrives_to_the_last_bit(x: float, y: float, mdeg: int) -> None:
+def test_start_given_as_text_arrives_bit_identical(x: float, y: float, mdeg: int) -> None:
     heading_rad = radians(mdeg / 1000)
     words = start_arguments(x, y, heading_rad)
     assert (float(words[0]), float(words[1])) == (x, y)

@@ -31,7 +31,7 @@ def test_as_many_are_lost_as_was_asked_for() -> None:
     assert sent(LinkFaults(loss=1.0)) == []
 
 
-def test_the_same_seed_loses_the_same_and_another_seed_or_key_does_not() -> None:
+def test_losses_depend_only_on_seed_and_key() -> None:
     first = sent(LinkFaults(loss=0.2, seed=1))
     assert sent(LinkFaults(loss=0.2, seed=1)) == first
     assert sent(LinkFaults(loss=0.2, seed=2)) != first
@@ -45,14 +45,14 @@ def test_a_copy_comes_right_after_its_original() -> None:
     assert set(found) == set(range(MANY))
 
 
-def test_one_that_is_overtaken_comes_after_the_next_and_none_is_lost() -> None:
+def test_overtaken_sample_follows_the_next_and_none_is_lost() -> None:
     found = sent(LinkFaults(reorder=0.3), 40)
     assert found != sorted(found)
     assert max(abs(at - number) for at, number in enumerate(found)) == 1
     assert set(found) >= set(range(39)), "the very last may still be held back"
 
 
-def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
+def test_each_sample_is_late_by_delay_plus_at_most_jitter() -> None:
     way: FaultyLink[str] = FaultyLink(LinkFaults(delay_ms=100, jitter_ms=50), "k")
     assert way.take("a", 0) == []
     assert way.due(100 * MS - 1) == []
@@ -62,7 +62,7 @@ def test_each_is_late_by_the_delay_and_by_no_more_than_the_jitter() -> None:
     assert way.next_ns is None
 
 
-def test_who_is_due_first_is_known_over_all_ways() -> None:
+def test_earliest_due_time_covers_all_links() -> None:
     ways: list[FaultyLink[int]] = [FaultyLink(LinkFaults(delay_ms=ms), "k") for ms in (80, 20, 50)]
     assert earliest(ways) is None
     for way in ways:
@@ -78,7 +78,7 @@ def test_it_concerns_the_topics_it_names_and_without_names_all() -> None:
 
 @pytest.mark.parametrize("field", ["loss", "duplicate", "reorder", "delay_ms", "jitter_ms"])
 @pytest.mark.parametrize("value", [-0.1, 1e9])
-def test_what_cannot_be_is_refused_by_name(field: str, value: float) -> None:
+def test_impossible_link_fault_is_rejected_by_name(field: str, value: float) -> None:
     with pytest.raises(UserError, match=field):
         LinkFaults(**{field: value})  # type: ignore[arg-type]
 

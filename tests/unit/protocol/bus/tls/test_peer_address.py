@@ -69,5 +69,5 @@ def test_other_ports_do_not_concern_us(table: Path) -> None:
     assert ClosingConnections([OURS], [table]).new([]) == []
 
 
-def test_without_such_a_table_nobody_is_found(tmp_path: Path) -> None:
+def test_missing_connection_table_gives_no_peer(tmp_path: Path) -> None:
     assert ClosingConnections([OURS], [tmp_path / "nowhere"]).new([]) == []

@@ -36,6 +36,6 @@ def test_a_cell_says_yes_only_to_whom_the_rules_let(says: str, who: set[str]) ->
     assert able(says) == who
 
 
-def test_who_has_no_role_can_do_nothing() -> None:
+def test_certificate_without_a_role_has_no_permission() -> None:
     assert COLUMNS[-1][0] == "stranger"
     assert {row[-1] for row in rows()} == {"no"}

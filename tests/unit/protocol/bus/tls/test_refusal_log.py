@@ -48,7 +48,7 @@ def events(log: str) -> list[bytes]:
     return [line.encode() for line in log.splitlines(keepends=True)]
 
 
-def test_a_forged_sample_is_told_with_who_where_what_and_why() -> None:
+def test_forged_sample_is_logged_with_sender_key_and_reason() -> None:
     assert sentences(cached("Put (ingress)", "sidestep/r1/op/teleop")) == [
         "refused: viewer at tls/10.0.0.7:50000 may not put on sidestep/r1/op/teleop: "
         "viewer only observes"
@@ -72,12 +72,12 @@ def test_each_kind_of_attempt_has_its_words(what: str, says: str) -> None:
     assert says in told
 
 
-def test_a_wildcard_is_told_as_it_was_put() -> None:
+def test_wildcard_is_logged_as_it_was_put() -> None:
     (told,) = sentences(judged("Put (ingress)", "sidestep/**"))
     assert "may not put on sidestep/**" in told
 
 
-def test_what_is_allowed_is_not_told() -> None:
+def test_allowed_access_is_not_logged() -> None:
     assert sentences(judged("Put (ingress)", "k", "authorized")) == []
 
 
@@ -97,7 +97,7 @@ def test_that_a_key_was_worked_out_is_no_refusal() -> None:
     assert "may not put on k" in told
 
 
-def test_a_name_without_a_role_is_told() -> None:
+def test_certificate_name_without_a_role_is_logged() -> None:
     def stranger(_zid: str) -> Caller:
         return Caller("stranger", "there")
 
@@ -146,7 +146,7 @@ def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
     assert "unknown process at an unknown address" in told
 
 
-def test_the_same_is_told_again_only_after_a_while_and_then_with_how_often() -> None:
+def test_repeated_refusal_is_logged_later_with_its_count() -> None:
     refusals = RefusalLog()
     line = events(cached("Put (ingress)", "k"))
     assert len(refusals.sentences(line * 3, viewer, list, 0)) == 1

@@ -75,7 +75,7 @@ def test_who_says_something_may_hear_whether_it_arrives() -> None:
         assert set(grant.puts) < set(grant.subscribes)
 
 
-def test_a_robot_may_nothing_under_the_name_of_another() -> None:
+def test_robot_has_no_rights_under_another_name() -> None:
     grant = grants(("r1", "r2"))["robot-r2"]
     for paths in (grant.puts, grant.subscribes, grant.answers, grant.shows):
         assert all(path.startswith("r2/") for path in paths)
@@ -124,7 +124,7 @@ def test_no_rule_but_the_routers_lets_a_wildcard_be_put_or_asked() -> None:
             assert asker or all("*" not in key for key in plain), rule["id"]
 
 
-def test_nobody_but_who_has_a_certificate_of_a_role_is_named() -> None:
+def test_only_role_certificates_are_named() -> None:
     subjects = rules()["subjects"]
     assert {name for one in subjects for name in one["cert_common_names"]} == ALL_ROLES
     assert all(set(one) == {"id", "cert_common_names"} for one in subjects)
@@ -153,7 +153,7 @@ def test_a_name_says_what_its_holder_does() -> None:
         assert grant_of(nobody) is None
 
 
-def test_who_may_not_ask_is_told_why() -> None:
+def test_rejected_query_gives_the_reason() -> None:
     assert denial("ground", "r1", COMMAND) == ""
     assert denial("viewer", "r1", WORLD) == denial("viewer", "r1", PARAMETERS) == ""
     assert denial("viewer", "r1", RUN) == (
@@ -163,7 +163,7 @@ def test_who_may_not_ask_is_told_why() -> None:
     assert "no role" in denial("stranger", "r1", COMMAND)
 
 
-def test_without_a_lock_everybody_may_ask() -> None:
+def test_any_process_may_query_an_open_bus() -> None:
     assert denial(None, "r1", COMMAND) == ""
     assert unanswered(None, "r1", COMMAND) == "no process serves it (is the robot running?)"
     assert "only observes" in unanswered("viewer", "r1", COMMAND)
@@ -180,7 +180,7 @@ def test_a_process_needs_the_certificate_of_its_role() -> None:
     assert "needs that of 'robot-r2'" in role_mismatch("robot-r1", Role.ROBOT, "r2")
 
 
-def test_an_operator_speaks_and_asks_only_under_its_own_name() -> None:
+def test_operator_publishes_and_queries_only_under_its_name() -> None:
     found = grants(("r1",), ("ada", "bob"))
     shared = [path for path in found["ground-ada"].asks if path.startswith("r1/sim/")]
     for name, other in (("ada", "bob"), ("bob", "ada")):
