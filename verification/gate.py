@@ -86,6 +86,7 @@ def computing(extra: Sequence[str]) -> list[Step]:
         Step("lint", (*PYTHON, "ruff", "check", ".")),
         Step("types", (*PYTHON, "mypy", "--strict")),
         Step("import contracts", (str(Path(sys.executable).with_name("lint-imports")),)),
+        Step("documentation", (*PYTHON, "verification.site")),
         Step("branch coverage", (*PYTHON, "verification.branch_coverage")),
         Step("mutation of the stop", mutation),
         Step("tests", (*PYTEST, *workers, "-m", "not stack and not compose", *extra)),
