@@ -1,0 +1,1 @@
+"""The operator: client, command line, ground station, recordings and missions."""

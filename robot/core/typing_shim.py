@@ -7,7 +7,7 @@ except ImportError:  # MicroPython: annotations cost nothing; these four names s
 
     Any = Final = Protocol = object  # type: ignore[assignment, misc]
 
-    def NamedTuple(name, fields):  # type: ignore[no-untyped-def, no-redef]
+    def NamedTuple(name, fields):  # type: ignore[no-untyped-def, no-redef]  # noqa: N802
         """Return a named tuple without types."""
         return namedtuple(name, [field for field, _ in fields])
 

@@ -1,5 +1,6 @@
 """`up` restarts processes that exit or hang; the new one stays stopped and gives the cause."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -18,7 +19,8 @@ from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
-from tests.support.stack.processes import Crew, Witness, moved_not
+from tests.support.stack.process_table import children_of
+from tests.support.stack.processes import Crew, Witness, moved_not, real_time
 from tests.support.stack.spoilt import Sabotage
 from tests.support.until import until
 from verification.restarts import NO_PAUSE, ArrivalTimes, running
@@ -68,6 +70,8 @@ class Stage:
         says, clock = Output(as_json=False), WallClock()
         goal_runs = goal_runs_of(self.stack, hears, says, clock)
         fleet_run = FleetRun(goal_runs, clock, self.look, lambda _: None)
+        for pid in children_of(os.getpid()):
+            real_time(pid)
         for _ in range(TRIES):
             fleet_run.launch(lockstep=False)
             stopped = len(witness.statuses)

@@ -171,7 +171,7 @@ class SimulatedOs:
     O_CLOEXEC = os.O_CLOEXEC
     O_DIRECTORY = os.O_DIRECTORY
 
-    class path:
+    class path:  # noqa: N801 - as in os
         """Replaces os.path."""
 
         @staticmethod
