@@ -38,7 +38,7 @@ from protocol.wire.messages import (
     Statustext,
 )
 from runtime.clock import ManualClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from verification.harness.process_stats import resident_mb
 
 TELEMETRY_HZ: Final = 50
@@ -50,7 +50,7 @@ SAMPLES: Final = 10
 
 
 class OfflineBus:
-    """A bus without network: messages come from `put` only, and requests raise NoAnswer."""
+    """A bus without network: messages come from `put` only, and requests raise NoAnswerError."""
 
     def __init__(self) -> None:
         self._boxes: dict[str, list[Mailbox[Any]]] = {}
@@ -83,8 +83,8 @@ class OfflineBus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        """Raise NoAnswer."""
-        raise NoAnswer("there is no robot on this bus")
+        """Raise NoAnswerError."""
+        raise NoAnswerError("there is no robot on this bus")
 
     def put(self, topic: Topic[Any], message: Message, at_ns: int) -> None:
         """Deliver a message to mailboxes and handlers."""

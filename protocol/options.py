@@ -129,7 +129,7 @@ def network_of(
 ) -> Network:
     """Return the network of the command line, else of the file, else the default endpoint.
 
-    `listens`: whether this process listens by default. Raises BadEndpoint.
+    `listens`: whether this process listens by default. Raises EndpointError.
     """
     listen: Sequence[str] | None
     connect: Sequence[str] | None

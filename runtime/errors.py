@@ -9,7 +9,7 @@ class RemoteError(Exception):
     """An error of the other side, which is counted and shown; the program continues."""
 
 
-class NoAnswer(RemoteError):
+class NoAnswerError(RemoteError):
     """A request got no answer; the text contains the request and the cause.
 
     Exit code 1.
@@ -36,23 +36,23 @@ class ConfigError(UserError):
         super().__init__(f"{where}: {reason}; {fix}" if fix else f"{where}: {reason}")
 
 
-class BadEndpoint(UserError):
+class EndpointError(UserError):
     """An endpoint is invalid, or this machine cannot listen on it."""
 
 
-class EndpointInUse(UserError):
+class EndpointInUseError(UserError):
     """Another process already listens on the endpoint."""
 
 
-class NoPeer(UserError):
+class NoPeerError(UserError):
     """There is no process that listens on the endpoint to connect to."""
 
 
-class PeerHangs(NoPeer):
+class PeerHangsError(NoPeerError):
     """A process listens on the endpoint to connect to, but does not answer."""
 
 
-class NotLetIn(NoPeer):
+class AccessDeniedError(NoPeerError):
     """The peer refuses the connection; `do` is the remedy."""
 
     def __init__(self, why: str, do: str) -> None:
@@ -60,7 +60,7 @@ class NotLetIn(NoPeer):
         self.why, self.do = why, do
 
 
-class BadKeys(UserError):
+class KeysError(UserError):
     """A certificate, key or authority is unusable; the text has the file, the reason and a fix."""
 
 

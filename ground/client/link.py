@@ -26,7 +26,7 @@ from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemStat
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat
 from runtime.clock import Clock, Pulse, WallClock
-from runtime.errors import NoPeer, NotLetIn, PeerHangs, RemoteError
+from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
@@ -165,9 +165,9 @@ def open_link(common: Common) -> Iterator[Link]:
     """Connect to the robot; UnansweredError if no process listens at the endpoint."""
     try:
         bus = open_bus(common.network, Role.GROUND, common.robot)
-    except (PeerHangs, NotLetIn) as error:
+    except (PeerHangsError, AccessDeniedError) as error:
         raise UnansweredError(str(error)) from error
-    except NoPeer as error:
+    except NoPeerError as error:
         raise UnansweredError(f"no robot and no router: {error}") from error
     with bus:
         yield Link(bus, common, WallClock())

@@ -26,7 +26,7 @@ from protocol.wire.messages import (
     RunScore,
 )
 from protocol.wire.reasons import Reason
-from runtime.errors import NoAnswer, RemoteError
+from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 
 READY_NS: Final = 15 * NS_PER_S
@@ -156,7 +156,7 @@ class GoalRun:
             return
         try:
             self._end(newest[0])
-        except NoAnswer as error:
+        except NoAnswerError as error:
             why = str(error)
             self._lost(lambda: why)
 

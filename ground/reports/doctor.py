@@ -18,7 +18,7 @@ from protocol.bus.tls.role_grants import denial
 from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
-from runtime.errors import NotLetIn, PeerHangs, RemoteError
+from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_S
 
 LISTEN_S: Final = 1.0
@@ -51,9 +51,9 @@ class Diagnose:
 def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
     """Return the fault of a failed connection, and its remedy."""
     cause = error.__cause__
-    if isinstance(cause, NotLetIn):
+    if isinstance(cause, AccessDeniedError):
         return cause.why, cause.do
-    if isinstance(cause, PeerHangs):
+    if isinstance(cause, PeerHangsError):
         return str(error), f"restart the process at {endpoint}, or use --connect"
     return str(error), f"start `sidestep robot` (or `sidestep router`) at {endpoint}, or --connect"
 

@@ -270,7 +270,7 @@ class Bus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        """Return the answer, a message or the bytes of a JSON text; NoAnswer contains the cause.
+        """Return the answer, a message or JSON bytes; NoAnswerError has the cause.
 
         An operator's request expires after `timeout_s`.
         """
@@ -396,5 +396,5 @@ def open_bus(
     robot: str,
     now_ns: Callable[[], int] = time.monotonic_ns,
 ) -> Bus:
-    """Join the bus; raise EndpointInUse, NoPeer or BadEndpoint, which name the endpoint."""
+    """Join the bus; raise EndpointInUseError, NoPeerError or EndpointError with the endpoint."""
     return Bus(network, role, robot, now_ns)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topic import operator_called, robot_name
-from runtime.errors import BadEndpoint, UserError
+from runtime.errors import EndpointError, UserError
 
 Mode = Literal["client", "peer", "router"]
 EXAMPLE = "tcp/127.0.0.1:7447"
@@ -81,11 +81,11 @@ class Network:
             robot_name(robot)
         check_operators(self.operators)
         if self.mode == "client" and not self.connect:
-            raise BadEndpoint(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
+            raise EndpointError(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
         if self.mode == "router" and not self.listen:
-            raise BadEndpoint(f"a router needs an endpoint to listen on, such as {EXAMPLE}")
+            raise EndpointError(f"a router needs an endpoint to listen on, such as {EXAMPLE}")
         if not self.prefix or set(self.prefix) & set("*$#?@") or "//" in f"/{self.prefix}/":
-            raise BadEndpoint(f"prefix {self.prefix!r}: use a plain key such as 'sidestep'")
+            raise EndpointError(f"prefix {self.prefix!r}: use a plain key such as 'sidestep'")
 
 
 def check_operators(names: Sequence[str]) -> None:
@@ -99,31 +99,31 @@ def check_operators(names: Sequence[str]) -> None:
 
 
 def check_endpoint(endpoint: str) -> None:
-    """Raise BadEndpoint unless it has the form tcp/127.0.0.1:7447 (or a socket path)."""
+    """Raise EndpointError unless it has the form tcp/127.0.0.1:7447 (or a socket path)."""
     protocol, slash, address = endpoint.partition("/")
     if protocol not in PROTOCOLS or not slash or not address:
         known = ", ".join(PROTOCOLS)
-        raise BadEndpoint(f"endpoint {endpoint!r}: write it as {EXAMPLE}; protocols: {known}")
+        raise EndpointError(f"endpoint {endpoint!r}: write it as {EXAMPLE}; protocols: {known}")
     if protocol == "unixsock-stream":
         return
     host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
     if not (host and colon and port.isdecimal() and int(port) <= 65_535):
-        raise BadEndpoint(f"endpoint {endpoint!r}: needs a host and a port, as in {EXAMPLE}")
+        raise EndpointError(f"endpoint {endpoint!r}: needs a host and a port, as in {EXAMPLE}")
 
 
 def check_lock(endpoint: str, *, locked: bool) -> None:
-    """Raise BadEndpoint for an endpoint without TLS among others with it, or TLS without a key."""
+    """Raise EndpointError for TLS without a key, and for a mix of endpoints with and without."""
     if locked and not endpoint.startswith(LOCKED):
-        raise BadEndpoint(
+        raise EndpointError(
             f"endpoint {endpoint!r} has no TLS, but there is a [network.tls]: "
             f"write it as {LOCKED}HOST:PORT, or remove [network.tls]"
         )
     if locked and "#" in endpoint:
-        raise BadEndpoint(
+        raise EndpointError(
             f"endpoint {endpoint!r}: remove the part from '#' on, [network.tls] replaces it"
         )
     if not locked and endpoint.startswith(LOCKED):
-        raise BadEndpoint(
+        raise EndpointError(
             f"endpoint {endpoint!r} needs [network.tls] with ca, certificate and key: "
             "`sidestep keys new DIR` makes them, --config DIR/ROLE.toml uses them"
         )

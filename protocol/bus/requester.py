@@ -16,7 +16,7 @@ from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, MissionVerdict, Timesync
 from protocol.wire.reasons import Reason
-from runtime.errors import NoAnswer, RemoteError
+from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 
 CLOCK_S: Final = 0.5
@@ -53,7 +53,7 @@ class Requester:
     def ask(
         self, service: Service, message: Message | None, timeout_s: float, robot: str
     ) -> Message | bytes:
-        """Return the answer, a message or the bytes of a JSON text; NoAnswer contains the cause.
+        """Return the answer, a message or JSON bytes; NoAnswerError has the cause.
 
         An operator's request expires after `timeout_s`. The robot's clock is queried first if it is
         unknown, and again if the robot refuses the request as too late.
@@ -100,8 +100,8 @@ class Requester:
         for reply in replies:
             if reply.ok is not None:
                 return answer_in(reply.ok)
-            raise NoAnswer(f"{key}: no answer within {patience_s or timeout_s:.2g} s")
-        raise NoAnswer(f"{key}: {unanswered(self._holder, robot, service)}")
+            raise NoAnswerError(f"{key}: no answer within {patience_s or timeout_s:.2g} s")
+        raise NoAnswerError(f"{key}: {unanswered(self._holder, robot, service)}")
 
     def _deadline(self, service: Service, timeout_s: float, robot: str) -> bytes | None:
         if not (service.of_operators and self._operator):
@@ -130,10 +130,10 @@ def refused_as_late(answer: Message | bytes) -> bool:
 
 
 def answer_in(sample: zenoh.Sample) -> Message | bytes:
-    """Return a message or the bytes of a JSON text; NoAnswer for another version."""
+    """Return a message or the bytes of a JSON text; NoAnswerError for another version."""
     encoding = str(sample.encoding)
     if not encoding.startswith(ENCODING_FAMILY):
         return sample.payload.to_bytes()
     if encoding != ENCODING:
-        raise NoAnswer(f"{sample.key_expr}: {foreign(encoding)}")
+        raise NoAnswerError(f"{sample.key_expr}: {foreign(encoding)}")
     return decode(sample.payload.to_bytes()).message

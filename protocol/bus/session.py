@@ -15,7 +15,13 @@ from protocol.bus.congestion import congestion
 from protocol.bus.network import Hub, Network
 from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.config import tls_settings
-from runtime.errors import BadEndpoint, EndpointInUse, NoPeer, PeerHangs, UserError
+from runtime.errors import (
+    EndpointError,
+    EndpointInUseError,
+    NoPeerError,
+    PeerHangsError,
+    UserError,
+)
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 LEASE_MS = 1000
@@ -51,9 +57,10 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
 
 
 def open_session(network: Network) -> zenoh.Session:
-    """Open a session; raise EndpointInUse, NoPeer, PeerHangs, NotLetIn, BadEndpoint or BadKeys.
+    """Open a session.
 
-    Dials in short turns, because Python handles a signal only between them.
+    Raises EndpointInUseError, NoPeerError, PeerHangsError, AccessDeniedError, EndpointError or
+    KeysError. Dials in short turns, because Python handles a signal only between them.
     """
     deadline_s = monotonic() + network.connect_timeout_s
     while True:
@@ -83,27 +90,27 @@ def in_words(network: Network, text: str) -> UserError:
     here = found[1] if found else ", ".join(network.listen)
     there = ", ".join(network.connect)
     if "Address already in use" in text:
-        return EndpointInUse(
+        return EndpointInUseError(
             f"{here} is in use: stop the process that listens there, or choose another endpoint"
         )
     if UNCONNECTED in text:
         return unconnected(there, network)
     if "listener" in text or "port value" in text or "lookup address" in text:
-        return BadEndpoint(f"cannot listen at {here}: {text}")
+        return EndpointError(f"cannot listen at {here}: {text}")
     return UserError(f"cannot open the bus at {here or there}: {text}")
 
 
-def unconnected(there: str, network: Network) -> NoPeer:
+def unconnected(there: str, network: Network) -> NoPeerError:
     """Return why there is no connection: no process, refused, or no answer."""
     waited = f"(waited {network.connect_timeout_s:g} s)"
     if refusal := peer_refusal(network):
         return refusal
     if any(listens(endpoint) for endpoint in network.connect):
-        return PeerHangs(
+        return PeerHangsError(
             f"a process listens at {there} but does not answer {waited}: "
             "it hangs, is suspended or is another program: restart it, or correct the endpoint"
         )
-    return NoPeer(
+    return NoPeerError(
         f"no process answers at {there} {waited}: "
         "start the process that listens there, or correct the endpoint"
     )

@@ -15,7 +15,7 @@ from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from tests.support.compose.compose import Compose, docker
 from tests.support.stack.processes import Witness, moved_not
 from tests.support.until import until
@@ -54,7 +54,7 @@ def set_off(witness: Witness) -> None:
             number = monotonic_ns()
             armed = CommandRequest(request_id=number, param1=1.0, param2=0.0, command=arm)
             for request in (armed, GoalRequest(request_id=number + 1, mode=Mode.AUTO, **goal)):
-                with suppress(NoAnswer):
+                with suppress(NoAnswerError):
                     witness.bus.ask(COMMAND, request)
         return witness.truth.speed_m_s > FAST_M_S
 

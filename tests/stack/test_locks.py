@@ -19,7 +19,7 @@ from protocol.wire.enums import Command, LeaseAction
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, LeaseRequest
 from protocol.wire.reasons import Reason
-from runtime.errors import NotLetIn
+from runtime.errors import AccessDeniedError
 from tests.support.keyring import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
@@ -194,7 +194,7 @@ def test_refused_connection_is_explained_on_both_sides(tmp_path: Path) -> None:
     )
     with listening(tmp_path / "ring") as (crew, router):
         for tls, told_there, told_here in kept_out:
-            with pytest.raises(NotLetIn, match=told_there):
+            with pytest.raises(AccessDeniedError, match=told_there):
                 open_bus(dialling(crew.endpoint, tls), Role.GROUND, "r1")
             router.says(told_here, PATIENCE_S)
         router.says("it shows no certificate", PATIENCE_S)  # an attempt without a certificate

@@ -10,7 +10,7 @@ from protocol.topics import ENCODING, Role, Service, Topic
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from runtime.clock import ManualClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 
 M = TypeVar("M", bound=Message)
 Handler = Callable[[str, bytes, int], None]
@@ -123,7 +123,7 @@ class PlayedBus:
         self.asked.append((robot or "r1", service.path, message))
         answer = self.answers.get(service.path)
         if answer is None:
-            raise NoAnswer(f"{service.path}: no process serves it")
+            raise NoAnswerError(f"{service.path}: no process serves it")
         return answer(message)
 
     def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:

@@ -40,7 +40,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
-from runtime.errors import NoAnswer, RemoteError
+from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 from verification.harness.bus_calls import arm_request, command_request, is_accepted
 from verification.harness.motion import Seen
@@ -163,7 +163,7 @@ class BusObserver:
         """Return whether the robot refuses to arm; RuntimeError when it arms."""
         try:
             answer = self._bus.ask(COMMAND, arm_request(monotonic_ns()), 2.0)
-        except NoAnswer:
+        except NoAnswerError:
             return False
         if is_accepted(answer):
             raise RuntimeError("the robot armed without a readable fence")
@@ -187,7 +187,7 @@ class BusObserver:
     def _ask(self, service: Service, request: Message) -> Message | bytes:
         try:
             return self._bus.ask(service, request, 2.0)
-        except NoAnswer as error:
+        except NoAnswerError as error:
             raise RuntimeError(str(error)) from error
 
 

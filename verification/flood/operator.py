@@ -15,7 +15,7 @@ from protocol.wire.goal import wire_goal
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import WallClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from runtime.units import NS_PER_S
 from verification.harness.bus_calls import OPERATOR_BEAT, arm_request, command_request
 from verification.harness.motion import HOLDS, PERIOD_S, Seen, stood_s
@@ -175,7 +175,7 @@ class DrivingOperator:
 
     def _ask(self, request: CommandRequest | GoalRequest) -> None:
         self.send_heartbeat()
-        with suppress(NoAnswer):
+        with suppress(NoAnswerError):
             self._bus.ask(COMMAND, request, AGAIN_S, self._observer.robot)
 
 

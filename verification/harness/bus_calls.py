@@ -11,7 +11,7 @@ from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, AckResult, Command,
 from protocol.wire.goal import WireGoal
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, Heartbeat
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 
 ATTEMPT_S: Final = 0.5
 OPERATOR_BEAT: Final = Heartbeat(
@@ -50,7 +50,7 @@ def ask_until_accepted(
     while monotonic() < deadline_s:
         try:
             answer = bus.ask(service, request(), ATTEMPT_S, robot)
-        except NoAnswer as error:
+        except NoAnswerError as error:
             answer = error
         if is_accepted(answer):
             return

@@ -37,7 +37,7 @@ from protocol.options import finite, whole
 from protocol.outcome import Outcome
 from protocol.topics import Role
 from runtime.clock import Clock, WallClock
-from runtime.errors import NoPeer, RemoteError
+from runtime.errors import NoPeerError, RemoteError
 from runtime.units import NS_PER_S
 
 TIMEOUT_S: Final = 300.0
@@ -209,7 +209,7 @@ def connect(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
     deadline_ns = clock.now_ns() + OPEN_NS
     while True:
         check()
-        with suppress(NoPeer):
+        with suppress(NoPeerError):
             return open_bus(common.network, Role.GROUND, common.robot)
         if clock.now_ns() > deadline_ns:
             raise UnansweredError(

@@ -36,7 +36,7 @@ from protocol.topics import (
 from protocol.wire.message import Message
 from protocol.wire.messages import ParamValue
 from runtime.clock import Clock
-from runtime.errors import LocalError, NoAnswer, UserError
+from runtime.errors import LocalError, NoAnswerError, UserError
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
@@ -122,12 +122,12 @@ class ReplayBus:
         timeout_s: float = 0.5,
         robot: str | None = None,
     ) -> Message | bytes:
-        """Return the recorded world or parameters; raise NoAnswer for any other request."""
+        """Return the recorded world or parameters; raise NoAnswerError for any other request."""
         name = RECORDED.get(service.path)
         if name is None:
-            raise NoAnswer("a recording cannot answer requests to a robot")
+            raise NoAnswerError("a recording cannot answer requests to a robot")
         if name not in self.log_index.facts:
-            raise NoAnswer(f"the recording does not hold the {name}")
+            raise NoAnswerError(f"the recording does not hold the {name}")
         text = self.log_index.facts[name]
         return (self._parameters_now(text) if service is PARAMETERS else text).encode()
 

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 from protocol.bus.network import Tls
 from protocol.bus.tls.role_grants import role_mismatch
 from protocol.topics import Role
-from runtime.errors import BadKeys
+from runtime.errors import KeysError
 
 ROUNDS: Final = 4
 NO_TIME_CHECK: Final = 0x200000
@@ -35,7 +35,7 @@ class CertificateStatus(NamedTuple):
 
 
 def own_certificate(tls: Tls) -> CertificateStatus:
-    """Return the status of our certificate. BadKeys names an unusable file."""
+    """Return the status of our certificate. KeysError names an unusable file."""
     check_files(tls)
     try:
         return status_of(presented(tls))
@@ -55,26 +55,26 @@ def own_certificate(tls: Tls) -> CertificateStatus:
 def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:
     """Return the common name of our certificate, None without TLS.
 
-    Raises BadKeys for a certificate of another role.
+    Raises KeysError for a certificate of another role.
     """
     name = own_certificate(tls).name if tls else None
     if why := role_mismatch(name, role, robot):
-        raise BadKeys(why)
+        raise KeysError(why)
     return name
 
 
 def check_files(tls: Tls) -> None:
-    """Raise BadKeys, with file and key of the configuration, unless all three files are usable."""
+    """Raise KeysError, with file and key of the configuration, unless all files are usable."""
     for name in ("ca", "certificate", "key"):
         path = getattr(tls, name)
         try:
             Path(path).open("rb").close()
         except OSError as error:
-            raise BadKeys(
+            raise KeysError(
                 f"network.tls.{name}: {path}: {error.strerror}: check the path"
             ) from error
     if Path(tls.key).stat().st_mode & OPEN_TO_OTHERS:
-        raise BadKeys(
+        raise KeysError(
             f"network.tls.key: other users can read {tls.key} and impersonate this process: "
             f"chmod 600 {tls.key}, and make a new set if another user has read it"
         )
@@ -84,9 +84,9 @@ def check_files(tls: Tls) -> None:
         raise unusable(tls, error) from error
 
 
-def unusable(tls: Tls, error: ssl.SSLError) -> BadKeys:
+def unusable(tls: Tls, error: ssl.SSLError) -> KeysError:
     """Return the error for three files that do not fit together."""
-    return BadKeys(
+    return KeysError(
         f"network.tls: {tls.ca}, {tls.certificate} and {tls.key} cannot be used together "
         f"({error.reason or error}): use PEM files of one set; see `sidestep keys check`"
     )

@@ -11,7 +11,7 @@ import zenoh
 
 from protocol.bus.network import LOCKED, Network, Tls
 from protocol.bus.tls.certificate import CertificateStatus, context, own_certificate
-from runtime.errors import NotLetIn
+from runtime.errors import AccessDeniedError
 
 HANDSHAKE_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
@@ -33,13 +33,13 @@ PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
 )
 
 
-def peer_refusal(network: Network) -> NotLetIn | None:
+def peer_refusal(network: Network) -> AccessDeniedError | None:
     """Return why the dialled processes refuse this one; None if they do not."""
     whys = (why for endpoint in network.connect if (why := refusal_at(endpoint, network.tls)))
     return next(whys, None)
 
 
-def refusal_at(endpoint: str, tls: Tls | None) -> NotLetIn | None:
+def refusal_at(endpoint: str, tls: Tls | None) -> AccessDeniedError | None:
     """Return why a process refuses this one, found by a handshake without Zenoh.
 
     Zenoh does not report the cause of a failed handshake.
@@ -74,7 +74,7 @@ def handshake(place: tuple[str, int], client: ssl.SSLContext) -> None:
             return
 
 
-def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> NotLetIn | None:
+def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> AccessDeniedError | None:
     """Return an error if a process that we dial in plain TCP answers a TLS greeting."""
     greeting = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     greeting.check_hostname, greeting.verify_mode = False, ssl.CERT_NONE
@@ -86,13 +86,13 @@ def peer_wants_tls(endpoint: str, place: tuple[str, int]) -> NotLetIn | None:
         pass  # the refusal is a TLS alert, so the peer uses TLS
     except OSError:
         return None
-    return NotLetIn(
+    return AccessDeniedError(
         f"the process at {endpoint} accepts only TLS, and this one uses plain TCP",
         f"use --config DIR/ground.toml of `sidestep keys new DIR`, and {LOCKED}HOST:PORT",
     )
 
 
-def peer_wants_plain(endpoint: str, plain: str) -> NotLetIn | None:
+def peer_wants_plain(endpoint: str, plain: str) -> AccessDeniedError | None:
     """Return an error if a process that we dial by TLS answers in plain TCP."""
     config = zenoh.Config()
     for key, value in {**PLAIN_CONFIG, "connect/endpoints": [plain]}.items():
@@ -102,7 +102,7 @@ def peer_wants_plain(endpoint: str, plain: str) -> NotLetIn | None:
             pass
     except zenoh.ZError:
         return None
-    return NotLetIn(
+    return AccessDeniedError(
         f"the process at {endpoint} uses plain TCP, and this one accepts only TLS",
         f"give that process [network.tls], too, or dial {plain} without it",
     )
@@ -110,29 +110,29 @@ def peer_wants_plain(endpoint: str, plain: str) -> NotLetIn | None:
 
 def untrusted_peer(
     endpoint: str, host: str, tls: Tls, error: ssl.SSLCertVerificationError
-) -> NotLetIn:
+) -> AccessDeniedError:
     """Return the error for a peer whose certificate we reject."""
     there = f"the process at {endpoint} shows a certificate that"
     if error.verify_code in EXPIRED_THERE:
         words = "has expired" if error.verify_code == EXPIRED_THERE[1] else "is not valid yet"
-        return NotLetIn(f"{there} {words}", f"compare the clocks; else {MAKE_NEW}")
+        return AccessDeniedError(f"{there} {words}", f"compare the clocks; else {MAKE_NEW}")
     if error.verify_code in WRONG_NAME:
         do = (
             f"dial a name it has, or make a new set with `sidestep keys new DIR --host {host}` "
             f"(of one robot among several: --host ROBOT={host})"
         )
-        return NotLetIn(f"{there} is not for {host}", do)
-    return NotLetIn(f"{there} is signed by another authority than {tls.ca}", MAKE_NEW)
+        return AccessDeniedError(f"{there} is not for {host}", do)
+    return AccessDeniedError(f"{there} is signed by another authority than {tls.ca}", MAKE_NEW)
 
 
-def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> NotLetIn | None:
+def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> AccessDeniedError | None:
     """Return the error for a peer that rejects our certificate; None for other TLS errors."""
     reason = error.reason or ""
     if "ALERT" not in reason:
         return None
     seen = own_certificate(tls)
     why = f"the process at {endpoint} rejects this one: {complaint(seen, tls, reason)}"
-    return NotLetIn(why, MAKE_NEW)
+    return AccessDeniedError(why, MAKE_NEW)
 
 
 def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:

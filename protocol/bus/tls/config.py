@@ -4,20 +4,20 @@ from protocol.bus.network import Network
 from protocol.bus.tls.certificate import own_certificate
 from protocol.bus.tls.certificate_advice import MAKE_NEW
 from protocol.bus.tls.rules import access_control, dialled_access_control
-from runtime.errors import BadKeys
+from runtime.errors import KeysError
 
 
 def tls_settings(network: Network) -> dict[str, object]:
     """Return the TLS and access-control settings of a session; empty without TLS.
 
-    Raises BadKeys for unusable files, and for a listener whose certificate others would reject.
+    Raises KeysError for unusable files, and for a listener whose certificate others would reject.
     """
     tls = network.tls
     if tls is None:
         return {}
     seen = own_certificate(tls)
     if network.listen and seen.trouble:
-        raise BadKeys(f"{seen.trouble}, so all others would reject it: {MAKE_NEW}")
+        raise KeysError(f"{seen.trouble}, so all others would reject it: {MAKE_NEW}")
     found: dict[str, object] = {
         "transport/link/protocols": ["tls"],
         "transport/link/tls/root_ca_certificate": tls.ca,

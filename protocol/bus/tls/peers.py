@@ -9,7 +9,7 @@ from zenoh.handlers import Callback
 
 from protocol.bus.network import Network
 from protocol.bus.tls.role_grants import impostor
-from runtime.errors import NotLetIn
+from runtime.errors import AccessDeniedError
 
 QUIET_S: Final = 10.0
 REPLACED: Final = "no data is exchanged with it; find out which process listens there with this key"
@@ -34,7 +34,7 @@ class DialledPeers:
 
     `own` is the common name of this process's certificate, None without TLS; `robot` is the robot
     it works for. The access control of the session blocks all data to and from a wrong process.
-    Raises NotLetIn if a wrong process answers the first connection.
+    Raises AccessDeniedError if a wrong process answers the first connection.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class DialledPeers:
         if self._wrong:
             closing: Any = session
             closing.close()
-            raise NotLetIn(*next(iter(self._wrong.values())))
+            raise AccessDeniedError(*next(iter(self._wrong.values())))
         callback = Callback(self._changed, indirect=False)
         self._listener: Any = session.info.declare_link_events_listener(callback, history=True)
 

@@ -11,7 +11,14 @@ import pytest
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
-from runtime.errors import BadEndpoint, EndpointInUse, LocalError, NoPeer, PeerHangs, UserError
+from runtime.errors import (
+    EndpointError,
+    EndpointInUseError,
+    LocalError,
+    NoPeerError,
+    PeerHangsError,
+    UserError,
+)
 from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
@@ -33,13 +40,13 @@ def test_bus_without_a_listener_has_no_locator() -> None:
 def test_an_endpoint_in_use_is_named() -> None:
     with open_bus(ANY_PORT, Role.ROBOT, "r1") as bus:
         taken = bus.locator()
-        with pytest.raises(EndpointInUse, match=taken):
+        with pytest.raises(EndpointInUseError, match=taken):
             open_bus(Network(mode="peer", listen=(taken,)), Role.ROBOT, "r1")
 
 
 def test_missing_peer_error_names_endpoint_and_remedy() -> None:
     network = Network(mode="client", connect=(NOBODY_THERE,), connect_timeout_s=0.05)
-    with pytest.raises(NoPeer, match=rf"{NOBODY_THERE} .*waited 0\.05 s.* start") as caught:
+    with pytest.raises(NoPeerError, match=rf"{NOBODY_THERE} .*waited 0\.05 s.* start") as caught:
         open_bus(network, Role.PLANT, "r1")
     assert caught.value.exit_code == 2
 
@@ -48,7 +55,9 @@ def test_silent_listener_is_reported_as_hung() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
         network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.2)
-        with pytest.raises(PeerHangs, match=f"listens at {endpoint} but does not answer.*hangs"):
+        with pytest.raises(
+            PeerHangsError, match=f"listens at {endpoint} but does not answer.*hangs"
+        ):
             open_bus(network, Role.GROUND, "r1")
 
 
@@ -65,7 +74,7 @@ def test_an_unknown_host_is_named(mode: Literal["client", "peer"]) -> None:
 
 
 def test_an_address_of_another_machine_cannot_be_listened_on() -> None:
-    with pytest.raises(BadEndpoint, match=r"tcp/192\.0\.2\.1:7447") as caught:
+    with pytest.raises(EndpointError, match=r"tcp/192\.0\.2\.1:7447") as caught:
         open_bus(Network(mode="peer", listen=("tcp/192.0.2.1:7447",)), None, "r1")
     assert ".rs" not in str(caught.value), "places in somebody's source help nobody"
 

@@ -14,7 +14,7 @@ from protocol.wire.codec import LARGEST_FRAME
 from protocol.wire.enums import AckResult, Command
 from protocol.wire.messages import CommandAck, CommandRequest, Message, WheelTicks
 from protocol.wire.reasons import Reason
-from runtime.errors import NoAnswer, UserError
+from runtime.errors import NoAnswerError, UserError
 from tests.support.bus.nets import TOPOLOGIES, Topology, net
 from tests.support.until import PATIENCE_S, until
 
@@ -30,7 +30,7 @@ def answer(bus: Bus, service: Service, message: Message | None = None) -> Messag
     def asked() -> bool:
         try:
             found.append(bus.ask(service, message, timeout_s=PATIENCE_S))
-        except NoAnswer:
+        except NoAnswerError:
             return False
         return True
 
@@ -129,7 +129,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_denied(bad: Message | None
 def test_missing_service_is_reported_at_once_with_its_role() -> None:
     with (
         net() as bus,
-        pytest.raises(NoAnswer, match=r"sim/run: no process .* plant running"),
+        pytest.raises(NoAnswerError, match=r"sim/run: no process .* plant running"),
     ):
         bus.ground.ask(RUN, None, timeout_s=PATIENCE_S)
 
@@ -140,7 +140,7 @@ def test_a_slow_answer_is_a_timeout_with_its_length() -> None:
         bus.robot.serve(COMMAND, waiting.append)
         bus.robot.serve(PARAMETERS, lambda asked: asked.reply(b"[]"))
         answer(bus.ground, PARAMETERS)
-        with pytest.raises(NoAnswer, match=r"srv/command: no answer within 0\.05 s"):
+        with pytest.raises(NoAnswerError, match=r"srv/command: no answer within 0\.05 s"):
             bus.ground.ask(COMMAND, ARM, timeout_s=0.05)
 
 
@@ -174,7 +174,7 @@ def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
         def ask() -> None:
             try:
                 bus.ground.ask(COMMAND, ARM, timeout_s=30.0, robot="r9")
-            except NoAnswer as error:
+            except NoAnswerError as error:
                 reasons.append(str(error))
 
         asking = threading.Thread(target=ask)
@@ -189,7 +189,7 @@ def test_what_is_unanswered_is_dropped_when_the_bus_closes() -> None:
 def bus_answers(bus: Bus) -> bool:
     try:
         return bus.ask(PARAMETERS, robot="r9") == b"[]"
-    except NoAnswer:
+    except NoAnswerError:
         return False
 
 

@@ -17,7 +17,7 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Hub, Network
 from protocol.bus.session import configured
 from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
-from runtime.errors import NotLetIn
+from runtime.errors import AccessDeniedError
 from tests.support.bus.locked import DIAL_S, SESSION
 from tests.support.keyring import Keyring
 from tests.support.until import until
@@ -64,14 +64,16 @@ def opened(ring: Keyring, name: str, port: int) -> Bus:
 @pytest.mark.parametrize("name", ["robot-r1", "ground", "plant", "viewer"])
 def test_another_robot_where_the_router_is_dialled_is_refused(ring: Keyring, name: str) -> None:
     with listening(ring, "robot-r2") as (_, port):
-        with pytest.raises(NotLetIn, match=r"shows the certificate of 'robot-r2', and ") as caught:
+        with pytest.raises(
+            AccessDeniedError, match=r"shows the certificate of 'robot-r2', and "
+        ) as caught:
             opened(ring, name, port)
         assert f"tls/127.0.0.1:{port}" in caught.value.why
 
 
 def test_robot_rejects_its_own_certificate_at_the_router(ring: Keyring) -> None:
     with listening(ring, "robot-r1") as (_, port):
-        with pytest.raises(NotLetIn, match="robot-r1 dials only a router"):
+        with pytest.raises(AccessDeniedError, match="robot-r1 dials only a router"):
             opened(ring, "robot-r1", port)
         opened(ring, "ground", port).close()
 
@@ -79,7 +81,7 @@ def test_robot_rejects_its_own_certificate_at_the_router(ring: Keyring) -> None:
 def test_a_router_whose_certificate_is_revoked_is_refused(ring: Keyring) -> None:
     with listening(ring, "router") as (_, port):
         network = replace(dialling(ring, "robot-r1", port), revoked=("router",))
-        with pytest.raises(NotLetIn, match="certificate of 'router', which is revoked"):
+        with pytest.raises(AccessDeniedError, match="certificate of 'router', which is revoked"):
             open_bus(network, Role.ROBOT, "r1")
 
 

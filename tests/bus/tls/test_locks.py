@@ -13,7 +13,7 @@ from protocol.bus.network import Hub, Network, Tls
 from protocol.bus.tls import certificate_advice
 from protocol.bus.tls.certificate_advice import NO_TLS
 from protocol.topics import Role
-from runtime.errors import BadKeys, NotLetIn, PeerHangs, UserError
+from runtime.errors import AccessDeniedError, KeysError, PeerHangsError, UserError
 from tests.support.keyring import Keyring
 from tests.support.until import until
 
@@ -35,11 +35,11 @@ def dialling(endpoint: str, tls: Tls | None) -> Network:
     return Network(mode="client", connect=(endpoint,), tls=tls, connect_timeout_s=DIAL_S)
 
 
-def refusal(ring: Keyring, tls: Tls | None, protocol: str = "tls") -> NotLetIn:
+def refusal(ring: Keyring, tls: Tls | None, protocol: str = "tls") -> AccessDeniedError:
     """Return the refusal of a ground station that connects to a TLS robot."""
     with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tls/", f"{protocol}/")
-        with pytest.raises(NotLetIn) as caught:
+        with pytest.raises(AccessDeniedError) as caught:
             open_bus(dialling(endpoint, tls), Role.GROUND, "r1")
         assert endpoint in caught.value.why
     return caught.value
@@ -95,14 +95,18 @@ def test_tls_to_plain_tcp_is_reported(
         monkeypatch.setattr(certificate_advice, "handshake", knock)
     with open_bus(door(None), Role.ROBOT, "r1") as robot:
         endpoint = robot.locator().replace("tcp/", "tls/")
-        with pytest.raises(NotLetIn, match="uses plain TCP, and this one accepts only TLS"):
+        with pytest.raises(
+            AccessDeniedError, match="uses plain TCP, and this one accepts only TLS"
+        ):
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
 
 
 def test_host_missing_in_the_certificate_is_reported(ring: Keyring) -> None:
     with open_bus(door(ring.tls("robot-r1"), "0.0.0.0"), Role.ROBOT, "r1") as robot:
         port = robot.locator().rpartition(":")[2]
-        with pytest.raises(NotLetIn, match=r"is not for 127\.0\.0\.2.*--host 127\.0\.0\.2"):
+        with pytest.raises(
+            AccessDeniedError, match=r"is not for 127\.0\.0\.2.*--host 127\.0\.0\.2"
+        ):
             open_bus(dialling(f"tls/127.0.0.2:{port}", ring.tls("ground")), Role.GROUND, "r1")
 
 
@@ -110,20 +114,20 @@ def test_client_certificate_is_rejected_on_a_listener(ring: Keyring) -> None:
     """Let a viewer pose as the robot."""
     with open_bus(door(ring.tls("viewer")), None, "r1") as posing:
         network = dialling(posing.locator(), ring.tls("ground"))
-        with pytest.raises(NotLetIn, match="shows a certificate that"):
+        with pytest.raises(AccessDeniedError, match="shows a certificate that"):
             open_bus(network, Role.GROUND, "r1")
 
 
 def test_tls_peer_that_hangs_differs_from_a_refusal(ring: Keyring) -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tls/127.0.0.1:{mute.getsockname()[1]}"
-        with pytest.raises(PeerHangs, match="does not answer"):
+        with pytest.raises(PeerHangsError, match="does not answer"):
             open_bus(dialling(endpoint, ring.tls("ground")), Role.GROUND, "r1")
 
 
 def test_listener_with_an_expired_certificate_does_not_start(ring: Keyring) -> None:
     tls = ring.expired("robot-r1")
-    with pytest.raises(BadKeys, match=f"{tls.certificate} expired at .* others would reject it"):
+    with pytest.raises(KeysError, match=f"{tls.certificate} expired at .* others would reject it"):
         open_bus(door(tls), Role.ROBOT, "r1")
 
 
@@ -138,7 +142,7 @@ def test_listener_with_an_expired_certificate_does_not_start(ring: Keyring) -> N
 def test_process_with_the_wrong_role_does_not_start(
     ring: Keyring, name: str, role: Role, needs: str
 ) -> None:
-    with pytest.raises(BadKeys, match=f"{name}.*needs that of '{needs}': use --config"):
+    with pytest.raises(KeysError, match=f"{name}.*needs that of '{needs}': use --config"):
         open_bus(dialling("tls/127.0.0.1:1", ring.tls(name)), role, "r1")
 
 
@@ -148,7 +152,7 @@ def test_mismatched_key_files_are_named(ring: Keyring) -> None:
         certificate=ring.tls("ground").certificate,
         key=ring.tls("viewer").key,
     )
-    with pytest.raises(BadKeys, match="cannot be used together") as caught:
+    with pytest.raises(KeysError, match="cannot be used together") as caught:
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
     assert "PRIVATE" not in str(caught.value)
 
@@ -164,7 +168,7 @@ def test_a_file_that_is_not_there_is_named_by_its_key(ring: Keyring) -> None:
 def test_a_process_does_not_start_with_a_key_that_others_can_read(ring: Keyring, mode: int) -> None:
     tls = ring.tls("ground")
     Path(tls.key).chmod(mode)
-    with pytest.raises(BadKeys, match=r"other users can read .*ground\.key.*chmod 600"):
+    with pytest.raises(KeysError, match=r"other users can read .*ground\.key.*chmod 600"):
         open_bus(dialling("tls/127.0.0.1:1", tls), Role.GROUND, "r1")
 
 

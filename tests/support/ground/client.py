@@ -15,7 +15,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CycleReport, LeaseStatus, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from tests.support.boxes import Box, Wireless
 
 MS = 1_000_000
@@ -80,7 +80,7 @@ class ScriptedBus(Wireless):
         reply = self.script.pop(0) if self.script else Reason.NONE
         if reply is None:
             self.clock.advance(round(timeout_s * 1e9))
-            raise NoAnswer("no answer within the time")
+            raise NoAnswerError("no answer within the time")
         self.clock.advance(ANSWER_NS)
         return ack(message, reply) if isinstance(reply, Reason) else reply
 

@@ -34,7 +34,7 @@ from protocol.wire.messages import (
     WheelCommand,
 )
 from protocol.wire.reasons import Reason, reason_text
-from runtime.errors import NoPeer, RemoteError
+from runtime.errors import NoPeerError, RemoteError
 from tests.support.until import PATIENCE_S, until
 
 STILL_M_S = 0.001
@@ -311,7 +311,7 @@ def open_patiently(network: Network, robot: str) -> Bus:
     def opened() -> bool:
         try:
             found.append(open_bus(network, Role.GROUND, robot))
-        except NoPeer:
+        except NoPeerError:
             return False
         return True
 

@@ -97,7 +97,7 @@ def waits_of_lockstep() -> tuple[Callable[[], object], Callable[[], None]]:
     clock = LockstepClock(patience_s=WAIT_S)
 
     def wait() -> None:
-        with pytest.raises(ClockStoppedError, match="no senses"):
+        with pytest.raises(ClockStoppedError, match="no sensor frames"):
             clock.sleep_until(1)
 
     return wait, clock.stop

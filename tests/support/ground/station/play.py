@@ -33,7 +33,7 @@ from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
 from robot.commands import acknowledge
 from runtime.clock import ManualClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from runtime.timing import PERIOD_NS
 from tests.support.ground.station.said import Robot
 from tests.support.played_bus import PlayedBus
@@ -212,4 +212,4 @@ def refused(reason: Reason) -> CommandAck:
 
 def silent(_: Message | None) -> Message:
     """Provide a service that never answers."""
-    raise NoAnswer("no answer within 0.25 s")
+    raise NoAnswerError("no answer within 0.25 s")

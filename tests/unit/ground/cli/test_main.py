@@ -13,7 +13,7 @@ from ground.cli import main as cli
 from ground.cli.main import Interrupted, main
 from ground.cli.verbs import VERBS, LoadedVerb
 from ground.text.output import Output
-from runtime.errors import NoAnswer, UserError
+from runtime.errors import NoAnswerError, UserError
 
 Run = Callable[[argparse.Namespace, Output], int]
 
@@ -107,7 +107,7 @@ def test_invalid_number_has_its_own_message(
     ("error", "code"),
     [
         (UserError("wrong world"), 2),
-        (NoAnswer("nobody there"), 1),
+        (NoAnswerError("nobody there"), 1),
         (KeyboardInterrupt(), 130),
         (Interrupted(signal.SIGTERM), 143),
     ],

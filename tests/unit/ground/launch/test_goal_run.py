@@ -20,7 +20,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 from tests.support.boxes import Wireless
 
 SECOND = 1_000_000_000
@@ -51,7 +51,7 @@ class Wired(Wireless):
     ) -> Message | bytes:
         self.requests += 1
         if self.requests <= self.serves_after:
-            raise NoAnswer(SILENT)
+            raise NoAnswerError(SILENT)
         assert isinstance(message, CommandRequest)
         return CommandAck(command=message.command, result=AckResult.ACCEPTED)
 

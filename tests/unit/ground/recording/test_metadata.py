@@ -4,7 +4,7 @@ from ground.recording.metadata import MetadataReader
 from protocol.topics import PARAMETERS, WORLD, Service
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
-from runtime.errors import NoAnswer
+from runtime.errors import NoAnswerError
 
 S = 1_000_000_000
 
@@ -26,7 +26,7 @@ class Stage:
         assert (message, robot) == (None, "r1")
         self.requested.append(service.path)
         if service.path not in self.answers:
-            raise NoAnswer("no process answers")
+            raise NoAnswerError("no process answers")
         return self.answers[service.path]
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from protocol.bus.network import Network, Tls
-from runtime.errors import BadEndpoint, UserError
+from runtime.errors import EndpointError, UserError
 
 TLS = Tls(ca="ca.pem", certificate="ground.pem", key="ground.key")
 
@@ -38,25 +38,25 @@ def test_good_endpoints_are_taken(endpoint: str) -> None:
     ],
 )
 def test_a_bad_endpoint_is_named(endpoint: str) -> None:
-    with pytest.raises(BadEndpoint) as caught:
+    with pytest.raises(EndpointError) as caught:
         Network(mode="peer", listen=(endpoint,))
     assert repr(endpoint) in str(caught.value)
     assert "tcp/127.0.0.1:7447" in str(caught.value)
 
 
 def test_client_needs_a_connect_endpoint() -> None:
-    with pytest.raises(BadEndpoint, match="client needs an endpoint"):
+    with pytest.raises(EndpointError, match="client needs an endpoint"):
         Network(mode="client")
 
 
 def test_router_needs_a_listen_endpoint() -> None:
-    with pytest.raises(BadEndpoint, match="router needs an endpoint"):
+    with pytest.raises(EndpointError, match="router needs an endpoint"):
         Network(mode="router")
 
 
 @pytest.mark.parametrize("prefix", ["", "a*", "/a", "a/", "a//b", "a?b"])
 def test_prefix_that_is_no_plain_key_is_rejected(prefix: str) -> None:
-    with pytest.raises(BadEndpoint, match="prefix"):
+    with pytest.raises(EndpointError, match="prefix"):
         Network(prefix=prefix)
 
 
@@ -68,18 +68,18 @@ def test_with_keys_all_links_are_locked() -> None:
 @pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "udp/127.0.0.1:1", "unixsock-stream/x"])
 @pytest.mark.parametrize("where", ["listen", "connect"])
 def test_plain_endpoint_among_tls_endpoints_is_rejected(where: str, endpoint: str) -> None:
-    with pytest.raises(BadEndpoint, match="has no TLS") as caught:
+    with pytest.raises(EndpointError, match="has no TLS") as caught:
         Network(tls=TLS, **{where: ("tls/127.0.0.1:1", endpoint)})  # type: ignore[arg-type]
     assert repr(endpoint) in str(caught.value)
 
 
 def test_a_lock_without_its_key_is_refused() -> None:
-    with pytest.raises(BadEndpoint, match=r"'tls/robot:7447' needs \[network\.tls\].*keys new"):
+    with pytest.raises(EndpointError, match=r"'tls/robot:7447' needs \[network\.tls\].*keys new"):
         Network(connect=("tls/robot:7447",))
 
 
 def test_an_endpoint_cannot_open_the_lock_again() -> None:
-    with pytest.raises(BadEndpoint, match="remove the part from '#' on"):
+    with pytest.raises(EndpointError, match="remove the part from '#' on"):
         Network(listen=("tls/127.0.0.1:7447#enable_mtls=false",), tls=TLS)
 
 

@@ -23,7 +23,7 @@ from protocol.wire.enums import GoalState, Severity, Vehicle
 from protocol.wire.messages import CommandRequest, ParamValue, Statustext
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
-from runtime.errors import LocalError, NoAnswer, UserError
+from runtime.errors import LocalError, NoAnswerError, UserError
 from tests.support.ground.recording.made import (
     PERIOD_US,
     START_US,
@@ -193,10 +193,10 @@ def test_recorded_facts_answer_requests(bus: ReplayBus) -> None:
     world = bus.ask(WORLD)
     assert isinstance(world, bytes)
     assert json.loads(world)["name"] == "made"
-    with pytest.raises(NoAnswer, match="does not hold the parameters"):
+    with pytest.raises(NoAnswerError, match="does not hold the parameters"):
         bus.ask(PARAMETERS)
     stop = CommandRequest(request_id=1, param1=0.0, param2=0.0, command=400)
-    with pytest.raises(NoAnswer, match="a recording cannot answer requests"):
+    with pytest.raises(NoAnswerError, match="a recording cannot answer requests"):
         bus.ask(COMMAND, stop)
 
 
@@ -252,7 +252,7 @@ def test_tlog_is_played_without_facts(tmp_path: Path, clock: ManualClock) -> Non
     box = bus.mailbox(HEARTBEAT, "r7")
     bus.seek(1.0)
     assert box.latest() is not None
-    with pytest.raises(NoAnswer, match="does not hold the world"):
+    with pytest.raises(NoAnswerError, match="does not hold the world"):
         bus.ask(WORLD)
 
 
