@@ -14,6 +14,9 @@ HUNG_NAME: Final = "hung.txt"
 HUNG_BEFORE: Final = "hung-before.txt"
 RUNNING: Final = "running"
 STOPPED: Final = "stopped on request"
+STOPPED_BEFORE: Final = "was told to stop"
+"""The same in files of earlier versions."""
+
 NO_REPORT: Final = "ended without a report"
 SIGNAL: Final = "signal "
 
@@ -40,7 +43,7 @@ class PreviousRun:
         """
         word = self._last_end()
         self._write(RUNNING)
-        if word not in ("", RUNNING, STOPPED):
+        if word not in ("", RUNNING, STOPPED, STOPPED_BEFORE):
             return word
         return ending_of(after) or (NO_REPORT if word == RUNNING else "")
 

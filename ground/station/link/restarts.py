@@ -10,8 +10,8 @@ Sign = Literal["token", "count"]
 SHOWN_NS: Final = 20 * NS_PER_S
 NEAR_NS: Final = 10 * NS_PER_S
 """Largest time between a robot's message about its restart and the detection of it."""
-RESTART_PREFIX: Final = "restarted: "
-"""Start of the message of a restarted robot; the cause of the restart follows."""
+RESTART_PREFIXES: Final = ("restarted: ", "started again: ")
+"""Starts of the message of a restarted robot; the cause follows. Old recordings have the second."""
 
 
 class Restarts:
@@ -59,8 +59,9 @@ class RestartNotice:
 
     def receive(self, text: str, published_ns: int) -> None:
         """Note a text of the robot and the time of its publication."""
-        if text.startswith(RESTART_PREFIX):
-            self.cause, self._reported_ns = text.removeprefix(RESTART_PREFIX), published_ns
+        for prefix in RESTART_PREFIXES:
+            if text.startswith(prefix):
+                self.cause, self._reported_ns = text.removeprefix(prefix), published_ns
 
     def begin(self, role: Role, times: int, now_ns: int) -> str:
         """Note a restart and return it in words."""

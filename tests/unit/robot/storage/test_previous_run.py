@@ -37,6 +37,11 @@ def test_normal_stop_is_not_reported(tmp_path: Path) -> None:
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
+def test_normal_stop_of_an_earlier_version_is_not_reported(tmp_path: Path) -> None:
+    (tmp_path / FILE_NAME).write_text("was told to stop\n")
+    assert PreviousRun(Directory(tmp_path)).begin() == ""
+
+
 def test_killed_run_ends_without_a_report(tmp_path: Path) -> None:
     PreviousRun(Directory(tmp_path)).begin()
     assert PreviousRun(Directory(tmp_path)).begin() == NO_REPORT == "ended without a report"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station.link.restarts import NEAR_NS, RESTART_PREFIX, SHOWN_NS, RestartNotice
+from ground.station.link.restarts import NEAR_NS, RESTART_PREFIXES, SHOWN_NS, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import report_previous_run
@@ -43,7 +43,7 @@ def test_restart_is_shown_with_its_cause_for_a_while() -> None:
     play = Play().forward(1.0)
     assert play.station.restarted == ""
     restarted(play)
-    play.say(f"{RESTART_PREFIX}{CAUSE}", Severity.WARNING)
+    play.say(f"{RESTART_PREFIXES[0]}{CAUSE}", Severity.WARNING)
     play.forward(0.5)
     assert play.station.restarted == f"r1 has been restarted (1): {CAUSE}"
     assert play.station.restart_cause == CAUSE
@@ -60,7 +60,7 @@ def test_restart_without_a_report_has_no_cause() -> None:
 
 def test_old_report_is_not_the_cause_of_a_restart() -> None:
     again = RestartNotice("r1")
-    again.receive(f"{RESTART_PREFIX}{CAUSE}", 5 * S)
+    again.receive(f"{RESTART_PREFIXES[0]}{CAUSE}", 5 * S)
     later_ns = 6 * S + NEAR_NS
     again.begin(Role.ROBOT, 2, later_ns)
     assert again.words(later_ns) == "r1 has been restarted (2)"
@@ -68,7 +68,7 @@ def test_old_report_is_not_the_cause_of_a_restart() -> None:
 
 def test_robot_report_is_not_the_cause_of_a_plant_restart() -> None:
     again = RestartNotice("r1")
-    again.receive(f"{RESTART_PREFIX}{CAUSE}", 0)
+    again.receive(f"{RESTART_PREFIXES[0]}{CAUSE}", 0)
     assert again.begin(Role.PLANT, 1, S) == "the plant of r1 has been restarted (1)"
     assert again.words(S) == "the plant of r1 has been restarted (1)"
 
@@ -80,3 +80,9 @@ def test_old_texts_are_shown_with_their_age(age_s: int, words: str) -> None:
     play.forward(0.1)
     assert play.texts("hello") == [words]
     assert TEXT.history
+
+
+def test_cause_in_an_old_recording_is_read() -> None:
+    notice = RestartNotice("r1")
+    notice.receive("started again: the one before was killed (signal SIGKILL)", 0)
+    assert notice.cause == "the one before was killed (signal SIGKILL)"
