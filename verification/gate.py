@@ -1,11 +1,10 @@
 """`python -m verification.gate`: every check of the project.
 
-The steps form lanes that run at the same time. One mostly waits in real time: tests with processes,
-then tests with containers. Another one builds the images for these. The third computes: static
-checks, and tests that own their time. It has the idle scheduling class, so it takes only the
-processor time that the others leave.
-Every step is run, so that one call shows all there is to mend. The exit code is 1 when a step
-failed, and the last line names it.
+There are two phases. In the first one all that computes runs: static checks, and tests that own
+their time; the images for the tests with containers are built meanwhile. The second one measures
+wall time: tests with processes, then tests with containers. Nothing runs beside it, so that robots
+are not late. Every step is run, so that one call shows all there is to mend. The exit code is 1
+when a step failed, and the last line names it.
 """
 
 import argparse
@@ -30,19 +29,6 @@ REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 WORKERS: Final = 2
 """Of the tests with processes: more would start so many at once that robots miss deadlines."""
 
-YIELDING: Final = """
-import contextlib, ctypes, os, signal, sys
-os.setsid()
-ctypes.CDLL(None).prctl(1, signal.SIGTERM)
-with contextlib.suppress(OSError), open("/proc/self/autogroup", "w") as group:
-    group.write("10")
-with contextlib.suppress(OSError):
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-os.execvp(sys.argv[1], sys.argv[1:])
-"""
-"""The kernel may share the processor among sessions first, so the class alone does not suffice: the
-step gets a session of its own with a tenth of the weight. It ends when the gate ends."""
-
 
 class Step(NamedTuple):
     """A command and its name."""
@@ -51,20 +37,14 @@ class Step(NamedTuple):
     words: tuple[str, ...]
 
 
-class Lane(NamedTuple):
-    """Steps that run one after the other, in the idle class or not."""
-
-    steps: Sequence[Step]
-    is_idle: bool = False
+Lane = Sequence[Step]
+"""Steps that run one after the other."""
 
 
-def lanes(extra: Sequence[str]) -> list[Lane]:
-    """Return all steps; `extra` are options for each call of pytest."""
-    return [
-        Lane(real_time(extra)),
-        Lane([Step("images", (*PYTHON, "tests.support.compose.images"))]),
-        Lane(computing(extra), is_idle=True),
-    ]
+def phases(extra: Sequence[str]) -> list[list[Lane]]:
+    """Return the lanes of each phase; `extra` are options for each call of pytest."""
+    images = [Step("images", (*PYTHON, "tests.support.compose.images"))]
+    return [[computing(extra), images], [real_time(extra)]]
 
 
 def real_time(extra: Sequence[str]) -> list[Step]:
@@ -79,7 +59,8 @@ def real_time(extra: Sequence[str]) -> list[Step]:
 
 def computing(extra: Sequence[str]) -> list[Step]:
     """Return the steps that only need processor time."""
-    workers = ("-n", str(os.cpu_count() or 1), "--dist", "worksteal")
+    # One worker more than there are cores: some tests wait for threads and processes.
+    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         Step("format", (*PYTHON, "ruff", "format", "--check", ".")),
@@ -94,21 +75,22 @@ def computing(extra: Sequence[str]) -> list[Step]:
 
 
 class Gate:
-    """Runs lanes at the same time and keeps the names of steps that failed."""
+    """Runs the lanes of a phase at the same time; keeps the names of steps that failed."""
 
     def __init__(self, folder: Path = ROOT) -> None:
         self._folder = folder
         self._printing = Lock()
         self.failed: list[str] = []
 
-    def run(self, lanes: Sequence[Lane]) -> int:
+    def run(self, phases: Sequence[Sequence[Lane]]) -> int:
         """Run all steps to their ends; return the exit code."""
         began_s = monotonic()
-        threads = [Thread(target=self._run_lane, args=(lane,), daemon=True) for lane in lanes]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        for lanes in phases:
+            threads = [Thread(target=self._run_lane, args=(lane,), daemon=True) for lane in lanes]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
         took_s = monotonic() - began_s
         if self.failed:
             names = ", ".join(self.failed)
@@ -118,16 +100,15 @@ class Gate:
         return 0
 
     def _run_lane(self, lane: Lane) -> None:
-        for step in lane.steps:
+        for step in lane:
             self._print(f"... {step.name}")
-            self._run_step(step, is_idle=lane.is_idle)
+            self._run_step(step)
 
-    def _run_step(self, step: Step, *, is_idle: bool) -> None:
-        words = (sys.executable, "-c", YIELDING, *step.words) if is_idle else step.words
+    def _run_step(self, step: Step) -> None:
         began_s = monotonic()
         with tempfile.TemporaryFile() as output:
             done = subprocess.run(
-                words,
+                step.words,
                 cwd=self._folder,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
@@ -157,7 +138,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     try:
-        return Gate().run(lanes(extra))
+        return Gate().run(phases(extra))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
 

@@ -186,4 +186,4 @@ def test_the_doctor_finds_a_stack_behind_an_impostor_ill(
         assert told["ok"] is False
         (finding,) = told["findings"]
         assert "shows the certificate of 'robot-r2'" in finding["what"]
-        assert "find out who listens there" in finding["do"]
+        assert "find out which process listens there" in finding["do"]
