@@ -21,7 +21,7 @@ from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FSYNC_S = 0.5
 TOUCHED = "the control thread used the file system"
 SLOW_DISK = f"""

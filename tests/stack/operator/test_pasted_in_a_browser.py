@@ -12,7 +12,7 @@ from tests.support.until import PATIENCE_S, until
 
 pytestmark = pytest.mark.stack
 
-SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
+SIDESTEP = Path(__file__).parents[3] / "sidestep.py"
 DRIVER = "textual.drivers.web_driver:WebDriver"
 READY = b"__GANGLION__\n"
 LEAVE = "\x11"

@@ -11,7 +11,7 @@ from tests.support.stack.processes import LATE, TRIES, Crew
 
 pytestmark = pytest.mark.stack
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 DRIVE_S = 60.0
 
 

@@ -18,7 +18,7 @@ from study.runner.store import ASIDE, RESULTS, SHARDS, read
 from tests.support.study.made import ids, spoil
 from tests.support.until import until
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 WORDS = (
     *("--worlds", "box", "u_trap", "--noise", "default", "harsh"),
     *("--navigators", "vgm", "bug", "--seeds", "5", "--timeout", "30"),

@@ -14,7 +14,7 @@ from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FAILS_ON_SIGNAL = """
 import os, signal, sys
 sys.path.insert(0, sys.argv.pop(1))

@@ -20,7 +20,7 @@ pytestmark = [
     pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine"),
 ]
 
-SIDESTEP = Path(__file__).parents[2] / "sidestep.py"
+SIDESTEP = Path(__file__).parents[3] / "sidestep.py"
 USUAL = (80, 24)
 READY = "read: ready"
 KEYS = "ctrl+p Palette  ? Help"

@@ -14,7 +14,7 @@ from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 
 pytestmark = pytest.mark.stack
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 INSTALLED = Path(pymavlink.__file__).parent
 START_US = 1_763_700_000_000_000
 
