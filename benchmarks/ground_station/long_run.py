@@ -4,7 +4,7 @@ import argparse
 from threading import Event, Thread
 from typing import Final
 
-from benchmarks.crowded import sizes_mb
+from benchmarks.ground_station.app_memory import sizes_mb
 from benchmarks.ground_station.stage import SIZES, commanding
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from ground.client.lease_holder import holder_name, lease_status
 from ground.client.link import Link
+from ground.client.operations.lease_holder import holder_name, lease_status
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange
 from ground.client.results import Answer, RefusedError, Success

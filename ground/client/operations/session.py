@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
-from ground.client.lease_holder import refusing_holder
 from ground.client.link import Link
+from ground.client.operations.lease_holder import refusing_holder
 from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Request
 from ground.client.results import Accepted, Answer
 from ground.text.status_parts import Part

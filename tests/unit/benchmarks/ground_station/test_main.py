@@ -4,8 +4,8 @@ from argparse import ArgumentParser
 
 import pytest
 
-from benchmarks.crowded import sizes_mb
 from benchmarks.ground_station import main as ground
+from benchmarks.ground_station.app_memory import sizes_mb
 from benchmarks.ground_station.reaction import first, held, stopped
 from protocol.wire.message import Message
 from protocol.wire.messages import WheelCommand
