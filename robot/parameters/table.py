@@ -49,8 +49,8 @@ class ParameterSpec:
     minimum: float
     maximum: float
     doc: str
-    choices: tuple[int, ...] = ()
     safer: SafetyBound = SafetyBound.NONE
+    choices: tuple[int, ...] = ()
 
     @property
     def group(self) -> str:
@@ -68,78 +68,34 @@ class ParameterSpec:
         return isinstance(getattr(DEFAULTS, self.name), int)
 
 
+UP, DOWN, NEAR = SafetyBound.UP, SafetyBound.DOWN, SafetyBound.NEAR
 TABLE: Final = (
-    ParameterSpec("radius_m", "m", 0.02, 1.0, "radius of the robot", safer=SafetyBound.UP),
+    ParameterSpec("radius_m", "m", 0.02, 1.0, "radius of the robot", UP),
+    ParameterSpec("track_m", "m", 0.02, 2.0, "distance between the wheels (the paper's l)", NEAR),
+    ParameterSpec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", NEAR),
     ParameterSpec(
-        "track_m",
-        "m",
-        0.02,
-        2.0,
-        "distance between the wheels (the paper's l)",
-        safer=SafetyBound.NEAR,
+        "wheel_ratio", "", 0.8, 1.25, "diameter of the right wheel over that of the left", NEAR
     ),
-    ParameterSpec("wheel_radius_m", "m", 0.005, 0.5, "wheel radius", safer=SafetyBound.NEAR),
-    ParameterSpec(
-        "wheel_ratio",
-        "",
-        0.8,
-        1.25,
-        "diameter of the right wheel over that of the left",
-        safer=SafetyBound.NEAR,
-    ),
-    ParameterSpec(
-        "m_per_tick",
-        "m",
-        1e-6,
-        0.05,
-        "distance a wheel rolls per encoder tick",
-        safer=SafetyBound.NEAR,
-    ),
-    ParameterSpec(
-        "wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", safer=SafetyBound.DOWN
-    ),
+    ParameterSpec("m_per_tick", "m", 1e-6, 0.05, "distance a wheel rolls per encoder tick", NEAR),
+    ParameterSpec("wheel_max_m_s", "m/s", 0.01, 3.0, "fastest rim speed of a wheel", DOWN),
     ParameterSpec("v_max_m_s", "m/s", 0.01, 3.0, "fastest forward speed"),
     ParameterSpec("yaw_max_rad_s", "rad/s", 0.1, 10.0, "fastest turn"),
-    ParameterSpec(
-        "accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", safer=SafetyBound.UP
-    ),
+    ParameterSpec("accel_m_s2", "m/s^2", 0.05, 10.0, "strongest acceleration of a wheel", UP),
     ParameterSpec("period_s", "s", 0.05, 0.05, "control period; fixed"),
     ParameterSpec("k_r_m", "m", 0.0, 0.01, "odometry error of the right wheel, variance per metre"),
     ParameterSpec("k_l_m", "m", 0.0, 0.01, "odometry error of the left wheel, variance per metre"),
+    ParameterSpec("sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", DOWN),
     ParameterSpec(
-        "sonar_max_m", "m", 0.2, 60.0, "farthest range of a sonar", safer=SafetyBound.DOWN
+        "sonar_stale_ms", "ms", 25, 1000, "a ping older than this counts as missing", DOWN
     ),
     ParameterSpec(
-        "sonar_stale_ms",
-        "ms",
-        25,
-        1000,
-        "a ping older than this counts as missing",
-        safer=SafetyBound.DOWN,
+        "freeze_m", "m", 0.01, 5.0, "driven so far with unchanged echoes: sonar frozen", DOWN
     ),
     ParameterSpec(
-        "freeze_m",
-        "m",
-        0.01,
-        5.0,
-        "driven so far with unchanged echoes: sonar frozen",
-        safer=SafetyBound.DOWN,
+        "freeze_rad", "rad", 0.01, 6.3, "turned so far with unchanged echoes: sonar frozen", DOWN
     ),
     ParameterSpec(
-        "freeze_rad",
-        "rad",
-        0.01,
-        6.3,
-        "turned so far with unchanged echoes: sonar frozen",
-        safer=SafetyBound.DOWN,
-    ),
-    ParameterSpec(
-        "freeze_front_m",
-        "m",
-        0.1,
-        60.0,
-        "an unchanged echo counts as frozen up to this range",
-        safer=SafetyBound.UP,
+        "freeze_front_m", "m", 0.1, 60.0, "an unchanged echo counts as frozen up to this range", UP
     ),
     ParameterSpec(
         "navigator",
@@ -147,7 +103,7 @@ TABLE: Final = (
         min(Navigator),
         max(Navigator),
         "navigator: " + ", ".join(f"{one.value} {one.name.lower()}" for one in Navigator),
-        tuple(NAVIGATORS),
+        choices=tuple(NAVIGATORS),
     ),
     ParameterSpec(
         "side",
@@ -155,7 +111,7 @@ TABLE: Final = (
         states.RIGHT,
         states.LEFT,
         f"obstacles are passed on: {states.LEFT} left, {states.RIGHT} right",
-        (states.LEFT, states.RIGHT),
+        choices=(states.LEFT, states.RIGHT),
     ),
     ParameterSpec(
         "d_obs_m",
@@ -177,48 +133,15 @@ TABLE: Final = (
     ParameterSpec("spin_room_m", "m", 0.0, 1.0, "with less room ahead the robot turns on the spot"),
     ParameterSpec("goal_max_m", "m", 1.0, 10_000.0, "farthest coordinate of a goal"),
     ParameterSpec(
-        "guard_stop_m",
-        "m",
-        0.0,
-        1.0,
-        "guard: no forward motion below this range; 0 is off",
-        safer=SafetyBound.UP,
+        "guard_stop_m", "m", 0.0, 1.0, "guard: no forward motion below this range; 0 is off", UP
     ),
     ParameterSpec(
-        "guard_time_s",
-        "s",
-        0.05,
-        5.0,
-        "guard: time to cover the range that is left",
-        safer=SafetyBound.UP,
+        "guard_time_s", "s", 0.05, 5.0, "guard: time to cover the range that is left", UP
     ),
-    ParameterSpec(
-        "op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", safer=SafetyBound.DOWN
-    ),
-    ParameterSpec(
-        "wheel_min_m_s",
-        "m/s",
-        0.01,
-        1.0,
-        "wheel stuck: judged above this speed",
-        safer=SafetyBound.DOWN,
-    ),
-    ParameterSpec(
-        "wheel_time_ms",
-        "ms",
-        100,
-        10_000,
-        "wheel stuck: judged over this time",
-        safer=SafetyBound.DOWN,
-    ),
-    ParameterSpec(
-        "wheel_share",
-        "",
-        0.01,
-        0.9,
-        "wheel stuck: turned less than this share",
-        safer=SafetyBound.UP,
-    ),
+    ParameterSpec("op_lost_ms", "ms", 200, 60_000, "operator lost after this silence", DOWN),
+    ParameterSpec("wheel_min_m_s", "m/s", 0.01, 1.0, "wheel stuck: judged above this speed", DOWN),
+    ParameterSpec("wheel_time_ms", "ms", 100, 10_000, "wheel stuck: judged over this time", DOWN),
+    ParameterSpec("wheel_share", "", 0.01, 0.9, "wheel stuck: turned less than this share", UP),
     ParameterSpec("stuck_ms", "ms", 1000, 600_000, "blocked: hardly moved for this long"),
     ParameterSpec("stuck_m", "m", 0.005, 1.0, "blocked: moved less than this"),
     ParameterSpec("stuck_rad", "rad", 0.01, 6.3, "blocked: turned less than this"),
