@@ -98,7 +98,7 @@ pictures: setup
 	@exec "$(BIN)/python" -m verification.site.pictures
 
 generate-docs: setup
-	@"$(BIN)/python" -m protocol.docs >docs/reference/protocol.md.new
+	@"$(BIN)/python" -m verification.site.protocol_page >docs/reference/protocol.md.new
 	mv docs/reference/protocol.md.new docs/reference/protocol.md
 	"$(BIN)/python" -m verification.mode_model --document >docs/evidence/state-diagram.md.new
 	mv docs/evidence/state-diagram.md.new docs/evidence/state-diagram.md

@@ -58,7 +58,7 @@ BENCHMARKS = {
         "wall-clock driving: missed ticks and lateness, with and without SCHED_FIFO",
     ),
     "nees": BenchmarkEntry(
-        "benchmarks.nees",
+        "benchmarks.odometry.nees",
         "consistency of the odometry's covariance with its errors, per noise level",
     ),
     "arrival": BenchmarkEntry(

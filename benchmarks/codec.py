@@ -9,7 +9,6 @@ from collections.abc import Callable
 from time import process_time
 from typing import Any
 
-from protocol.dialect.mavgen import oracle
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.message import Message
 from protocol.wire.messages import (
@@ -24,6 +23,7 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from verification.harness.figures import Figure, Report, ratios
+from verification.mavgen import oracle
 
 MIN_RATIO = 3.0
 SYSTEM, COMPONENT = 1, 1

@@ -7,6 +7,7 @@ from math import inf
 import numpy as np
 import pytest
 
+from benchmarks.odometry.consistency import KINDS, consistency_of, drive, error_of
 from plant.model.noise import LEVELS
 from plant.model.types import Circle, GoalPose, Polygon, Setting, Start, World
 from plant.sim.simulation import Plant
@@ -19,7 +20,6 @@ from runtime.calibration import settings_of
 from study.calibration.runs import covariance_of
 from study.calibration.squares import drive as squares
 from study.calibration.umbmark import umbmark
-from study.statistics.consistency import KINDS, consistency_of, drive, error_of
 from study.statistics.intervals import CHI2_2
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial

@@ -9,7 +9,6 @@ import pytest
 import sidestep
 from ground.missions import toml_file as mission_file
 from plant.world import file as world_file
-from protocol import docs
 from protocol.topics import Role, Service, Topic
 from protocol.wire.message import Message
 from protocol.wire.messages import SonarScan
@@ -18,6 +17,7 @@ from robot.core.safety import failsafe
 from robot.parameters.table import SPECS
 from runtime import config
 from runtime.cli.verb_table import VERBS
+from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text()
@@ -34,7 +34,7 @@ DIALECT = ElementTree.fromstring(
 
 def test_the_committed_protocol_page_is_the_generated_one() -> None:
     page = ROOT / "docs" / "reference" / "protocol.md"
-    assert page.read_text() == docs.generate(), "run make generate-docs"
+    assert page.read_text() == protocol_page.generate(), "run make generate-docs"
 
 
 def test_a_page_holds_each_stream_question_message_and_name() -> None:
@@ -55,7 +55,7 @@ def test_a_page_holds_each_stream_question_message_and_name() -> None:
         doc="Now.",
     )
     service = Service(path="q", requests=(), server=Role.ROBOT, doc="Ask.")
-    lines = docs.page([stream, event], [service], DIALECT).splitlines()
+    lines = protocol_page.page([stream, event], [service], DIALECT).splitlines()
     assert "| `a/b` | SONAR_SCAN | plant | 20 Hz | 250 ms | data | Light. |" in lines
     assert "| `c` | SONAR_SCAN | robot | event, 0 kept | never | data | Now. |" in lines
     assert "| `q` | nothing | robot | Ask. |" in lines

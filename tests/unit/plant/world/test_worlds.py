@@ -5,7 +5,7 @@ from math import dist
 
 import pytest
 
-from plant.corpus.tree_placement import PASSAGE_M, grow
+from benchmarks.odometry.tree_placement import PASSAGE_M, grow
 from plant.model.body import Body
 from plant.placement.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, Circle, load, shipped

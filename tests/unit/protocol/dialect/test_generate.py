@@ -13,8 +13,8 @@ from protocol.dialect.definitions import (
     upstream_definitions,
 )
 from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
-from protocol.dialect.mavgen import oracle
 from protocol.dialect.python_text import commented, doc_lines
+from verification.mavgen import oracle
 
 DIALECT = read_dialect()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plant.world.file import shipped
-from study.statistics.outcomes_table import document, main, rows_of, with_summary
+from verification.site.outcomes_table import document, main, rows_of, with_summary
 
 TABLE = Path(__file__).parents[4] / "docs" / "evidence" / "outcomes.md"
 NAMES = ("bug, left", "bug, right", "vgm", "bug1", "bug2", "distbug", "vgm_memory")

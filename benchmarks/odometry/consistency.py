@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from plant.corpus.tree_placement import grow
+from benchmarks.odometry.tree_placement import grow
 from plant.model.configuration import noise_of
 from plant.model.types import GoalPose, Start, World
 from plant.sim.simulation import Plant

@@ -1,4 +1,4 @@
-"""`python -m study.statistics.outcomes_table`: the outcome in every shipped world per navigator."""
+"""`python -m verification.site.outcomes_table`: the outcomes in all shipped worlds."""
 
 import argparse
 import re
@@ -16,7 +16,7 @@ from protocol.outcome import OUTCOMES, Outcome
 from study.runner.plan import EVERY_NAVIGATOR
 from study.trial.trial import Trial, run_trial
 
-COMMAND = "study.statistics.outcomes_table"
+COMMAND = "verification.site.outcomes_table"
 SEEDS = 10
 TIMEOUT_S = 300.0
 VERSIONS = ("numpy", "pymunk")

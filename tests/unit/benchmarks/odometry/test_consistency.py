@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from study.statistics.consistency import KINDS, Array, bounds, consistency_of, speeds_of
+from benchmarks.odometry.consistency import KINDS, Array, bounds, consistency_of, speeds_of
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 from protocol.dialect.definitions import SIDESTEP_XML, upstream_definitions
 
-FOLDER: Final = Path(__file__).resolve().parents[2] / "build" / "mavgen"
+FOLDER: Final = Path(__file__).resolve().parents[1] / "build" / "mavgen"
 
 
 @cache

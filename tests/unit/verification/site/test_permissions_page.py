@@ -2,8 +2,8 @@
 
 import pytest
 
-from protocol.bus.tls import permissions_page
-from protocol.bus.tls.permissions_page import COLUMNS, rows
+from verification.site import permissions_page
+from verification.site.permissions_page import COLUMNS, rows
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
 ROUTER = {"`router`"}

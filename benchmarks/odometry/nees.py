@@ -11,8 +11,8 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from os import cpu_count
 
+from benchmarks.odometry.consistency import KINDS, Array, Consistency, consistency_of, drive
 from plant.model.noise import LEVELS
-from study.statistics.consistency import KINDS, Array, Consistency, consistency_of, drive
 from verification.harness.figures import Figure, Report
 
 DRIVES = 400

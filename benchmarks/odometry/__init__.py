@@ -1,0 +1,1 @@
+"""Odometry: the error of the estimated pose over many drives, against its own covariance."""
