@@ -24,14 +24,14 @@ class Checked(NamedTuple):
     name: str
     file: str
     until: datetime
-    says: str
+    description: str
     wrong: tuple[str, ...]
     soon: bool
 
     def line(self) -> str:
         """Return one line, and one more for each fault."""
         end = f"{self.until:%Y-%m-%d %H:%M} UTC"
-        about = f"{self.name:<24} until {end}  {self.says}"
+        about = f"{self.name:<24} until {end}  {self.description}"
         return "\n".join((about, *(f"  E {problem}" for problem in self.wrong)))
 
 
@@ -60,13 +60,17 @@ def check_one(path: Path, authority: x509.Certificate, now: datetime) -> Checked
 
 
 def checked(
-    path: Path, certificate: x509.Certificate, now: datetime, says: str, wrong: tuple[str, ...]
+    path: Path,
+    certificate: x509.Certificate,
+    now: datetime,
+    description: str,
+    wrong: tuple[str, ...],
 ) -> Checked:
     """Return a certificate with its faults and its expiry."""
     until = certificate.not_valid_after_utc
     wrong += tuple(times(certificate, now))
     soon = now <= until < now + SOON
-    return Checked(common_name(certificate), path.name, until, says, wrong, soon)
+    return Checked(common_name(certificate), path.name, until, description, wrong, soon)
 
 
 def times(certificate: x509.Certificate, now: datetime) -> Iterator[str]:

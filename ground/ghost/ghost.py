@@ -137,7 +137,7 @@ class Ghost:
         if code is not None:
             self._finish(
                 self._reading.course(
-                    self._last_words() or f"the process ended with {exit_description(code)}"
+                    self._last_error_line() or f"the process ended with {exit_description(code)}"
                 )
             )
         elif self._clock.now_ns() >= self._deadline_ns:
@@ -172,8 +172,8 @@ class Ghost:
             self._read_bytes += len(data)
             self._reading.take(data)
 
-    def _last_words(self) -> str:
+    def _last_error_line(self) -> str:
         """Return the last line of its error output."""
-        said = os.pread(self._files[2].fileno(), CHUNK, 0).decode(errors="replace")
-        lines = [line for line in said.splitlines() if line.strip()]
+        output = os.pread(self._files[2].fileno(), CHUNK, 0).decode(errors="replace")
+        lines = [line for line in output.splitlines() if line.strip()]
         return lines[-1].removeprefix("sidestep trial: ") if lines else ""

@@ -60,7 +60,7 @@ class GhostRunner:
             course = self._ghosts.courses[name]
             if course is not None:
                 severity = Severity.WARNING if course.outcome == FAILED else Severity.INFO
-                station.note(f"ghost {name}: {told(course)}", severity)
+                station.note(f"ghost {name}: {result_line(course)}", severity)
 
     @property
     def busy(self) -> bool:
@@ -99,7 +99,7 @@ def world_of(station: Station) -> str:
     return "" if station.world is None else station.world.text
 
 
-def told(course: PredictedPath) -> str:
+def result_line(course: PredictedPath) -> str:
     """Describe the result in one line."""
     words = course.outcome
     if course.time_s is not None and course.length_m is not None:

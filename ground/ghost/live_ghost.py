@@ -23,10 +23,10 @@ class LiveState:
     def __init__(self, link: Link) -> None:
         """Wait for the robot's messages; raises UnansweredError when they do not arrive."""
         self._link = link
-        with link.subscribed(STATUS, TRUTH) as heard:
-            link.wait(lambda: all(heard.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
+        with link.subscribed(STATUS, TRUTH) as telemetry:
+            link.wait(lambda: all(telemetry.latest(topic) for topic in (STATUS, TRUTH)), LISTEN_NS)
             now_ns = link.clock.now_ns()
-            status, self._truth = heard.live(STATUS, now_ns), heard.live(TRUTH, now_ns)
+            status, self._truth = telemetry.live(STATUS, now_ns), telemetry.live(TRUTH, now_ns)
         if status is None:
             raise UnansweredError(link.diagnosis())
         self.status: NavigatorStatus = status

@@ -82,16 +82,16 @@ class PathReader:
 
     def course(self, otherwise: str) -> PredictedPath:
         """Return the result; `otherwise` is the reason when the process reported none."""
-        told = self.outcome
-        if told is None:
+        outcome = self.outcome
+        if outcome is None:
             return PredictedPath(list(self.path_m), FAILED, otherwise)
         return PredictedPath(
             list(self.path_m),
-            told["outcome"],
-            str(told.get("reason", "")),
-            number(told.get("time_s")),
-            number(told.get("path_m")),
-            int(number(told.get("contacts")) or 0),
+            outcome["outcome"],
+            str(outcome.get("reason", "")),
+            number(outcome.get("time_s")),
+            number(outcome.get("path_m")),
+            int(number(outcome.get("contacts")) or 0),
         )
 
 

@@ -39,7 +39,7 @@ PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyTy
         "end": (signal.SIGKILL, "is killed"),
     }
 )
-"""Signal and description of each fault that can be injected into a process."""
+"""Signal and effect of each fault that can be injected into a process."""
 
 
 PAUSED: Final = "--paused"
@@ -206,10 +206,10 @@ class Stack:
 
     def inject_fault(self, role: str, what: str) -> str:
         """Inject a fault into a process and return what was done, in words."""
-        number, says = PROCESS_FAULTS[what]
+        number, effect = PROCESS_FAULTS[what]
         if not self._children.send(role, number):
             raise UserError(f"there is no running {role} process")
-        return f"the {role} process {says}"
+        return f"the {role} process {effect}"
 
 
 def make_folder(folder: str) -> None:

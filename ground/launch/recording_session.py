@@ -31,8 +31,8 @@ DEFAULT_KEEP: Final = "2GB"
 def add_recording(parser: argparse.ArgumentParser) -> None:
     """Add `--record` and `--no-record`, for verbs that open the app."""
     group = parser.add_mutually_exclusive_group()
-    says = f"write a .tlog and an .mcap of every frame there (on a terminal {default_folder()})"
-    group.add_argument("--record", metavar="DIR", help=says)
+    summary = f"write a .tlog and an .mcap of every frame there (on a terminal {default_folder()})"
+    group.add_argument("--record", metavar="DIR", help=summary)
     group.add_argument("--no-record", action="store_true", help="write no recording")
     add_keep(parser)
 

@@ -114,8 +114,8 @@ def _checked(table: dict[str, float]) -> Waypoint:
         return parse(table, Waypoint, file="")
     except ConfigError as error:
         value = table.get(error.key)
-        told = "" if value is None else f" {value:g}"
-        raise UnsupportedItemError(f"{error.key}{told}: {error.reason}") from error
+        shown_value = "" if value is None else f" {value:g}"
+        raise UnsupportedItemError(f"{error.key}{shown_value}: {error.reason}") from error
 
 
 def _place(item: Item, home: Home | None) -> tuple[float, float]:

@@ -21,10 +21,10 @@ class MissionError(UserError):
 
     def __init__(self, file: str, problems: Sequence[Problem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda problem: problem.line or 0))
-        super().__init__("\n".join(told(file, problem) for problem in self.problems))
+        super().__init__("\n".join(problem_line(file, problem) for problem in self.problems))
 
 
-def told(file: str, problem: Problem) -> str:
+def problem_line(file: str, problem: Problem) -> str:
     """Format a problem as one line."""
     place = file if problem.line is None else f"{file}:{problem.line}"
     where = f"{problem.where}: " if problem.where else ""

@@ -27,8 +27,8 @@ def marks_in(log_index: LogIndex) -> tuple[Mark, ...]:
     """Return all bookmarks in order of time."""
     texts = StatustextAssembler()
     remarks = ((time_ns, texts.receive(message)) for time_ns, message in log_index.on(MARK.path))
-    said = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
-    return tuple(sorted([*changes(log_index.on(STATUS.path)), *said]))
+    written = [Mark(time_ns / NS_PER_S, "mark", words) for time_ns, words in remarks if words]
+    return tuple(sorted([*changes(log_index.on(STATUS.path)), *written]))
 
 
 def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:

@@ -25,8 +25,8 @@ MAX_COORDINATE_M: Final = 1e6
 
 def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
     """Add the verbs to the parser of `sidestep worlds`."""
-    says = "make world files of the corpus; equal family, number and seed give an equal world"
-    one = verbs.add_parser("generate", help=says, description=says, allow_abbrev=False)
+    summary = "make world files of the corpus; equal family, number and seed give an equal world"
+    one = verbs.add_parser("generate", help=summary, description=summary, allow_abbrev=False)
     families = (*FAMILIES, *GRID_FAMILIES)
     helps = f"of {', '.join(families)}; all but the last {len(GRID_FAMILIES)} by default"
     one.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
@@ -38,8 +38,8 @@ def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
         help=f"worlds of each, {PER_FAMILY} by default",
     )
     _add_common(one)
-    says = f"make world files from a file of another format: {', '.join(TAKES)}"
-    other = verbs.add_parser("import", help=says, description=says, allow_abbrev=False)
+    summary = f"make world files from a file of another format: {', '.join(TAKES)}"
+    other = verbs.add_parser("import", help=summary, description=summary, allow_abbrev=False)
     _add_import(other)
     _add_common(other)
 
@@ -105,12 +105,12 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
     """Write each world, with its comment, to a file of its name; return their number."""
     count = 0
     try:
-        for world, says in worlds:
+        for world, comment in worlds:
             if why := bad_name(world.name):
                 raise WorldError([Problem(str(directory), None, "name", why, "rename the file")])
             directory.mkdir(parents=True, exist_ok=True)
             path = directory / f"{world.name}.toml"
-            path.write_text(dumps(world, says), encoding="utf-8")
+            path.write_text(dumps(world, comment), encoding="utf-8")
             count += 1
     except WorldError as error:
         print(error, file=sys.stderr)
@@ -127,8 +127,8 @@ def write(worlds: Iterable[tuple[World, str]], directory: Path) -> int:
 def _generated(arguments: argparse.Namespace) -> Iterator[tuple[World, str]]:
     for family in dict.fromkeys(arguments.family or FAMILIES):
         for index in range(arguments.per_family):
-            says = f"Number {index} of the family {family} from seed {arguments.seed}."
-            yield generate(family, index, arguments.seed), says
+            comment = f"Number {index} of the family {family} from seed {arguments.seed}."
+            yield generate(family, index, arguments.seed), comment
 
 
 def _cell(text: str) -> float:

@@ -53,13 +53,13 @@ def _parser() -> argparse.ArgumentParser:
     verbs = parser.add_subparsers(
         dest="verb", required=True, metavar="list|faults|check|show|generate|import"
     )
-    for verb, says in (
+    for verb, summary in (
         ("list", "list the shipped worlds"),
         ("faults", "list the faults for the [[fault]] tables of a world"),
         ("check", "check a world file; print line, key, reason and fix of each problem"),
         ("show", "draw a world, or print it as JSON"),
     ):
-        one = verbs.add_parser(verb, help=says, description=says, allow_abbrev=False)
+        one = verbs.add_parser(verb, help=summary, description=summary, allow_abbrev=False)
         if verb not in ("list", "faults"):
             one.add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
         one.add_argument("--json", action="store_true", help="print one JSON object")
@@ -85,7 +85,7 @@ def _print_json(found: dict[str, Json]) -> None:
     print(json.dumps(found, allow_nan=False))
 
 
-def _says(name: str) -> str:
+def _first_comment(name: str) -> str:
     """Return the comment in the first line of a shipped file."""
     with (SHIPPED_DIR / f"{name}.toml").open(encoding="utf-8") as file:
         return file.readline().removeprefix("#").strip()
@@ -94,11 +94,11 @@ def _says(name: str) -> str:
 def _list(as_object: bool) -> int:
     names = shipped()
     if as_object:
-        _print_json({"worlds": [{"name": name, "says": _says(name)} for name in names]})
+        _print_json({"worlds": [{"name": name, "says": _first_comment(name)} for name in names]})
     else:
         width = max(len(name) for name in names)
         for name in names:
-            print(f"{name:<{width}}  {_says(name)}")
+            print(f"{name:<{width}}  {_first_comment(name)}")
     return EXIT_OK
 
 
@@ -149,8 +149,8 @@ def _show(world: World, arguments: argparse.Namespace) -> int:
 def _path_to_draw(world: World) -> list[Point] | None:
     """Return the shortest path; None if it is slow to compute and its length is known."""
     corners = sum(1 if isinstance(one, Circle) else len(one.points_m) for one in world.obstacles)
-    said = world.reachable is False or world.shortest_path_m is not None
-    return None if said and corners > MANY_CORNERS else shortest_path(world)
+    is_length_known = world.reachable is False or world.shortest_path_m is not None
+    return None if is_length_known and corners > MANY_CORNERS else shortest_path(world)
 
 
 def _places(world: World, arguments: argparse.Namespace) -> dict[str, Json]:

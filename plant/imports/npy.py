@@ -19,8 +19,8 @@ FIX: Final = "give a grid_N.npy of the data set"
 
 def parse_npy(data: bytes, file: str) -> NDArray[np.float64]:
     """Return rows and columns of numbers; raise WorldError for anything else."""
-    said, body = _header(data, file)
-    kind, shape, by_column = (said.get(key) for key in ("descr", "shape", "fortran_order"))
+    header, body = _header(data, file)
+    kind, shape, by_column = (header.get(key) for key in ("descr", "shape", "fortran_order"))
     if not isinstance(kind, str) or not NUMBERS.fullmatch(kind):
         raise refuse(file, "npy", f"expected a table of numbers, found {kind!r:.40}", FIX)
     if not isinstance(shape, tuple) or len(shape) != 2 or not isinstance(by_column, bool):
@@ -45,9 +45,9 @@ def _header(data: bytes, file: str) -> tuple[dict[str, object], bytes]:
     if end > min(len(data), MAX_HEADER_BYTES):
         raise refuse(file, "npy", "its header does not end", "is the file cut? save it again")
     try:
-        said = ast.literal_eval(data[8 + size : end].decode("latin-1").strip())
+        header = ast.literal_eval(data[8 + size : end].decode("latin-1").strip())
     except (ValueError, SyntaxError, RecursionError, MemoryError):
-        said = None
-    if not isinstance(said, dict):
+        header = None
+    if not isinstance(header, dict):
         raise refuse(file, "npy", "its header cannot be read", "save it again with numpy.save")
-    return said, data[end:]
+    return header, data[end:]

@@ -20,39 +20,43 @@ FALSE: Final = ("0", "false", "no")
 
 def load_ros_map(path: Path) -> Cells:
     """Return the map's cells, in its frame, without a blocked rim; raise WorldError."""
-    said = load_map_yaml(path)
-    image = path.parent / said.text("image", "map.pgm")
-    cell_m = said.number("resolution", "0.05", 0.001, 10.0)
-    x_m, y_m, yaw_rad = said.numbers("origin", "[0.0, 0.0, 0.0]", 3, MAX_COORDINATE_M)
+    settings = load_map_yaml(path)
+    image = path.parent / settings.text("image", "map.pgm")
+    cell_m = settings.number("resolution", "0.05", 0.001, 10.0)
+    x_m, y_m, yaw_rad = settings.numbers("origin", "[0.0, 0.0, 0.0]", 3, MAX_COORDINATE_M)
     if abs(yaw_rad) > 2.0 * pi:
-        raise said.refuse("origin", f"a yaw of {yaw_rad:g}", "[0.0, 0.0, 0.0], the yaw in radians")
-    free_below, negated = _threshold(said), _negated(said)
+        raise settings.refuse(
+            "origin", f"a yaw of {yaw_rad:g}", "[0.0, 0.0, 0.0], the yaw in radians"
+        )
+    free_below, negated = _threshold(settings), _negated(settings)
     if image.suffix.lower() != ".pgm":
         reason = f"{image.name} is no .pgm file"
-        raise said.refuse("image", reason, "map.pgm, and save the picture as PGM")
+        raise settings.refuse("image", reason, "map.pgm, and save the picture as PGM")
     whiteness = load_pgm(image)
     occupancy = whiteness if negated else 1.0 - whiteness
     free = occupancy < free_below
     if not free.any():
         fix = "are negate and free_thresh what they should be?"
-        raise refuse(str(path), "free_thresh", "no pixel is free", fix, said.line("free_thresh"))
+        raise refuse(
+            str(path), "free_thresh", "no pixel is free", fix, settings.line("free_thresh")
+        )
     return Cells(~free[::-1], cell_m, (x_m, y_m), yaw_rad).trimmed()
 
 
-def _threshold(said: MapYaml) -> float:
+def _threshold(settings: MapYaml) -> float:
     """Return free_thresh, after a check of the keys that belong to it."""
-    free_below = said.number("free_thresh", "0.196", 0.0, 1.0)
-    occupied_above = said.number("occupied_thresh", "0.65", 0.0, 1.0)
+    free_below = settings.number("free_thresh", "0.196", 0.0, 1.0)
+    occupied_above = settings.number("occupied_thresh", "0.65", 0.0, 1.0)
     if free_below > occupied_above:
-        raise said.refuse("free_thresh", f"above occupied_thresh ({occupied_above:g})", "0.196")
-    mode = said.text("mode", "trinary") if "mode" in said else MODES[0]
+        raise settings.refuse("free_thresh", f"above occupied_thresh ({occupied_above:g})", "0.196")
+    mode = settings.text("mode", "trinary") if "mode" in settings else MODES[0]
     if mode not in MODES:
-        raise said.refuse("mode", f"{mode!r} is none of {', '.join(MODES)}", "trinary")
+        raise settings.refuse("mode", f"{mode!r} is none of {', '.join(MODES)}", "trinary")
     return free_below
 
 
-def _negated(said: MapYaml) -> bool:
-    word = said.text("negate", "0").lower()
+def _negated(settings: MapYaml) -> bool:
+    word = settings.text("negate", "0").lower()
     if word not in (*TRUE, *FALSE):
-        raise said.refuse("negate", f"{word!r} is neither 0 nor 1", "0")
+        raise settings.refuse("negate", f"{word!r} is neither 0 nor 1", "0")
     return word in TRUE

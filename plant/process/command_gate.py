@@ -71,8 +71,8 @@ class CommandGate:
     @property
     def answered(self) -> bool:
         """Return whether the robot has answered the newest tick."""
-        heard, ticks = self._newest_robot, self._ticks
-        return heard is not None and heard.tick == ticks[-1]
+        robot, ticks = self._newest_robot, self._ticks
+        return robot is not None and robot.tick == ticks[-1]
 
     def receive(self, command: WheelCommand) -> str:
         """Admit or ignore a command; return what is wrong with one that no valid robot sends.
@@ -136,16 +136,16 @@ class CommandGate:
 
     def _is_fenced_off(self, command: WheelCommand) -> bool:
         """Return whether a robot that was started later is active."""
-        heard = self._newest_robot
-        if heard is None or command.epoch >= heard.epoch:
+        robot = self._newest_robot
+        if robot is None or command.epoch >= robot.epoch:
             return False
-        return self._ticks[-1] - heard.at < SILENT_TICKS
+        return self._ticks[-1] - robot.at < SILENT_TICKS
 
     def _follow(self, command: WheelCommand, tick: int) -> bool:
         """Make the sender of a command the active robot; return whether the command is new."""
-        heard, number = self._newest_robot, (tick, command.seq)
-        if heard is not None and heard.epoch == command.epoch and number <= heard[2:]:
-            self._newest_robot = heard._replace(at=self._ticks[-1])
+        robot, number = self._newest_robot, (tick, command.seq)
+        if robot is not None and robot.epoch == command.epoch and number <= robot[2:]:
+            self._newest_robot = robot._replace(at=self._ticks[-1])
             return False
         self._newest_robot = NewestRobot(command.epoch, self._ticks[-1], *number)
         return True

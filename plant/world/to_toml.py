@@ -13,7 +13,7 @@ from runtime.cli.terminal import printable
 MAX_DECIMALS: Final = 15
 
 
-def dumps(world: World, says: str = "") -> str:
+def dumps(world: World, comment: str = "") -> str:
     """Return the text of a world file that begins with a comment."""
     start, goal = world.start, world.goal
     start_table = {"x_m": start.x_m, "y_m": start.y_m, "heading_rad": start.heading_rad}
@@ -22,7 +22,7 @@ def dumps(world: World, says: str = "") -> str:
         goal_table["heading_rad"] = goal.heading_rad
     goal_table["position_tolerance_m"] = goal.position_tolerance_m
     goal_table["heading_tolerance_rad"] = goal.heading_tolerance_rad
-    lines = [f"# {printable(line)}".rstrip() for line in says.splitlines()]
+    lines = [f"# {printable(line)}".rstrip() for line in comment.splitlines()]
     lines += [f"name = {_text(world.name)}", f"size_m = {_pair(world.size_m)}"]
     lines += [] if world.walls else ["walls = false"]
     lines += [f"start = {{ {', '.join(_pairs(start_table))} }}"]

@@ -167,7 +167,7 @@ def outcome_of(sample: zenoh.Sample) -> str:
         return "looked"
     answer = decode(sample.payload.to_bytes()).message
     if not isinstance(answer, CommandAck):
-        return "told"
+        return "answered"
     if answer.result == AckResult.ACCEPTED:
         return ACTED
     return Reason(answer.result_param2).name.lower()

@@ -47,8 +47,8 @@ class CommandPalette(Provider):
                 yield PaletteEntry(key.description, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
             yield PaletteEntry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
-        for word, says in summaries().items():
-            yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), says)
+        for word, summary in summaries().items():
+            yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), summary)
 
 
 def ground_app(app: object) -> "GroundApp":

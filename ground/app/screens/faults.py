@@ -94,9 +94,9 @@ class FaultsScreen(ListScreen):
         """Return all faults; those of processes, which happen at once, come first."""
         roles = self.interface.stack.roles() if self.interface.stack else []
         ours = [
-            InjectableFault(f"{what} {role}", says, role=role)
+            InjectableFault(f"{what} {role}", effect, role=role)
             for role in roles
-            for what, (_, says) in PROCESS_FAULTS.items()
+            for what, (_, effect) in PROCESS_FAULTS.items()
         ]
         return [*ours, *self._kinds]
 

@@ -143,7 +143,7 @@ def world_row(world: Mapping[str, str], here: str, chosen: bool) -> Row:
     return row(" ", mark, name, f" {world['says']}")
 
 
-def fact_rows(facts: Mapping[str, Any] | None, says: str) -> list[Row]:
+def fact_rows(facts: Mapping[str, Any] | None, description: str) -> list[Row]:
     """Return description, size, start, goal and faults of a world."""
     if facts is None:
         return [row(faint(" reading ..."))]
@@ -154,7 +154,7 @@ def fact_rows(facts: Mapping[str, Any] | None, says: str) -> list[Row]:
     way_m = facts.get("shortest_path_m")
     heading_deg = goal.get("heading_deg")
     return [
-        row(Span(f" {facts['name']}", "accent"), f"  {says}"),
+        row(Span(f" {facts['name']}", "accent"), f"  {description}"),
         row(
             head(" size   "), f"{width_m:g} x {height_m:g} m, ",
             f"{len(facts['obstacles'])} obstacles, {moving} moving", head("  faults "), faults,

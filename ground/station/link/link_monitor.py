@@ -198,6 +198,6 @@ class LinkMonitor:
         topics: tuple[Topic[Any], ...] = (
             (SONAR, WHEELS) if senses_are_stale else (HEARTBEAT, STATUS)
         )
-        heard = [self._model.telemetry.latest(topic) for topic in topics]
-        arrived_ns = [newest[1] for newest in heard if newest is not None]
+        newest_of_each = [self._model.telemetry.latest(topic) for topic in topics]
+        arrived_ns = [newest[1] for newest in newest_of_each if newest is not None]
         return (min if senses_are_stale else max)(arrived_ns, default=self._model.began_ns)

@@ -106,22 +106,22 @@ def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
     subscribes = everything if grant.subscribes == ALL else grant.subscribes
     fetches = everything if grant.fetches == ALL else grant.fetches
     presence_of = (f"{about}/{PRESENCE}",)
-    put, heard = kept(grant.puts), kept(fetches)
+    put, fetched = kept(grant.puts), kept(fetches)
     presence = ("declare_liveliness_subscriber", "liveliness_query")
     come: Table = {
         ("put",): grant.puts + put,
-        ("declare_subscriber",): subscribes + heard,
-        ("query",): grant.asks + heard,
+        ("declare_subscriber",): subscribes + fetched,
+        ("query",): grant.asks + fetched,
         ("declare_queryable",): grant.answers + put,
         ("reply",): grant.answers + grant.puts + put,
         ("liveliness_token",): grant.shows + put,
-        presence: presence_of + heard,
+        presence: presence_of + fetched,
     }
     go: Table = {
-        ("put",): subscribes + heard,
+        ("put",): subscribes + fetched,
         ("query",): grant.answers + put,
-        ("reply",): grant.asks + subscribes + heard,
-        ("liveliness_token",): presence_of + heard,
+        ("reply",): grant.asks + subscribes + fetched,
+        ("liveliness_token",): presence_of + fetched,
         ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
     }
     return come, go

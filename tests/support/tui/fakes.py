@@ -195,7 +195,7 @@ class FakeStation(Station):
         return self.scene_now
 
     def refusal(self, *, moves: bool = True) -> str:
-        return "" if self.ready_now or not moves else "nothing is heard of r1"
+        return "" if self.ready_now or not moves else "no message from the robot for 2.0 s"
 
     def submit(self, words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
         self.asked.append(words)

@@ -80,7 +80,7 @@ def test_last_line_is_a_command_for_a_shell() -> None:
     station.robot_now = "r2"
     runner.run_line("goal 9 7 90")
     assert runner.last == f"sidestep goto 9 7 90 --id r2 --connect {ELSEWHERE}"
-    assert "nothing is heard of r1" in log(station)
+    assert "no message from the robot" in log(station)
 
 
 def test_commands_for_the_screen_and_help_run_at_once() -> None:

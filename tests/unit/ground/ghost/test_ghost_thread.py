@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ground.ghost import Ghosts, PredictedPath
-from ground.ghost.ghost_thread import CHOICES, GhostRunner, instant_of, told
+from ground.ghost.ghost_thread import CHOICES, GhostRunner, instant_of, result_line
 from ground.station import Station
 from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome
@@ -114,9 +114,15 @@ def test_a_robot_without_a_goal_has_no_ghosts(show: Show) -> None:
 
 def test_outcome_is_one_line() -> None:
     stuck = PredictedPath([], "stuck", "no way", 12.34, 5.678)
-    assert told(stuck) == "stuck after 12.3 s and 5.68 m: no way"
-    assert told(stuck._replace(reason="ok", outcome="reached")) == "reached after 12.3 s and 5.68 m"
-    assert told(PredictedPath([], "failed", "the start is taken")) == "failed: the start is taken"
+    assert result_line(stuck) == "stuck after 12.3 s and 5.68 m: no way"
+    assert (
+        result_line(stuck._replace(reason="ok", outcome="reached"))
+        == "reached after 12.3 s and 5.68 m"
+    )
+    assert (
+        result_line(PredictedPath([], "failed", "the start is taken"))
+        == "failed: the start is taken"
+    )
 
 
 def test_without_truth_it_begins_where_the_robot_believes_to_be(
