@@ -18,8 +18,7 @@ from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report, percentile, ratios
 from verification.harness.pace import paced, wait_until
-from verification.harness.process_stats import cpu_s
-from verification.harness.processes import ROBOT, robot_process
+from verification.harness.processes import ROBOT, cpu_s, robot_process
 from verification.harness.stand_in import PlantStandIn, driving
 
 MAX_RATIO: Final = 1.10

@@ -15,8 +15,7 @@ from protocol.bus.bus import open_bus
 from runtime.timing import CONTROL_HZ
 from verification.harness.figures import Figure, Report
 from verification.harness.pace import paced
-from verification.harness.process_stats import cpu_s, resident_mb
-from verification.harness.processes import robot_process
+from verification.harness.processes import cpu_s, resident_mb, robot_process
 from verification.harness.stand_in import PlantStandIn, driving
 
 CPU_AT_MOST, RSS_AT_MOST, IMPORT_AT_MOST, GROWTH_AT_MOST = 5.0, 60.0, 0.3, 1.0

@@ -39,7 +39,7 @@ from protocol.wire.messages import (
 )
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
-from verification.harness.process_stats import resident_mb
+from verification.harness.processes import resident_mb
 
 TELEMETRY_HZ: Final = 50
 POLL_HZ: Final = 10

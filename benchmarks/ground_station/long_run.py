@@ -13,7 +13,7 @@ from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from verification.harness.figures import Figure
 from verification.harness.observer import Observer, observed
-from verification.harness.process_stats import resident_mb
+from verification.harness.processes import resident_mb
 
 WORLD: Final = "forest_medium"
 GROWTH_AT_MOST_MB: Final = 15.0

@@ -10,8 +10,7 @@ from ground.missions.outline import fault_of
 from ground.missions.problems import MissionError, Problem, line_of
 from runtime.config import parse, unknown_key
 from runtime.errors import ConfigError
-from runtime.toml_lines import Key, key_lines
-from runtime.toml_reader import table_in
+from runtime.toml_reader import Key, key_lines, table_in
 
 T = TypeVar("T")
 PART: Final = re.compile(r"([^.\[\]]+)|\[(\d+)\]")

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 
 class Problem(NamedTuple):

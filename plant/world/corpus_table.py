@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 from plant.model.errors import Report
 from plant.model.types import GoalPose, Start
 from plant.world.table import Limits, Table
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 EXAMPLES: Final = {
     "family": '"u_trap"',

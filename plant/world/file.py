@@ -25,8 +25,7 @@ from plant.model.types import (
 )
 from plant.world.from_json import from_json, is_json
 from plant.world.reader import read_world
-from runtime.toml_lines import key_lines
-from runtime.toml_reader import MAX_BYTES, TooDeepError, table_in
+from runtime.toml_reader import MAX_BYTES, TooDeepError, key_lines, table_in
 
 __all__ = [
     "SHIPPED_DIR",

@@ -7,7 +7,7 @@ from plant.model.errors import Problem, Report, WorldError
 from plant.model.types import World
 from plant.world.reader import read_world
 from runtime.json_reader import value_in
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
 """Keys of lists in the JSON, with their singular names in the file."""

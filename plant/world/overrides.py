@@ -12,7 +12,7 @@ from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
 from plant.model.types import Setting, Settings
 from plant.world.table import HUGE, Limits, Table
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 ANY_NUMBER: Final = Limits(-HUGE, HUGE)
 

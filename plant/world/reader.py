@@ -11,7 +11,7 @@ from plant.world.corpus_table import check_length, read_corpus
 from plant.world.overrides import read_fault, read_noise, read_robot
 from plant.world.shapes import read_obstacle
 from plant.world.table import COORDINATE, Limits, Table, type_name
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 EXAMPLES: Final = {
     "name": '"my_world"',

@@ -7,7 +7,7 @@ from plant.model.errors import Report
 from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, folded_corner
 from plant.model.types import WALL_THICKNESS_M, Circle, Obstacle, Point, Polygon, Polyline
 from plant.world.table import COORDINATE, Limits, Table
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 SHAPES: Final = {
     "polygon_m": "[[2.0, 1.0], [3.0, 1.0], [3.0, 2.0]]",

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 from plant.model.errors import Report
 from plant.model.types import Point
 from plant.world.units import meant, reason_and_fix
-from runtime.toml_lines import Key
+from runtime.toml_reader import Key
 
 MAX_COORDINATE_M: Final = 100.0
 MAX_POINTS: Final = 500

@@ -9,9 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from verification.fuzz import main as fuzz
-from verification.fuzz.hunt import limited, watch
+from verification.fuzz.hunt import TARGETS, limited, watch
 from verification.fuzz.target import FuzzTarget
-from verification.fuzz.targets import TARGETS
 
 FEW = 25
 BEYOND = 10_000

@@ -6,10 +6,9 @@ import msgspec
 import pytest
 
 from protocol.wire.messages import PlanarOdometry
-from verification.fuzz.hunt import limited, watch
+from verification.fuzz.hunt import TARGETS, limited, watch
 from verification.fuzz.logs import TICK_MESSAGES, bomb
 from verification.fuzz.messages import packed
-from verification.fuzz.targets import TARGETS
 
 DOTTED = b"a" + b".a" * 60_000 + b" = 1"
 LONG = b"[parameters]\nd_obs_m = " + b"9" * 5000

@@ -11,10 +11,9 @@ import pytest
 from runtime.errors import RemoteError, UserError
 from verification.fuzz import hunt as fuzz_hunt
 from verification.fuzz import main as fuzz
-from verification.fuzz.hunt import Finding, FuzzTally, hunt
+from verification.fuzz.hunt import TARGETS, Finding, FuzzTally, hunt
 from verification.fuzz.main import Block, keep, report_of, share_out
 from verification.fuzz.target import FuzzTarget
-from verification.fuzz.targets import TARGETS
 
 
 def of(run: Callable[[bytes, Path], object], weight: int = 20) -> FuzzTarget:

@@ -1,19 +1,26 @@
-"""Additional participants on the bus: a second robot, and a sender of extreme frames."""
+"""Additional participants on the bus: a second robot, an impostor, a sender of extreme frames."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import zip_longest
 from math import inf, nan
-from typing import Any, Final, TypeAlias
+from pathlib import Path
+from typing import Any, Final, Self, TypeAlias
 
 from protocol.bus.bus import Bus
+from protocol.bus.network import Network
 from protocol.topics import OPERATOR, SONAR, STOP, TELEOP, WHEELS, Role, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
+from verification.flood.kinds import Attacker, frames, questions, wheels
 from verification.harness.bus_calls import await_subscribers
 from verification.harness.inprocess import InProcess
+from verification.harness.processes import free_port, tls_of
 from verification.harness.until import until
+
+IMPOSTOR: Final = "robot-r2"
+IMPOSTOR_SENDS: Final = (frames, questions, wheels)
 
 Turn: TypeAlias = list[tuple[Topic[Any], bytes]]
 """The frames of one tick, at most one per topic: the robot reads the newest."""
@@ -25,6 +32,27 @@ RECEIVED: Final[tuple[Topic[Any], ...]] = (*READ, STOP)
 GREATEST_FLOAT32: Final = 3.4028234e38
 FLOATS: Final = (0.0, -GREATEST_FLOAT32, GREATEST_FLOAT32, nan, inf, -inf)
 MATCHED_S: Final = 5.0
+
+
+class Impostor:
+    """Listens as a router does, without access control of its own."""
+
+    def __init__(self, keys: Path) -> None:
+        self.endpoint = f"tls/127.0.0.1:{free_port()}"
+        network = Network(mode="router", listen=(self.endpoint,), tls=tls_of(keys, IMPOSTOR))
+        self._attacker = Attacker(network, "ground")
+        self._senders = [prepare(self._attacker) for prepare in IMPOSTOR_SENDS]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._attacker.close()
+
+    def send(self) -> None:
+        """Send one of each kind of payload that could make a robot drive."""
+        for send in self._senders:
+            send()
 
 
 def second_robot(stack: InProcess) -> Bus:

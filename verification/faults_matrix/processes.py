@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Self
 
 from ground.launch.child_command import command
-from verification.harness.certificates import made_keys
-from verification.harness.processes import free_port
+from verification.harness.processes import free_port, made_keys
 from verification.harness.tcp_proxy import TcpProxy
 from verification.harness.until import PATIENCE_S, until
 

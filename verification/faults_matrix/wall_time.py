@@ -30,9 +30,7 @@ from verification.faults_matrix.actions import (
     SlowDisk,
 )
 from verification.faults_matrix.fault_commands import PATHS, injections_of
-from verification.faults_matrix.impostor import NAME as IMPOSTOR
-from verification.faults_matrix.impostor import Impostor
-from verification.faults_matrix.intruders import ExtremeSender
+from verification.faults_matrix.intruders import IMPOSTOR, ExtremeSender, Impostor
 from verification.faults_matrix.log import Lost, lost_from
 from verification.faults_matrix.observer import TUNED, BusObserver, Changes
 from verification.faults_matrix.processes import ProcessGroup

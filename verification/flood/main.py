@@ -31,10 +31,9 @@ from verification.flood.acknowledgements import StopStatus, unfounded
 from verification.flood.attack import Access, Attack
 from verification.flood.kinds import ACTED, KINDS
 from verification.flood.operator import DrivingOperator, StopTimes
-from verification.harness.certificates import made_keys
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.observer import Observer, observed
-from verification.harness.process_stats import cpu_s, resident_mb
+from verification.harness.processes import cpu_s, made_keys, resident_mb
 from verification.harness.until import until
 
 ALONE: Final = "none"

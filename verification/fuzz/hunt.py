@@ -7,18 +7,30 @@ import signal
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
-from types import FrameType
+from types import FrameType, MappingProxyType
 from typing import Final, NamedTuple
 
+from verification.fuzz.keys import KEYS
+from verification.fuzz.logs import LOGS
+from verification.fuzz.missions import MISSION
+from verification.fuzz.rows import ROWS
+from verification.fuzz.settings import SETTING
 from verification.fuzz.target import FuzzTarget
-from verification.fuzz.targets import TARGETS
+from verification.fuzz.typed import TYPED
+from verification.fuzz.wire import WIRE
+from verification.fuzz.worlds import WORLDS
+
+TARGETS: Final[Mapping[str, FuzzTarget]] = MappingProxyType(
+    {one.name: one for one in (*WIRE, *WORLDS, *MISSION, *SETTING, *LOGS, *TYPED, *KEYS, *ROWS)}
+)
+"""Every place that reads bytes of other programs or of users."""
 
 LONGEST_S: Final = 5.0
 """Limit of the CPU time of one input; a megabyte of TOML takes its parser 2 s."""

@@ -16,9 +16,8 @@ from time import monotonic
 from typing import Final, NamedTuple
 
 from runtime.errors import UserError
-from verification.fuzz.hunt import Finding, FuzzTally, hunt
+from verification.fuzz.hunt import TARGETS, Finding, FuzzTally, hunt
 from verification.fuzz.target import FuzzTarget
-from verification.fuzz.targets import TARGETS
 from verification.harness.figures import Figure, Report
 
 USUAL_INPUTS: Final = 100_000

@@ -1,18 +1,22 @@
-"""Processes of the stack for a measurement, free ports and certificates for them."""
+"""Processes of the stack for a measurement: ports, certificates, CPU time and memory of them."""
 
+import os
 import socket
 import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from plant.model.types import World
 from protocol.bus.network import Network, Tls
 from protocol.wire.goal import start_arguments
+
+VALID: Final = timedelta(days=1)
 
 ROBOT: Final = "r1"
 
@@ -95,3 +99,27 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
     return port
+
+
+def made_keys(folder: Path, operators: Sequence[str] = ()) -> Path:
+    """Create a folder of certificates for the robots r1 and r2, valid for a day, and return it."""
+    # Imported here because other measurements run without its library.
+    from ground.certificates.folder import make
+
+    now = datetime.now(UTC)
+    make(folder, ["r1", "r2"], {}, now - VALID, now + VALID, operators)
+    return folder
+
+
+def cpu_s(pid: int) -> float:
+    """Return the user and system time of all threads of a process so far."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def resident_mb(pid: int) -> float:
+    """Return the resident memory of a process in MiB."""
+    for line in Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024
+    raise RuntimeError(f"process {pid} has no resident memory")

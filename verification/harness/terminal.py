@@ -14,7 +14,7 @@ from time import monotonic_ns
 from typing import Final, NamedTuple, Self
 
 from runtime.units import NS_PER_S
-from verification.harness.process_stats import cpu_s
+from verification.harness.processes import cpu_s
 
 CHUNK: Final = 65_536
 SLOW_READ_S: Final = 0.05

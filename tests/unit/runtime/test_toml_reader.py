@@ -3,7 +3,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.toml_lines import key_lines
+from runtime.toml_reader import key_lines
 
 TEXT = '''# a comment with [[obstacle]] in it
 name = "a # no comment"   # but this is one
