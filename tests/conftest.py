@@ -1,5 +1,6 @@
 """Shared by every run: with --no-skips a test that is skipped has failed, with its reason."""
 
+import gc
 import os
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -32,15 +33,30 @@ FOLDERS_OF = {"stack": ("stack", "bus"), "compose": ("compose",)}
 """A step of the gate collects only these: to collect everything costs more than many a test."""
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None]:
+    """Collect without garbage collection, which never traverses the thousands of items."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Reject a marker of a lane on a test that its lane would not find."""
+    folder_of: dict[Path, str | None] = {}
     for item in items:
-        if not item.path.is_relative_to(TESTS):
+        if item.path not in folder_of:
+            inside = item.path.is_relative_to(TESTS)
+            folder_of[item.path] = item.path.relative_to(TESTS).parts[0] if inside else None
+        folder = folder_of[item.path]
+        if folder is None:
             continue
-        folder = item.path.relative_to(TESTS).parts[0]
         for marker, folders in FOLDERS_OF.items():
-            if item.get_closest_marker(marker) and folder not in folders:
+            if folder not in folders and item.get_closest_marker(marker):
                 where = " or ".join(f"tests/{name}" for name in folders)
                 raise pytest.UsageError(f"{item.nodeid} is marked {marker}: move it to {where}")
 
