@@ -148,9 +148,11 @@ def count_drive(trial: Trial, inputs: Sequence[Inputs], costs: TickCosts) -> Non
         record_tick(core, state.memory, costs)
 
 
-def worst_case_ticks(name: str, count: int, ticks: int = TICKS) -> TickCosts:
-    """Return the costs of synthetic scenarios."""
-    core, costs = CountedCore(), TickCosts()
+def worst_case_ticks(
+    name: str, count: int, ticks: int = TICKS, core: CountedCore | None = None
+) -> TickCosts:
+    """Return the costs of synthetic scenarios, on a new core unless one is given."""
+    core, costs = core or CountedCore(), TickCosts()
     params = core["parameters"].DEFAULTS._replace(navigator=NAVIGATORS[name])
     for state in scenarios(core, params, count=count, ticks=ticks):
         record_tick(core, state.memory, costs)
@@ -161,8 +163,10 @@ def record_tick(core: CountedCore, memory: object, costs: TickCosts) -> None:
     """Add the cost of the last tick."""
     garbage, counted = core.counter.heap_bytes, core.take()
     functions = {name: UNCOUNTED_FACTOR * instructions(counts) for name, counts in counted.items()}
-    total = sum(counted.values(), Counter[str]())
-    costs.ticks.append(TickCost(functions, total, garbage))
+    total = Counter[str]()
+    for counts in counted.values():
+        total.update(counts)
+    costs.ticks.append(TickCost(functions, +total, garbage))
     costs.memory_bytes = max(costs.memory_bytes, heap_bytes(memory))
 
 

@@ -40,6 +40,10 @@ class CountedCore:
         self.counter.clear()
         return total
 
+    def clear(self) -> None:
+        """Clear the counts."""
+        self.counter.clear()
+
     def _load(self, name: str) -> None:
         place = SOURCE.joinpath(*name.split("."))
         module = self._modules[name] = ModuleType(f"{PACKAGE}.{name}".rstrip("."))

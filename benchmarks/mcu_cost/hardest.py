@@ -32,7 +32,7 @@ class Core(Protocol):
 
     def __getitem__(self, name: str) -> Any: ...
 
-    def take(self) -> object:
+    def clear(self) -> None:
         """Clear the counts."""
 
 
@@ -149,7 +149,7 @@ def run_scenario(core: Core, state: Any, body: ScenarioBody, ticks: int = TICKS)
     for tick in range(ticks):
         now_ms = PERIOD_MS * tick
         inputs = Inputs(now_ms, body.wheels(now_ms), body.scan(), 0)
-        core.take()
+        core.clear()
         _, outputs = core["brain"].step(state, inputs, body.params)
         if state.driving:
             yield state

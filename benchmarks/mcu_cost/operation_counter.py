@@ -73,9 +73,11 @@ class OperationCounter:
 
     def by_function(self) -> dict[str, Counter[str]]:
         """Return the counts since `clear`."""
-        total = {name: Counter(counts) for name, counts in self.functions.items()}
-        for (function, unit), hits in zip(self.units, self.hits, strict=True):
+        total = {name: Counter(counts) for name, counts in self.functions.items() if counts}
+        units = self.units
+        for number, hits in enumerate(self.hits):
             if hits:
+                function, unit = units[number]
                 counts = total.setdefault(function, Counter())
                 for name, count in unit.items():
                     counts[name] += count * hits
