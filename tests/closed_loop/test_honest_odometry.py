@@ -37,7 +37,7 @@ def test_errors_of_a_hundred_runs_match_the_covariance(level: str) -> None:
 
 
 def test_without_noise_only_tick_fractions_are_uncertain() -> None:
-    found = consistency_of([drive("obstacles", "none", k) for k in range(40)])
+    found = consistency_of([drive("obstacles", "none", k) for k in range(20)])
     assert found.inside >= 0.90
     assert 1.0 < found.position < 3.0
 
@@ -110,7 +110,7 @@ def unwatched(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_with_slip_the_true_pose_is_more_often_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    worlds = [slippery(k, "wheel_slip") for k in range(40)]
+    worlds = [slippery(k, "wheel_slip") for k in range(20)]
     watched = inside(worlds)
     unwatched(monkeypatch)
     assert watched > inside(worlds) + 0.3
@@ -119,7 +119,7 @@ def test_with_slip_the_true_pose_is_more_often_inside(
 def test_with_a_failed_encoder_the_true_pose_stays_inside(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    worlds = [slippery(k, "encoder_stuck") for k in range(60)]
+    worlds = [slippery(k, "encoder_stuck") for k in range(30)]
     assert inside(worlds) >= 0.9
     unwatched(monkeypatch)
     assert inside(worlds) <= 0.2
@@ -133,7 +133,7 @@ def test_without_slip_none_is_reported(noise: str) -> None:
         state = onboard.state
         doubts.extend((state.slip.share, state.stall.left.doubted_m, state.stall.right.doubted_m))
 
-    for k in range(25):
+    for k in range(12):
         world = replace(slippery(k, "wheel_slip"), faults=())
         run_trial(Trial(world=world, seed=k, noise=noise, timeout_s=30.0), watch)
     assert doubts

@@ -54,6 +54,6 @@ def test_same_seed_and_number_give_the_same_input() -> None:
 def test_short_hunt_finds_nothing() -> None:
     parser = argparse.ArgumentParser()
     fuzz.add_options(parser)
-    report = fuzz.measure(parser.parse_args(["--inputs", "600"]))
+    report = fuzz.measure(parser.parse_args(["--inputs", "120"]))
     assert report.met, report.text()
-    assert report.figures[0].median > 400
+    assert report.figures[0].median >= 120
