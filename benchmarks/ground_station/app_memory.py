@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.map import MapTarget
-from ground.station import Station
+from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (
     CYCLE,

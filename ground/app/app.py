@@ -31,7 +31,7 @@ from ground.app.widgets.printable import Printable
 from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.client.telemetry import Age
-from ground.console import AppCommand
+from ground.console.app_commands import AppCommand
 from ground.map import MapTarget
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT

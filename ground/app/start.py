@@ -53,8 +53,8 @@ def run(
     from ground.app.commands.local_commands import LocalCommands
     from ground.app.commands.runner import CommandRunner
     from ground.app.output_capture import capture_output
-    from ground.console import History
-    from ground.station import Station
+    from ground.console.history import History
+    from ground.station.station import Station
 
     clock = WallClock()
     station = Station(link.bus, link.robot, clock, name=operator_name())
@@ -79,7 +79,7 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
     from ground.app.commands.runner import CommandRunner
     from ground.app.output_capture import capture_output
     from ground.app.playback.player import Player
-    from ground.console import History
+    from ground.console.history import History
 
     clock = WallClock()
     player = Player(path, clock, robot)

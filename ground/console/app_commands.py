@@ -21,6 +21,7 @@ from protocol.options import finite, whole
 
 SCREENS: Final = ("drive", "plots", "params", "log", "links", "worlds", "faults", "replay")
 MAX_WAYPOINTS: Final = 65_535
+ZOOM_KEYS: Final = {"in": "zoom-in", "out": "zoom-out", "fit": "fit"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,13 +32,10 @@ class ShowHelp:
 
 
 @dataclass(frozen=True, slots=True)
-class Quit:
-    """Leave the app."""
+class RunKey:
+    """Do what the key with this id does."""
 
-
-@dataclass(frozen=True, slots=True)
-class ShowKeys:
-    """Show the keys of this screen."""
+    id: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +67,6 @@ class SwitchLayers:
 
 
 @dataclass(frozen=True, slots=True)
-class Zoom:
-    """Zoom the map in, out, or to the whole world (fit)."""
-
-    how: str
-
-
-@dataclass(frozen=True, slots=True)
-class FollowRobot:
-    """Centre the map on the robot, or stop it."""
-
-
-@dataclass(frozen=True, slots=True)
 class FindText:
     """Search the log."""
 
@@ -92,11 +78,6 @@ class SelectRobot:
     """Show another robot."""
 
     robot: str
-
-
-@dataclass(frozen=True, slots=True)
-class TakeHand:
-    """Drive by hand with the arrow keys."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,28 +101,18 @@ class ShowGhost:
     navigator: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ExplainTurn:
-    """Explain why the robot turned."""
-
-
 AppCommand: TypeAlias = (
     ShowHelp
-    | Quit
-    | ShowKeys
+    | RunKey
     | SetTheme
     | SaveScreen
     | GoToScreen
     | SwitchLayers
-    | Zoom
-    | FollowRobot
     | FindText
     | SelectRobot
-    | TakeHand
     | RecordHere
     | OpenReplay
     | ShowGhost
-    | ExplainTurn
     | Edit
 )
 
@@ -234,8 +205,8 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
             lambda arguments: ShowHelp(arguments.word),
             lambda parser: parser.add_argument("word", nargs="?", default="", metavar="VERB"),
         ),
-        "quit": LocalVerb("leave the app; gives the lease back", lambda _: Quit()),
-        "keys": LocalVerb("show the keys of this screen", lambda _: ShowKeys()),
+        "quit": LocalVerb("leave the app; gives the lease back", lambda _: RunKey("quit")),
+        "keys": LocalVerb("show the keys of this screen", lambda _: RunKey("help")),
         "theme": LocalVerb(
             "choose the colours", lambda arguments: SetTheme(arguments.name), _declare_theme
         ),
@@ -258,10 +229,10 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
         ),
         "zoom": LocalVerb(
             "zoom the map in, out, or to the whole world",
-            lambda arguments: Zoom(arguments.how),
-            lambda parser: parser.add_argument("how", choices=("in", "out", "fit")),
+            lambda arguments: RunKey(ZOOM_KEYS[arguments.how]),
+            lambda parser: parser.add_argument("how", choices=tuple(ZOOM_KEYS)),
         ),
-        "follow": LocalVerb("centre the map on the robot, or stop it", lambda _: FollowRobot()),
+        "follow": LocalVerb("centre the map on the robot, or stop it", lambda _: RunKey("follow")),
         "find": LocalVerb(
             "search the log",
             lambda arguments: FindText(" ".join(arguments.text)),
@@ -272,7 +243,7 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
             lambda arguments: SelectRobot(arguments.robot),
             lambda parser: parser.add_argument("robot", metavar="ROBOT", help="name of the robot"),
         ),
-        "teleop": LocalVerb("drive by hand with the arrow keys", lambda _: TakeHand()),
+        "teleop": LocalVerb("drive by hand with the arrow keys", lambda _: RunKey("teleop")),
         "wp": LocalVerb("draft a mission", _draft_edit, _declare_draft),
         "record": LocalVerb(
             "start or stop a recording",
@@ -291,6 +262,6 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
             lambda arguments: ShowGhost(arguments.navigator),
             _declare_ghost,
         ),
-        "why": LocalVerb("explain why the robot turned", lambda _: ExplainTurn()),
+        "why": LocalVerb("explain why the robot turned", lambda _: RunKey("explain")),
     }
 )

@@ -1,51 +1,16 @@
 """Keep the last turning points of the shown robot, to explain why it turned."""
 
 from collections import deque
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 from ground.explain.explanation import Explanation, explain
 from ground.explain.turning import TurningPoint, turning_point
-from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
+from ground.station.station import Station
+from protocol.wire.messages import AvoidanceDecision
 
 MOST: Final = 200
 MANY: Final = 2_400
 """With this many decisions at once, older ones may be missing."""
-
-
-class Instant(Protocol):
-    """The status and the cost known at an instant."""
-
-    @property
-    def status(self) -> NavigatorStatus | None:
-        """Status of the robot."""
-        ...
-
-    @property
-    def cycle(self) -> CycleReport | None:
-        """Cost of the tick."""
-        ...
-
-
-class Shows(Protocol):
-    """The parts of a station that are needed; times are by its own clock."""
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot."""
-        ...
-
-    @property
-    def now_ns(self) -> int:
-        """Time of the last poll."""
-        ...
-
-    def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
-        """Return the decisions after an instant, oldest first."""
-        ...
-
-    def moment(self, time_ns: int | None = None) -> Instant | None:
-        """Return what was known at an instant."""
-        ...
 
 
 class Turned(NamedTuple):
@@ -64,7 +29,7 @@ class Why:
         self._seen_ns = 0
         self._robot = ""
 
-    def look(self, station: Shows) -> None:
+    def look(self, station: Station) -> None:
         """Process new decisions; start again for another robot or after a jump back."""
         if station.robot != self._robot:
             self._robot, self._seen_ns = station.robot, 0
@@ -103,7 +68,7 @@ class Why:
         return self._points[-1 - back] if 0 <= back < len(self._points) else None
 
 
-def explained(turned: Turned, station: Shows) -> Explanation:
+def explained(turned: Turned, station: Station) -> Explanation:
     """Explain a turning point with what the station still knows of that moment."""
     known = station.moment(turned.at_ns)
     status, cycle = (None, None) if known is None else (known.status, known.cycle)

@@ -5,8 +5,8 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from ground.client.emergency_stop import MessagePublisher as MessagePublisher
 from ground.client.emergency_stop import ServiceCaller
-from ground.client.telemetry import FrameHandler
-from protocol.bus.mailbox import Mailbox
+from ground.client.presence import LivelinessToken
+from ground.client.telemetry import MailboxSource
 from protocol.bus.network import Hub
 from protocol.topics import Topic
 from protocol.wire.message import Message
@@ -14,18 +14,8 @@ from protocol.wire.message import Message
 M = TypeVar("M", bound=Message)
 
 
-class Token(Protocol):
-    """A liveliness token of a process."""
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot it belongs to."""
-        ...
-
-    @property
-    def role(self) -> str:
-        """Role of the process."""
-        ...
+class Token(LivelinessToken, Protocol):
+    """A liveliness token of a process, with the identity of that process."""
 
     @property
     def zid(self) -> str:
@@ -33,19 +23,8 @@ class Token(Protocol):
         ...
 
 
-class ReadableBus(ServiceCaller, Protocol):
+class ReadableBus(ServiceCaller, MailboxSource, Protocol):
     """A bus that receives: a live one, or a recording that is played."""
-
-    def mailbox(
-        self,
-        topic: Topic[M],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-        *,
-        take: FrameHandler | None = None,
-    ) -> Mailbox[M]:
-        """Return a mailbox that receives a topic."""
-        ...
 
     def present(self) -> Iterable[Token]:
         """Return the tokens of all present processes."""

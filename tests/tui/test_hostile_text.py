@@ -8,7 +8,9 @@ from textual.color import Color
 
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
-from ground.station import LeaseView, Loss, LossKind, StreamRow
+from ground.station.link.loss import Loss, LossKind
+from ground.station.link.streams import StreamRow
+from ground.station.robot.lease_state import LeaseView
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in

@@ -26,7 +26,7 @@ from ground.recording.tables.time_axis import TimeAxis
 from ground.recording.tlog import record_bytes
 from ground.recording.world_metadata import discs, facts_of, outlines, radius_of, start_of
 from ground.reports.export import Export
-from ground.station import Station
+from ground.station.station import Station
 from plant.world.file import load
 from plant.world.to_json import as_json
 from protocol.topics import ENCODING, PREFIX, TOPICS

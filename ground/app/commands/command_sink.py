@@ -4,7 +4,7 @@ from typing import Protocol
 
 from ground.client.operations import Operation
 from ground.client.results import Outcome
-from ground.console import AppCommand
+from ground.console.app_commands import AppCommand
 from ground.map import MapTarget
 
 

@@ -5,21 +5,16 @@ from typing import TYPE_CHECKING, Final
 
 from ground.console.app_commands import (
     AppCommand,
-    ExplainTurn,
     FindText,
-    FollowRobot,
     GoToScreen,
     OpenReplay,
-    Quit,
     RecordHere,
+    RunKey,
     SaveScreen,
     SelectRobot,
     SetTheme,
     ShowGhost,
-    ShowKeys,
     SwitchLayers,
-    TakeHand,
-    Zoom,
 )
 from ground.map import LAYERS
 from ground.text.theme_names import THEMES
@@ -45,10 +40,8 @@ class LocalCommands:
         Raise UserError when it is not possible on this screen.
         """
         match command:
-            case Quit():
-                self._app.exit(0)
-            case ShowKeys():
-                self.do("help")
+            case RunKey(id):
+                self.do(id)
             case SetTheme(name):
                 return self.theme(name)
             case SaveScreen(file):
@@ -57,24 +50,16 @@ class LocalCommands:
                 self._app.switch_mode(name)
             case SwitchLayers(names):
                 self.layers(names)
-            case Zoom(how):
-                self.do({"in": "zoom-in", "out": "zoom-out", "fit": "fit"}[how])
-            case FollowRobot():
-                self.do("follow")
             case FindText(text):
                 # Searches after the log screen has been shown.
                 self._app.switch_mode("log")
                 self._app.call_later(self.find_there, text)
             case SelectRobot(robot):
                 self._app.station.select(robot)
-            case TakeHand():
-                self.do("teleop")
             case OpenReplay(file):
                 self._app.open_replay(file)
             case RecordHere(begin):
                 return self.record(begin=begin)
-            case ExplainTurn():
-                self.do("explain")
             case ShowGhost(navigator):
                 self.ghost(navigator)
             case _:

@@ -11,15 +11,19 @@ from ground.client.link import Link
 from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopNow
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
-from ground.console import AppCommand, History, complete, help_text, line_of, read
 from ground.console.aliases import expanded
-from ground.console.app_commands import ShowHelp
+from ground.console.app_commands import AppCommand, ShowHelp
+from ground.console.completion import complete
+from ground.console.help import help_text
+from ground.console.history import History
+from ground.console.parser import read
+from ground.console.spelling import line_of
 from ground.console.tokenizer import words_of
 from ground.map import MapTarget
 from ground.missions.draft import Draft, Edit
-from ground.station import JobResult, Station
+from ground.station.robot.background_requests import JobResult
 from ground.station.robot.mission_items import target_of
-from ground.station.station import REPLAYED
+from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.wire.enums import LeaseAction, Mode, Severity

@@ -4,7 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ground.recording.playback.playback_bus import ReplayBus
-from ground.station import Station
+from ground.station.station import Station
 from ground.station.world import WorldFacts, parse_world
 from protocol.topics import WORLD
 from runtime.clock import Clock

@@ -8,10 +8,10 @@ from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
 from ground.client.results import Outcome
-from ground.console import AppCommand
+from ground.console.app_commands import AppCommand
 from ground.launch.launcher import Stack
 from ground.map import MapTarget
-from ground.station import Station
+from ground.station.station import Station
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, Final, Generic, Protocol, Self, TypeVar
 
+from ground.client.telemetry import MailboxSource
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import Topic
 from protocol.wire.message import Message
@@ -68,16 +69,8 @@ class Stream(Generic[T]):
             self._on_close()
 
 
-class TopicSource(Protocol):
+class TopicSource(MailboxSource, Protocol):
     """The part of a bus that subscribes to topics."""
-
-    def mailbox(
-        self,
-        topic: Topic[M],
-        robot: str | None = None,
-        notify: Callable[[int], None] | None = None,
-    ) -> Mailbox[M]:
-        """Subscribe to a topic; call `notify` at each arrival."""
 
     def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
         """Unsubscribe a mailbox."""

@@ -11,7 +11,7 @@ from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common
-from ground.console import History
+from ground.console.history import History
 from ground.station.robot.background_requests import RequestThread
 from protocol.bus.bus import Bus
 from protocol.bus.requester import Requester

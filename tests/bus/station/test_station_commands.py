@@ -9,9 +9,9 @@ import pytest
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Session
-from ground.console import AppCommand, read
-from ground.station import JobResult
-from ground.station.robot.background_requests import Job
+from ground.console.app_commands import AppCommand
+from ground.console.parser import read
+from ground.station.robot.background_requests import Job, JobResult
 from protocol.bus.bus import Bus
 from protocol.topics import COMMAND
 from protocol.wire.enums import Command, Mode, Vehicle

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station import LossKind
+from ground.station.link.loss import LossKind
 from protocol.topics import LEASE_SERVICE, Role
 from protocol.wire.enums import AckResult, LeaseAction
 from protocol.wire.messages import CommandAck, LeaseRequest

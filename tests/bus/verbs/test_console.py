@@ -13,7 +13,8 @@ from ground.cli import main as cli
 from ground.cli.options import common_of
 from ground.client.link import Link
 from ground.client.operations import Session
-from ground.console import AppCommand, read
+from ground.console.app_commands import AppCommand
+from ground.console.parser import read
 from ground.missions.draft import Draft
 from ground.missions.mission import Waypoint
 from protocol.bus.bus import open_bus

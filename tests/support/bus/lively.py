@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Final
 
-from ground.station import LossKind, Station
+from ground.station.link.loss import LossKind
+from ground.station.station import Station
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role

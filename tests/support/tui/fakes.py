@@ -8,20 +8,18 @@ from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome
 from ground.client.telemetry import AgedMessage, Telemetry
-from ground.console import AppCommand, line_of
+from ground.console.app_commands import AppCommand
+from ground.console.spelling import line_of
 from ground.map import MapScene, MapTarget
-from ground.station import (
-    EventLog,
-    JobResult,
-    LeaseView,
-    Loss,
-    Moment,
-    SeriesTable,
-    Station,
-    StreamRow,
-    WorldFacts,
-)
-from ground.station.history.event_log import LogLine
+from ground.station.history.decision_history import Moment
+from ground.station.history.event_log import EventLog, LogLine
+from ground.station.history.time_series import SeriesTable
+from ground.station.link.loss import Loss
+from ground.station.link.streams import StreamRow
+from ground.station.robot.background_requests import JobResult
+from ground.station.robot.lease_state import LeaseView
+from ground.station.station import Station
+from ground.station.world import WorldFacts
 from protocol.topics import (
     CYCLE,
     DECISION,

@@ -6,7 +6,8 @@ from typing import Any
 from ground.client.parameter import Parameter
 from ground.client.telemetry import Age
 from ground.map import MapScene, MapTarget, Outline, RobotMark
-from ground.station import StreamRow, WorldFacts
+from ground.station.link.streams import StreamRow
+from ground.station.world import WorldFacts
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message

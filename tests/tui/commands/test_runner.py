@@ -9,8 +9,9 @@ from ground.app.commands.runner import CommandRunner, refuse
 from ground.client.connection import Common
 from ground.client.goal import destination
 from ground.client.operations import Goto, StopNow
-from ground.console import AppCommand, History, read
-from ground.console.app_commands import SetTheme
+from ground.console.app_commands import AppCommand, SetTheme
+from ground.console.history import History
+from ground.console.parser import read
 from ground.map import MapTarget
 from ground.station.station import REPLAYED
 from protocol.bus.network import Network

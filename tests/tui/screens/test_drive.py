@@ -7,7 +7,7 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
 from ground.map import MapTarget
-from ground.station import Loss, LossKind
+from ground.station.link.loss import Loss, LossKind
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.pilot import NAMES, Stage, play, staged
 from tests.support.tui.underway import driving

@@ -7,7 +7,8 @@ import pytest
 
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.screens.drive import DriveScreen
-from ground.console import AppCommand, read
+from ground.console.app_commands import AppCommand
+from ground.console.parser import read
 from plant.model.types import GoalPose, Start, World
 from plant.world.to_json import as_json
 from runtime.errors import UserError

@@ -10,7 +10,7 @@ from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
 from ground.map import MapTarget
-from ground.station import Loss, LossKind
+from ground.station.link.loss import Loss, LossKind
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
 from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation, S

@@ -8,7 +8,8 @@ from typing import Any, Final
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.station import JobResult, Station
+from ground.station.robot.background_requests import JobResult
+from ground.station.station import Station
 from protocol.bus.bus import open_bus
 from protocol.topics import Role
 from verification.simulation.events import Argument

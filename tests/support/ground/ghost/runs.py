@@ -3,7 +3,7 @@
 from typing import Any
 
 from ground.client.goal import Destination
-from ground.ghost import Ghost
+from ground.ghost.ghost import Ghost
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.outcome import Outcome

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Self
 
-from ground.station import JobResult, Station, WorldFacts
-from ground.station.robot.background_requests import Job, outcome_of
+from ground.station.robot.background_requests import Job, JobResult, outcome_of
+from ground.station.station import Station
+from ground.station.world import WorldFacts
 from protocol.bus.network import Hub
 from protocol.topics import (
     COMMAND,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console import complete
+from ground.console.completion import complete
 
 PARAMETERS = ("d_obs_m", "d_min_m", "side")
 

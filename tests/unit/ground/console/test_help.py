@@ -2,7 +2,8 @@
 
 import pytest
 
-from ground.console import help_text, verbs
+from ground.console.help import help_text
+from ground.console.parser import verbs
 from runtime.errors import UserError
 
 

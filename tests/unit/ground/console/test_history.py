@@ -5,7 +5,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console import History
+from ground.console.history import History
 
 
 def test_history_moves_both_ways_and_restores_the_draft() -> None:

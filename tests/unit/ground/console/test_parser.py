@@ -20,15 +20,16 @@ from ground.client.operations import (
     SetParameter,
 )
 from ground.client.results import Outcome
-from ground.console import LOCAL, AppCommand, line_of, read, verbs
 from ground.console.app_commands import (
-    Quit,
+    LOCAL,
+    AppCommand,
     RecordHere,
+    RunKey,
     SaveScreen,
     SetTheme,
-    TakeHand,
 )
-from ground.console.parser import COMMANDS
+from ground.console.parser import COMMANDS, read, verbs
+from ground.console.spelling import line_of
 from ground.grammar.words import Words
 from ground.missions.draft import AddWaypoint
 from ground.missions.mission import Waypoint
@@ -124,11 +125,11 @@ def test_a_negative_number_is_no_option() -> None:
 
 
 def test_the_app_s_own_words_are_read() -> None:
-    assert read(":q") == Quit()
+    assert read(":q") == RunKey("quit")
     added = AddWaypoint(Waypoint(x_m=1.0, y_m=2.0, hold_s=3.0))
     assert read("wp add 1 2 --hold 3") == added
     assert read("record start") == RecordHere(begin=True)
-    assert read("teleop") == TakeHand()
+    assert read("teleop") == RunKey("teleop")
 
 
 def test_no_word_of_the_app_hides_an_operation() -> None:

@@ -4,7 +4,7 @@ from math import inf, nan, radians
 
 import pytest
 
-from ground.explain import explain
+from ground.explain.explanation import explain
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
-from ground.explain import explain
+from ground.explain.explanation import explain
 from ground.explain.from_recording import Recorded
 from ground.recording.log_index import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.explain import Why, explained
-from ground.explain.reason_text import MANY
+from ground.explain.reason_text import MANY, Why, explained
 from ground.station.history.decision_history import AT_ONCE
 from protocol.wire.codec import decode
 from protocol.wire.enums import Branch

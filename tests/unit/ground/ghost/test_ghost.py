@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from ground.ghost import Ghost, Ghosts, PredictedPath
-from ground.ghost.ghost import CANCELLED
-from ground.ghost.predicted_path import FAILED
+from ground.ghost.ghost import CANCELLED, Ghost
+from ground.ghost.ghost_set import Ghosts
+from ground.ghost.predicted_path import FAILED, PredictedPath
 from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.clock import ManualClock

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.ghost import Ghosts, PredictedPath
+from ground.ghost.ghost_set import Ghosts
 from ground.ghost.ghost_thread import CHOICES, GhostRunner, instant_of, result_line
-from ground.station import Station
+from ground.ghost.predicted_path import PredictedPath
+from ground.station.station import Station
 from protocol.bus.mailbox import Sample
 from protocol.outcome import Outcome
 from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.console import read
+from ground.console.parser import read
 from ground.missions.draft import Draft, Edit
 from ground.missions.files import read_text
 from ground.missions.mission import Waypoint

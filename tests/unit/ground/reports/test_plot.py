@@ -10,7 +10,7 @@ import pytest
 
 from ground.cli.main import main
 from ground.client.operations import NoProgress
-from ground.console import read
+from ground.console.parser import read
 from ground.recording.log_reader import open_log
 from ground.recording.tables.series import collect_series
 from ground.recording.tables.time_axis import TimeAxis

@@ -1,7 +1,8 @@
 """A station over a recording shows everything and commands nothing."""
 
 from ground.client.telemetry import Age
-from ground.station import LeaseView, Station
+from ground.station.robot.lease_state import LeaseView
+from ground.station.station import Station
 from protocol.topics import STATUS
 from runtime.clock import ManualClock
 from tests.support.ground.station.play import Play, S

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import pytest
 
 from ground.client.telemetry import Age
-from ground.station import Station
+from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox
 from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import Severity

@@ -2,7 +2,7 @@
 
 import tracemalloc
 
-from ground.station import EventLog, LogLine
+from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity
 
 

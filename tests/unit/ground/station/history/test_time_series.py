@@ -2,7 +2,7 @@
 
 from math import isnan
 
-from ground.station import SERIES, Series, SeriesTable
+from ground.station.history.time_series import SERIES, Series, SeriesTable
 
 
 def test_last_minute_is_kept_in_full() -> None:

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import pytest
 
 from ground.client.telemetry import Age
-from ground.station import JobResult, LossKind
+from ground.station.link.loss import LossKind
+from ground.station.robot.background_requests import JobResult
 from protocol.bus.network import Hub
 from protocol.topics import ODOMETRY, SONAR, STATUS
 from protocol.wire.enums import Command, GoalState

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ground.station import LossKind
+from ground.station.link.loss import LossKind
 from protocol.bus.network import Hub
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason

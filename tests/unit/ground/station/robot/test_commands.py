@@ -4,8 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from ground.station import JobResult
-from ground.station.robot.background_requests import Job
+from ground.station.robot.background_requests import Job, JobResult
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
 from protocol.wire.message import Message

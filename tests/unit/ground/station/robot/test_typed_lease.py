@@ -6,7 +6,7 @@ import pytest
 
 from ground.app.commands.runner import CommandRunner
 from ground.client.connection import Common
-from ground.console import History
+from ground.console.history import History
 from protocol.bus.network import Network
 from tests.support.ground.station.play import Play
 
