@@ -28,11 +28,7 @@ from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
-from ground.client.operations import Operation
-from ground.client.results import Outcome
 from ground.client.telemetry import Age
-from ground.console.app_commands import AppCommand
-from ground.map import MapTarget
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT
 from protocol.wire.enums import Severity
@@ -82,7 +78,7 @@ class GroundApp(App[int]):
         self.player = player
         self.recording = recording
         self.appearance = appearance or Appearance()
-        self._station, self._commands = station, commands
+        self._station, self.commands = station, commands
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
         self._stack = stack
@@ -116,11 +112,6 @@ class GroundApp(App[int]):
         return self.player.station
 
     @property
-    def keymap(self) -> Keymap:
-        """The keys in force."""
-        return self._keymap_in_force
-
-    @property
     def ascii_only(self) -> bool:
         """True when the terminal's font has nothing but ASCII."""
         return self.appearance.ascii_only
@@ -142,52 +133,6 @@ class GroundApp(App[int]):
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread; `done` gets its result in this thread."""
         self._jobs.begin(job, done)
-
-    def run_line(self, line: str) -> None:
-        """Run a command line."""
-        self._commands.run_line(line)
-
-    @property
-    def perform(self) -> Callable[[Operation[Outcome] | AppCommand], None]:
-        """The function that performs a typed operation.
-
-        A property, so that keys call it directly.
-        """
-        return self._commands.perform
-
-    @property
-    def last(self) -> str:
-        """The last command as a line for a shell."""
-        return self._commands.last
-
-    def is_local(self, line: str) -> bool:
-        """Return whether a line concerns only the screen."""
-        return self._commands.is_local(line)
-
-    @property
-    def draft_items(self) -> tuple[MapTarget, ...]:
-        """The waypoints of the mission draft."""
-        return self._commands.draft_items
-
-    def complete(self, text: str) -> list[str]:
-        """Return completions of a command line."""
-        return self._commands.complete(text)
-
-    def recall(self, text: str, step: int) -> str:
-        """Return an earlier (step -1) or later (1) command line."""
-        return self._commands.recall(text, step)
-
-    def begin_teleop(self) -> bool:
-        """Start teleop; return False when that is refused."""
-        return self._commands.begin_teleop()
-
-    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Send a teleop command."""
-        self._commands.steer(speed_m_s, yaw_rate_rad_s)
-
-    def end_teleop(self) -> None:
-        """Stop the robot and end teleop."""
-        self._commands.end_teleop()
 
     def note(self, text: str) -> None:
         """Add a line to the log."""
@@ -316,7 +261,7 @@ class GroundApp(App[int]):
     def begin_line(self, text: str) -> None:
         """Let the operator continue typing a command."""
         if self.base_screen is not None:
-            self.base_screen.ask("", text, self.base_screen.interface.run_line)
+            self.base_screen.ask("", text, self.base_screen.interface.commands.run_line)
 
     def doable(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""

@@ -86,10 +86,6 @@ class LogIndex:
         """Return the index of the first frame later than this time."""
         return bisect_right(self._times_ns, time_ns)
 
-    def at(self, time_ns: int) -> int:
-        """Return the index of the first frame not earlier than this time."""
-        return bisect_left(self._times_ns, time_ns)
-
     def _newest(self, key: str, before: int) -> IndexedFrame | None:
         """Return the last frame with a key before an index."""
         places = self._places.get(key)

@@ -141,11 +141,6 @@ def sibling_facts(path: Path) -> dict[str, str]:
         return {}
 
 
-def frames(path: Path) -> Iterator[LoggedFrame]:
-    """Yield all frames of a recording in their order of arrival."""
-    return iter(open_log(path))
-
-
 def robot_in(path: Path) -> str:
     """Return the robot in a recording's file name, or the default robot."""
     named = NAMED.match(path.stem)

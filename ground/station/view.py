@@ -5,7 +5,7 @@ from typing import Any
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.telemetry import Age, AgedMessage, Telemetry
-from ground.map import MapScene, MapTarget, Shape
+from ground.map import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
@@ -15,8 +15,8 @@ from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
-from protocol.topics import LEASE, MISSION, Role, Topic
-from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus, MissionStatus
+from protocol.topics import LEASE, Role, Topic
+from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus
 from runtime.units import NS_PER_S
 
 Point = tuple[float, float]
@@ -124,19 +124,9 @@ class StationView:
         return lease_from(seen.message, seen.age_ns or 0, own="")
 
     @property
-    def mission(self) -> MissionStatus | None:
-        """Progress of the mission; None when it is stale."""
-        return self.telemetry.live(MISSION, self._now_ns)
-
-    @property
     def mission_items(self) -> tuple[MapTarget, ...]:
         """The robot's mission, as downloaded or as uploaded by any operator."""
         return self._model.mission_items.mission
-
-    @property
-    def fence(self) -> Shape | None:
-        """The robot's fence, or None."""
-        return self._model.mission_items.fence
 
     @property
     def parameters(self) -> tuple[Parameter, ...] | None:
@@ -165,11 +155,6 @@ class StationView:
     def worst_cycle(self) -> CycleReport | None:
         """Most expensive control cycle of the last second."""
         return self._model.figures.worst_cycle.cycle
-
-    @property
-    def trail(self) -> tuple[Point, ...]:
-        """Path of the robot."""
-        return self._model.figures.trail.points()
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
         """Return the decision at an instant (default: now) with its context."""

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.recording.log_reader import frames
+from ground.recording.log_reader import open_log
 from protocol.topics import TOPICS, path_of
 
 SEQUENCE_AT: Final = 4
@@ -29,7 +29,7 @@ def lost_from(path: Path, restarted: tuple[str, ...] = ()) -> Lost:
     """
     sequences: dict[str, list[int]] = {}
     last_ns = count = 0
-    for frame in frames(path):
+    for frame in open_log(path):
         count += 1
         last_ns = max(last_ns, frame.time_ns)
         topic = path_of(frame.key)

@@ -46,7 +46,8 @@ class CommandPalette(Provider):
             if key.id != "palette":
                 yield PaletteEntry(key.description, partial(app.action_do, key.id), shown(key.keys))
         for name in THEMES:
-            yield PaletteEntry(f"theme {name}", partial(app.perform, SetTheme(name)), "colours")
+            set_theme = partial(app.commands.perform, SetTheme(name))
+            yield PaletteEntry(f"theme {name}", set_theme, "colours")
         for word, summary in summaries().items():
             yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), summary)
 

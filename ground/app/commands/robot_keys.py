@@ -56,14 +56,14 @@ class RobotKeys:
         app = self._app
         screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
         return {
-            **{one.verb: partial(app.perform, one) for one in PLAIN},
+            **{one.verb: partial(app.commands.perform, one) for one in PLAIN},
             **dict.fromkeys(("estop", "estop-here"), app.station.estop),
             **screens,
             "clear-estop": self.clear_estop,
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            "missions": partial(app.perform, FetchMission()),
+            "missions": partial(app.commands.perform, FetchMission()),
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),
             "robot-next": partial(self.select_by, 1),
@@ -81,7 +81,7 @@ class RobotKeys:
         now_s = self._app.station.time_s
         if now_s - self._clear_asked_s <= AGAIN_S:
             self._clear_asked_s = -inf
-            self._app.perform(ClearEmergencyStop())
+            self._app.commands.perform(ClearEmergencyStop())
             return
         self._clear_asked_s = now_s
         self._app.note("press again to release the emergency stop")
@@ -91,7 +91,7 @@ class RobotKeys:
         modes = {mode.name.lower(): mode for mode in Mode}
 
         def take(name: str) -> None:
-            self._app.perform(SetMode(mode=modes[name]))
+            self._app.commands.perform(SetMode(mode=modes[name]))
 
         self._app.choose("mode", list(modes), take)
 
@@ -99,7 +99,7 @@ class RobotKeys:
         """Let the operator choose the navigator."""
 
         def take(name: str) -> None:
-            self._app.perform(SetNavigator(navigator=NAVIGATORS[name]))
+            self._app.commands.perform(SetNavigator(navigator=NAVIGATORS[name]))
 
         self._app.choose("navigator", list(NAVIGATORS), take)
 
@@ -110,7 +110,7 @@ class RobotKeys:
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
 
         def pass_on(side: str) -> None:
-            self._app.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
+            self._app.commands.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
 
         self._app.choose("side to pass on", list(SIDES), pass_on)
 
@@ -151,7 +151,7 @@ class RobotKeys:
 
     def copy(self) -> None:
         """Copy the last command to the clipboard, as a line for a shell."""
-        line = self._app.last
+        line = self._app.commands.last
         if line:
             self._app.copy_to_clipboard(line)
         self._app.note(f"copied: {line}" if line else "no command to copy yet")

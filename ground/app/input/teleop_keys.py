@@ -44,7 +44,7 @@ class TeleopKeys:
 
     def take(self) -> bool:
         """Start teleop. Return False, with the reason in the log, when it is refused."""
-        self.held = self._interface.begin_teleop()
+        self.held = self._interface.commands.begin_teleop()
         self._keys, self._since_ns = DeadManSwitch(), self._interface.station.now_ns
         return self.held
 
@@ -58,13 +58,13 @@ class TeleopKeys:
         if self._is_preempted():
             self.drop()
         if self.held:
-            self._interface.steer(*self._keys.twist(self._interface.station.now_ns))
+            self._interface.commands.steer(*self._keys.twist(self._interface.station.now_ns))
         return self.held
 
     def drop(self) -> None:
         """Stop the robot and end teleop."""
         self.held = False
-        self._interface.end_teleop()
+        self._interface.commands.end_teleop()
 
     def _is_preempted(self) -> bool:
         """Return whether the robot has left MANUAL.

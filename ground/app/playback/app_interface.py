@@ -14,8 +14,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class AppInterface(CommandSink, Protocol):
+class AppInterface(Protocol):
     """The app as its screens see it."""
+
+    @property
+    def commands(self) -> CommandSink:
+        """The runner of its commands."""
 
     @property
     def station(self) -> Station:

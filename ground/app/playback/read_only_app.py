@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, TypeVar
 
+from ground.app.commands.command_sink import CommandSink
 from ground.app.input.default_keys import KeyBinding
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
@@ -21,11 +22,67 @@ STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
 REFUSED: Final = "this is a replay: press 1 to command the robot"
 
 
+class ReadOnlyCommands:
+    """Passes on commands that concern the screen or stop the robot, and refuses all others."""
+
+    def __init__(self, commands: CommandSink, note: Callable[[str], None]) -> None:
+        self._commands = commands
+        self._note = note
+
+    def run_line(self, line: str) -> None:
+        """Run a line for the screen, or one that stops the robot; refuse all others."""
+        if line and not (self._commands.is_local(line) or line.split()[0] in STOPS):
+            self._note(REFUSED)
+            return
+        self._commands.run_line(line)
+
+    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
+        """Perform a command for the screen, or one that stops the robot; refuse all others."""
+        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
+            self._commands.perform(command)
+        else:
+            self._note(REFUSED)
+
+    @property
+    def last(self) -> str:
+        """The last command as a line for a shell."""
+        return self._commands.last
+
+    def is_local(self, line: str) -> bool:
+        """Return whether a line concerns only the screen."""
+        return self._commands.is_local(line)
+
+    @property
+    def draft_items(self) -> tuple[MapTarget, ...]:
+        """The waypoints of the mission draft."""
+        return self._commands.draft_items
+
+    def complete(self, text: str) -> list[str]:
+        """Return completions of a command line."""
+        return self._commands.complete(text)
+
+    def recall(self, text: str, step: int) -> str:
+        """Return an earlier (step -1) or later (1) command line."""
+        return self._commands.recall(text, step)
+
+    def begin_teleop(self) -> bool:
+        """Refuse."""
+        self._note(REFUSED)
+        return False
+
+    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Do nothing."""
+
+    def end_teleop(self) -> None:
+        """Do nothing."""
+
+
 class ReadOnlyApp:
     """Passes on what does not concern the robot. Without a recording it shows the app's station."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
+        self.commands = ReadOnlyCommands(app.commands, self.note)
 
     @property
     def player(self) -> Player | None:
@@ -59,53 +116,6 @@ class ReadOnlyApp:
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread."""
         self._app.run_in_background(job, done)
-
-    def run_line(self, line: str) -> None:
-        """Run a line for the screen, or one that stops the robot; refuse all others."""
-        if line and not (self._app.is_local(line) or line.split()[0] in STOPS):
-            self.note(REFUSED)
-            return
-        self._app.run_line(line)
-
-    def perform(self, command: Operation[Outcome] | AppCommand) -> None:
-        """Perform a command for the screen, or one that stops the robot; refuse all others."""
-        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
-            self._app.perform(command)
-        else:
-            self.note(REFUSED)
-
-    @property
-    def last(self) -> str:
-        """The last command as a line for a shell."""
-        return self._app.last
-
-    def is_local(self, line: str) -> bool:
-        """Return whether a line concerns only the screen."""
-        return self._app.is_local(line)
-
-    @property
-    def draft_items(self) -> tuple[MapTarget, ...]:
-        """The waypoints of the mission draft."""
-        return self._app.draft_items
-
-    def complete(self, text: str) -> list[str]:
-        """Return completions of a command line."""
-        return self._app.complete(text)
-
-    def recall(self, text: str, step: int) -> str:
-        """Return an earlier (step -1) or later (1) command line."""
-        return self._app.recall(text, step)
-
-    def begin_teleop(self) -> bool:
-        """Refuse."""
-        self.note(REFUSED)
-        return False
-
-    def steer(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Do nothing."""
-
-    def end_teleop(self) -> None:
-        """Do nothing."""
 
     def note(self, text: str) -> None:
         """Add a line to the log."""

@@ -45,7 +45,7 @@ class AppScreen(Screen[None]):
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
         self.interface = interface
         self._prompt = ""
-        self._then: Callable[[str], None] = interface.run_line
+        self._then: Callable[[str], None] = interface.commands.run_line
 
     def compose(self) -> ComposeResult:
         """Compose status, alarm, content, command line and key bar."""
@@ -55,7 +55,7 @@ class AppScreen(Screen[None]):
             yield from self.compose_content()
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
-            yield CommandLine(self.interface.complete)
+            yield CommandLine(self.interface.commands.complete)
         yield Lines(id="keybar")
 
     def compose_content(self) -> ComposeResult:
@@ -70,7 +70,7 @@ class AppScreen(Screen[None]):
 
     def on_mount(self) -> None:
         """Show an empty prompt and focus the content."""
-        self.prompt("", self.interface.run_line)
+        self.prompt("", self.interface.commands.run_line)
         self.home()
 
     def home(self) -> None:
@@ -121,11 +121,11 @@ class AppScreen(Screen[None]):
         line = self.command_line
         return {
             "complete": line.complete,
-            "history-back": lambda: line.begin(self.interface.recall(line.value, -1)),
-            "history-on": lambda: line.begin(self.interface.recall(line.value, 1)),
+            "history-back": lambda: line.begin(self.interface.commands.recall(line.value, -1)),
+            "history-on": lambda: line.begin(self.interface.commands.recall(line.value, 1)),
             "leave-line": self.leave_line,
-            "command": lambda: self.ask("", "", self.interface.run_line),
-            "goal": lambda: self.ask("", "goal ", self.interface.run_line),
+            "command": lambda: self.ask("", "", self.interface.commands.run_line),
+            "goal": lambda: self.ask("", "goal ", self.interface.commands.run_line),
             "next-panel": self.focus_next,
             "panel-before": self.focus_previous,
         }
@@ -152,7 +152,7 @@ class AppScreen(Screen[None]):
     def leave_line(self) -> None:
         """Clear the command line and focus the content."""
         self.command_line.value = ""
-        self.prompt("", self.interface.run_line)
+        self.prompt("", self.interface.commands.run_line)
         self.home()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:

@@ -47,7 +47,7 @@ class DriveScreen(AppScreen):
         self.why = Why()
         self.teleop = TeleopKeys(interface)
         self.map_cursor = MapCursor(
-            lambda: self.map.view, self.robot_place, interface.perform, self.show_goal
+            lambda: self.map.view, self.robot_place, interface.commands.perform, self.show_goal
         )
         self._ghost_runner: GhostRunner | None = None
         self._station = interface.station
@@ -113,7 +113,7 @@ class DriveScreen(AppScreen):
 
     def draft(self) -> tuple[MapTarget, ...]:
         """Return the mission draft, until the robot has it."""
-        draft_items = self.interface.draft_items
+        draft_items = self.interface.commands.draft_items
         return () if draft_items == self.interface.station.mission_items else draft_items
 
     def draw_why(self) -> None:
@@ -212,25 +212,25 @@ class DriveScreen(AppScreen):
         """Start teleop by keys; any other key ends it."""
         if self.teleop.take():
             self.map_cursor.hide()
-            self.prompt("teleop, any other key ends it", self.interface.run_line)
+            self.prompt("teleop, any other key ends it", self.interface.commands.run_line)
 
     def poll(self) -> None:
         """Send the teleop command."""
         if self.teleop.held and not self.teleop.poll():
-            self.prompt("", self.interface.run_line)
+            self.prompt("", self.interface.commands.run_line)
 
     def on_key(self, event: events.Key) -> None:
         """End teleop at any other key."""
         if self.teleop.held:
             event.stop()
             self.teleop.drop()
-            self.prompt("", self.interface.run_line)
+            self.prompt("", self.interface.commands.run_line)
 
     # The map.
 
     def show_goal(self, words: str) -> None:
         """Show the command that Enter would send; move a zoomed map to the cursor."""
-        self.prompt(words, self.interface.run_line)
+        self.prompt(words, self.interface.commands.run_line)
         if self.map_cursor.place is not None:
             self.map.reveal(*self.map_cursor.place)
 

@@ -84,13 +84,13 @@ class ParamsScreen(ListScreen):
     def set(self, name: str, value: str) -> None:
         """Set a parameter to the value that was typed."""
         if value:
-            self.interface.run_line(f"set {name} {value}")
+            self.interface.commands.run_line(f"set {name} {value}")
 
     def reset(self) -> None:
         """Set the chosen parameter to its default."""
         one = self.chosen
         if one is not None and one.default is not None:
-            self.interface.perform(SetParameter(name=one.name, value=one.default))
+            self.interface.commands.perform(SetParameter(name=one.name, value=one.default))
 
 
 def heading_row(station: Station, shown: int, words: str, only_different: bool) -> Row:

@@ -23,11 +23,6 @@ class LogView(Lines, can_focus=True):
         self._top = 0
         self._count = 0
 
-    @property
-    def top(self) -> int:
-        """The index of the first line in sight."""
-        return self._top
-
     def window(self, lines: Sequence[T], paint: Callable[[T], Row]) -> None:
         """Draw the lines in sight."""
         self._count = len(lines)

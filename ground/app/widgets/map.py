@@ -44,11 +44,9 @@ class MapWidget(Widget):
         self,
         styles_by_role: Mapping[str, Style] | None = None,
         ascii_only: bool = False,
-        name: str | None = None,
         id: str | None = None,
-        classes: str | None = None,
     ) -> None:
-        super().__init__(name=name, id=id, classes=classes)
+        super().__init__(id=id)
         self.scene = MapScene()
         self._canvas = Canvas(0, 0, ascii_only)
         self._ground = self._canvas
@@ -95,16 +93,6 @@ class MapWidget(Widget):
     @shown_layers.setter
     def shown_layers(self, layers: Collection[str]) -> None:
         self._shown = frozenset(layers)
-        self._draw()
-
-    @property
-    def ascii_only(self) -> bool:
-        """True when the map is drawn without braille."""
-        return self._ascii_only
-
-    @ascii_only.setter
-    def ascii_only(self, ascii_only: bool) -> None:
-        self._ascii_only = ascii_only
         self._draw()
 
     def paint(self, theme: str) -> None:
@@ -202,7 +190,7 @@ class MapWidget(Widget):
     def _draw(self) -> None:
         self._adjust_view()
         before, scene, view = self._canvas, self.scene, self._view
-        drawn = (view, self._shown, self._ascii_only, *static_parts(scene))
+        drawn = (view, self._shown, *static_parts(scene))
         if drawn != self._drawn:
             self._drawn = drawn
             self._ground = Canvas(view.columns, view.rows, self._ascii_only)
@@ -213,8 +201,7 @@ class MapWidget(Widget):
 
     def _repaint(self, before: Canvas) -> None:
         canvas = self._canvas
-        same = before.columns == canvas.columns and before.rows == canvas.rows
-        if not same or before.ascii_only != canvas.ascii_only:
+        if before.columns != canvas.columns or before.rows != canvas.rows:
             self._strips.clear()
             self.refresh()
             return

@@ -172,10 +172,8 @@ class ReplayBus:
         place = min(max(here + ticks, 0), len(self._ticks) - 1)
         return self._ticks[place] / NS_PER_S
 
-    def next_mark(self, time_s: float, *, back: bool = False) -> Mark | None:
-        """Return the next bookmark, or the previous one."""
-        if back:
-            return next((one for one in reversed(self.marks) if one.time_s < time_s - 1e-9), None)
+    def next_mark(self, time_s: float) -> Mark | None:
+        """Return the next bookmark."""
         return next((one for one in self.marks if one.time_s > time_s + 1e-9), None)
 
     def _deliver(self, until_ns: int, *, is_sampled: bool = False) -> int:

@@ -8,15 +8,10 @@ from itertools import islice, takewhile
 from typing import Final, NamedTuple, TypeVar
 
 from ground.station.history.inbox import ReceivedFrame
-from protocol.topics import CYCLE, DECISION, ODOMETRY, STATUS
+from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
-from protocol.wire.messages import (
-    AvoidanceDecision,
-    CycleReport,
-    NavigatorStatus,
-    PlanarOdometry,
-)
+from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from runtime.errors import RemoteError
 
 MAX_FRAMES: Final = 12_000
@@ -37,7 +32,6 @@ class Moment(NamedTuple):
     previous: AvoidanceDecision | None
     status: NavigatorStatus | None
     cycle: CycleReport | None
-    odometry: PlanarOdometry | None
 
 
 class Frames:
@@ -68,10 +62,10 @@ class Frames:
 
 
 class DecisionHistory:
-    """The frames that describe decisions: decisions, status, cycle reports, odometry."""
+    """The frames that describe decisions: decisions, status, cycle reports."""
 
     def __init__(self, size: int = MAX_FRAMES) -> None:
-        topics = (DECISION, STATUS, CYCLE, ODOMETRY)
+        topics = (DECISION, STATUS, CYCLE)
         self._frames = {topic.path: Frames(size) for topic in topics}
 
     def take(self, arrival: ReceivedFrame) -> None:
@@ -104,5 +98,4 @@ class DecisionHistory:
             decisions[1][1] if len(decisions) > 1 else None,
             self._frames[STATUS.path].at(time_ns, NavigatorStatus),
             self._frames[CYCLE.path].at(time_ns, CycleReport),
-            self._frames[ODOMETRY.path].at(time_ns, PlanarOdometry),
         )

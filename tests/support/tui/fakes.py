@@ -23,14 +23,13 @@ from ground.station.world import WorldFacts
 from protocol.topics import (
     CYCLE,
     DECISION,
-    ODOMETRY,
     STATUS,
     TOPICS,
     Role,
     Topic,
 )
 from protocol.wire.enums import Severity
-from protocol.wire.messages import AvoidanceDecision, CycleReport, MissionStatus
+from protocol.wire.messages import AvoidanceDecision, CycleReport
 from runtime.clock import ManualClock
 from tests.support.air import Air
 
@@ -145,10 +144,6 @@ class FakeStation(Station):
         return self.lease_now
 
     @property
-    def mission(self) -> MissionStatus | None:
-        return None
-
-    @property
     def mission_items(self) -> tuple[MapTarget, ...]:
         return self.items_now
 
@@ -184,7 +179,7 @@ class FakeStation(Station):
         if decision is None:
             return None
         status, cycle = heard.live(STATUS, now_ns), heard.live(CYCLE, now_ns)
-        return Moment(now_ns, decision, None, status, cycle, heard.live(ODOMETRY, now_ns))
+        return Moment(now_ns, decision, None, status, cycle)
 
     def decisions(self, after_ns: int) -> list[tuple[int, AvoidanceDecision]]:
         return [pair for pair in self.decisions_now if pair[0] > after_ns]

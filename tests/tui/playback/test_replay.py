@@ -50,9 +50,9 @@ def test_a_step_is_one_control_period(tmp_path: Path) -> None:
 def test_seeking_back_forgets_later_messages(tmp_path: Path) -> None:
     shown, _ = player(tmp_path)
     shown.seek(3.0)
-    later = len(shown.station.trail)
+    later = len(shown.station.scene().trail)
     shown.seek(0.5)
-    assert len(shown.station.trail) < later
+    assert len(shown.station.scene().trail) < later
     assert not shown.playing
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -95,10 +96,15 @@ class Stage:
         return None
 
 
+def stage_of(*branches: Branch) -> Any:
+    """Return a stage in place of a station."""
+    return Stage(*branches)
+
+
 def test_one_key_goes_back_turn_by_turn_and_stops_at_the_first() -> None:
     why = Why(most=2)
     assert why.at() is None
-    why.look(Stage(Branch.TO_GOAL, Branch.PASS_LEFT, Branch.TO_GOAL, Branch.PASS_RIGHT))
+    why.look(stage_of(Branch.TO_GOAL, Branch.PASS_LEFT, Branch.TO_GOAL, Branch.PASS_RIGHT))
     words = [None if (found := why.at(back)) is None else found.point.words for back in range(3)]
     assert words == [
         "goes for the goal -> passes on the right",
@@ -109,7 +115,7 @@ def test_one_key_goes_back_turn_by_turn_and_stops_at_the_first() -> None:
 
 
 def test_another_robot_begins_anew() -> None:
-    why, stage = Why(), Stage(Branch.TO_GOAL, Branch.PASS_LEFT)
+    why, stage = Why(), stage_of(Branch.TO_GOAL, Branch.PASS_LEFT)
     why.look(stage)
     stage.robot = "r2"
     stage.said = [(1, decided(branch=Branch.PASS_RIGHT))]
@@ -118,7 +124,7 @@ def test_another_robot_begins_anew() -> None:
 
 
 def test_turn_with_expired_details_is_still_explained() -> None:
-    why, stage = Why(), Stage(Branch.TO_GOAL, Branch.PASS_LEFT)
+    why, stage = Why(), stage_of(Branch.TO_GOAL, Branch.PASS_LEFT)
     why.look(stage)
     turned = why.at()
     assert turned is not None
@@ -128,7 +134,7 @@ def test_turn_with_expired_details_is_still_explained() -> None:
 def test_skipped_decisions_create_no_turning_point() -> None:
     """Overflow the batch: the first decision after a gap is not compared with older ones."""
     assert MANY == AT_ONCE
-    why, stage = Why(), Stage(Branch.TO_GOAL)
+    why, stage = Why(), stage_of(Branch.TO_GOAL)
     why.look(stage)
     stage.said += [
         (tick, decided(time_ns=tick, branch=Branch.PASS_LEFT)) for tick in range(2, 4000)

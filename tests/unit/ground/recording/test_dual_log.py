@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from ground.recording.dual_log import DualLog
-from ground.recording.log_reader import frames, open_log
+from ground.recording.log_reader import open_log
 from ground.recording.log_writer import LogFile
 from tests.support.ground.recording.made import START_US, WORLD_TEXT, PublishedFrame, run
 
@@ -38,8 +38,8 @@ def test_both_files_hold_the_same_frames(tmp_path: Path) -> None:
     assert dual_log.close()
     tlog, mcap = (track.path for track in dual_log.tracks)
     assert (tlog.name, mcap.name) == ("20260304T120005Z-r1.tlog", "20260304T120005Z-r1.mcap")
-    assert list(frames(tlog)) == list(frames(mcap))
-    assert len(list(frames(mcap))) == len(frames_sent)
+    assert list(open_log(tlog)) == list(open_log(mcap))
+    assert len(list(open_log(mcap))) == len(frames_sent)
     log = open_log(mcap)
     list(log)
     assert json.loads(log.facts["world"])["name"] == "made"
@@ -82,7 +82,7 @@ def test_slow_disk_delays_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     fed(dual_log, frames_sent[100:])
     dual_log.flush(2, sync_every=4)
     for track in dual_log.tracks:
-        assert len(list(frames(track.path))) == len(frames_sent)
+        assert len(list(open_log(track.path))) == len(frames_sent)
     done.set()
     assert dual_log.close()
 
@@ -100,7 +100,7 @@ def test_frames_during_close_are_in_no_file(
 
     monkeypatch.setattr(LogFile, "sync", arrive)
     assert dual_log.close()
-    assert [len(list(frames(track.path))) for track in dual_log.tracks] == [10, 10]
+    assert [len(list(open_log(track.path))) for track in dual_log.tracks] == [10, 10]
 
 
 def test_failed_flush_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +151,7 @@ def test_killed_writer_keeps_flushed_frames_in_both_files(tmp_path: Path) -> Non
                 flushed = int(process.stdout.readline())
             process.send_signal(signal.SIGKILL)
         for path in sorted(folder.iterdir()):
-            assert len(list(frames(path))) >= flushed > 0
+            assert len(list(open_log(path))) >= flushed > 0
 
 
 def test_full_disk_leaves_whole_records(tmp_path: Path) -> None:
@@ -175,4 +175,4 @@ def test_stamps_are_those_of_the_frames(tmp_path: Path) -> None:
     fed(dual_log, list(run(2)))
     dual_log.close()
     for track in dual_log.tracks:
-        assert next(frames(track.path)).time_ns == START_US * 1000
+        assert next(iter(open_log(track.path))).time_ns == START_US * 1000

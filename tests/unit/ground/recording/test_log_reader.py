@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ground.recording.log_reader import LoggedFrame, frames, key_of, open_log, robot_in
+from ground.recording.log_reader import LoggedFrame, key_of, open_log, robot_in
 from ground.recording.mcap.writer import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.messages import Heartbeat, MissionCurrent, ParamRequestList
@@ -26,8 +26,8 @@ def as_frames(frames_sent: list[PublishedFrame]) -> list[LoggedFrame]:
 def test_both_formats_give_the_same_frames(
     tmp_path: Path, frames_sent: list[PublishedFrame]
 ) -> None:
-    assert list(frames(tlog(tmp_path / "a.tlog", frames_sent))) == as_frames(frames_sent)
-    assert list(frames(mcap(tmp_path / "a.mcap", frames_sent))) == as_frames(frames_sent)
+    assert list(open_log(tlog(tmp_path / "a.tlog", frames_sent))) == as_frames(frames_sent)
+    assert list(open_log(mcap(tmp_path / "a.mcap", frames_sent))) == as_frames(frames_sent)
 
 
 def test_older_mcap_gives_the_same_frames(

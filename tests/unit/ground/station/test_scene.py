@@ -69,6 +69,6 @@ def test_other_robots_are_on_the_map_of_the_selected() -> None:
     assert play.station.robot == "r2"
     assert play.station.scene().robot is not None
     assert [other.name for other in play.station.scene().others] == ["r1"]
-    assert play.station.trail[0][0] == 3.0
+    assert play.station.scene().trail[0][0] == 3.0
     play.station.select("r1")
-    assert play.station.trail[0][0] == 0.0
+    assert play.station.scene().trail[0][0] == 0.0

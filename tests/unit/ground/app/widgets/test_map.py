@@ -21,8 +21,8 @@ ROOM = MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 0.0), goal=MapTar
 class CountingMap(MapWidget):
     """Counts the regions that it was asked to paint again."""
 
-    def __init__(self) -> None:
-        super().__init__(STYLES)
+    def __init__(self, ascii_only: bool) -> None:
+        super().__init__({} if ascii_only else STYLES, ascii_only)
         self.regions: list[Region] = []
         self.whole = 0
 
@@ -40,9 +40,9 @@ class CountingMap(MapWidget):
 
 
 class MapApp(App[None]):
-    def __init__(self) -> None:
+    def __init__(self, ascii_only: bool = False) -> None:
         super().__init__()
-        self.map = CountingMap()
+        self.map = CountingMap(ascii_only)
         self.pointed: list[tuple[float, float]] = []
         self.zoomed: list[float] = []
 
@@ -57,10 +57,13 @@ class MapApp(App[None]):
 
 
 def on_screen(
-    story: Callable[[MapApp, Pilot[None]], Awaitable[None]], size: tuple[int, int] = (50, 16)
+    story: Callable[[MapApp, Pilot[None]], Awaitable[None]],
+    size: tuple[int, int] = (50, 16),
+    *,
+    ascii_only: bool = False,
 ) -> None:
     async def run() -> None:
-        app = MapApp()
+        app = MapApp(ascii_only)
         async with app.run_test(size=size) as pilot:
             app.map.show(ROOM)
             await pilot.pause()
@@ -184,13 +187,10 @@ def test_layers_are_switched_by_name() -> None:
 
 def test_map_is_painted_without_colour_and_braille() -> None:
     async def story(app: MapApp, pilot: Pilot[None]) -> None:
-        app.map.colour({})
-        app.map.ascii_only = True
-        await pilot.pause()
         assert "".join(screen(app)).isascii()
         assert ">" in "".join(screen(app))
 
-    on_screen(story)
+    on_screen(story, ascii_only=True)
 
 
 def test_neighbouring_rows_are_one_region() -> None:

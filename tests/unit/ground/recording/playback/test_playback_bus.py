@@ -178,8 +178,6 @@ def test_bookmarks_are_goals_and_outcomes(bus: ReplayBus) -> None:
     assert first.time_s == pytest.approx(0.5, abs=0.01)
     assert bus.next_mark(first.time_s) == bus.marks[1]
     assert bus.next_mark(100.0) is None
-    assert bus.next_mark(100.0, back=True) == bus.marks[1]
-    assert bus.next_mark(first.time_s, back=True) is None
 
 
 def test_failsafe_is_a_bookmark_with_its_reason(opens: Opens) -> None:

@@ -21,8 +21,6 @@ def test_moment_has_its_decision_and_the_previous_one() -> None:
     assert moment.decision.rotation_rad == 10 / 8
     assert moment.previous is not None
     assert moment.previous.rotation_rad == 9 / 8
-    assert moment.odometry is not None
-    assert moment.odometry.x_m == 10 / 8
     assert moment.status is not None
     assert moment.cycle is not None
     assert moment.cycle.tick == 10

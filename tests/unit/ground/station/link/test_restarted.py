@@ -9,7 +9,7 @@ def test_robot_restart_is_detected_and_data_read_again() -> None:
     play = Play().forward(1.0)
     play.robot.x_m = 1.0
     play.forward(0.2)
-    assert len(play.station.trail) == 2
+    assert len(play.station.scene().trail) == 2
     play.bus.go(Role.ROBOT)
     play.bus.come(Role.ROBOT, zid="another")
     play.robot.tick = 0
@@ -19,7 +19,7 @@ def test_robot_restart_is_detected_and_data_read_again() -> None:
     play.forward(1.0)
     assert play.station.restarts(Role.ROBOT) == 1
     assert play.texts("r1 has been restarted (1)")
-    assert list(play.station.trail) == [(0.0, 0.0)]
+    assert list(play.station.scene().trail) == [(0.0, 0.0)]
     assert play.station.ready
 
 

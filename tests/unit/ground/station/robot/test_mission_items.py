@@ -59,7 +59,6 @@ def test_mission_and_fence_are_read_at_the_start() -> None:
     assert [(item.x_m, item.heading_rad) for item in scene.mission] == [(1.0, None), (3.0, pi / 2)]
     assert scene.fence == Disc(1.0, 1.0, 2.5)
     assert play.station.mission_items == scene.mission
-    assert play.station.fence == scene.fence
 
 
 def test_mission_and_fence_are_read_again() -> None:
@@ -70,7 +69,7 @@ def test_mission_and_fence_are_read_again() -> None:
     play.station.reread()
     play.forward(1.0)
     assert play.station.mission_items == ()
-    assert play.station.fence is None
+    assert play.station.scene().fence is None
 
 
 def test_accepted_upload_of_any_operator_is_drawn() -> None:
