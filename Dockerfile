@@ -60,7 +60,7 @@ COPY . .
 RUN python -m pip install --quiet --no-deps --no-build-isolation --no-index -e . \
     && python -c "from verification.mavgen import oracle; oracle()"
 USER 10001:10001
-# The user's own shell lets nobody in; tmux would start it.
+# The user's own shell allows no login; tmux would start it.
 ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis SHELL=/bin/sh
 ENTRYPOINT ["/source/docker/run-tests"]
 

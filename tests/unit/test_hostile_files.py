@@ -1,4 +1,4 @@
-"""Files and their names hold what would command a terminal: no verb lets it out."""
+"""Control characters in files and file names never reach the terminal."""
 
 import json
 from contextlib import suppress
@@ -65,7 +65,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_verb_lets_no_control_character_out(
     line: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The name of the folder is in every argument that is a file."""
+    """Include the name of the folder in each argument that is a file."""
     words = [str(folder / word) if "." in word else word for word in line.split()]
     with suppress(SystemExit):
         sidestep.main(words)

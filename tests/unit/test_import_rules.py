@@ -1,4 +1,4 @@
-"""Who may import the big libraries: the rules that import contracts can only name the other way."""
+"""Modules that may import the large libraries, where import contracts cannot express it."""
 
 import ast
 from functools import cache
@@ -17,7 +17,7 @@ MAY_IMPORT = {
 
 @cache
 def imports_of(file: Path) -> set[str]:
-    """Top-level names of everything a file imports, wherever in it."""
+    """Return the top-level names of all imports of a file, nested ones included."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -42,6 +42,6 @@ def test_each_library_is_imported_only_where_it_belongs() -> None:
     assert strangers == {library: [] for library in MAY_IMPORT}
 
 
-def test_the_rules_look_at_files_that_do_import() -> None:
+def test_import_rules_cover_files_with_imports() -> None:
     assert "plant/sim/physics.py" in importers_of("pymunk")
     assert any(file.startswith("protocol/bus/") for file in importers_of("zenoh"))

@@ -1,4 +1,4 @@
-"""Texts and settings that show a limit show the one in force."""
+"""Texts and settings that mention a limit show its present value."""
 
 import re
 from pathlib import Path
@@ -103,7 +103,7 @@ def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:
 
 
 def test_texts_about_confidence_take_it_from_its_constant() -> None:
-    """A number that is written down stays when the constant changes."""
+    """Require the constant: a literal number would stay when it changes."""
     literal = re.compile(r"\d %\)? (intervals?|ellipse|inside|bounds)|(intervals? of|\() ?\d+ %")
     files = [*(ROOT / "study").rglob("*.py"), *(ROOT / "ground").rglob("*.py")]
     found = [f.name for f in files if literal.search(f.read_text(encoding="utf-8"))]
@@ -111,7 +111,7 @@ def test_texts_about_confidence_take_it_from_its_constant() -> None:
 
 
 def test_the_confidence_of_both_ellipses_is_the_same() -> None:
-    """The station draws the ellipse that the study evaluates."""
+    """Draw in the ground station the ellipse that the study evaluates."""
     assert ellipse.CHI2_2 == CHI2_2
     assert f"{100 * CONFIDENCE:g} %" == CONFIDENT
 

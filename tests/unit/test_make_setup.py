@@ -1,4 +1,4 @@
-"""`make setup` with a Python that only writes down what is asked of it: no network, no waiting."""
+"""`make setup` with a fake Python that records its arguments, without a network."""
 
 import os
 import shutil
@@ -64,7 +64,7 @@ def make(folder: Path, pythons: str = "./fake_python") -> subprocess.CompletedPr
 
 
 def asked(folder: Path) -> list[str]:
-    """What was asked since the last time, in short: venv, or what pip was to install."""
+    """Return the calls since the last time, in short: venv, or what pip was to install."""
     lines = (folder / "asked").read_text().splitlines() if (folder / "asked").exists() else []
     (folder / "asked").unlink(missing_ok=True)
     return [line.partition("constraints.txt ")[2] or line for line in lines]
@@ -73,7 +73,7 @@ def asked(folder: Path) -> list[str]:
 INSTALLS = ["hatchling editables", "--no-build-isolation -e .[dev]"]
 
 
-def test_the_first_time_everything_is_made_and_pip_keeps_quiet(tree: Path) -> None:
+def test_first_setup_does_everything_and_hides_pip_output(tree: Path) -> None:
     run = make(tree)
     assert (run.returncode, run.stderr) == (0, "")
     assert asked(tree) == ["venv", *INSTALLS]
@@ -81,7 +81,7 @@ def test_the_first_time_everything_is_made_and_pip_keeps_quiet(tree: Path) -> No
     assert "words of pip" not in run.stdout
 
 
-def test_the_second_time_nothing_is_done(tree: Path) -> None:
+def test_second_setup_does_nothing(tree: Path) -> None:
     make(tree)
     asked(tree)
     assert make(tree).returncode == 0
@@ -89,7 +89,7 @@ def test_the_second_time_nothing_is_done(tree: Path) -> None:
 
 
 @pytest.mark.parametrize("changed", ["constraints.txt", "pyproject.toml"])
-def test_after_a_change_only_pip_is_asked(tree: Path, changed: str) -> None:
+def test_after_a_change_only_pip_runs(tree: Path, changed: str) -> None:
     make(tree)
     asked(tree)
     soon = (tree / ".venv" / "ready").stat().st_mtime + 1

@@ -1,4 +1,4 @@
-"""One configuration file serves robot, plant and ground, and each refuses what is misspelt."""
+"""One configuration file serves robot, plant and ground; each rejects misspelt keys."""
 
 from pathlib import Path
 from typing import Any
@@ -57,7 +57,7 @@ def plant_runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Network, list[str]
     return runs
 
 
-def test_each_takes_its_own_from_the_same_file(
+def test_each_program_reads_its_own_tables(
     file: Path,
     robot_runs: list[tuple[Vehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
@@ -75,7 +75,7 @@ def test_each_takes_its_own_from_the_same_file(
     assert {waiting.prefix, dialling.prefix, common.network.prefix} == {"yard"}
 
 
-def test_the_command_line_names_others(
+def test_command_line_overrides_robot_names(
     file: Path,
     robot_runs: list[tuple[Vehicle, Network, str]],
     plant_runs: list[tuple[Network, list[str]]],
@@ -122,7 +122,7 @@ def test_keys_lie_beside_the_file_that_names_them(
         ('ca = "a"\ncertificate = "b"\nkeys = "c"', "network.tls.keys"),
     ],
 )
-def test_a_lock_that_is_half_there_is_named(tmp_path: Path, text: str, key: str) -> None:
+def test_incomplete_tls_settings_are_named(tmp_path: Path, text: str, key: str) -> None:
     path = tmp_path / "half.toml"
     path.write_text(f"[network.tls]\n{text}\n")
     with pytest.raises(ConfigError) as caught:

@@ -1,4 +1,4 @@
-"""What is promised in one file is there in the others: pins, packages, verbs, commands."""
+"""Files that name pins, packages, verbs and commands agree with each other."""
 
 import re
 import tomllib
@@ -31,7 +31,7 @@ def pins() -> dict[str, Version]:
 
 
 @pytest.mark.parametrize("text", FLOORS)
-def test_what_is_asked_for_is_pinned_at_or_above_its_floor(text: str) -> None:
+def test_requirements_are_pinned_at_or_above_their_minimum(text: str) -> None:
     wanted = Requirement(text)
     assert pins()[canonicalize_name(wanted.name)] in wanted.specifier
 
@@ -44,7 +44,7 @@ def test_make_looks_for_the_pythons_the_package_accepts() -> None:
     assert all(f"{version}.0" in accepted for version in named)
 
 
-def test_every_package_of_the_tree_has_its_place() -> None:
+def test_every_package_is_in_the_wheel_or_excluded() -> None:
     packages = {path.parent.name for path in ROOT.glob("*/__init__.py")}
     wheel = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]
     assert set(wheel["only-include"]) == packages - CHECKOUT_ONLY | {"sidestep.py"}
@@ -52,7 +52,7 @@ def test_every_package_of_the_tree_has_its_place() -> None:
     assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == packages - {"tests", "examples"}
 
 
-def test_an_extra_is_for_what_the_wheel_carries() -> None:
+def test_extras_serve_packages_of_the_wheel() -> None:
     extras = PROJECT["project"]["optional-dependencies"]
     assert set(extras) - {"dev", "docs"} == {"study", "dask", "foxglove", "keys", "web"}
     needed = {name for extra in set(extras) - {"dev"} for name in extras[extra]}

@@ -1,4 +1,4 @@
-"""The table of the paper's errors (docs/paper), computed: as printed, and in the core."""
+"""The paper's errors (docs/paper), computed: as printed, and in the control core."""
 
 from math import atan2, cos, degrees, dist, hypot, inf, pi, radians, remainder, sin
 
@@ -30,7 +30,7 @@ def left_contact(pose: Pose) -> tuple[float, float]:
 
 
 def pivot(arc_m: float, divisor_m: float) -> Pose:
-    """The right wheel alone rolls `arc_m`; the yaw rate is its speed over `divisor_m`."""
+    """Turn about the left wheel: the right one rolls `arc_m`; yaw is its speed over `divisor_m`."""
     pose, steps = Pose(0.0, 0.0, 0.0), 10_000
     for _ in range(steps):
         step_m, turn_rad = arc_m / 2 / steps, arc_m / divisor_m / steps
@@ -58,7 +58,7 @@ def test_eq_6_the_core_turns_by_the_track() -> None:
 
 
 def quarter_circle(share: float) -> tuple[float, float]:
-    """A quarter of a circle of 0.5 m in steps of 15 mm; `share` of each turn goes into the step."""
+    """Drive a quarter circle of 0.5 m in 15 mm steps; `share` of each turn is in the step."""
     steps = round(0.5 * pi / 2 / 0.015)
     step_m, turn_rad = 0.5 * pi / 2 / steps, pi / 2 / steps
     x_m = y_m = heading_rad = 0.0
@@ -85,7 +85,7 @@ def test_eq_9_the_core_drives_the_quarter_circle_of_eq_8() -> None:
 
 
 def moved(pose: np.ndarray, right_m: float, left_m: float) -> np.ndarray:
-    """Eq. 8."""
+    """Return the pose after a step by equation 8."""
     step_m, turn_rad = (right_m + left_m) / 2, (right_m - left_m) / TRACK_M
     middle_rad = pose[2] + turn_rad / 2
     step = np.array([step_m * cos(middle_rad), step_m * sin(middle_rad), turn_rad])
@@ -116,7 +116,7 @@ def test_eq_11_the_missing_f_q_is_the_derivative_of_eq_8(
 
 
 def core_covariance(heading_rad: float, right_m: float, left_m: float) -> np.ndarray:
-    """What the core believes after one step from a pose known exactly."""
+    """Return the core's covariance after one step from an exactly known pose."""
     o = Odometry()
     o.pose = Pose(0.0, 0.0, heading_rad)
     odometries.roll(o, left_m, right_m, DEFAULTS)

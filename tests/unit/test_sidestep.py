@@ -1,4 +1,4 @@
-"""The dispatch table: a verb finds its package, and whatever goes wrong ends as one line."""
+"""The dispatch table: each verb finds its package, and each error is one line."""
 
 import importlib
 import os
@@ -29,7 +29,7 @@ class TooManyRequestedError(Exception):
 
 @pytest.fixture
 def install(monkeypatch: pytest.MonkeyPatch) -> Install:
-    """Put a function of the test in place of every package's own command line."""
+    """Replace the command line of every package with a function of the test."""
 
     def put(entry: Entry) -> None:
         monkeypatch.setattr("importlib.import_module", lambda name: SimpleNamespace(main=entry))
@@ -52,7 +52,7 @@ def fail_with(error: BaseException) -> Entry:
     return entry
 
 
-def test_a_package_with_several_verbs_is_told_which(install: Install) -> None:
+def test_package_with_several_verbs_receives_the_verb(install: Install) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=1))
     assert sidestep.main(["goto", "2", "1", "90"]) == 1
@@ -91,14 +91,14 @@ def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) ->
 @pytest.mark.parametrize(
     ("word", "meant"), [("gotto", "goto"), ("trail", "trial"), ("plan", "plant")]
 )
-def test_a_slip_of_the_pen_is_answered_with_the_verb_meant(
+def test_misspelt_verb_gets_a_suggestion(
     word: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert sidestep.main([word]) == 2
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
-def test_nonsense_gets_no_guess_and_no_verb_gets_the_usage(
+def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert sidestep.main(["xyzzy"]) == 2
@@ -133,7 +133,7 @@ def test_defect_names_its_place_and_how_to_see_more(
     assert "sidestep --traceback up" in said
 
 
-def test_with_traceback_the_error_comes_through(install: Install) -> None:
+def test_traceback_option_raises_the_error(install: Install) -> None:
     install(fail_with(ZeroDivisionError()))
     with pytest.raises(ZeroDivisionError):
         sidestep.main(["--traceback", "up"])
@@ -143,7 +143,7 @@ def test_with_traceback_the_error_comes_through(install: Install) -> None:
     ("package", "verb"),
     [("runtime", "--help"), ("protocol", "goto"), ("ground", "doctor"), ("robot", "robot")],
 )
-def test_a_displaced_package_is_one_line_with_the_remedy(
+def test_shadowed_package_is_one_line_with_the_remedy(
     package: str, verb: str, tmp_path: Path
 ) -> None:
     (tmp_path / package).mkdir()
@@ -156,7 +156,7 @@ def test_a_displaced_package_is_one_line_with_the_remedy(
     assert run.stderr.endswith(f": take {tmp_path} out of PYTHONPATH\n")
 
 
-def test_a_defect_under_a_displaced_package_is_blamed_on_it(
+def test_defect_with_a_shadowed_package_names_the_package(
     install: Install, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     conflict = Conflict("package `robot` is not ours", "install apart", wins=True)
@@ -167,14 +167,14 @@ def test_a_defect_under_a_displaced_package_is_blamed_on_it(
     assert said == "sidestep up: package `robot` is not ours: install apart\n"
 
 
-def test_ctrl_c_ends_without_a_word(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ctrl_c_prints_nothing(install: Install, capsys: pytest.CaptureFixture[str]) -> None:
     install(fail_with(KeyboardInterrupt()))
     assert sidestep.main(["watch"]) == 130
     assert capsys.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("word", ["--help", "--version"])
-def test_a_reader_that_left_is_no_error(word: str) -> None:
+def test_closed_output_pipe_is_no_error(word: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     command = [sys.executable, "sidestep.py", word]

@@ -76,7 +76,7 @@ def test_an_unknown_host_is_named(mode: Literal["client", "peer"]) -> None:
 def test_an_address_of_another_machine_cannot_be_listened_on() -> None:
     with pytest.raises(EndpointError, match=r"tcp/192\.0\.2\.1:7447") as caught:
         open_bus(Network(mode="peer", listen=("tcp/192.0.2.1:7447",)), None, "r1")
-    assert ".rs" not in str(caught.value), "places in somebody's source help nobody"
+    assert ".rs" not in str(caught.value), "source locations of a library do not help a user"
 
 
 def test_a_bad_robot_name_is_refused_before_anything_is_opened() -> None:

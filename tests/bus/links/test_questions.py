@@ -70,9 +70,9 @@ def test_service_receives_the_name_of_an_operator(topology: Topology) -> None:
         bus.robot.serve(COMMAND, handler)
         for asker in (bus.ground, bus.plant, bus.join(Role.GROUND)):
             answer(asker, COMMAND, ARM)
-        first, nobody, second = operators
+        first, missing, second = operators
         assert first == f"open/{bus.ground.zid}"
-        assert nobody == ""
+        assert missing == ""
         assert second not in ("", first)
 
 

@@ -1,7 +1,7 @@
 """Test the keys that explain the last turn and earlier ones."""
 
 from protocol.wire.enums import Branch
-from tests.support.ground.explain.told import decided
+from tests.support.ground.explain.decisions import decided
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import driving

@@ -1,4 +1,4 @@
-"""What is written for people is held to what the code says."""
+"""Pages, README and help agree with the code."""
 
 import re
 from pathlib import Path
@@ -74,7 +74,7 @@ def test_readme_is_short() -> None:
     assert len(README.splitlines()) <= 120
 
 
-def test_every_verb_in_a_command_is_there() -> None:
+def test_every_verb_used_in_a_command_exists() -> None:
     pages = [text for name, text in PAGES.items() if "evidence/" not in name]
     named = set(re.findall(r"^(?:\$ )?sidestep ([a-z][a-z-]*)", "\n".join(pages), re.MULTILINE))
     assert {"up", "goto", "trial"} <= named <= set(VERBS)
@@ -99,8 +99,8 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_every_link_leads_somewhere(page: str) -> None:
-    """The site checks its own links; this holds where the pages are read as files."""
+def test_every_link_has_a_target(page: str) -> None:
+    """Cover the pages read as files; the site checks its own links."""
     text = re.sub(r"```.*?```", "", PAGES[page], flags=re.DOTALL)
     links = [link for link in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", text) if "://" not in link]
     made = "pictures/screens/"  # by the site
@@ -136,7 +136,7 @@ def test_the_robot_accepts_the_configuration_of_the_reference(tmp_path: Path) ->
     assert set(settings.parameters) <= set(SPECS)
 
 
-def test_the_mission_of_the_reference_is_one() -> None:
+def test_mission_of_the_reference_is_valid() -> None:
     assert (
         len(mission_file.read_text(toml_of("docs/reference/mission-files.md"), "").waypoints) == 2
     )

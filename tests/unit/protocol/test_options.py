@@ -1,4 +1,4 @@
-"""Numbers are numbers, also negative ones; one [network] serves who waits and who dials."""
+"""Options: negative numbers are values, and one [network] table serves all programs."""
 
 import argparse
 from typing import Literal
@@ -35,17 +35,17 @@ def test_a_negative_number_is_a_value(word: str) -> None:
 
 
 @given(st.floats(allow_nan=False))
-def test_every_number_comes_back_as_it_was(value: float) -> None:
+def test_every_number_survives_formatting_and_parsing(value: float) -> None:
     assert parsed(repr(value), "--goal", repr(value)).goal == [value]
 
 
 @pytest.mark.parametrize("word", ["-i", "--goal", "-e3", "-1e", "-", "--", "", "1e3", "-1", "-0.5"])
-def test_everything_else_stays_as_it_is(word: str) -> None:
+def test_other_arguments_are_unchanged(word: str) -> None:
     assert numbers_kept([word]) == [word]
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
-def test_what_is_no_finite_number_is_refused(text: str) -> None:
+def test_text_without_a_finite_number_is_rejected(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         finite(text)
 
@@ -64,12 +64,12 @@ def test_a_whole_number_may_be_either_end_of_its_range() -> None:
         ("nan", "'nan' is not a whole number"),
     ],
 )
-def test_what_is_no_whole_number_in_its_range_is_refused(text: str, says: str) -> None:
+def test_integer_out_of_range_is_rejected(text: str, says: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError, match=f"^{says}$"):
         whole(2, 5)(text)
 
 
-def test_without_a_highest_number_the_lowest_is_named() -> None:
+def test_without_upper_bound_only_the_minimum_is_named() -> None:
     with pytest.raises(argparse.ArgumentTypeError, match=r"^-1 is not at least 0$"):
         whole(0)("-1")
 
@@ -91,7 +91,7 @@ def test_parameters_are_names_with_their_values() -> None:
         ("d_obs_m=inf", "'inf' is not a finite number"),
     ],
 )
-def test_what_gives_no_parameter_a_value_is_refused(
+def test_text_without_parameter_and_value_is_rejected(
     word: str, says: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parser = argparse.ArgumentParser()
@@ -102,7 +102,7 @@ def test_what_gives_no_parameter_a_value_is_refused(
 
 
 HERE, THERE = "tcp/127.0.0.1:1", "tcp/127.0.0.1:2"
-NOTHING_SAID = argparse.Namespace(listen=None, connect=None)
+NO_OPTIONS = argparse.Namespace(listen=None, connect=None)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +124,12 @@ def test_network_table_serves_listeners_and_connectors(
 ) -> None:
     table = Network(mode=mode, listen=listen, connect=connect, prefix="yard")
     for listens, expected in ((True, robot), (False, plant)):
-        found = network_of(NOTHING_SAID, table, listens=listens)
+        found = network_of(NO_OPTIONS, table, listens=listens)
         assert (found.listen, found.connect, found.prefix) == (*expected, "yard")
         assert found.mode == ("peer" if found.listen else "client")
 
 
-def test_the_command_line_counts_more_than_the_file() -> None:
+def test_command_line_overrides_the_file() -> None:
     said = argparse.Namespace(listen=None, connect=[THERE])
     found = network_of(said, Network(listen=(HERE,)), listens=True)
     assert (found.mode, found.listen, found.connect) == ("client", (), (THERE,))
@@ -137,5 +137,5 @@ def test_the_command_line_counts_more_than_the_file() -> None:
 
 def test_endpoints_use_tls_when_keys_are_configured() -> None:
     table = Network(tls=Tls(ca="ca.pem", certificate="plant.pem", key="plant.key"))
-    assert network_of(NOTHING_SAID, table, listens=True).listen == (LOCKED_ENDPOINT,)
-    assert network_of(NOTHING_SAID, table, listens=False).connect == (LOCKED_ENDPOINT,)
+    assert network_of(NO_OPTIONS, table, listens=True).listen == (LOCKED_ENDPOINT,)
+    assert network_of(NO_OPTIONS, table, listens=False).connect == (LOCKED_ENDPOINT,)

@@ -1,4 +1,4 @@
-"""How a run is evaluated, and that every way of running prints the same keys."""
+"""Evaluation of a run; every way of running prints the same keys."""
 
 import json
 import re
@@ -74,7 +74,7 @@ def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0
     return evaluated(asked, ended, touches(contacts, own_contacts))
 
 
-def test_the_keys_are_those_that_were_promised_in_that_order() -> None:
+def test_outcome_keys_and_their_order_are_fixed() -> None:
     assert list(run().as_json()) == KEYS
     assert json.loads(json.dumps(run().as_json()))["digest"].startswith("000102")
 
@@ -91,7 +91,7 @@ def test_a_free_heading_has_no_error() -> None:
     assert "deg" not in run(heading_rad=None).text()
 
 
-def test_in_words_it_begins_with_how_it_ended_and_is_short() -> None:
+def test_text_begins_with_the_outcome_and_is_short() -> None:
     lines = run().text().splitlines()
     assert re.match(r"reached the goal of \w+ with \w+ in [\d.]+ s\Z", lines[0])
     assert lines[2].endswith(" 0.050 m and 0.6 deg")
@@ -103,13 +103,13 @@ def test_in_words_it_begins_with_how_it_ended_and_is_short() -> None:
     assert touched[4].endswith("contacts 2 (1 own)")
 
 
-def test_a_run_that_touched_something_is_a_collision_even_at_its_goal() -> None:
+def test_own_contact_makes_a_collision_even_at_the_goal() -> None:
     outcome = run(contacts=2, own_contacts=1)
     assert (outcome.outcome, outcome.reached) == ("collided", False)
     assert outcome.reason == "touched something 2 times; reached"
 
 
-def test_being_run_into_is_a_contact_but_no_collision() -> None:
+def test_being_run_into_counts_as_contact_not_collision() -> None:
     outcome = run(contacts=2)
     assert (outcome.outcome, outcome.contacts, outcome.own_contacts) == ("reached", 2, 0)
     assert outcome.reason == "ok; was touched 2 times"
@@ -129,18 +129,18 @@ def test_being_run_into_is_a_contact_but_no_collision() -> None:
         (GoalState.REFUSED, Reason.NOT_ARMED, "aborted", "not armed: arm first"),
     ],
 )
-def test_each_end_has_its_word_and_its_reason(
+def test_each_end_state_has_an_outcome_and_a_reason(
     state: GoalState, reason: Reason, end: str, words: str
 ) -> None:
     assert end_of(touches(0, 0), state, reason, 60.0) == (end, words)
 
 
-def test_whatever_the_state_the_outcome_is_one_of_the_five() -> None:
+def test_any_state_gives_one_of_five_outcomes() -> None:
     ends = {end_of(touches(1, own), state, 0, 1.0)[0] for state in GoalState for own in (0, 1)}
     assert ends == set(OUTCOMES)
 
 
-def test_a_bump_that_stopped_the_robot_says_both() -> None:
+def test_bump_that_stopped_the_robot_names_both_causes() -> None:
     assert end_of(touches(1, 1), GoalState.ABORTED, Reason.BUMPER, 60.0) == (
         "collided",
         "touched something once; bumper contact",

@@ -1,4 +1,4 @@
-"""The topic table: keys that hold one robot's name, and nothing in it twice."""
+"""The topic table: each key contains one robot's name, and no path occurs twice."""
 
 import pytest
 from hypothesis import given
@@ -14,7 +14,7 @@ def test_no_path_is_used_twice() -> None:
     assert len(paths) == len(set(paths))
 
 
-def test_every_stream_with_a_rate_lives_through_two_lost_frames() -> None:
+def test_periodic_stream_stays_fresh_after_two_lost_frames() -> None:
     streams = [topic for topic in TOPICS if topic.stale_after_ns]
     assert streams
     for topic in streams:

@@ -107,7 +107,7 @@ def test_invalid_number_has_its_own_message(
     ("error", "code"),
     [
         (UserError("wrong world"), 2),
-        (NoAnswerError("nobody there"), 1),
+        (NoAnswerError("no robot there"), 1),
         (KeyboardInterrupt(), 130),
         (Interrupted(signal.SIGTERM), 143),
     ],

@@ -18,7 +18,7 @@ from runtime.cli.packages import Conflict
 from tests.support.ground.client import CYCLE
 
 MS = 1_000_000
-EVERYBODY = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
+ALL_PRESENT = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
 STATUS = NavigatorStatus(
     time_ns=1,
     goal_started_ns=0,
@@ -38,7 +38,7 @@ STATUS = NavigatorStatus(
 )
 
 
-def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = EVERYBODY) -> Observed:
+def seen(silent: Iterable[Topic[Any]] = (), crew: PresentProcesses = ALL_PRESENT) -> Observed:
     """Return a healthy system in wall time, except for the topics in `silent`."""
     quiet = [*silent, OPERATOR, CLOCK, TEXT]
     streams = tuple(Stream(topic, None if topic in quiet else 20 * MS) for topic in TOPICS)

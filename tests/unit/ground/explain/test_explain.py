@@ -8,7 +8,7 @@ from ground.explain.explanation import explain
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
-from tests.support.ground.explain.told import cycle, decided, standing
+from tests.support.ground.explain.decisions import cycle, decided, standing
 
 TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}
 STILL: dict[str, float] = {"speed_m_s": 0.0, "yaw_rate_rad_s": 0.0}

@@ -12,7 +12,7 @@ from ground.recording.log_index import LogIndex
 from protocol.topics import CYCLE, DECISION, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.messages import AvoidanceDecision
-from tests.support.ground.explain.told import turning_points
+from tests.support.ground.explain.decisions import turning_points
 from tests.support.ground.recordings import BEGAN_NS, Recording, box
 
 S = 1_000_000_000

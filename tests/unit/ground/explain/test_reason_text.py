@@ -11,7 +11,7 @@ from ground.station.history.decision_history import AT_ONCE
 from protocol.wire.codec import decode
 from protocol.wire.enums import Branch
 from protocol.wire.messages import AvoidanceDecision
-from tests.support.ground.explain.told import decided, turning_points
+from tests.support.ground.explain.decisions import decided, turning_points
 from tests.support.ground.recordings import Recording, box
 from tests.support.ground.shown import Show
 

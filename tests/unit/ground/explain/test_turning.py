@@ -3,7 +3,7 @@
 from protocol.wire.enums import Branch
 from protocol.wire.messages import AvoidanceDecision
 from protocol.wire.reasons import Reason
-from tests.support.ground.explain.told import decided, turning_points
+from tests.support.ground.explain.decisions import decided, turning_points
 
 TICK_NS = 50_000_000
 

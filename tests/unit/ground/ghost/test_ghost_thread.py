@@ -16,7 +16,7 @@ from protocol.topics import ENCODING, ODOMETRY, STATUS, TRUTH
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState
 from runtime.errors import UserError
-from tests.support.ground.explain.told import standing
+from tests.support.ground.explain.decisions import standing
 from tests.support.ground.recordings import Recording, box
 from tests.support.ground.shown import WORLD, Show
 from tests.support.until import until

@@ -29,7 +29,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def made(folder: Path, *argv: str) -> list[Path]:
-    """The files that an import makes."""
+    """Return the files that an import writes."""
     out = folder / "out"
     assert main(["import", *argv, "--out", str(out)]) == 0
     return sorted(out.glob("*.toml"))
@@ -97,7 +97,7 @@ def test_world_name_cannot_leave_the_directory(name: str, tmp_path: Path, capsys
 
 
 def test_unusual_file_name_gives_a_readable_world(folder: Path) -> None:
-    """Its comment names the file, which may hold line breaks and control characters."""
+    """Name the file in the comment of the world, control characters included."""
     odd = folder / ".b\x1b\nname = 3\u2028.map"
     (folder / "hand.map").rename(odd)
     (file,) = made(folder, str(odd))

@@ -1,4 +1,4 @@
-"""The generated worlds: each is what its family promises, whoever makes it and whenever."""
+"""Generated worlds: each has the properties of its family, and equal seeds give equal worlds."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What each family of worlds looks like."""
+"""The shape of each family of worlds."""
 
 from itertools import combinations, pairwise
 from math import dist, isclose, pi

@@ -13,7 +13,7 @@ masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 
 
 def flooded(mask: Mask, row: int, column: int) -> set[tuple[int, int]]:
-    """Everything of a mask that hangs together with a cell, the slow way."""
+    """Return the connected region of a mask around a cell, by a slow flood fill."""
     reached, todo = {(row, column)}, deque([(row, column)])
     while todo:
         r, c = todo.popleft()

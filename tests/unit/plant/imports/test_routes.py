@@ -1,4 +1,4 @@
-"""Shortest ways over many cells, and those of the corpus, against a search that knows no corners.
+"""Shortest paths over many cells and in the corpus, compared with a search on a fine grid.
 
 The judge is Dijkstra over a fine grid: its moves in eight directions are at most 8.3 % longer than
 the straight line, never shorter.
@@ -94,7 +94,7 @@ def test_path_over_cells_matches_the_exact_search(family: str) -> None:
 
 
 def cells_of(*rows: str) -> Cells:
-    """Drawn with the first row at the top."""
+    """Return the cells of a drawing whose first row is the top."""
     return Cells(np.array([[one == "#" for one in row] for row in rows[::-1]]), 0.4)
 
 

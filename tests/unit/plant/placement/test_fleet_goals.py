@@ -1,4 +1,4 @@
-"""Goals of several robots: shifted as their starts are, where a robot can stand, and apart."""
+"""Goals of several robots: shifted like their starts, free for the robot, and apart."""
 
 from itertools import combinations
 from math import dist

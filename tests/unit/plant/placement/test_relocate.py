@@ -1,4 +1,4 @@
-"""A run may begin anywhere and at any time, but not inside of something."""
+"""A run may begin at any place and time, but not inside an obstacle."""
 
 from math import inf, nan
 
@@ -61,7 +61,7 @@ def test_start_in_contact_with_an_obstacle_is_allowed() -> None:
 
 
 def test_moving_obstacle_blocks_only_its_current_position() -> None:
-    """After four seconds it has rolled two metres up and stands at the end of its path."""
+    """Place the obstacle where it is after 4 s: two metres up, at the end of its path."""
     world = room(ROLLER)
     assert elsewhere(world, at(2.0, 1.0), None, 4.0).start == at(2.0, 1.0)
     with pytest.raises(UserError, match=r"taken.*at 4 s"):
@@ -90,7 +90,7 @@ def plant_at(world: World, at_ns: int) -> Plant:
 
 
 def test_plant_started_later_matches_the_earlier_plant() -> None:
-    """The robot stands still in both, and what passes it is seen and touched alike."""
+    """Compare sonars and contacts of a robot that does not move."""
     world = room(ROLLER, start=(1.4, 2.0, 0.0))
     begun, later = plant_at(world, 0), plant_at(world, 2_000_000_000)
     while begun.now_ns < later.now_ns:

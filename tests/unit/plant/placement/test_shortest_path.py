@@ -37,7 +37,7 @@ def length_m(*obstacles: Obstacle, walls: bool = True) -> float:
 
 
 def around_disc_m(radius_m: float, half_m: float) -> float:
-    """Tangent, arc, tangent past a disc in the middle of a way of twice `half_m`."""
+    """Return the length of tangent, arc and tangent past a disc halfway along `2 * half_m`."""
     tangent_m = sqrt(half_m**2 - radius_m**2)
     return 2.0 * tangent_m + radius_m * (pi - 2.0 * acos(radius_m / half_m))
 

@@ -1,4 +1,4 @@
-"""No frame and no sequence of frames moves a wheel beyond what the motor driver allows."""
+"""No sequence of frames moves a wheel beyond the limits of the motor driver."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -44,7 +44,7 @@ def forged(frame: tuple[int, int, int, int, int, int], tick: int) -> WheelComman
 def test_no_frame_moves_a_wheel_150_ms_after_its_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], first: int
 ) -> None:
-    """From then on each wheel slows down until it stands, whatever came and in which order."""
+    """Slow each wheel down to zero after that time, for any frames in any order."""
     gate, drive = CommandGate(), Drive(Body(), LEVELS["none"], 0, 0)
     ends_ms, before_m = first * PERIOD_MS, [0.0, 0.0]
     for tick, coming in enumerate([*told, *[[]] * 8], first):
@@ -69,7 +69,7 @@ def test_no_frame_moves_a_wheel_150_ms_after_its_tick(
 def test_no_frame_moves_a_robot_that_brakes_at_every_tick(
     told: list[list[tuple[int, int, int, int, int, int]]], places: list[int], epoch: int
 ) -> None:
-    """A robot that is disarmed or stopped stands, whatever else answers its ticks."""
+    """Keep a disarmed or stopped robot at rest, for any other frames."""
     gate = gate_at(6)
     for tick in range(4, 7):
         taken(gate, command(tick, seq=tick, mrad_s=0, epoch=epoch))

@@ -1,4 +1,4 @@
-"""The motor driver's last word: which wheel commands are obeyed, and for how long."""
+"""Command gate of the motor driver: the wheel commands it admits, and their duration."""
 
 import pytest
 
@@ -16,7 +16,7 @@ DRIVE = WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS)
     ("age", "left_ms"), [(-1, None), (0, 150), (1, 100), (2, 50), (3, 0), (4, None), (20, None)]
 )
 def test_command_age_counts_from_the_tick_it_answers(age: int, left_ms: int | None) -> None:
-    """A future tick, the age of 3 periods and the one beyond are the boundaries."""
+    """Test the boundaries: a future tick, the age of 3 periods, and one period more."""
     expected = None if left_ms is None else WheelOutput(FAST, FAST, left_ms)
     assert taken(gate_at(20), command(20 - age)) == expected
 
@@ -42,7 +42,7 @@ def test_frame_of_finding_a3_is_rejected() -> None:
 
 @pytest.mark.parametrize("age", [1, 2, 3])
 def test_ticks_before_the_first_are_rejected(age: int) -> None:
-    """The numbers wrap, so the last ones of uint32 are not those before tick 0."""
+    """Tick numbers wrap; the last uint32 numbers are not ticks before tick 0."""
     assert taken(gate_at(0), command(-age)) is None
     assert taken(gate_at(500, first=500), command(500 - age)) is None
 
@@ -71,7 +71,7 @@ def test_late_command_is_not_counted_as_a_sender_fault(one: WheelCommand) -> Non
 
 
 def test_commands_for_an_earlier_plant_are_rejected() -> None:
-    """Its larger numbers must not keep out the answers to the ticks of the plant that is there."""
+    """Accept answers to this plant despite the larger tick numbers of the earlier one."""
     gate = gate_at(0)
     assert taken(gate, command(4000, seq=4000)) is None
     assert taken(gate, command(0, seq=4001)) == DRIVE
@@ -118,7 +118,7 @@ def test_brake_is_obeyed_whatever_its_numbers(
 
 
 def test_timely_brake_slows_motors_like_any_command() -> None:
-    """So that a trajectory is the same to the bit with and without processes."""
+    """Trajectories must be bit-identical with and without processes."""
     assert taken(gate_at(20), command(19, mrad_s=0)) == WheelOutput(0, 0, 100)
 
 
@@ -144,7 +144,7 @@ def test_late_brake_contradicts_a_move_for_this_tick() -> None:
 
 @pytest.mark.parametrize("sense_seq", [1, UINT32])
 def test_late_brake_stops_the_wheels_at_once(sense_seq: int) -> None:
-    """Also at tick 0, where all times are small."""
+    """Include tick 0, where all times are small."""
     assert taken(gate_at(0), command(sense_seq, mrad_s=0)) == BRAKE
     assert taken(gate_at(0), command(0), command(sense_seq, mrad_s=0)) == BRAKE
     assert taken(gate_at(0), command(0), command(0, seq=2, mrad_s=0)) == BRAKE

@@ -1,4 +1,4 @@
-"""The plant's log of rejected frames is limited during a flood."""
+"""The plant limits its log of rejected frames during a flood."""
 
 from plant.process.run import RejectLog
 

@@ -1,4 +1,4 @@
-"""Requests to the plant: bounded in their number, answered a few at a time."""
+"""Requests to the plant: their number is bounded, and a few are answered in each cycle."""
 
 from typing import cast
 
@@ -18,7 +18,7 @@ SCORE = RunRequest(action=RunAction.SCORE, until_ns=0)
 
 
 class Question:
-    """A request and the answers it was given."""
+    """A request, and the answers to it."""
 
     def __init__(self, message: Message | None = SCORE) -> None:
         self.message = message
@@ -30,7 +30,7 @@ class Question:
 
 
 class Asking:
-    """A desk without a loop: `nudges` is how often it wanted one to turn."""
+    """A request queue without a loop; `nudges` counts its wake-ups of the loop."""
 
     def __init__(self) -> None:
         self.nudges = 0
@@ -51,7 +51,7 @@ def asking() -> Asking:
 
 
 def test_each_cycle_answers_a_few_requests_and_the_next_continues(asking: Asking) -> None:
-    """A flood of questions must not keep time from going by."""
+    """Prevent a flood of requests from stopping simulated time."""
     questions = [Question() for _ in range(2 * MAX_ANSWERED)]
     asking.ask(*questions)
     before = asking.nudges
@@ -79,7 +79,7 @@ def test_excess_requests_are_rejected_and_the_first_answered(asking: Asking) -> 
 
 
 def test_world_request_is_answered_without_the_loop(asking: Asking) -> None:
-    """Whoever only observes may ask for it: as often as it likes, at no cost to the plant."""
+    """Let an observer ask as often as it likes, without load on the plant's loop."""
     asking.ask(*[Question() for _ in range(MAX_WAITING)])
     before = asking.nudges
     worlds = [Question(None) for _ in range(MAX_WAITING)]

@@ -1,4 +1,4 @@
-"""The plant's link to a robot: what it publishes in which order, and which commands it obeys."""
+"""The plant's link to a robot: the order of its messages, and the commands it executes."""
 
 from typing import cast
 
@@ -21,7 +21,7 @@ FAST = 9000
 
 
 class Bench:
-    """A plant at tick 20, and the wires that a test sends commands through."""
+    """A plant at tick 20, and the network on which a test sends commands."""
 
     def __init__(self) -> None:
         self._bus = PlayedBus(ManualClock())
@@ -33,7 +33,7 @@ class Bench:
             self.plant.advance()
 
     def tick(self, *commands: tuple[int, int, int]) -> float:
-        """A period in which these came: number, tick of their senses, speed. The speed after it."""
+        """Run a period with these commands (number, answered tick, speed); return the new speed."""
         self.link.publish(self.plant)
         for seq, sense_seq, mrad_s in commands:
             self._bus.say(
@@ -52,7 +52,7 @@ class Bench:
         return self.plant.truth().speed_m_s
 
     def ticks_driven(self, *commands: tuple[int, int, int]) -> int:
-        """For how many periods the wheels are driven by what comes now, and nothing after it."""
+        """Return for how many periods the wheels are driven by these commands alone."""
         speeds = [self.tick(*commands)] + [self.tick() for _ in range(9)]
         fastest = max(speeds)
         return speeds.index(fastest) + 1 if fastest > 0.0 else 0
@@ -86,7 +86,7 @@ def test_restarted_robot_is_obeyed() -> None:
 
 
 class Listener:
-    """The second of two robots in a plant, and all that is published for it, in order."""
+    """The second of two robots of a plant, with everything published for it, in order."""
 
     def __init__(self, *, lockstep: bool, at_ns: int = 0) -> None:
         self._bus = PlayedBus(ManualClock())
@@ -125,7 +125,7 @@ def test_no_clock_is_published_in_wall_time() -> None:
     ("at_ms", "boot_ms"), [(0, 0), (20 * 50, 1000), (2**32 + 4, 4)], ids=["0", "1 s", "wrapped"]
 )
 def test_clock_carries_simulated_time(at_ms: int, boot_ms: int) -> None:
-    """Of a plant that is older than 2^32 ms the milliseconds begin anew."""
+    """Wrap the milliseconds of a plant after 2^32 ms."""
     heard = Listener(lockstep=True, at_ns=at_ms * 1_000_000).heard()
     assert heard[2] == SystemTime(time_unix_usec=at_ms * 1000, time_boot_ms=boot_ms)
 

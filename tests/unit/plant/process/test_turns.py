@@ -1,4 +1,4 @@
-"""The plant's loop shows that it turns, also while time stands still: else it would be ended."""
+"""The plant reports each turn of its loop, also while time is paused; else it would be killed."""
 
 import threading
 from collections.abc import Callable
@@ -20,7 +20,7 @@ SLOW = 0.0005
 
 
 class Turns:
-    """Ends the loop after some turns."""
+    """Ends the loop after a number of turns."""
 
     def __init__(self, wake: Wake) -> None:
         self.count = 0
@@ -33,7 +33,7 @@ class Turns:
 
 
 def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
-    """How often it turned until it ended; fails when it does not."""
+    """Return the number of turns before the loop ended; fail if it does not end."""
     wake = Wake()
     turns = Turns(wake)
     desk = RequestQueue(running=running, world={}, nudge=wake)
@@ -61,7 +61,7 @@ def test_loop_reports_progress_in_wall_time(running: bool) -> None:
 
 
 def test_wake_ups_without_a_waiter_do_not_accumulate() -> None:
-    """In wall time the loop never waits on it, and each command and question calls it."""
+    """Send a wake-up per command and request in wall time, where the loop never waits."""
     wake = Wake()
     for _ in range(10_000):
         wake()

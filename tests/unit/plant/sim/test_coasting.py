@@ -1,4 +1,4 @@
-"""Where nothing is in the way the arena is not asked, and nobody can tell: not by one bit."""
+"""Without obstacles near, skipping the physics engine gives bit-identical results."""
 
 import pytest
 from hypothesis import given, settings
@@ -22,7 +22,7 @@ COMMANDS = st.lists(
 def driven(
     family: str, commands: list[tuple[int, int]], noise: str, *, always_ask: bool
 ) -> RunScore:
-    """The score after two seconds of each command, wherever that leads."""
+    """Return the score after two seconds of each command."""
     plant = Plant(generate(family, 1, 9), 3, LEVELS[noise])
     if always_ask:
         plant._alone = False

@@ -132,14 +132,14 @@ def test_two_robots_do_not_pass_through_each_other() -> None:
 
 
 def walker(bearing_rad: float, speed_m_s: float = 0.2) -> Circle:
-    """Somebody who walks straight at the middle of the room."""
+    """Return a pedestrian that walks straight at the middle of the room."""
     ways = ((2.0 + d * cos(bearing_rad), 2.0 + d * sin(bearing_rad)) for d in (0.6, -0.6))
     path = tuple(ways)
     return Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s)
 
 
 def until_touched(one: Plant, left_m_s: float, right_m_s: float) -> tuple[int, int]:
-    """Contacts and own contacts after the first touch."""
+    """Return all contacts and own contacts after the first touch."""
     for _ in range(200):
         drive(one, left_m_s, right_m_s, 1)
         if one.truth().contact:
@@ -199,6 +199,6 @@ def test_robot_between_mover_and_wall_stays_in_the_room() -> None:
 
 
 def test_grazing_a_static_obstacle_is_the_robots_contact() -> None:
-    """Half a degree off along a wall: it comes nearer by 3 mm/s."""
+    """Half a degree off along a wall, the robot approaches it by 3 mm/s."""
     one = plant(room(start=(1.0, 0.125, -0.009)))
     assert until_touched(one, 0.3, 0.3) == (1, 1)

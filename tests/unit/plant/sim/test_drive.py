@@ -24,7 +24,7 @@ def mrad_s(rim_m_s: float) -> int:
 def run(
     drive: Drive, left_m_s: float, right_m_s: float, steps: int, trouble: ActiveFaults = NO_TROUBLE
 ) -> tuple[float, float]:
-    """The way on the ground of a drive that is commanded anew all the time."""
+    """Return the poses of a drive with a new command in each step."""
     left_m = right_m = 0.0
     for _ in range(steps):
         drive.command(mrad_s(left_m_s), mrad_s(right_m_s), 150, 0)

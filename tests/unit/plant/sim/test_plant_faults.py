@@ -99,7 +99,7 @@ def test_fault_of_an_absent_robot_is_rejected() -> None:
 
 
 def test_fault_does_not_shift_other_noise() -> None:
-    """What the sound sonars read is the same with and without a fault of another."""
+    """Leave the readings of the other sonars unchanged by a fault of one."""
     sound = Plant(room(), 4, LEVELS["harsh"])
     faulty = Plant(room(), 4, LEVELS["harsh"], [Fault("sonar_dropout", "0", value=0.5)])
     for _ in range(50):

@@ -11,7 +11,7 @@ START_NS = 3 * TICK_NS
 
 
 def square_run() -> Score:
-    """Five ticks around a metre square: touched in the second and third, run into in the fifth."""
+    """Drive five ticks around a 1 m square: contacts in ticks 2 and 3, run into in tick 5."""
     score = Score(START_NS, 0.0, 0.0, 0.0, 0.9)
     score.add(1.0, 0.0, 0.1, 0.5, touching=False)
     score.add(1.0, 1.0, 0.2, -0.001, touching=True)
@@ -53,7 +53,7 @@ def test_digest_covers_stamps_and_true_poses() -> None:
 def test_digest_does_not_depend_on_saved_hash_states(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """So that the score of a run of many hours does not keep the plant from its period."""
+    """Saved states keep the cost of a score constant in runs of many hours."""
     monkeypatch.setattr(score_module, "HASHED", 4)
     run, wanted = Score(START_NS, 0.0, 0.0, 0.0, 1.0), [sha256()]
     for tick in range(1, 15):

@@ -19,7 +19,7 @@ FOREST = room(
 
 
 def wander(world: World, seed: int, noise: Noise, ticks: int = 200) -> Plant:
-    """A drive whose commands depend on what is sensed, so that whatever differs shows."""
+    """Drive with commands that depend on the sensors, so that any difference accumulates."""
     plant = Plant(world, seed, noise)
     for _ in range(ticks):
         near_m = min((range_m for range_m in ranges_m(plant) if range_m is not None), default=3.0)

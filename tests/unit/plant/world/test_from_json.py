@@ -1,4 +1,4 @@
-"""What the plant tells of its world is enough to run another one like it."""
+"""The plant's description of its world is enough to run an equal one."""
 
 import io
 import json
@@ -49,7 +49,7 @@ def test_world_file_may_be_json(tmp_path: Path) -> None:
 
 
 class Given:
-    """Standard input with something in it."""
+    """Standard input with content."""
 
     def __init__(self, data: bytes) -> None:
         self.buffer = io.BytesIO(data)

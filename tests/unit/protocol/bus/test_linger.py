@@ -1,4 +1,4 @@
-"""Links that do not linger: no shortage of descriptors ends the thread that sees to it."""
+"""Closed links do not linger, and a shortage of file descriptors ends no thread."""
 
 import errno
 import os
@@ -31,7 +31,7 @@ def lingering() -> Iterator[socket.socket]:
 
 @contextmanager
 def no_descriptor_left() -> Iterator[None]:
-    """Let this process open no further file."""
+    """Prevent this process from opening more files."""
     limits = getrlimit(RLIMIT_NOFILE)
     top = max(map(int, os.listdir("/proc/self/fd")))
     held: list[int] = []
@@ -55,7 +55,7 @@ def test_shortage_of_descriptors_is_raised(lingering: socket.socket) -> None:
     assert not lingers(lingering)
 
 
-def test_a_socket_that_cannot_be_copied_is_no_closed_one(
+def test_socket_that_cannot_be_copied_counts_as_open(
     lingering: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def dup(_: int) -> int:
@@ -67,10 +67,10 @@ def test_a_socket_that_cannot_be_copied_is_no_closed_one(
     assert lingers(lingering)
 
 
-def test_after_a_shortage_of_descriptors_it_is_done_as_soon_as_there_are_some(
+def test_linger_is_cleared_once_descriptors_are_available(
     lingering: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each link closed from then on blocked those who listen, for up to 10 s."""
+    """Otherwise each link closed later blocks the subscribers for up to 10 s."""
     calls: list[str] = []
     real = linger.stop_lingering
 

@@ -1,4 +1,4 @@
-"""The mailbox: newest message, staleness, and what could not be read, counted and named."""
+"""The mailbox keeps the newest message, its age, and a count of unreadable samples."""
 
 import pytest
 from hypothesis import given
@@ -79,7 +79,7 @@ def test_restarted_sender_is_accepted_after_enough_silence() -> None:
     assert (newest[0].time_ns, box.rejected) == (50 * NS_PER_MS, 0)
 
 
-def test_a_box_that_may_go_back_in_time_takes_older_stamps() -> None:
+def test_mailbox_of_rewindable_time_accepts_older_stamps() -> None:
     box = Mailbox(WHEELS)
     for stamp_ms, arrived_ms in ((50_000, 1_000), (10, 1_001), (50_000, 1_002)):
         box.store(ticks_at(stamp_ms * NS_PER_MS), arrived_ms * NS_PER_MS)
@@ -90,7 +90,7 @@ def test_a_box_that_may_go_back_in_time_takes_older_stamps() -> None:
 
 
 @pytest.mark.parametrize("forward", [False, True])
-def test_a_stamp_of_two_to_the_62nd_is_no_time(forward: bool) -> None:
+def test_stamp_of_2_to_the_62_is_rejected(forward: bool) -> None:
     box = Mailbox(WHEELS, forward=forward)
     for stamp_ns in (2**62, 2**63, 2**64 - 1):
         box.store(ticks_at(stamp_ns), 10)
@@ -180,7 +180,7 @@ def test_waiter_is_notified_of_each_arrival() -> None:
     assert heard == [10, 20]
 
 
-def test_a_box_may_take_only_what_one_sender_puts_there() -> None:
+def test_mailbox_may_accept_a_single_sender_only() -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append, accept=lambda sender: sender == "ada")
     box.store(sample()._replace(sender="bob"), 10)
@@ -234,7 +234,7 @@ def sent(sent_ns: int | None, sender: str = "ada", seq: int = 1) -> Sample:
     ],
     ids=["sent before", "sent at once", "sent later", "without a time", "of another"],
 )
-def test_of_one_sender_nothing_sent_before_its_newest_is_taken(newer: Sample, taken: bool) -> None:
+def test_older_sample_of_the_same_sender_is_ignored(newer: Sample, taken: bool) -> None:
     heard: list[int] = []
     box = Mailbox(WHEELS, heard.append, accept=lambda _: True)
     box.store(sent(100), 10)
@@ -249,14 +249,14 @@ def test_of_one_sender_nothing_sent_before_its_newest_is_taken(newer: Sample, ta
     assert box.rejected == 0, "late is not wrong"
 
 
-def test_after_a_sample_without_a_time_any_time_is_taken() -> None:
+def test_any_time_is_accepted_after_a_sample_without_time() -> None:
     box = Mailbox(WHEELS, accept=lambda _: True)
     box.store(sent(None), 10)
     box.store(sent(5, seq=2), 20)
     assert box.received() == (opened(sent(5, seq=2), (WheelTicks,)), Origin("ada", 5, 20))
 
 
-def test_without_senders_to_tell_apart_the_time_of_sending_does_not_count() -> None:
+def test_sending_time_is_ignored_without_sender_ids() -> None:
     box = Mailbox(WHEELS)
     box.store(sent(100), 10)
     box.store(sent(99, seq=2), 20)
@@ -265,5 +265,5 @@ def test_without_senders_to_tell_apart_the_time_of_sending_does_not_count() -> N
     assert newest[0].seq == 2
 
 
-def test_a_sample_names_no_sender_and_no_time_by_itself() -> None:
+def test_sample_has_no_sender_and_no_time_by_default() -> None:
     assert Sample(ENCODING, b"")[2:] == ("", None)

@@ -1,4 +1,4 @@
-"""Network settings: an endpoint that cannot work is refused before anything is opened."""
+"""Network settings: an impossible endpoint is rejected before a session opens."""
 
 import pytest
 
@@ -60,7 +60,7 @@ def test_prefix_that_is_no_plain_key_is_rejected(prefix: str) -> None:
         Network(prefix=prefix)
 
 
-def test_with_keys_all_links_are_locked() -> None:
+def test_configured_keys_apply_tls_to_all_links() -> None:
     network = Network(listen=("tls/[::]:7447",), connect=("tls/robot.local:7447",), tls=TLS)
     assert network.tls is TLS
 
@@ -73,17 +73,17 @@ def test_plain_endpoint_among_tls_endpoints_is_rejected(where: str, endpoint: st
     assert repr(endpoint) in str(caught.value)
 
 
-def test_a_lock_without_its_key_is_refused() -> None:
+def test_certificate_without_its_key_is_rejected() -> None:
     with pytest.raises(EndpointError, match=r"'tls/robot:7447' needs \[network\.tls\].*keys new"):
         Network(connect=("tls/robot:7447",))
 
 
-def test_an_endpoint_cannot_open_the_lock_again() -> None:
+def test_endpoint_option_cannot_disable_tls() -> None:
     with pytest.raises(EndpointError, match="remove the part from '#' on"):
         Network(listen=("tls/127.0.0.1:7447#enable_mtls=false",), tls=TLS)
 
 
-def test_a_file_that_is_not_named_is_refused() -> None:
+def test_empty_tls_file_name_is_rejected() -> None:
     with pytest.raises(UserError, match="key is empty"):
         Tls(ca="ca.pem", certificate="ground.pem", key="")
 

@@ -1,4 +1,4 @@
-"""Liveliness tokens: only those of robots, roles and sessions that can be some are taken."""
+"""Liveliness tokens: only tokens with a valid robot, role and session are accepted."""
 
 import threading
 from collections.abc import Set as AbstractSet
@@ -29,7 +29,7 @@ def test_token_contains_robot_role_and_session() -> None:
         "sidestep//alive/robot/4f2a",
     ],
 )
-def test_any_other_token_is_none(key: str) -> None:
+def test_malformed_token_is_ignored(key: str) -> None:
     assert presence_in(key) is None
 
 
@@ -37,7 +37,7 @@ FIRST, SECOND, THIRD = (Presence("r1", "robot", zid) for zid in ("1", "2", "3"))
 
 
 class Interrupted(frozenset[Presence]):
-    """Another thread brings a token, too, just before this one's is added or removed."""
+    """A set in which another thread adds a token just before each change."""
 
     other: threading.Thread
 
@@ -56,10 +56,10 @@ class Interrupted(frozenset[Presence]):
 
 
 @pytest.mark.parametrize(("came", "there"), [(True, [FIRST, SECOND, THIRD]), (False, [THIRD])])
-def test_of_tokens_that_two_threads_bring_at_once_none_is_lost(
+def test_tokens_added_by_two_threads_at_once_are_all_kept(
     came: bool, there: list[Presence]
 ) -> None:
-    """A second robot of one name was not noticed, or never forgotten."""
+    """Keep each token: a lost one hid a second robot of one name, or kept it for ever."""
     seen: list[Presence] = []
     tokens = TokenSet(lambda who, _: seen.append(who))
     tokens.there = before = Interrupted({FIRST})

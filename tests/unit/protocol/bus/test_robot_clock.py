@@ -1,4 +1,4 @@
-"""A robot's clock as a ground process estimates it: never later than the robot's own time."""
+"""Estimate of a robot's clock in a ground process: never later than the robot's own time."""
 
 import threading
 from collections import deque
@@ -15,7 +15,7 @@ LIMIT_S = 10.0
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, 2**63 - 1, -(2**63)])
-def test_a_time_comes_through_as_eight_bytes(time_ns: int) -> None:
+def test_time_is_encoded_as_eight_bytes(time_ns: int) -> None:
     assert len(time_bytes(time_ns)) == 8
     assert time_in(time_bytes(time_ns)) == time_ns
 
@@ -44,7 +44,7 @@ ways = st.tuples(st.integers(0, 500 * MS), st.integers(0, 500 * MS))
 
 
 @given(st.integers(-(10**15), 10**15), st.lists(ways, min_size=1, max_size=30))
-def test_an_estimate_is_never_late_and_as_near_as_the_best_way_back(
+def test_estimate_is_never_late_and_as_good_as_the_best_reply(
     ahead_ns: int, measured: list[tuple[int, int]]
 ) -> None:
     clock, now_ns = RobotClock(), 0
@@ -56,7 +56,7 @@ def test_an_estimate_is_never_late_and_as_near_as_the_best_way_back(
 
 
 @pytest.mark.parametrize("robot_ns", [2**62, 2**63 - 1, -(2**63)])
-def test_an_answer_that_is_no_time_is_ignored(robot_ns: int) -> None:
+def test_answer_without_a_time_is_ignored(robot_ns: int) -> None:
     clock = RobotClock()
     clock.observe(asked_ns=100, robot_ns=5_000, answered_ns=140)
     clock.observe(asked_ns=200, robot_ns=robot_ns, answered_ns=240)
@@ -73,7 +73,7 @@ def test_the_newest_eight_measurements_count() -> None:
     assert clock.time_ns(0) == 950
 
 
-def test_a_clock_that_has_gone_back_is_measured_afresh() -> None:
+def test_clock_that_went_back_is_measured_again() -> None:
     clock = RobotClock()
     clock.observe(asked_ns=0, robot_ns=10**12, answered_ns=10)
     clock.observe(asked_ns=20, robot_ns=500, answered_ns=30)
@@ -89,7 +89,7 @@ def test_a_measurement_that_fits_the_earlier_ones_keeps_them() -> None:
     assert clock.time_ns(0) == 199, "it cannot: it was read 999 after the question at most"
 
 
-def test_a_clock_that_was_contradicted_is_forgotten() -> None:
+def test_contradicted_measurements_are_discarded() -> None:
     clock = RobotClock()
     clock.observe(0, 1_000, 1)
     clock.forget()
@@ -97,7 +97,7 @@ def test_a_clock_that_was_contradicted_is_forgotten() -> None:
 
 
 class Forgotten(deque[int]):
-    """Another thread forgets the measurements just after this one has seen that there are some."""
+    """A clock whose measurements another thread removes just after this thread found some."""
 
     def __bool__(self) -> bool:
         found = len(self) > 0
@@ -105,8 +105,8 @@ class Forgotten(deque[int]):
         return found
 
 
-def test_a_measurement_survives_that_the_earlier_ones_are_forgotten_meanwhile() -> None:
-    """The thread that measures had ended, and the clock was never measured again."""
+def test_measurement_survives_concurrent_removal_of_earlier_ones() -> None:
+    """Raise no exception: one ended the measuring thread for good."""
     clock = RobotClock()
     clock._ahead_ns = Forgotten([1_000], maxlen=SAMPLES)
     clock.observe(asked_ns=0, robot_ns=1_010, answered_ns=10)
@@ -119,9 +119,9 @@ def test_a_measurement_survives_that_the_earlier_ones_are_forgotten_meanwhile() 
 
 
 class Pauses(threading.Event):
-    """Waits until it is set, however short a pause was asked for.
+    """An event that waits until it is set, however short the requested pause is.
 
-    `asked` tells how long each was to be, and which robots had been measured before it.
+    `asked` holds the requested length of each, and the robots measured before it.
     """
 
     def __init__(self, measured: Mapping[str, int]) -> None:
@@ -137,7 +137,7 @@ class Pauses(threading.Event):
         return super().wait(10 * LIMIT_S)
 
     def wait_for(self, robot: str) -> float | None:
-        """Return the first pause that was asked for after this robot had been measured."""
+        """Return the first pause requested after this robot was measured."""
 
         def after() -> list[float | None]:
             return [pause_s for pause_s, measured in self.asked if robot in measured]
@@ -148,7 +148,7 @@ class Pauses(threading.Event):
 
 
 class Measured:
-    """Clocks that are measured without a network: each robot is 1 s ahead, unless it is silent."""
+    """Clocks measured without a network: each robot is 1 s ahead, unless it is silent."""
 
     def __init__(self, *silent: str) -> None:
         self.times: dict[str, int] = {}
@@ -169,12 +169,12 @@ class Measured:
         return True
 
     def follow(self, robot: str) -> float | None:
-        """Follow a robot until it was measured; return the pause after that."""
+        """Follow a robot until it was measured; return the next pause."""
         self.clocks.follow(robot)
         return self._pauses.wait_for(robot)
 
 
-def test_a_robot_that_is_not_followed_has_no_time() -> None:
+def test_robot_without_a_follower_has_no_time() -> None:
     measured = Measured()
     assert measured.clocks.time_ns("r1") is None
     assert measured.threads == []

@@ -1,4 +1,4 @@
-"""The committed generated modules are what the generator writes, and MAVLink's on the wire."""
+"""The committed modules are the generator's output, and equal MAVLink's on the wire."""
 
 import xml.etree.ElementTree as ET
 
@@ -44,7 +44,7 @@ def test_every_enum_has_mavgens_numbers_and_words() -> None:
             assert entry.text in {"", theirs[entry.value].description}
 
 
-def test_our_enums_are_whole() -> None:
+def test_own_enums_are_complete() -> None:
     for element in ET.parse(SIDESTEP_XML).getroot().iter("enum"):
         wanted = {entry.attrib["name"] for entry in element.iter("entry")}
         enum = DIALECT.enums[element.attrib["name"]]
@@ -59,7 +59,7 @@ def test_message_ids_are_unused_upstream() -> None:
     assert not ours & theirs
 
 
-def test_everything_asked_of_upstream_is_there() -> None:
+def test_requested_upstream_definitions_exist() -> None:
     assert set(common_subset.MESSAGES) <= {message.name for message in DIALECT.messages}
     for name, members in common_subset.ENUMS.items():
         assert set(members) <= {entry.name for entry in DIALECT.enums[name].entries}
@@ -68,11 +68,11 @@ def test_everything_asked_of_upstream_is_there() -> None:
         assert set(fields) <= {field.name for field in message.fields}
 
 
-def test_no_text_of_upstreams_xml_is_kept_beside_ours() -> None:
+def test_no_upstream_text_is_copied() -> None:
     assert [path.name for path in SIDESTEP_XML.parent.glob("*.xml")] == ["sidestep.xml"]
 
 
-def test_a_changed_description_changes_what_is_made_of_it() -> None:
+def test_changed_description_changes_the_generated_code() -> None:
     changed = with_words(DIALECT, "in other words")
     stale = {path for path in OUTPUTS if OUTPUTS[path](changed) != OUTPUTS[path](DIALECT)}
     assert stale == set(OUTPUTS) - {
@@ -81,7 +81,7 @@ def test_a_changed_description_changes_what_is_made_of_it() -> None:
 
 
 def test_limit_equals_the_number_in_the_xml() -> None:
-    """The text of a reason shows the same one."""
+    """Find the same number in the text of the reason."""
     lost = DIALECT.enums["SIDESTEP_REASON"]
     entries = (entry._replace(text=entry.text.replace("150 ms", "1.7 s")) for entry in lost.entries)
     enums = DIALECT.enums | {lost.name: lost._replace(entries=tuple(entries))}
@@ -101,7 +101,7 @@ def test_limit_equals_the_number_in_the_xml() -> None:
 
 
 def with_words(dialect: Dialect, words: str) -> Dialect:
-    """A dialect whose own messages and members are all described by these words."""
+    """Return a dialect in which each own message and member has this description."""
     messages = (
         message._replace(text=words) if message.number >= FIRST_OWN_ID else message
         for message in dialect.messages

@@ -1,4 +1,4 @@
-"""The codec beside pymavlink: the same bytes out, the same values in, and nothing else raised."""
+"""The codec compared with pymavlink: equal bytes, equal values, and only RemoteError raised."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def test_every_message_is_read_as_pymavlink_reads_it(cls: type[Message]) -> None
 
 
 @given(any_message, octets, octets)
-def test_what_goes_in_comes_out_nan_and_infinity_included(
+def test_round_trip_preserves_nan_and_infinity(
     message: Message, system: int, component: int
 ) -> None:
     frame = decode(Encoder(system, component).encode(message))
@@ -151,7 +151,7 @@ def test_known_part_of_a_longer_payload_is_read() -> None:
 
 
 def resealed(frame: bytes, payload: bytes) -> bytes:
-    """The frame with another payload and a right checksum."""
+    """Return the frame with another payload and a correct checksum."""
     from fastcrc.crc16 import mcrf4xx
 
     number = int.from_bytes(frame[7:10], "little")
@@ -176,13 +176,13 @@ def test_our_own_bad_value_is_named_with_its_limit(field: str, value: int, words
         Encoder(1, 1).encode(WheelCommand(**{**fields, field: value}))
 
 
-def test_a_float_too_large_for_32_bits_is_ours_to_mend() -> None:
+def test_float_too_large_for_32_bits_is_a_local_error() -> None:
     fields: dict[str, Any] = {f.name: 0 for f in LAYOUT["GroundTruth"].fields}
     with pytest.raises(LocalError, match=r"GroundTruth\.x_m = 1e\+39"):
         Encoder(1, 1).encode(GroundTruth(**{**fields, "x_m": 1e39}))
 
 
-def test_a_frame_that_could_not_be_made_takes_no_sequence_number() -> None:
+def test_failed_frame_takes_no_sequence_number() -> None:
     encoder = Encoder(1, 1)
     with pytest.raises(LocalError):
         encoder.encode(Statustext(severity=999, text=""))

@@ -1,4 +1,4 @@
-"""The codec by examples alone: every branch, each limit and each refusal, byte by byte.
+"""The codec by examples: every branch, limit and error, byte by byte.
 
 `test_codec.py` holds it against pymavlink; here every byte is written down.
 """
@@ -50,7 +50,7 @@ CRC_EXTRA_OF_STATUSTEXT = 83
 
 
 def sealed(payload: bytes, flags: bytes = b"\0\0") -> bytes:
-    """Return a frame of a STATUSTEXT with this payload and a right checksum."""
+    """Return a frame of a STATUSTEXT with this payload and a correct checksum."""
     body = bytes([len(payload)]) + flags + b"\0\x01\x01\xfd\0\0" + payload
     return b"\xfd" + body + mcrf4xx(body + bytes([CRC_EXTRA_OF_STATUSTEXT])).to_bytes(2, "little")
 
@@ -73,7 +73,7 @@ def test_frame_cannot_be_changed_and_names_its_fields() -> None:
         Frame(COMMAND, 3, 4, 0)  # type: ignore[call-arg]
 
 
-def test_sequence_counts_to_255_and_begins_anew() -> None:
+def test_sequence_wraps_after_255() -> None:
     encoder = Encoder(1, 1)
     frames = [encoder.encode(COMMAND) for _ in range(258)]
     assert [frame[4] for frame in frames] == [*range(256), 0, 1]
@@ -133,7 +133,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("frame", "words"), REFUSED.values(), ids=REFUSED)
-def test_refusal_names_the_first_thing_that_is_wrong(frame: bytes, words: str) -> None:
+def test_error_names_the_first_fault(frame: bytes, words: str) -> None:
     with pytest.raises(RemoteError) as refused:
         decode(frame)
     assert str(refused.value) == words
@@ -149,14 +149,14 @@ def test_flags_that_may_be_ignored_are_under_the_checksum() -> None:
     assert decode(sealed(b"\x06", b"\0\1")).message == Statustext(severity=6, text="")
 
 
-def test_zeros_that_were_not_left_out_are_read() -> None:
+def test_untruncated_zeros_are_accepted() -> None:
     whole = sealed(b"\x06" + b"a".ljust(50, b"\0") + b"\x01\x02\x03")
     expected = Statustext(severity=6, text="a", id=0x0201, chunk_seq=3)
     assert decode(whole).message == expected
     assert decode(sealed(b"\x06a" + bytes(20))).message == Statustext(severity=6, text="a")
 
 
-def test_payload_of_a_newer_dialect_is_read_as_far_as_it_is_known() -> None:
+def test_known_part_of_a_newer_payload_is_read() -> None:
     longer = sealed(b"\x06" + b"a".ljust(50, b"\0") + b"\x01\x02\x03" + b"new".ljust(201, b"."))
     assert len(longer) == LARGEST_FRAME
     expected = Statustext(severity=6, text="a", id=0x0201, chunk_seq=3)

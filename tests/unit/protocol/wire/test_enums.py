@@ -1,4 +1,4 @@
-"""The names by which protocol and core know the numbers of the dialect, and the words of them."""
+"""The enumerations of protocol and core equal those of the dialect, and each has words."""
 
 from enum import IntEnum
 from types import ModuleType

@@ -1,4 +1,4 @@
-"""From a place in the world to the integers of a goal, and from a start to words and back."""
+"""Conversion of a goal to integers of the wire, and of a start to text and back."""
 
 from math import inf, nan, pi, radians
 
@@ -25,7 +25,7 @@ def test_any_heading_is_a_flag_and_not_an_angle() -> None:
 
 @pytest.mark.parametrize("place", range(5))
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
-def test_what_is_not_finite_is_refused(bad: float, place: int) -> None:
+def test_non_finite_goal_is_rejected(bad: float, place: int) -> None:
     values = [1.0, 2.0, 0.0, *TOLERANCES]
     values[place] = bad
     with pytest.raises(ValueError, match="finite"):

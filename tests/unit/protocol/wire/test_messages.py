@@ -1,4 +1,4 @@
-"""The typed face: the fields of the XML, frozen, and checked where it is made."""
+"""Typed messages: the fields of the XML, immutable, and checked on construction."""
 
 from typing import Any
 
@@ -101,12 +101,12 @@ def test_names_in_a_lease_have_their_sizes() -> None:
         ({"text": "\ud800"}, "text = .*: must be valid Unicode"),
     ],
 )
-def test_what_construction_lets_through_the_check_names(change: dict[str, Any], words: str) -> None:
+def test_check_names_what_construction_accepts(change: dict[str, Any], words: str) -> None:
     with pytest.raises(LocalError, match=words):
         check(Statustext(**{"severity": 6, "text": "", **change}))
 
 
-def test_a_number_that_is_none_is_named() -> None:
+def test_value_that_is_not_a_number_is_named() -> None:
     with pytest.raises(LocalError, match=r"param_value = None: must be a number"):
         check(ParamSet(param_id="p", param_value=None, param_type=9))  # type: ignore[arg-type]
 
@@ -117,7 +117,7 @@ def test_ranges_can_be_checked_without_a_wire() -> None:
 
 
 @given(any_message)
-def test_whatever_the_wire_can_carry_passes_the_check(message: Message) -> None:
+def test_every_wire_value_passes_the_check(message: Message) -> None:
     check(message)
 
 

@@ -139,7 +139,7 @@ def test_unreadable_fence_forbids_arming_and_is_announced(tmp_path: Path, text: 
     assert desk.arm() == Reason.FENCE_UNREADABLE
     assert shown(desk) == (Vehicle.STANDBY, Reason.FENCE_UNREADABLE)
     assert desk.goto(3.0, 0.0) == Reason.NOT_ARMED
-    assert (tmp_path / "fence.json").read_text() == text, "somebody may want to look at it"
+    assert (tmp_path / "fence.json").read_text() == text, "the file is kept for analysis"
 
 
 LOST = "saved fence LOST: arming is refused until `fence off` or a new fence: "

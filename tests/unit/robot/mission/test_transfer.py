@@ -103,7 +103,7 @@ def test_a_mission_has_at_least_one_item_and_not_too_many() -> None:
 def test_item_out_of_turn_is_refused_and_upload_continues() -> None:
     desk = Desk()
     items = line(3)
-    assert bad(desk.vehicle.receive(items[0], 0)) == 0, "nobody has announced it"
+    assert bad(desk.vehicle.receive(items[0], 0)) == 0, "the transfer was not announced"
     desk.vehicle.receive(MissionCount(count=3), 0)
     desk.vehicle.receive(items[0], 0)
     assert bad(desk.vehicle.receive(items[2], 0)) == 2

@@ -94,4 +94,4 @@ def test_closed_output_stays_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", None)
     with guarded_output():
         assert sys.stderr is None
-        print("nobody hears it", file=sys.stderr)
+        print("no reader", file=sys.stderr)

@@ -52,7 +52,7 @@ def test_only_running_text_counts() -> None:
 
 
 def test_grade_is_that_of_flesch_and_kincaid() -> None:
-    """Two sentences of three words; seven syllables in six words."""
+    """Two sentences of three words, and seven syllables in six words."""
     assert grade("The robot turns. Dogs run fast.") == pytest.approx(
         0.39 * 3 + 11.8 * 7 / 6 - 15.59
     )

@@ -18,7 +18,7 @@ OUTERMOST_RAD = radians(87.75)
 
 
 def seen_m(caster: Caster, pose: Pose, late: Pose | None = None) -> list[float]:
-    """Distances from the centre, sonar by sonar from right to left; inf without an echo."""
+    """Return the distance from the centre for each sonar, from right to left; inf: no echo."""
     return in_turn(caster.cast(pose, late or pose))
 
 
@@ -28,7 +28,7 @@ def in_turn(nearness: list[float]) -> list[float]:
 
 
 def marched_m(obstacles: tuple[Obstacle, ...], pose: Pose, bearing_rad: float) -> float:
-    """How far a ray goes, found by walking along it as far as nothing can be in the way."""
+    """Return the length of a ray by marching in steps that cannot meet an obstacle."""
     gone_m, towards_rad = 0.0, pose[2] + bearing_rad
     for _ in range(3000):
         at = (pose[0] + gone_m * cos(towards_rad), pose[1] + gone_m * sin(towards_rad))
@@ -153,7 +153,7 @@ def test_wall_returns_an_echo_only_at_steep_incidence(bearing_deg: float, limit_
 
 
 def _facing(bearing_deg: float) -> tuple[float, float, float, float]:
-    """A long wall whose perpendicular from the origin lies in that direction, 1 m away."""
+    """Return a long wall, 1 m from the origin in this direction and perpendicular to it."""
     across_x, across_y = sin(radians(bearing_deg)), -cos(radians(bearing_deg))
     foot_x, foot_y = cos(radians(bearing_deg)), sin(radians(bearing_deg))
     far = 20.0
@@ -215,7 +215,7 @@ def test_grazed_moving_disc_gives_no_echo() -> None:
     )
 )
 def test_only_shapes_behind_or_out_of_range_are_skipped(poses: list[Pose]) -> None:
-    """One caster that travels and turns sees what a caster made anew at each pose sees."""
+    """Compare a caster that moves with a new caster at each pose."""
     discs = tuple((0.5 * i, 2.0 + (-1.0) ** i, 0.2) for i in range(60))
     scene = Scene(discs, still(room(size_m=(30.0, 4.0))).edges)
     travelling = Caster(scene, 3.12, pi / 2)
@@ -231,7 +231,7 @@ def test_only_shapes_behind_or_out_of_range_are_skipped(poses: list[Pose]) -> No
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(st.floats(-0.2, 0.2), st.floats(-0.4, 0.4)), min_size=1, max_size=60))
 def test_slow_turn_and_short_motion_hide_no_shape(steps: list[tuple[float, float]]) -> None:
-    """Small steps, after which the surfaces are mostly not chosen anew."""
+    """Steps this small mostly reuse the selection of shapes."""
     discs = tuple((2.0 + 0.6 * i, 2.0 + 0.6 * j, 0.1) for i in range(-4, 5) for j in range(-4, 5))
     scene = Scene(discs, still(room(size_m=(4.0, 4.0))).edges)
     travelling = Caster(scene, 3.12, pi / 2)

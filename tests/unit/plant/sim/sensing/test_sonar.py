@@ -19,7 +19,7 @@ SCANS = 4000
 
 
 def nearness(ranges_m: Sequence[float | None]) -> list[float]:
-    """As the rays give it, from ranges sonar by sonar."""
+    """Return the input of the sonar model for one range per sonar."""
     in_order = [ranges_m[sonar] for sonar in ORDER]
     return [0.0 if range_m is None else 1.0 / (range_m + RIM_M) for range_m in in_order]
 

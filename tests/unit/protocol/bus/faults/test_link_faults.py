@@ -1,4 +1,4 @@
-"""What a bad network does to samples: shares, delays and order, alike for the same seed."""
+"""Simulated network faults: loss, duplication, delay and order, equal for equal seeds."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ MANY = 4000
 def sent(
     trouble: LinkFaults, samples: int = MANY, key: str = "sidestep/r1/sense/sonar"
 ) -> list[int]:
-    """One sample every 50 ms, numbered; what comes out until all are through."""
+    """Send one numbered sample every 50 ms; return what arrives until all are through."""
     way: FaultyLink[int] = FaultyLink(trouble, key)
     found = [one for number in range(samples) for one in way.take(number, number * 50 * MS)]
     return found + way.due(samples * 100 * MS)
@@ -26,7 +26,7 @@ def test_without_a_share_or_a_delay_all_pass_in_order() -> None:
     assert sent(LinkFaults()) == list(range(MANY))
 
 
-def test_as_many_are_lost_as_was_asked_for() -> None:
+def test_loss_share_equals_the_requested_one() -> None:
     assert len(sent(LinkFaults(loss=0.2))) == pytest.approx(0.8 * MANY, rel=0.03)
     assert sent(LinkFaults(loss=1.0)) == []
 
@@ -38,7 +38,7 @@ def test_losses_depend_only_on_seed_and_key() -> None:
     assert sent(LinkFaults(loss=0.2, seed=1), key="sidestep/r1/drive/wheels") != first
 
 
-def test_a_copy_comes_right_after_its_original() -> None:
+def test_duplicate_follows_its_original() -> None:
     found = sent(LinkFaults(duplicate=0.3))
     assert found == sorted(found)
     assert len(found) == pytest.approx(1.3 * MANY, rel=0.03)
@@ -70,7 +70,7 @@ def test_earliest_due_time_covers_all_links() -> None:
     assert earliest(ways) == 20 * MS
 
 
-def test_it_concerns_the_topics_it_names_and_without_names_all() -> None:
+def test_fault_applies_to_named_topics_or_to_all() -> None:
     assert LinkFaults().concerns("tlm/text")
     assert LinkFaults(paths=("sense/", "drive/wheels")).concerns("sense/sonar")
     assert not LinkFaults(paths=("sense/", "drive/wheels")).concerns("tlm/text")
@@ -83,7 +83,7 @@ def test_impossible_link_fault_is_rejected_by_name(field: str, value: float) -> 
         LinkFaults(**{field: value})  # type: ignore[arg-type]
 
 
-def test_it_is_a_table_of_the_configuration(tmp_path: Path) -> None:
+def test_link_faults_are_a_table_of_the_configuration(tmp_path: Path) -> None:
     file = tmp_path / "bad.toml"
     file.write_text('connect = ["tcp/127.0.0.1:1"]\n[trouble]\nloss = 0.05\npaths = ["sense/"]\n')
     assert config.load(file, Network).trouble == LinkFaults(loss=0.05, paths=("sense/",))

@@ -1,4 +1,4 @@
-"""Who called and was not let in is found in the system's table of connections."""
+"""The address of a rejected client is found in the connection table of the system."""
 
 from pathlib import Path
 
@@ -34,17 +34,17 @@ def test_an_address_is_read_as_zenoh_writes_it() -> None:
     assert end_in("") == ConnectionEnd("", 0)
 
 
-def test_a_connection_that_is_being_closed_is_a_strangers(table: Path) -> None:
+def test_closing_connection_counts_as_rejected_peer(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
     assert ClosingConnections([OURS], [table]).new([]) == ["10.0.0.7"]
 
 
-def test_on_one_machine_it_may_be_seen_from_the_other_end(table: Path) -> None:
+def test_local_peer_may_be_found_by_its_other_end(table: Path) -> None:
     table.write_text(HEAD + row("0200007F:C350", "0100007F:4427"))
     assert ClosingConnections([OURS], [table]).new([]) == ["127.0.0.2"]
 
 
-def test_it_is_new_only_once(table: Path) -> None:
+def test_peer_is_reported_once(table: Path) -> None:
     strangers = ClosingConnections([OURS], [table])
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
     assert strangers.new([]) == ["10.0.0.7"]
@@ -53,18 +53,18 @@ def test_it_is_new_only_once(table: Path) -> None:
     assert strangers.new([]) == ["10.0.0.7"]
 
 
-def test_who_was_let_in_before_is_no_stranger(table: Path) -> None:
+def test_peer_admitted_before_is_not_reported(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350"))
     assert ClosingConnections([OURS], [table]).new([ConnectionEnd("10.0.0.7", 0xC350)]) == []
 
 
 @pytest.mark.parametrize("state", ["01", "03", "0A"])
-def test_what_is_open_or_opening_is_no_strangers(table: Path, state: str) -> None:
+def test_open_or_opening_connection_is_not_reported(table: Path, state: str) -> None:
     table.write_text(HEAD + row("0100007F:4427", "0700000A:C350", state))
     assert ClosingConnections([OURS], [table]).new([]) == []
 
 
-def test_other_ports_do_not_concern_us(table: Path) -> None:
+def test_connections_to_other_ports_are_ignored(table: Path) -> None:
     table.write_text(HEAD + row("0100007F:0016", "0700000A:C350"))
     assert ClosingConnections([OURS], [table]).new([]) == []
 

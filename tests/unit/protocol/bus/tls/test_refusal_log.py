@@ -1,4 +1,4 @@
-"""Zenoh's log of whom it kept out becomes sentences: who, from where, what, and why."""
+"""Zenoh's log of refusals becomes sentences: certificate, address, action and reason."""
 
 from collections.abc import Iterable
 
@@ -40,7 +40,7 @@ def viewer(zid: str) -> Caller:
 
 
 def sentences(log: str, strangers: Iterable[str] = (), at_ns: int = 0) -> list[str]:
-    """Of a log with one event a line."""
+    """Return the sentences of a log with one event per line."""
     return RefusalLog().sentences(events(log), viewer, lambda: strangers, at_ns)
 
 
@@ -67,7 +67,7 @@ def test_forged_sample_is_logged_with_sender_key_and_reason() -> None:
         ("Liveliness Query", "may not query presence at k"),
     ],
 )
-def test_each_kind_of_attempt_has_its_words(what: str, says: str) -> None:
+def test_each_kind_of_attempt_has_its_sentence(what: str, says: str) -> None:
     (told,) = sentences(judged(f"{what} (ingress)", "k"))
     assert says in told
 
@@ -81,12 +81,12 @@ def test_allowed_access_is_not_logged() -> None:
     assert sentences(judged("Put (ingress)", "k", "authorized")) == []
 
 
-def test_what_does_not_go_out_is_not_told() -> None:
-    """A sample is kept from those whom it is not for all the time."""
+def test_filtered_outgoing_sample_is_not_logged() -> None:
+    """Samples are withheld from clients without the right all the time."""
     assert sentences(cached("Put (egress)", "k")) == []
 
 
-def test_that_a_key_was_worked_out_is_no_refusal() -> None:
+def test_key_resolution_is_not_logged_as_refusal() -> None:
     learnt = [
         judged("Query (ingress)", "k"),
         judged("Put (ingress)", "k"),
@@ -128,20 +128,20 @@ def test_certificate_name_without_a_role_is_logged() -> None:
         ("something nobody has thought of", "something nobody has thought of"),
     ],
 )
-def test_each_failed_handshake_has_its_words(why: str, says: str) -> None:
+def test_each_failed_handshake_has_its_sentence(why: str, says: str) -> None:
     (told,) = sentences(failed(why), ["10.0.0.9"])
     assert told.startswith("connection refused: unknown process at 10.0.0.9: ")
     assert says in told
 
 
-def test_whoever_only_looks_is_not_told() -> None:
+def test_broken_connection_is_not_logged() -> None:
     assert (
         sentences(failed("tls handshake eof") + failed("Connection reset by peer (os error 104)"))
         == []
     )
 
 
-def test_where_a_stranger_was_is_said_to_be_unknown() -> None:
+def test_unknown_peer_address_is_named_unknown() -> None:
     (told,) = sentences(failed("peer sent no certificates"))
     assert "unknown process at an unknown address" in told
 
@@ -179,7 +179,7 @@ def test_flood_of_one_certificate_hides_no_other() -> None:
     assert told.startswith("refused: plant at there may not put on k")
 
 
-def test_of_a_flood_only_the_beginning_is_read() -> None:
+def test_only_the_start_of_a_flood_is_parsed() -> None:
     flood = judged("Put (ingress)", "early") + cached("Put (egress)", "k") * MAX_EVENTS
     (told,) = sentences(flood + cached("Put (ingress)", "late"))
     assert "may not put on early" in told
@@ -215,6 +215,6 @@ def test_unprintable_characters_of_a_key_are_replaced(character: str) -> None:
     assert "may not put on a?b: " in told
 
 
-def test_what_is_no_log_is_nothing() -> None:
+def test_text_that_is_not_a_log_gives_no_sentence() -> None:
     assert sentences("") == sentences("\x00\xff\n\n is unauthorized to ") == []
     assert in_words("") == ""

@@ -1,4 +1,4 @@
-"""The tables of topics and services say who may do what; what they do not say is refused."""
+"""The tables of topics and services define all rights; everything else is rejected."""
 
 from typing import Any
 
@@ -52,24 +52,24 @@ def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
 
 
 @pytest.mark.parametrize("service", SERVICES, ids=lambda service: service.path)
-def test_only_the_ground_station_asks_what_changes_something(service: Any) -> None:
+def test_only_ground_stations_may_query_changing_services(service: Any) -> None:
     keys = {f"r1/{service.path}", f"r1/{service.path}/ground/*"}
     asks = {name for name, grant in grants(("r1",)).items() if keys & set(grant.asks)}
     assert asks == ({"ground"} if service.requests else {"ground", "viewer", "recorder"})
 
 
-def test_the_plant_is_told_to_drive_and_else_what_it_says_itself() -> None:
+def test_plant_receives_only_wheel_commands_and_own_topics() -> None:
     plant = grants(("r1",))["plant"]
     assert set(plant.subscribes) - set(plant.puts) == {"r1/drive/wheels"}
 
 
-def test_a_robot_is_told_what_is_sensed_and_wanted_and_not_what_is_true() -> None:
+def test_robot_receives_only_senses_and_commands() -> None:
     robot = grants(("r1", "r2"))["robot-r1"]
     families = {path.split("/")[1] for path in set(robot.subscribes) - set(robot.puts)}
     assert families == {"sense", "op"}
 
 
-def test_who_says_something_may_hear_whether_it_arrives() -> None:
+def test_publisher_may_subscribe_to_its_own_topics() -> None:
     for name in ("plant", "robot-r1"):
         grant = grants(("r1",))[name]
         assert set(grant.puts) < set(grant.subscribes)
@@ -82,7 +82,7 @@ def test_robot_has_no_rights_under_another_name() -> None:
 
 
 @pytest.mark.parametrize(("name", "fetches"), [("viewer", False), ("recorder", True)])
-def test_only_a_recorder_fetches_what_was_commanded(name: str, fetches: bool) -> None:
+def test_only_a_recorder_may_fetch_past_commands(name: str, fetches: bool) -> None:
     asked = [
         key
         for rule in rules()["rules"]
@@ -103,14 +103,14 @@ def test_only_a_recorder_fetches_what_was_commanded(name: str, fetches: bool) ->
         assert may_fetch(None, "r1", topic)
 
 
-def test_all_that_is_not_granted_is_denied() -> None:
+def test_everything_not_granted_is_denied() -> None:
     found = rules()
     assert (found["enabled"], found["default_permission"]) == (True, "deny")
     assert {rule["permission"] for rule in found["rules"]} == {"allow"}
 
 
-def test_no_rule_but_the_routers_lets_a_wildcard_be_put_or_asked() -> None:
-    """A wildcard is covered only by a rule with one; below @adv nobody acts on what comes."""
+def test_only_the_router_may_put_or_query_wildcards() -> None:
+    """Admit a wildcard only by a rule with one; below @adv no process acts on it."""
     for rule in rules()["rules"]:
         name, flow, *_ = rule["id"].split()
         if name == "router" or flow == "egress":
@@ -130,7 +130,7 @@ def test_only_role_certificates_are_named() -> None:
     assert all(set(one) == {"id", "cert_common_names"} for one in subjects)
 
 
-def test_rules_have_names_of_their_own_and_each_belongs_to_one() -> None:
+def test_rule_names_are_unique_and_belong_to_one_role() -> None:
     found = rules()
     ids = [rule["id"] for rule in found["rules"]]
     used = [one for policy in found["policies"] for one in policy["rules"]]
@@ -144,7 +144,7 @@ def test_all_keys_are_below_the_prefix() -> None:
     assert all(key.startswith("yard/") for key in keys)
 
 
-def test_a_name_says_what_its_holder_does() -> None:
+def test_grant_has_a_description_of_its_holder() -> None:
     robot, viewer = grant_of("robot-r7"), grant_of("viewer")
     assert robot is not None
     assert viewer is not None
@@ -228,6 +228,6 @@ def test_a_reserved_name_of_an_operator_is_refused(name: str, why: str) -> None:
         grants((), (name,))
 
 
-def test_a_robot_that_cannot_be_is_refused() -> None:
+def test_impossible_robot_name_is_rejected() -> None:
     with pytest.raises(UserError, match="robot name"):
         grants(("R 1",))
