@@ -11,14 +11,13 @@ first use:
 import importlib
 import importlib.util
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ground.client.api import *  # noqa: F403
-    from runtime.cli.verb_table import Verb
 
 ROOT = Path(__file__).resolve().parent
 EXIT_USAGE = 2
@@ -58,49 +57,69 @@ def dispatch(arguments: list[str]) -> int:
         del arguments[0]
     if not arguments:
         return complain("which verb?")
-    word, *rest = arguments
+    word = arguments[0]
     if word in ("-h", "--help", "help"):
         print(overview())
         return 0
     if word == "--version":
         print(f"sidestep {version()}")
         return 0
-    verbs = verb_table()
-    if word not in verbs:
-        return complain(f"unknown verb {word!r}{nearest(word, verbs)}")
+    if word == "complete":
+        code: int = importlib.import_module("runtime.cli.completion").main(arguments[1:])
+        return code
+    call = table().find(arguments)
+    if call is None:
+        return without_verb(arguments)
+    if call.is_old:
+        now = table().command_of(word)
+        print(f"sidestep {word}: now `sidestep {now}`", file=sys.stderr)
     try:
-        return call(verbs[word], word, rest)
+        return run(call.word, call.arguments)
     except (BrokenPipeError, KeyboardInterrupt):
         raise
     except Exception as error:
         if wants_traceback:
             raise
-        return explain(word, error)
+        return explain(call.word, error)
 
 
-def verb_table() -> "Mapping[str, Verb]":
-    """Return the verbs by name."""
-    from runtime.cli.verb_table import VERBS
+def table() -> ModuleType:
+    """Return the module of the verb table; an import at the top would need its package."""
+    from runtime.cli import verb_table
 
-    return VERBS
+    return verb_table
 
 
-def call(verb: "Verb", word: str, rest: Sequence[str]) -> int:
+def without_verb(words: Sequence[str]) -> int:
+    """Print the help of a group, or the error of words that are no verb; return the exit code."""
+    group, *rest = words
+    if group not in table().GROUPS:
+        return complain(f"unknown verb {group!r}{nearest(group)}")
+    if rest[:1] in (["-h"], ["--help"]):
+        print(group_help(group))
+        return 0
+    if not rest:
+        return complain(f"which verb of {group!r}? see `sidestep {group} --help`")
+    return complain(f"unknown verb '{group} {rest[0]}'{nearest(f'{group} {rest[0]}')}")
+
+
+def run(word: str, arguments: Sequence[str]) -> int:
     """Run a verb, unless its package is missing or shadowed by another one."""
+    verb = table().VERBS[word]
     package = verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
         return refuse(
             word,
             f"needs a checkout of the source, as {package}/ is not installed: run `make setup` "
-            f"there, then .venv/bin/sidestep {word}",
+            f"there, then .venv/bin/sidestep {table().command_of(word)}",
         )
     if conflict := displaced(package):
         return refuse(word, conflict)
     if verb.is_program:
-        module, arguments = verb.module, list(rest)
+        module, words = verb.module, list(arguments)
     else:
-        module, arguments = OPERATOR, [word, *rest]
-    code: int = importlib.import_module(module).main(arguments)
+        module, words = OPERATOR, [word, *arguments]
+    code: int = importlib.import_module(module).main(words)
     return code
 
 
@@ -143,7 +162,7 @@ def explain(word: str, error: Exception) -> int:
         return refuse(word, conflict)
     print(
         f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
-        f"for the traceback: sidestep --traceback {word} ...",
+        f"for the traceback: sidestep --traceback {table().command_of(word)} ...",
         file=sys.stderr,
     )
     return 1
@@ -174,28 +193,40 @@ def complain(message: str) -> int:
     return EXIT_USAGE
 
 
-def nearest(word: str, verbs: "Mapping[str, Verb]") -> str:
+def nearest(word: str) -> str:
     """Return a suggestion for a misspelt verb, or ""."""
     import difflib  # needed only after a mistake
 
-    near = difflib.get_close_matches(word, verbs, n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    known = {group: group for group in table().GROUPS}
+    for verb in table().VERBS:
+        known[verb] = known[table().command_of(verb)] = table().command_of(verb)
+    near = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {known[near[0]]!r}?" if near else ""
 
 
 def overview() -> str:
-    """Return the text of `sidestep --help`."""
-    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
-    group = ""
-    for word, verb in verb_table().items():
-        if verb.group != group:
-            group = verb.group
-            lines += ["", f"{group}:"]
-        lines.append(f"  {word:<12} {verb.summary}")
-    lines += [
-        "",
-        "Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help",
-    ]
+    """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
+    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", USAGE]
+    groups, section = table().GROUPS, ""
+    for word, verb in table().VERBS.items():
+        if verb.section != section and not verb.is_grouped:
+            section = verb.section
+            lines.append(f"{section}:")
+            if section == table().MORE:
+                lines += [f"  {group:<12} {summary}" for group, summary in groups.items()]
+        if not verb.is_grouped:
+            lines.append(f"  {word:<12} {verb.summary}")
+    lines.append("Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help")
     return "\n".join(lines)
+
+
+def group_help(group: str) -> str:
+    """Return the text of `sidestep GROUP --help`."""
+    lines = [f"usage: sidestep {group} VERB ...", "", table().GROUPS[group], "", "verbs:"]
+    for word, verb in table().VERBS.items():
+        if verb.section == group:
+            lines.append(f"  {table().command_of(word).split()[-1]:<12} {verb.summary}")
+    return "\n".join([*lines, "", f"Details: sidestep {group} VERB --help"])
 
 
 def version() -> str:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, Protocol, cast
 
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from verification.harness import machine
 from verification.harness.figures import Report
 
@@ -120,16 +120,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     Return 0 when every threshold is met, 1 when one is missed, 2 for wrong usage.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = argparse.ArgumentParser(
-        prog="sidestep bench", description=VERBS["bench"].summary, epilog=table()
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("name", choices=BENCHMARKS, metavar="NAME")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
     benchmark = benchmark_of(arguments)
-    if benchmark:
-        benchmark.add_options(parser)
-    options = parser.parse_args(arguments)
+    options = parser(benchmark).parse_args(arguments)
     if benchmark is None:  # for mypy: argparse has refused the name
         return 2
     load_before = machine.load()
@@ -137,6 +129,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     report = replace(report, machine=machine.described(load_before))
     print(json.dumps(report.as_json()) if options.json else report.text())
     return 0 if report.met else 1
+
+
+def parser(benchmark: Benchmark | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the verb, with the options of a benchmark."""
+    made = new_parser("bench", details=table(), allow_abbrev=True)
+    made.add_argument("name", choices=BENCHMARKS, metavar="NAME")
+    made.add_argument("--json", action="store_true", help="print one JSON object")
+    if benchmark:
+        benchmark.add_options(made)
+    return made
 
 
 def benchmark_of(arguments: Sequence[str]) -> Benchmark | None:

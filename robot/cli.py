@@ -1,4 +1,4 @@
-"""The command line of `sidestep robot`, which runs the control loop of one robot."""
+"""The command line of `sidestep run robot`, which runs the control loop of one robot."""
 
 import argparse
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import InlineWriter, WriterThread
 from robot.vehicle import Vehicle
 from runtime import config
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,12 +58,8 @@ def main(argv: Sequence[str]) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of `sidestep robot`."""
-    parser = argparse.ArgumentParser(
-        prog="sidestep robot",
-        description=VERBS["robot"].summary,
-        allow_abbrev=False,
-    )
+    """Return the parser of `sidestep run robot`."""
+    parser = new_parser("robot")
     add_network_options(parser)
     parser.add_argument("--id", metavar="NAME", help="the robot's name (r1)")
     parser.add_argument(

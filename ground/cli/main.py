@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, Final
 
-from ground.cli.verbs import VERBS, parser_of
+from ground.cli.verbs import VERBS
 from ground.text.output import Output
 from protocol.options import numbers_kept
+from runtime.cli.parsers import parser_of
 from runtime.errors import ConfigError, RemoteError, UserError
 
 EXIT_FAILURE: Final = 1
@@ -54,7 +55,7 @@ def parse(argv: Sequence[str]) -> Any:
         raise SystemExit(EXIT_USAGE)
     verb = VERBS[word]
     found = argparse.Namespace(verb=word) if verb.words is None else verb.words(word)
-    return parser_of(verb, word).parse_args(numbers_kept(argv[1:]), found)
+    return parser_of(word).parse_args(numbers_kept(argv[1:]), found)
 
 
 def failed(output: Output, verb: str, why: str, code: int) -> int:

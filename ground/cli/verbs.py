@@ -1,4 +1,4 @@
-"""The operator's verbs, loaded on demand: how to parse their arguments and how to run them.
+"""The operator's verbs, loaded on demand: how to run them.
 
 The module of a verb is imported when the verb is looked up, so that a process loads only the
 modules it needs.
@@ -17,21 +17,18 @@ from ground.text.output import Output
 from runtime.cli import verb_table
 from runtime.cli.verb_table import Verb
 
-Arguments: TypeAlias = Callable[[argparse.ArgumentParser], None]
 Run: TypeAlias = Callable[[Any, Output], int]
 """Runs a verb with its parsed arguments: its `Words`, or argparse's own object."""
 Act: TypeAlias = Callable[[argparse.Namespace, Link, Output], int]
 
 
 class LoadedVerb(NamedTuple):
-    """The functions of a verb: declare its arguments, run it; `run` returns the exit code.
+    """The functions of a verb; `run` returns the exit code.
 
     `words` creates the typed object for the parsed arguments; without it they stay argparse's own.
     """
 
-    arguments: Arguments
     run: Run
-    summary: str
     words: Callable[[str], Words] | None = None
 
 
@@ -39,10 +36,10 @@ def loaded(verb: Verb) -> LoadedVerb:
     """Import the module of a verb; one without `run` gets a link and acts on it."""
     if verb.words:
         words = words_of(verb)
-        return LoadedVerb(words.declare, operate.run, verb.summary, words)
+        return LoadedVerb(operate.run, words)
     module = import_module(verb.module)
     run: Run = getattr(module, verb.run) if verb.run else with_link(getattr(module, verb.act))
-    return LoadedVerb(getattr(module, verb.arguments), run, verb.summary)
+    return LoadedVerb(run)
 
 
 def with_link(act: Act) -> Run:
@@ -75,12 +72,3 @@ class Verbs(Mapping[str, LoadedVerb]):
 
 
 VERBS: Final = Verbs(verb_table.VERBS)
-
-
-def parser_of(verb: LoadedVerb, word: str) -> argparse.ArgumentParser:
-    """Return the parser of a verb's arguments."""
-    parser = argparse.ArgumentParser(
-        prog=f"sidestep {word}", description=verb.summary, allow_abbrev=False
-    )
-    verb.arguments(parser)
-    return parser

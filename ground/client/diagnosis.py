@@ -134,7 +134,7 @@ def processes(seen: Observed) -> Iterator[Finding]:
         yield Finding(what, do or "restart the robot")
     if not any(role == Role.PLANT.value for _, role in seen.processes.present):
         yield Finding(
-            "no plant is running", "start `sidestep plant --world box` with the same endpoint"
+            "no plant is running", "start `sidestep run plant --world box` with the same endpoint"
         )
 
 

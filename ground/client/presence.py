@@ -48,7 +48,7 @@ def explain_silence(
     if not processes.has(robot, Role.PLANT):
         return (
             f"robot {robot} runs, but its control loop does not, because it has no plant: "
-            "start one with `sidestep plant`"
+            "start one with `sidestep run plant`"
         )
     return (
         f"robot {robot} hangs, its process is alive but sends no heartbeat: "
@@ -60,7 +60,7 @@ def _no_robot(processes: PresentProcesses, robot: str, endpoint: str) -> str:
     others = processes.robots()
     if others:
         return f"robot {robot} is not at {endpoint}, only {', '.join(others)}: use --id"
-    start = f"start it with `sidestep robot --id {robot}`"
+    start = f"start it with `sidestep run robot --id {robot}`"
     if processes.has(robot, Role.PLANT):
         return f"robot {robot} is not at {endpoint}, only its plant is: {start}"
     return f"no robot at {endpoint}, though a process listens there: {start}"

@@ -1,8 +1,10 @@
-"""Short words of the console, and the verbs that they replace."""
+"""Short words and names of two words of the console, and the verbs that they replace."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
+
+from runtime.cli.verb_table import VERBS, command_of
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
@@ -17,10 +19,13 @@ ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     }
 )
 PAIRS: Final[Mapping[tuple[str, ...], tuple[str, ...]]] = MappingProxyType(
-    {
+    {tuple(command_of(word).split()): (word,) for word, verb in VERBS.items() if verb.is_grouped}
+    | {
         ("mode", "rtl"): ("rtl",),
         ("mission", "restart"): ("mission", "start", "1"),
         ("record", "mark"): ("mark",),
+        ("rec", "start"): ("record", "start"),
+        ("rec", "stop"): ("record", "stop"),
         ("wp", "upload"): ("mission", "upload", "-"),
     }
 )

@@ -2,17 +2,19 @@
 
 import argparse
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from ground.client.vocabulary import NAVIGATORS
 from ground.console.aliases import expanded
-from ground.console.parser import parser_for, subcommands_of, verbs
+from ground.console.parser import parser_for, verbs, words_of_group
 from ground.console.tokenizer import MAX_LENGTH, last_word
 from ground.map import LAYERS
 from ground.text.theme_names import THEMES
+from runtime.cli.completion import files, options_of, place_in
+from runtime.cli.verb_table import GROUPS, REC
 from runtime.errors import UserError
 
 MAX_LINES: Final = 200
@@ -32,7 +34,7 @@ def complete(text: str, parameters: Iterable[str] = (), folder: Path = Path()) -
     if len(text) > MAX_LENGTH or not text.isprintable():
         return []
     before, begun = last_word(text.removeprefix(":"))
-    found = verbs() if not before else _arguments(before, begun, parameters, folder)
+    found = _arguments(before, begun, parameters, folder) if before else sorted([*verbs(), REC])
     head = "".join(f"{shlex.quote(word)} " for word in before)
     fitting = (word for word in found if word.startswith(begun) and word != begun)
     return [f"{head}{_quoted(word)}" for word, _ in zip(fitting, range(MAX_LINES), strict=False)]
@@ -45,48 +47,18 @@ def _quoted(word: str) -> str:
 def _arguments(
     before: Sequence[str], begun: str, parameters: Iterable[str], folder: Path
 ) -> Iterable[str]:
+    if len(before) == 1 and before[0] in GROUPS:
+        return words_of_group(before[0])
     words = expanded(before)
     # With the word being typed, `teleop` is parsed as the verb with speeds.
     try:
         parser = parser_for([*words, begun])
     except UserError:
         return []
-    parser, action = place_in(parser, words[1:])
+    place = place_in(parser, words[1:])
     if begun.startswith("-"):
-        shown = [one for one in parser._actions if one.help is not argparse.SUPPRESS]
-        return sorted(name for one in shown for name in one.option_strings)
-    return [] if action is None else _values(action, begun, parameters, folder)
-
-
-def place_in(
-    parser: argparse.ArgumentParser, words: Sequence[str]
-) -> tuple[argparse.ArgumentParser, argparse.Action | None]:
-    """Return the parser of the subcommand reached, and the argument that comes next."""
-    positionals = _positionals(parser)
-    option: argparse.Action | None = None
-    for word in words:
-        if option is not None:
-            option = None
-        elif word.startswith("--"):
-            option = _option(parser, word)
-        elif word in subcommands_of(parser):
-            parser = subcommands_of(parser)[word]
-            positionals = _positionals(parser)
-        elif positionals and positionals[0].nargs not in ("*", "+"):
-            positionals = positionals[1:]
-    return parser, option or next(iter(positionals), None)
-
-
-def _positionals(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    return [action for action in parser._actions if not action.option_strings]
-
-
-def _option(parser: argparse.ArgumentParser, word: str) -> argparse.Action | None:
-    """Return the option if a value follows it."""
-    for action in parser._actions:
-        if word in action.option_strings and action.nargs != 0:
-            return action
-    return None
+        return options_of(place.parser)
+    return [] if place.action is None else _values(place.action, begun, parameters, folder)
 
 
 def _values(
@@ -101,16 +73,4 @@ def _values(
         return verbs()
     if metavar in CHOICES:
         return CHOICES[metavar]
-    return _files(begun, folder) if metavar in FILE_WORDS else ()
-
-
-def _files(begun: str, folder: Path) -> Iterator[str]:
-    """Yield matching files; folders end in /, hidden files need a typed dot."""
-    parent, slash, start = begun.rpartition("/")
-    try:
-        there = sorted((folder / Path(f"{parent}{slash}").expanduser()).iterdir())
-        for path in there:
-            if path.name.startswith(start) and (start or not path.name.startswith(".")):
-                yield f"{parent}{slash}{path.name}{'/' if path.is_dir() else ''}"
-    except (OSError, RuntimeError):
-        return
+    return files(begun, folder) if metavar in FILE_WORDS else ()

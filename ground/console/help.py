@@ -3,6 +3,7 @@
 from ground.console.aliases import ALIASES, expanded
 from ground.console.app_commands import LOCAL
 from ground.console.parser import COMMANDS, parser_for, usage_of
+from runtime.cli.verb_table import command_of
 
 
 def help_text(word: str = "") -> str:
@@ -17,7 +18,7 @@ def help_text(word: str = "") -> str:
 
 def summaries() -> dict[str, str]:
     """Return the summary of every command."""
-    rows = {name: command.summary for name, command in COMMANDS.items()}
+    rows = {command_of(name): command.summary for name, command in COMMANDS.items()}
     return rows | {name: local.summary for name, local in LOCAL.items()}
 
 

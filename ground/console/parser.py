@@ -12,7 +12,7 @@ from typing import Final, NoReturn
 
 from ground.client.operations import Operation
 from ground.client.results import Outcome
-from ground.console.aliases import ALIASES, expanded
+from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
 from ground.console.tokenizer import words_of
 from ground.grammar.missions import MissionWords
@@ -20,13 +20,13 @@ from ground.grammar.words import common_verbs
 from ground.grammar.words import words_of as words_class
 from ground.reports.export import Export
 from protocol.options import numbers_kept
+from runtime.cli.completion import subcommands_of
+from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from runtime.errors import UserError
 
 UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(
     {
         "up": "it starts its own robot: run it in another terminal",
-        "router": "it runs until it is stopped: run it in another terminal",
-        "bridge": "it runs until it is stopped: run it in another terminal",
         "ground": "the ground station is running already",
         "berth": "it is for processes in a container",
         "health": "it is for health checks of containers: doctor reports more",
@@ -69,6 +69,12 @@ def verbs() -> list[str]:
     )
 
 
+def words_of_group(group: str) -> list[str]:
+    """Return the words that may follow a group of verbs in the app."""
+    found = (words for words, meant in PAIRS.items() if meant[0] in {*COMMANDS, *LOCAL})
+    return [second for first, second in found if first == group]
+
+
 def is_local(words: Sequence[str]) -> bool:
     """Return whether the app carries it out itself.
 
@@ -85,7 +91,7 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
         parser = ConsoleParser(word, description=LOCAL[word].summary)
         LOCAL[word].declare(parser)
     elif word in COMMANDS:
-        parser = ConsoleParser(word, description=COMMANDS[word].summary)
+        parser = ConsoleParser(command_of(word), description=COMMANDS[word].summary)
         words_class(COMMANDS[word]).declare(parser)
     else:
         raise UserError(_unknown(word))
@@ -95,8 +101,12 @@ def parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _unknown(word: str) -> str:
-    if word in UNAVAILABLE:
-        return f"{word!r} is not available here: {UNAVAILABLE[word]}"
+    if word in GROUPS:
+        names = ", ".join(words_of_group(word)) or "none of them is available here"
+        return f"{word!r} needs a second word: {names}"
+    if word in VERBS:
+        why = UNAVAILABLE.get(word, "run it in another terminal")
+        return f"{command_of(word)!r} is not available here: {why}"
     shown = word if len(word) <= MAX_GUESSED else f"{word[:MAX_GUESSED]}..."
     near = get_close_matches(word[:MAX_GUESSED], verbs(), n=1)
     return f"no such command: {shown!r}; {f'did you mean {near[0]!r}?' if near else 'try help'}"
@@ -106,15 +116,6 @@ def all_parsers(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser
     """Return the parser and those of its subcommands."""
     inner = subcommands_of(parser).values()
     return [parser, *chain.from_iterable(map(all_parsers, inner))]
-
-
-def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Return the parsers of the subcommands by name."""
-    # argparse has no public interface to the subparsers.
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return dict(action.choices)
-    return {}
 
 
 def hide_fixed_options(parser: argparse.ArgumentParser) -> None:

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from runtime.cli.verb_table import with_present_name
+
 PR_SET_PDEATHSIG: Final = 1
 START: Final = (
     "import sys; sys.path.insert(0, sys.argv.pop(1));"
@@ -17,10 +19,13 @@ START: Final = (
 
 
 def command(arguments: Sequence[str], parent: int) -> list[str]:
-    """Return the command line for `sidestep ARGUMENTS`, valid in any working directory."""
+    """Return the command line for `sidestep ARGUMENTS`, valid in any working directory.
+
+    The arguments begin with the short word of a verb, such as `robot` for `run robot`.
+    """
     root = str(Path(__file__).resolve().parents[2])
     # -P keeps the working directory out of the path: a stray json.py there must not be imported.
-    return [sys.executable, "-P", "-c", START, root, str(parent), *arguments]
+    return [sys.executable, "-P", "-c", START, root, str(parent), *with_present_name(arguments)]
 
 
 def main(arguments: Sequence[str]) -> int:

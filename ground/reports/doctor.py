@@ -55,7 +55,9 @@ def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
         return cause.why, cause.do
     if isinstance(cause, PeerHangsError):
         return str(error), f"restart the process at {endpoint}, or use --connect"
-    return str(error), f"start `sidestep robot` (or `sidestep router`) at {endpoint}, or --connect"
+    return str(
+        error
+    ), f"start `sidestep run robot` (or `sidestep run router`) at {endpoint}, or --connect"
 
 
 def observe(link: Link, listen_ns: int) -> Observed:

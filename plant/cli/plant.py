@@ -1,4 +1,4 @@
-"""Command line of `sidestep plant`."""
+"""Command line of `sidestep run plant`."""
 
 import argparse
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from protocol.bus.network import Network
 from protocol.options import add_network_options, network_of, whole
 from protocol.topics import robot_name
 from runtime import config
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 
 
@@ -55,12 +55,8 @@ def plant_of(arguments: argparse.Namespace, robots: int) -> Plant:
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the parser of `sidestep plant`."""
-    parser = argparse.ArgumentParser(
-        prog="sidestep plant",
-        description=VERBS["plant"].summary,
-        allow_abbrev=False,
-    )
+    """Return the parser of `sidestep run plant`."""
+    parser = new_parser("plant")
     add_network_options(parser)
     parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
     parser.add_argument(

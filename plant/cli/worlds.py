@@ -18,7 +18,7 @@ from plant.world.file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world.text import draw
 from plant.world.to_json import Json, as_json, places_json
 from protocol.options import numbers_kept
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 
 MANY_CORNERS: Final = 120
 EXIT_OK = 0
@@ -28,7 +28,7 @@ EXIT_USAGE = 2
 def main(argv: Sequence[str]) -> int:
     """Run one of the verbs; return 0, or 2 for a bad file or wrong usage."""
     try:
-        arguments = _parser().parse_args(numbers_kept(argv))
+        arguments = parser().parse_args(numbers_kept(argv))
     except SystemExit as done:
         return EXIT_OK if done.code in (0, None) else EXIT_USAGE
     if arguments.verb == "list":
@@ -46,10 +46,9 @@ def main(argv: Sequence[str]) -> int:
     return _show(world, arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="sidestep worlds", description=VERBS["worlds"].summary, allow_abbrev=False
-    )
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
+    parser = new_parser("worlds")
     verbs = parser.add_subparsers(
         dest="verb", required=True, metavar="list|faults|check|show|generate|import"
     )

@@ -14,8 +14,9 @@ REPLACEMENT: Final = "?"
 DIM: Final = "\x1b[2m"
 PLAIN: Final = "\x1b[0m"
 LINE_START: Final = "\r"
+TAB: Final = "\t"
 CLEAR_LINE: Final = "\r\x1b[K"
-Sequence = Literal["\r", "\r\x1b[K", "\x1b[2m", "\x1b[0m"]
+Sequence = Literal["\t", "\r", "\r\x1b[K", "\x1b[2m", "\x1b[0m"]
 
 
 def printable(text: str) -> str:

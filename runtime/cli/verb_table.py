@@ -1,171 +1,346 @@
-"""The table of all verbs of `sidestep`: group, summary and implementation of each.
+"""The table of all verbs of `sidestep`: group, summary, example and implementation of each.
 
-The executable, the verbs' `--help` and the console of the ground station read this table. It names
-modules and imports none, so that a process loads only the verb it runs.
+The executable, the parsers, `--help`, shell completion, the reference and the app's command line
+read this table. It names modules and imports none, so that a process loads only the verb it runs.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-RUN: Final = "run"
-COMMAND: Final = "command"
+DRIVE: Final = "start and drive"
 LOOK: Final = "look"
-STUDY: Final = "study"
+TEST: Final = "test"
+RUN: Final = "run"
+REC: Final = "rec"
+MORE: Final = "groups"
+GROUPS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        RUN: "one process: plant, robot, router, container, health, bridge",
+        REC: "recordings: start, mark, export, plot, reexecute",
+    }
+)
+"""Verbs of these sections are below their group, as in `sidestep rec plot`."""
 COMMANDS: Final = "ground.grammar.commands"
 DRIVING: Final = "ground.grammar.driving"
 LOOKING: Final = "ground.grammar.looking"
+RECORDINGS: Final = (".tlog", ".mcap")
+MISSIONS: Final = (".toml", ".plan", ".waypoints")
 
 
 class Verb(NamedTuple):
     """A verb, with the names of its module and of the functions in it.
 
-    `words` is the class that parses a typed operation, for the shell and for the app's command
-    line. Other verbs of an operator parse `arguments` and then either run by themselves (`run`) or
-    act over a link to a robot (`act`). A verb with none of these is a program with a `main`.
+    `section` is a heading of the help, or the group that the verb belongs to. `example` is a
+    command line without `sidestep`. `words` is the class that parses a typed operation, for the
+    shell and for the app's command line. Other verbs of an operator parse `arguments` and then
+    either run by themselves (`run`) or act over a link to a robot (`act`). A verb with none of
+    these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
+    the key of the table; `suffixes` are those of its argument `file`.
     """
 
-    group: str
+    section: str
     summary: str
+    example: str
     module: str
     act: str = ""
     run: str = ""
     arguments: str = "arguments"
     words: str = ""
+    name: str = ""
+    suffixes: tuple[str, ...] = ()
 
     @property
     def is_program(self) -> bool:
         """True for a verb whose module has its own `main`."""
         return not (self.act or self.run or self.words)
 
+    @property
+    def is_grouped(self) -> bool:
+        """True for a verb below a group."""
+        return self.section in GROUPS
+
 
 VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
     {
         "up": Verb(
-            RUN,
+            DRIVE,
             "start plant and robot, drive to a goal, report the outcome",
+            "up --world box --navigator bug",
             "ground.cli.run.up",
             run="run",
         ),
-        "plant": Verb(RUN, "the world: pymunk, sonars, wheels, noise", "plant.cli.plant"),
-        "robot": Verb(RUN, "the control loop of one robot, 20 Hz", "robot.cli"),
         "ground": Verb(
-            RUN,
+            DRIVE,
             "the ground station, in this terminal or in a browser",
+            "ground --web 8765 --no-record",
             "ground.cli.run.ground",
-            "act_ground",
-            "run_ground",
-            "ground_arguments",
+            act="act_ground",
+            run="run_ground",
+            arguments="ground_arguments",
+        ),
+        "goto": Verb(
+            DRIVE,
+            "drive to X Y [DEG] and wait for the outcome",
+            "goto 5.4 2 90 --timeout 60",
+            DRIVING,
+            words="GotoWords",
+        ),
+        "hold": Verb(DRIVE, "stop and keep the goal", "hold", COMMANDS, words="CommandWords"),
+        "resume": Verb(DRIVE, "continue to the goal", "resume", COMMANDS, words="CommandWords"),
+        "abort": Verb(
+            DRIVE, "stop and drop the goal", "abort --id r2", COMMANDS, words="CommandWords"
+        ),
+        "rtl": Verb(
+            DRIVE, "drive back along the robot's own trail", "rtl", COMMANDS, words="CommandWords"
+        ),
+        "arm": Verb(DRIVE, "let the wheels turn", "arm", COMMANDS, words="CommandWords"),
+        "disarm": Verb(
+            DRIVE, "do not let the wheels turn", "disarm", COMMANDS, words="CommandWords"
+        ),
+        "estop": Verb(
+            DRIVE, "emergency stop, latched", "estop --id r2", COMMANDS, words="StopWords"
+        ),
+        "clear-estop": Verb(
+            DRIVE, "release the emergency stop", "clear-estop", COMMANDS, words="CommandWords"
+        ),
+        "mode": Verb(DRIVE, "choose the mode", "mode auto", COMMANDS, words="ModeWords"),
+        "navigator": Verb(
+            DRIVE, "choose the navigator", "navigator bug left", COMMANDS, words="NavigatorWords"
+        ),
+        "teleop": Verb(
+            DRIVE,
+            "drive by hand at a speed and a turn",
+            "teleop 0.2 15 --for 3",
+            DRIVING,
+            words="TeleopWords",
+        ),
+        "watch": Verb(
+            LOOK, "print telemetry and texts as lines", "watch --once", LOOKING, words="WatchWords"
+        ),
+        "doctor": Verb(
+            LOOK,
+            "find problems, and how to fix them",
+            "doctor --timeout 5",
+            LOOKING,
+            words="DoctorWords",
+        ),
+        "explain": Verb(
+            LOOK,
+            "show why the robot turns, live or in a recording",
+            "explain drive.mcap --at 12.5",
+            LOOKING,
+            words="ExplainWords",
+            suffixes=RECORDINGS,
+        ),
+        "ghost": Verb(
+            LOOK,
+            "show what another navigator would do from here on",
+            "ghost --navigator bug --from drive.mcap",
+            "ground.cli.observe.ghost",
+            act="act",
+            run="run",
+            suffixes=RECORDINGS,
+        ),
+        "replay": Verb(
+            LOOK,
+            "show a recorded run, or execute it again",
+            "replay drive.mcap --speed 2",
+            "ground.cli.observe.replay",
+            run="run",
+            suffixes=RECORDINGS,
+        ),
+        "trial": Verb(
+            TEST,
+            "run one trial as fast as possible",
+            "trial --world u_trap --navigator bug --json",
+            "study.cli.trial",
+        ),
+        "study": Verb(
+            TEST,
+            "run many trials on all cores, and report the results",
+            "study --quick --output results",
+            "study.cli.study",
+        ),
+        "calibrate": Verb(
+            TEST,
+            "find wheels, track and slip by squares",
+            "calibrate --noise harsh --output robot.toml",
+            "study.calibration.cli",
+        ),
+        "bench": Verb(
+            TEST,
+            "measure speed and cost",
+            "bench latency",
+            "benchmarks.__main__",
+        ),
+        "plant": Verb(
+            RUN,
+            "the world: pymunk, sonars, wheels, noise",
+            "run plant --world box --lockstep --speed 3",
+            "plant.cli.plant",
+        ),
+        "robot": Verb(
+            RUN,
+            "the control loop of one robot, 20 Hz",
+            "run robot --id r1 --start 0.6 2 0 --lockstep",
+            "robot.cli",
         ),
         "router": Verb(
             RUN,
             "a Zenoh router for more than one robot or machine",
+            "run router --listen tcp/0.0.0.0:7447",
             "ground.cli.run.router",
-            run="run",
-        ),
-        "keys": Verb(
-            RUN,
-            "certificates for a locked bus: create and check them",
-            "ground.cli.run.certificates",
             run="run",
         ),
         "berth": Verb(
             RUN,
             "run a verb in a container: robot, start and network",
+            "run container --robots 2 --replica robot- run robot",
             "ground.cli.run.container",
+            name="container",
             run="run",
         ),
-        "goto": Verb(
-            COMMAND, "drive to X Y [DEG] and wait for the outcome", DRIVING, words="GotoWords"
+        "health": Verb(
+            RUN,
+            "health check: does a role publish its data?",
+            "run health robot --id r1",
+            "ground.cli.observe.health",
+            act="act",
+            run="run",
         ),
-        "hold": Verb(COMMAND, "stop and keep the goal", COMMANDS, words="CommandWords"),
-        "resume": Verb(COMMAND, "continue to the goal", COMMANDS, words="CommandWords"),
-        "abort": Verb(COMMAND, "stop and drop the goal", COMMANDS, words="CommandWords"),
-        "rtl": Verb(
-            COMMAND, "drive back along the robot's own trail", COMMANDS, words="CommandWords"
+        "bridge": Verb(
+            RUN,
+            "serve live data to Foxglove or Lichtblick",
+            "run bridge --at 127.0.0.1:8765",
+            "ground.cli.observe.bridge",
+            act="act",
         ),
-        "arm": Verb(COMMAND, "let the wheels turn", COMMANDS, words="CommandWords"),
-        "disarm": Verb(COMMAND, "do not let the wheels turn", COMMANDS, words="CommandWords"),
-        "estop": Verb(COMMAND, "emergency stop, latched", COMMANDS, words="StopWords"),
-        "clear-estop": Verb(COMMAND, "release the emergency stop", COMMANDS, words="CommandWords"),
-        "mode": Verb(COMMAND, "choose the mode", COMMANDS, words="ModeWords"),
-        "navigator": Verb(COMMAND, "choose the navigator", COMMANDS, words="NavigatorWords"),
+        "record": Verb(
+            REC,
+            "write every frame to a .tlog and an .mcap file",
+            "rec start recordings --keep 2GB",
+            "ground.cli.observe.record",
+            name="start",
+            run="run",
+        ),
+        "mark": Verb(
+            REC,
+            "add a remark to the recording",
+            "rec mark the door is closed now",
+            COMMANDS,
+            words="MarkWords",
+        ),
+        "export": Verb(
+            REC,
+            "convert a recording to a CSV or Parquet table",
+            "rec export drive.mcap --out drive.csv",
+            LOOKING,
+            words="ExportWords",
+            suffixes=RECORDINGS,
+        ),
+        "plot": Verb(
+            REC,
+            "draw a recorded run as a picture",
+            "rec plot drive.mcap --out drive.svg",
+            LOOKING,
+            words="PlotWords",
+            suffixes=RECORDINGS,
+        ),
+        "reexecute": Verb(
+            REC,
+            "execute a recorded run again",
+            "rec reexecute drive.mcap --navigator bug",
+            "study.cli.reexecute",
+            suffixes=RECORDINGS,
+        ),
         "param": Verb(
-            COMMAND,
+            MORE,
             "read and set the robot's parameters",
+            "param set d_obs_m 0.35",
             "ground.grammar.parameters",
             words="ParameterWords",
         ),
         "mission": Verb(
-            COMMAND,
+            MORE,
             "waypoints: check, send, start, pause, jump, fetch, convert",
+            "mission upload mission.toml",
             "ground.grammar.missions",
             words="MissionWords",
+            suffixes=MISSIONS,
         ),
         "fence": Verb(
-            COMMAND,
+            MORE,
             "keep the robot inside of a circle or polygon",
+            "fence circle 3 2 2.5",
             "ground.grammar.fences",
             words="FenceWords",
         ),
         "lease": Verb(
-            COMMAND,
+            MORE,
             "exclusive command of the robot: take, release, show",
+            "lease take --for 60",
             COMMANDS,
             words="LeaseWords",
         ),
-        "teleop": Verb(
-            COMMAND, "drive by hand at a speed and a turn", DRIVING, words="TeleopWords"
-        ),
-        "watch": Verb(LOOK, "print telemetry and texts as lines", LOOKING, words="WatchWords"),
-        "doctor": Verb(LOOK, "find problems, and how to fix them", LOOKING, words="DoctorWords"),
-        "health": Verb(
-            LOOK,
-            "health check: does a role publish its data?",
-            "ground.cli.observe.health",
-            "act",
-            "run",
-        ),
-        "explain": Verb(
-            LOOK, "show why the robot turns, live or in a recording", LOOKING, words="ExplainWords"
-        ),
-        "ghost": Verb(
-            LOOK,
-            "show what another navigator would do from here on",
-            "ground.cli.observe.ghost",
-            "act",
-            "run",
-        ),
-        "record": Verb(
-            LOOK,
-            "write every frame to a .tlog and an .mcap file",
-            "ground.cli.observe.record",
+        "keys": Verb(
+            MORE,
+            "certificates for a locked bus: create and check them",
+            "keys new keys --robots r1 r2",
+            "ground.cli.run.certificates",
             run="run",
         ),
-        "bridge": Verb(
-            LOOK,
-            "serve live data to Foxglove or Lichtblick",
-            "ground.cli.observe.bridge",
-            "act",
-        ),
-        "mark": Verb(LOOK, "add a remark to the recording", COMMANDS, words="MarkWords"),
-        "replay": Verb(
-            LOOK, "show a recorded run, or execute it again", "ground.cli.observe.replay", run="run"
-        ),
-        "export": Verb(
-            LOOK, "convert a recording to a CSV or Parquet table", LOOKING, words="ExportWords"
-        ),
-        "plot": Verb(LOOK, "draw a recorded run as a picture", LOOKING, words="PlotWords"),
-        "reexecute": Verb(STUDY, "execute a recorded run again", "study.cli.reexecute"),
-        "trial": Verb(STUDY, "run one trial as fast as possible", "study.cli.trial"),
-        "study": Verb(
-            STUDY, "run many trials on all cores, and report the results", "study.cli.study"
-        ),
-        "calibrate": Verb(STUDY, "find wheels, track and slip by squares", "study.calibration.cli"),
         "worlds": Verb(
-            STUDY, "list, check, show, generate and import world files", "plant.cli.worlds"
+            MORE,
+            "list, check, show, generate and import world files",
+            "worlds show u_trap",
+            "plant.cli.worlds",
         ),
-        "bench": Verb(STUDY, "measure speed and cost", "benchmarks.__main__"),
+        "completion": Verb(
+            MORE,
+            "print the completion script of bash, zsh or fish",
+            "completion bash",
+            "runtime.cli.completion_script",
+        ),
     }
 )
-"""In the order of `sidestep --help`."""
+"""The verbs by their short word, in the order of `sidestep --help`.
+
+The short word is the `verb` of JSON output and the beginning of error messages. For a verb below a
+group it is an old name, which `find` accepts too.
+"""
+
+
+def command_of(word: str) -> str:
+    """Return how a verb is typed after `sidestep`, such as `rec plot` for `plot`."""
+    verb = VERBS[word]
+    return f"{verb.section} {verb.name or word}" if verb.is_grouped else word
+
+
+WORDS: Final[Mapping[tuple[str, ...], str]] = MappingProxyType(
+    {tuple(command_of(word).split()): word for word in VERBS}
+)
+
+
+class Call(NamedTuple):
+    """A verb with its arguments; `is_old` for a name from before the verb had a group."""
+
+    word: str
+    arguments: list[str]
+    is_old: bool = False
+
+
+def find(words: Sequence[str]) -> Call | None:
+    """Return the verb that a command line begins with, by its present or its old name."""
+    for length in (2, 1):
+        if word := WORDS.get(tuple(words[:length])):
+            return Call(word, list(words[length:]))
+    if words and words[0] in VERBS:
+        return Call(words[0], list(words[1:]), is_old=True)
+    return None
+
+
+def with_present_name(words: Sequence[str]) -> list[str]:
+    """Return a command line whose verb has its present name; words without a verb as they are."""
+    call = find(words)
+    return list(words) if call is None else [*command_of(call.word).split(), *call.arguments]

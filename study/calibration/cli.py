@@ -14,7 +14,7 @@ from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
 from robot.core.parameters import DEFAULTS, Params
 from robot.parameters.table import OutOfRangeError, adjusted, with_values
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.calibration import log, plot
 from study.calibration.fit import fit_parameters
@@ -120,12 +120,7 @@ def check_options(options: argparse.Namespace) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
-    made = argparse.ArgumentParser(
-        prog="sidestep calibrate",
-        description=VERBS["calibrate"].summary,
-        epilog=f"{DETAILS}\n{log.__doc__}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    made = new_parser("calibrate", details=f"{DETAILS}\n{log.__doc__}".rstrip(), allow_abbrev=True)
     made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")
     made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (0)")
     made.add_argument(
@@ -141,8 +136,8 @@ def parser() -> argparse.ArgumentParser:
     add_param_option(made, "the robot's present parameters, as often as needed")
     made.add_argument("--log", metavar="FILE", help="use the runs in this file (see below)")
     made.add_argument("--save-log", metavar="FILE", help="write the runs to such a file")
-    made.add_argument("--output", metavar="FILE", help="TOML for `sidestep robot --config`")
-    made.add_argument("--state", metavar="DIR", help="save for `sidestep robot --state DIR`")
+    made.add_argument("--output", metavar="FILE", help="TOML for `sidestep run robot --config`")
+    made.add_argument("--state", metavar="DIR", help="save for `sidestep run robot --state DIR`")
     made.add_argument("--plot", metavar="FILE", help="return errors before and after, .svg or .png")
     made.add_argument("--json", action="store_true", help="print one JSON object")
     return made

@@ -110,7 +110,7 @@ def point_text(point_m: tuple[float, float]) -> str:
 
 
 def as_toml(result: CalibrationResult, command: str) -> str:
-    """Return a file for `sidestep robot --config`, with the command and the result as comments."""
+    """Return a file for `sidestep run robot --config`, with command and result as comments."""
     comments = [
         f"# {line}".rstrip() for line in (f"Made by: {command}", *result.text().split("\n"))
     ]

@@ -1,4 +1,4 @@
-"""`sidestep reexecute`: compare a recording with this build, or with another navigator."""
+"""`sidestep rec reexecute`: compare a recording with this build, or with another navigator."""
 
 import argparse
 import json
@@ -16,7 +16,7 @@ from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameters.table import adjusted
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from runtime.json_reader import value_in
 from study.trial.recorded_drive import RecordedDrive
@@ -47,9 +47,7 @@ def main(argv: Sequence[str]) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
-    made = argparse.ArgumentParser(
-        prog="sidestep replay --re-execute", description=VERBS["reexecute"].summary
-    )
+    made = new_parser("reexecute", allow_abbrev=True)
     made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog beside its .mcap")
     made.add_argument("--id", metavar="NAME", help="robot, if the file name does not contain it")
     made.add_argument("--navigator", choices=NAVIGATORS, help="compare another navigator")

@@ -1,5 +1,6 @@
 """`sidestep study`: run many trials, on all cores or a cluster, and report their results."""
 
+import argparse
 import importlib
 import importlib.util
 from collections.abc import Sequence
@@ -24,3 +25,10 @@ def main(argv: Sequence[str]) -> int:
     from study.cli.study_run import run  # imports NEEDED
 
     return run(argv)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
+    from study.cli.study_options import parser as made  # imports NEEDED
+
+    return made()

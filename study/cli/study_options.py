@@ -8,7 +8,7 @@ from typing import Final
 from plant.cli.make_worlds import PER_FAMILY
 from plant.model.noise import LEVELS
 from protocol.options import add_param_option, whole
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from study.cli.trial import seconds
 from study.runner.plan import (
     DETOUR_FACTOR,
@@ -28,20 +28,15 @@ QUICK_PAPER_SEEDS: Final = 5
 CORPUS_SEED: Final = 1
 
 DETAILS: Final = (
-    "Runs navigators x worlds x noise levels x seeds and writes results.parquet and a report. Give"
-    " the same command again to continue an interrupted study. `sidestep study report DIR` writes"
-    " the report again."
+    "Runs navigators x worlds x noise levels x seeds and writes results.parquet and a report.\n"
+    "Give the same command again to continue an interrupted study. `sidestep study report DIR`\n"
+    "writes the report again."
 )
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of `sidestep study`."""
-    made = argparse.ArgumentParser(
-        prog="sidestep study",
-        description=VERBS["study"].summary,
-        epilog=DETAILS,
-        allow_abbrev=False,
-    )
+    made = new_parser("study", details=DETAILS)
     made.add_argument(
         "--quick",
         action="store_true",

@@ -22,7 +22,7 @@ from protocol.options import (
 )
 from protocol.outcome import Outcome
 from robot.parameters.table import OutOfRangeError, UnknownParameterError
-from runtime.cli.verb_table import VERBS
+from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.trial.trace import Trace
 from study.trial.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
@@ -128,7 +128,7 @@ def turn(option: str, heading_deg: float) -> float:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
-    made = argparse.ArgumentParser(prog="sidestep trial", description=VERBS["trial"].summary)
+    made = new_parser("trial", allow_abbrev=True)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument(
         "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"

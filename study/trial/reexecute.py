@@ -214,7 +214,7 @@ def differing_field(
 def refuse_unless_whole(recorded: RecordedDrive) -> None:
     """Raise UserError unless the recording begins before the first request or movement."""
     if not recorded.ticks:
-        fix = "record with `sidestep record` or `up --record` of this version"
+        fix = "record with `sidestep rec start` or `up --record` of this version"
         raise UserError(f"{REFUSED}: it holds no inputs of control ticks; {fix}")
     first, sequence = recorded.ticks[0]
     if first.requests > recorded.prepared and (first.tick or sequence):

@@ -62,7 +62,7 @@ def test_a_robot_can_read_its_own_keys_and_those_of_no_other(locked: Compose) ->
         done = locked.inside("robot", "cat", f"/keys/r{number}/robot-r{number}.key", user="20001")
         assert (done.code, "Permission denied" in done.said) == (1, True), done.said
     assert locked.inside("robot", "ls", "/state/r1", user="20002").code != 0
-    (key,) = (who for words, who in locked.users("robot").items() if "sidestep robot" in words)
+    (key,) = (who for words, who in locked.users("robot").items() if "sidestep run robot" in words)
     assert key == "20001"
 
 

@@ -117,7 +117,7 @@ def test_bench_of_the_wheel_asks_for_a_checkout(installed: Path, words: list[str
 def test_verb_names_the_distribution_that_shadows_it(
     beside_robot_framework: Path, tmp_path: Path
 ) -> None:
-    done = tried(beside_robot_framework, "robot", "--help", cwd=tmp_path)
+    done = tried(beside_robot_framework, "run", "robot", "--help", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith(
         "sidestep robot: package `robot`: robotframework 7.5 has replaced "

@@ -39,11 +39,11 @@ LINES = (
     "worlds check world.json", "worlds check text.toml", "worlds check nowhere.toml",
     "trial --world keys.toml", "worlds import grid.map --out out", "mission check mission.toml",
     "mission check mission.plan", "mission check mission.waypoints", "mission check text.toml",
-    "doctor --config config.toml", "doctor --config text.toml", "robot --config config.toml",
-    "plant --config config.toml", "ground --print-keys --keys keymap.toml",
-    "replay r1.tlog --plain", "replay r1.tlog --json", "export r1.tlog", "plot r1.tlog --out a.png",
-    "explain r1.tlog", "replay nowhere.tlog", "ghost r1.tlog --navigator bug",
-    "keys check no.where",
+    "doctor --config config.toml", "doctor --config text.toml", "run robot --config config.toml",
+    "run plant --config config.toml", "ground --print-keys --keys keymap.toml",
+    "replay r1.tlog --plain", "replay r1.tlog --json", "rec export r1.tlog",
+    "rec plot r1.tlog --out a.png", "explain r1.tlog", "replay nowhere.tlog",
+    "ghost r1.tlog --navigator bug", "keys check no.where",
 )  # fmt: skip
 
 

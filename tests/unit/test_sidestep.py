@@ -15,7 +15,7 @@ import pytest
 
 import sidestep
 from runtime.cli.packages import Conflict
-from runtime.cli.verb_table import VERBS, Verb
+from runtime.cli.verb_table import GROUPS, VERBS, Verb, command_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -56,7 +56,7 @@ def test_package_with_several_verbs_receives_the_verb(install: Install) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=1))
     assert sidestep.main(["goto", "2", "1", "90"]) == 1
-    assert sidestep.main(["robot", "--id", "r1"]) == 1
+    assert sidestep.main(["run", "robot", "--id", "r1"]) == 1
     assert heard == [["goto", "2", "1", "90"], ["--id", "r1"]]
 
 
@@ -69,16 +69,21 @@ def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     assert all(callable(getattr(module, name)) for name in named if name)
 
 
-def test_verbs_of_one_group_are_together_in_the_help() -> None:
-    groups = [verb.group for verb in VERBS.values()]
+def test_verbs_of_one_section_are_together_in_the_help() -> None:
+    groups = [verb.section for verb in VERBS.values()]
     assert [name for name, _ in groupby(groups)] == list(dict.fromkeys(groups))
 
 
 @pytest.mark.parametrize("word", VERBS)
-def test_help_of_a_verb_has_its_summary(word: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_of_a_verb_has_summary_and_example(
+    word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     with suppress(SystemExit):
-        sidestep.main([word, "--help"])
-    assert VERBS[word].summary in " ".join(capsys.readouterr().out.split())
+        sidestep.main([*command_of(word).split(), "--help"])
+    printed = capsys.readouterr()
+    assert VERBS[word].summary in " ".join(printed.out.split())
+    assert f"example:\n  sidestep {VERBS[word].example}\n" in printed.out
+    assert printed.err == ""
 
 
 def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:
@@ -89,12 +94,13 @@ def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) ->
 
 
 @pytest.mark.parametrize(
-    ("word", "meant"), [("gotto", "goto"), ("trail", "trial"), ("plan", "plant")]
+    ("word", "meant"),
+    [("gotto", "goto"), ("trail", "trial"), ("plan", "run plant"), ("run plan", "run plant")],
 )
 def test_misspelt_verb_gets_a_suggestion(
     word: str, meant: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert sidestep.main([word]) == 2
+    assert sidestep.main(word.split()) == 2
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
@@ -107,10 +113,51 @@ def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
     assert "usage: sidestep" in capsys.readouterr().err
 
 
-def test_help_names_every_verb_once(capsys: pytest.CaptureFixture[str]) -> None:
+def verbs_in(help_text: str) -> list[str]:
+    return re.findall(r"^  ([a-z-]+) ", help_text, re.MULTILINE)
+
+
+def test_help_fits_one_screen_with_groups_and_short_verbs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     assert sidestep.main(["--help"]) == 0
     overview = capsys.readouterr().out
-    assert re.findall(r"^  ([a-z-]+) ", overview, re.MULTILINE) == list(VERBS)
+    short = [word for word, verb in VERBS.items() if not verb.is_grouped]
+    assert sorted(verbs_in(overview)) == sorted([*short, *GROUPS])
+    assert len(overview.splitlines()) <= 40
+    assert max(map(len, overview.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_help_of_a_group_lists_its_verbs(group: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert sidestep.main([group, "--help"]) == 0
+    names = [command_of(word) for word, verb in VERBS.items() if verb.section == group]
+    assert [f"{group} {word}" for word in verbs_in(capsys.readouterr().out)] == names
+
+
+@pytest.mark.parametrize("words", [["rec"], ["rec", "sing"]])
+def test_group_without_a_verb_is_wrong_usage(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sidestep.main(words) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert " ".join(words) in printed.err
+
+
+@pytest.mark.parametrize(
+    ("old", "now"), [("plot", "rec plot"), ("berth", "run container"), ("record", "rec start")]
+)
+def test_old_name_does_the_same_and_prints_the_new_one(
+    old: str, now: str, install: Install, capsys: pytest.CaptureFixture[str]
+) -> None:
+    heard: list[list[str]] = []
+    install(listen(heard, code=3))
+    assert sidestep.main([old, "x.tlog", "--json"]) == 3
+    assert capsys.readouterr().err == f"sidestep {old}: now `sidestep {now}`\n"
+    assert sidestep.main([*now.split(), "x.tlog", "--json"]) == 3
+    assert capsys.readouterr().err == ""
+    assert heard == [[old, "x.tlog", "--json"]] * 2
 
 
 def test_an_error_meant_for_the_user_is_its_own_line(
@@ -141,7 +188,7 @@ def test_traceback_option_raises_the_error(install: Install) -> None:
 
 @pytest.mark.parametrize(
     ("package", "verb"),
-    [("runtime", "--help"), ("protocol", "goto"), ("ground", "doctor"), ("robot", "robot")],
+    [("runtime", "--help"), ("protocol", "goto"), ("ground", "doctor"), ("robot", "run robot")],
 )
 def test_shadowed_package_is_one_line_with_the_remedy(
     package: str, verb: str, tmp_path: Path
@@ -149,7 +196,14 @@ def test_shadowed_package_is_one_line_with_the_remedy(
     (tmp_path / package).mkdir()
     (tmp_path / package / "__init__.py").write_text("raise RuntimeError('imported')\n")
     env = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}"}
-    command = [sys.executable, "-P", "-m", "sidestep", verb, *([] if verb == "--help" else ["-h"])]
+    command = [
+        sys.executable,
+        "-P",
+        "-m",
+        "sidestep",
+        *verb.split(),
+        *([] if verb == "--help" else ["-h"]),
+    ]
     run = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, text=True, check=False)
     assert (run.returncode, run.stdout, run.stderr.count("\n")) == (2, "", 1)
     assert f"package `{package}` at {tmp_path / package}, not at {ROOT / package}" in run.stderr
@@ -202,8 +256,8 @@ def test_the_help_imports_no_package_that_does_the_work() -> None:
 @pytest.mark.parametrize(
     ("verb", "foreign"),
     [
-        ("robot", {"plant", "ground", "study", "pymunk", "pymavlink", "textual", "numpy"}),
-        ("plant", {"robot", "ground", "study", "pymavlink", "textual"}),
+        ("run robot", {"plant", "ground", "study", "pymunk", "pymavlink", "textual", "numpy"}),
+        ("run plant", {"robot", "ground", "study", "pymavlink", "textual"}),
         ("goto", {"robot", "plant", "study", "pymunk", "pymavlink", "textual", "numpy"}),
         ("trial", {"ground", "zenoh", "pymavlink", "textual"}),
         ("worlds", {"robot", "ground", "study", "zenoh", "pymavlink", "textual"}),
@@ -212,7 +266,7 @@ def test_the_help_imports_no_package_that_does_the_work() -> None:
 def test_a_process_imports_only_what_it_needs(verb: str, foreign: set[str]) -> None:
     code = (
         "import sys, sidestep\n"
-        "try:\n    sidestep.main([sys.argv[1], '--help'])\n"
+        "try:\n    sidestep.main([*sys.argv[1].split(), '--help'])\n"
         "except SystemExit:\n    pass\n"
         "print(*{name.split('.')[0] for name in sys.modules}, file=sys.stderr)"
     )

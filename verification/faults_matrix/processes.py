@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import IO, Any, Final, Self
 
 from ground.launch.child_command import command
+from runtime.cli.verb_table import with_present_name
 from verification.harness.processes import free_port, made_keys
 from verification.harness.tcp_proxy import TcpProxy
 from verification.harness.until import PATIENCE_S, until
@@ -63,7 +64,8 @@ class ProcessGroup:
         line = command(self._words[role], os.getpid())
         if injection is not None:
             module = (sys.executable, "-m", "verification.faults_matrix.fault_hook")
-            line = [*module, str(os.getpid()), json.dumps(injection), *self._words[role]]
+            words = with_present_name(self._words[role])
+            line = [*module, str(os.getpid()), json.dumps(injection), *words]
         self._execute(role, line)
 
     def _config(self, role: str) -> Sequence[str]:

@@ -9,7 +9,7 @@ from typing import Final
 from aiohttp import web
 from aiohttp.test_utils import make_mocked_request
 
-from ground.cli.verbs import VERBS, parser_of
+from ground.cli.verbs import VERBS
 from ground.console.completion import complete
 from ground.console.parser import read
 from ground.grammar.fences import outlined
@@ -20,6 +20,7 @@ from protocol.bus.network import Network
 from protocol.options import numbers_kept
 from protocol.topics import robot_name
 from robot.cli import parser as robot_parser
+from runtime.cli.parsers import parser_of
 from study.calibration.cli import parser as calibrate_parser
 from verification.fuzz.target import REFUSALS, FuzzTarget
 from verification.fuzz.words import from_file
@@ -98,7 +99,7 @@ def command_line(data: bytes, _: Path) -> None:
     if word in PARSERS:
         PARSERS[word]().parse_args(numbers_kept(rest))
     elif word in VERBS:
-        parser_of(VERBS[word], word).parse_args(numbers_kept(rest))
+        parser_of(word).parse_args(numbers_kept(rest))
 
 
 def endpoint(data: bytes, _: Path) -> None:

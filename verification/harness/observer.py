@@ -115,8 +115,8 @@ def observed(
         robot = scope.enter_context(robot_process(world, *flags, keys=keys, client=operator))
         (endpoint,) = robot.network.connect
         locked = () if keys is None else ("--config", str(keys / "plant.toml"))
-        plant = ("plant", "--world", file, "--robots", ROBOT, "--connect", endpoint, *locked)
-        scope.enter_context(sidestep(*plant, ready="plant:"))
+        plant = ("--world", file, "--robots", ROBOT, "--connect", endpoint, *locked)
+        scope.enter_context(sidestep("run", "plant", *plant, ready="plant:"))
         folder = Path(scope.enter_context(TemporaryDirectory()))
         bus = scope.enter_context(open_bus(robot.network, Role.GROUND, ROBOT))
         observer = Observer(bus, world, endpoint, folder)

@@ -61,7 +61,7 @@ def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
 
 
 class RobotProcess(NamedTuple):
-    """A `sidestep robot` process, and the network settings that reach it."""
+    """A `sidestep run robot` process, and the network settings that reach it."""
 
     pid: int
     output: list[str]
@@ -80,7 +80,18 @@ def robot_process(
     endpoint = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
     start = start_arguments(world.start.x_m, world.start.y_m, world.start.heading_rad)
     locked = ("--config", str(keys / f"robot-{ROBOT}.toml")) if keys else ()
-    arguments = ("robot", "--id", ROBOT, "--listen", endpoint, "--start", *start, *options, *locked)
+    arguments = (
+        "run",
+        "robot",
+        "--id",
+        ROBOT,
+        "--listen",
+        endpoint,
+        "--start",
+        *start,
+        *options,
+        *locked,
+    )
     with sidestep(*arguments, ready="ready") as robot:
         tls = tls_of(keys, client) if keys else None
         network = Network(mode="client", connect=(endpoint,), tls=tls)

@@ -54,7 +54,9 @@ def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as processes:
         if router:
-            processes.enter_context(sidestep("router", "--listen", endpoint, ready="router at"))
+            processes.enter_context(
+                sidestep("run", "router", "--listen", endpoint, ready="router at")
+            )
         dials = "--connect" if router else "--listen"
         processes.enter_context(sidestep(*robot_words(trial), dials, endpoint, ready="ready"))
         plant = (*plant_words(file, trial), "--connect", endpoint)

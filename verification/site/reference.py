@@ -1,12 +1,9 @@
 """Makes the tables of the reference from the code, so that they cannot become outdated."""
 
 import argparse
-import contextlib
-import io
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, fields
-from importlib import import_module
 from math import degrees, inf
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +11,6 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from ground.app.input.default_keys import KEYS, Layer
-from ground.cli import main as operator
 from ground.client.results import answer_row
 from ground.missions.mission import Circle, Home, Waypoint
 from plant.corpus.generate import FAMILIES, GRID_FAMILIES
@@ -24,10 +20,13 @@ from plant.model.noise import LEVELS, Noise
 from protocol.outcome import OUTCOMES, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
 from robot.parameters.table import SPECS
-from runtime.cli.verb_table import VERBS, Verb
+from runtime.cli.parsers import parser_of
+from runtime.cli.verb_table import MORE, REC, RUN, VERBS, Verb, command_of
 from study.runner.rows import SCHEMA
 
 WIDTH: Final = 88
+TITLES: Final = {RUN: "Run one process", REC: "Recordings", MORE: "Further groups"}
+"""Headings of sections of verbs, where they differ from the name of the section."""
 GROUPS: Final = {
     range(1, 30): "refusals",
     range(30, 60): "failsafes",
@@ -35,13 +34,6 @@ GROUPS: Final = {
     range(80, 100): "guard",
     range(100, 120): "further refusals",
 }
-
-
-class HelpCaught(BaseException):
-    """Ends a verb that would print its help."""
-
-    def __init__(self, parser: argparse.ArgumentParser) -> None:
-        self.parser = parser
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -53,44 +45,24 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     )
 
 
-def parser_of(word: str, verb: Verb) -> argparse.ArgumentParser:
-    """Return the parser of a verb, caught when it prints its help."""
-
-    def catch(parser: argparse.ArgumentParser, file: object = None) -> None:
-        raise HelpCaught(parser)
-
-    with (
-        patch.object(argparse.ArgumentParser, "print_help", catch),
-        contextlib.redirect_stdout(io.StringIO()),
-    ):
-        try:
-            if verb.is_program:
-                import_module(verb.module).main(["--help"])
-            else:
-                operator.main([word, "--help"])
-        except HelpCaught as caught:
-            return caught.parser
-    raise LookupError(f"{word} printed no help of argparse")
-
-
 def command_line() -> str:
     """Return a section for each verb: its summary, usage, arguments and options."""
-    parts, group = [], ""
+    parts, section = [], ""
     with patch.dict(os.environ):
         os.environ.pop("XDG_STATE_HOME", None)  # helps show the usual folder, not that of this user
         for word, verb in VERBS.items():
-            if verb.group != group:
-                group = verb.group
-                parts.append(f"## {group.capitalize()}")
+            if verb.section != section:
+                section = verb.section
+                parts.append(f"## {TITLES.get(section, section.capitalize())}")
             parts += verb_section(word, verb)
     return "\n\n".join(parts)
 
 
 def verb_section(word: str, verb: Verb) -> Iterator[str]:
     """Yield heading, summary, usage and tables of a verb and of the verbs below it."""
-    yield f"### {word}"
+    yield f"### {command_of(word)}"
     yield f"{verb.summary[:1].upper()}{verb.summary[1:]}."
-    yield from parser_parts(parser_of(word, verb))
+    yield from parser_parts(parser_of(word))
 
 
 def parser_parts(parser: argparse.ArgumentParser) -> Iterator[str]:

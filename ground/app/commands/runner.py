@@ -16,7 +16,7 @@ from ground.console.app_commands import AppCommand, ShowHelp
 from ground.console.completion import complete
 from ground.console.help import help_text
 from ground.console.history import History
-from ground.console.parser import read
+from ground.console.parser import COMMANDS, read
 from ground.console.spelling import line_of
 from ground.console.tokenizer import words_of
 from ground.map import MapTarget
@@ -27,6 +27,7 @@ from ground.station.station import REPLAYED, Station
 from protocol.bus.bus import Bus
 from protocol.options import DEFAULT_ENDPOINT
 from protocol.wire.enums import LeaseAction, Mode, Severity
+from runtime.cli.verb_table import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 
@@ -170,7 +171,10 @@ class CommandRunner:
         return Link(self._bus, common, self._clock)
 
     def _for_a_shell(self, line: str) -> str:
-        words = ["sidestep", *expanded(words_of(line))]
+        words = expanded(words_of(line))
+        if words[0] in COMMANDS:  # not a command of the app
+            words = with_present_name(words)
+        words = ["sidestep", *words]
         if self._station.robot != "r1":
             words += ["--id", self._station.robot]
         if self._common.endpoint != DEFAULT_ENDPOINT:

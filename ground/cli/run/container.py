@@ -1,4 +1,4 @@
-"""`berth`: run a verb in a container, with the robot, the start and the network of its number.
+"""`run container`: run a verb in a container, with robot, start and network of its number.
 
 Containers of one service have the same command and must find out their number. Each is reachable by
 a name that ends in its number, so a container looks for the name that resolves to itself: container
@@ -21,6 +21,8 @@ from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
 from protocol.wire.goal import start_arguments
 from runtime.calibration import settings_of
+from runtime.cli.parsers import parser_of
+from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.errors import UserError
 
 KEY: Final = ".key"
@@ -44,7 +46,7 @@ class Place(NamedTuple):
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `berth`."""
+    """Declare the arguments of `run container`."""
     parser.set_defaults(json=False)
     parser.add_argument(
         "--config",
@@ -123,19 +125,26 @@ def make_private_folder(folder: Path) -> None:
 
 def words_of(options: argparse.Namespace, place: Place) -> list[str]:
     """Return the verb with the added options."""
-    verb, *words = (word.replace(NAME, place.robot) for word in options.words)
-    added = [*ADDED_OPTIONS[verb](options, place)] if verb in ADDED_OPTIONS else []
+    words = [word.replace(NAME, place.robot) for word in options.words]
+    call = find(words)
+    if call is None:
+        return words
+    verb, added = call.word, list[str]()
+    if verb in ADDED_OPTIONS and not (verb == "goto" and call.arguments):  # a goal of its own
+        added += ADDED_OPTIONS[verb](options, place)
     if options.replica is not None and verb != "plant":
         added += ["--id", place.robot]
     if options.config and takes_config(verb):
         added += ["--config", config_of(options.config, place)]
-    return [verb, *added, *words]
+    return [*command_of(verb).split(), *added, *call.arguments]
 
 
 def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
     """Return the number of this container; UserError if it exceeds the number of robots."""
     if not options.words:
-        raise UserError("berth: the verb is missing, as in: berth --robots 2 plant")
+        raise UserError(
+            "berth: the verb is missing, as in: sidestep run container --robots 2 run plant"
+        )
     number = 1 if options.replica is None else number_of(options.replica, lookup)
     if number > options.robots:
         raise UserError(
@@ -214,11 +223,9 @@ def refuse_keys_of_others(file: Path, *, apart: bool) -> None:
 
 def takes_config(verb: str) -> bool:
     """Return whether a verb has the option --config."""
-    from ground.cli.verbs import VERBS, parser_of  # at the top it would be circular
-
-    if verb not in VERBS:
+    if VERBS[verb].is_program:
         return verb in ("robot", "plant")
-    return "--config" in parser_of(VERBS[verb], verb).format_usage()
+    return "--config" in parser_of(verb).format_usage()
 
 
 def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
@@ -241,13 +248,12 @@ def as_plant(options: argparse.Namespace, place: Place) -> Iterator[str]:
 
 
 def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
-    """Yield the goal that `up` would send to this robot, unless the command has one."""
-    if len(options.words) == 1:
-        facts = facts_of(options, place)
-        goal, own = facts["goal"], facts["goals"][place.number - 1]
-        yield from (repr(own["x_m"]), repr(own["y_m"]))
-        if goal["heading_deg"] is not None:
-            yield repr(goal["heading_deg"])
+    """Yield the goal that `up` would send to this robot."""
+    facts = facts_of(options, place)
+    goal, own = facts["goal"], facts["goals"][place.number - 1]
+    yield from (repr(own["x_m"]), repr(own["y_m"]))
+    if goal["heading_deg"] is not None:
+        yield repr(goal["heading_deg"])
 
 
 ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]] = (

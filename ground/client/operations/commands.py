@@ -206,7 +206,7 @@ class Marked:
     @property
     def reason(self) -> str:
         """The error, empty if a recorder received the remark."""
-        return "" if self.ok else "no recorder is running: start one with sidestep record DIR"
+        return "" if self.ok else "no recorder is running: start one with sidestep rec start DIR"
 
     @property
     def text(self) -> str:

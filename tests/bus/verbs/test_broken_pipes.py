@@ -36,7 +36,7 @@ def test_head_of_a_table_exits_with_broken_pipe(tmp_path: Path) -> None:
     encoder = Encoder(1, 1)
     log = tmp_path / "x.tlog"
     log.write_bytes(b"".join(record_bytes(START_US, encoder.encode(BEAT)) for _ in range(20_000)))
-    assert read_one_line_of("export", str(log)) == (
+    assert read_one_line_of("rec", "export", str(log)) == (
         "time_s,utc_s,topic,message,field,value\n",
         BROKEN_PIPE,
         "",

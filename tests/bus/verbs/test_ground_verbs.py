@@ -141,4 +141,4 @@ def test_the_doctor_misses_the_plant_and_the_silent_streams(say: Say) -> None:
 
 def test_doctor_reports_a_missing_robot(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["doctor", "--connect", "tcp/127.0.0.1:1"]) == 1
-    assert "sidestep robot" in capsys.readouterr().out
+    assert "sidestep run robot" in capsys.readouterr().out

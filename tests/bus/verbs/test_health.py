@@ -24,7 +24,7 @@ Ask = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def ask(capsys: pytest.CaptureFixture[str]) -> Ask:
-    """Run `sidestep health`; return its exit code and standard error."""
+    """Run `sidestep run health`; return its exit code and standard error."""
 
     def run(*words: str) -> tuple[int, str]:
         code = main(["health", *words])

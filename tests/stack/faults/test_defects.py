@@ -39,7 +39,7 @@ HANGS_ON_SIGNAL = FAILS_ON_SIGNAL.replace(
 
 
 def spoilt_robot(crew: Crew, script: str) -> tuple[str, ...]:
-    words = ("robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint)
+    words = ("run", "robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint)
     return (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
 
 

@@ -72,9 +72,9 @@ circle = { x_m = 2.0, y_m = 2.0, radius_m = 9.0 }
 
 
 def slow_robot(crew: Crew, state: Path) -> Running:
-    words = ("robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint, "--state", str(state))
+    place = ("--start", "0.6", "2", "0", "--listen", crew.endpoint, "--state", str(state))
     script = (sys.executable, "-P", "-c", SLOW_DISK, str(ROOT), str(os.getpid()))
-    robot = crew.execute(*script, *words)
+    robot = crew.execute(*script, "run", "robot", *place)
     robot.says("ready")
     return robot
 

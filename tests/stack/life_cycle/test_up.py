@@ -149,7 +149,7 @@ def test_a_recording_becomes_a_table(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     (log,) = tmp_path.glob("*.tlog")
     table = tmp_path / "run.csv"
-    told = json.loads(sidestep("export", str(log), "--out", str(table), "--json").stdout)
+    told = json.loads(sidestep("rec", "export", str(log), "--out", str(table), "--json").stdout)
     assert told["lost_bytes"] == 0
     text = table.read_text()
     for name in ("SONAR_SCAN", "WHEEL_COMMAND", "NAVIGATOR_STATUS", "GOAL_REQUEST", "COMMAND_ACK"):

@@ -1,13 +1,15 @@
 """Real processes that hang with Python's lock held, or fail, when a file asks them to."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from runtime.cli.verb_table import find
+
 START: Final = (
     "import sys; sys.path.insert(0, sys.argv.pop(1));"
-    " from tests.support.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2]);"
+    " from tests.support.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2:]);"
     " from ground.launch.child_command import main; sys.exit(main(sys.argv[1:]))"
 )
 """In place of the one in `ground.launch.child_command`."""
@@ -31,8 +33,11 @@ class Sabotage:
         (self._folder / verb).write_text("fail")
 
 
-def spoil(folder: str, verb: str) -> None:
+def spoil(folder: str, words: Sequence[str]) -> None:
     """Let each round of this verb's loop look for its file."""
+    call = find(words)
+    assert call is not None
+    verb = call.word
     asked = Path(folder) / verb
     if verb == "robot":
         from robot.core import brain

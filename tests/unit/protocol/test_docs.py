@@ -16,7 +16,7 @@ from robot import cli as robot_cli
 from robot.core.safety import failsafe
 from robot.parameters.table import SPECS
 from runtime import config
-from runtime.cli.verb_table import VERBS
+from runtime.cli.verb_table import VERBS, command_of, find
 from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]
@@ -76,8 +76,10 @@ def test_readme_is_short() -> None:
 
 def test_every_verb_used_in_a_command_exists() -> None:
     pages = [text for name, text in PAGES.items() if "evidence/" not in name]
-    named = set(re.findall(r"^(?:\$ )?sidestep ([a-z][a-z-]*)", "\n".join(pages), re.MULTILINE))
-    assert {"up", "goto", "trial"} <= named <= set(VERBS)
+    lines = re.findall(r"^(?:\$ )?sidestep ([a-z][a-z-]*(?: .*)?)$", "\n".join(pages), re.MULTILINE)
+    calls = {line: find(line.split()) for line in lines}
+    assert [line for line, call in calls.items() if call is None or call.is_old] == []
+    assert {"up", "goto", "trial", "plot"} <= {call.word for call in calls.values() if call}
 
 
 def test_every_make_command_has_its_target() -> None:
@@ -91,7 +93,7 @@ def test_every_make_command_has_its_target() -> None:
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     code: object = None
     try:
-        code = sidestep.main([verb, "--help"])
+        code = sidestep.main([*command_of(verb).split(), "--help"])
     except SystemExit as left:
         code = left.code or 0
     assert code == 0

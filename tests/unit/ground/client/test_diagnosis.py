@@ -71,8 +71,8 @@ def test_empty_bus_names_the_processes_to_start() -> None:
     report = examine(seen(TOPICS, PresentProcesses(frozenset())))
     text = lines(report.findings)
     assert not report.healthy
-    assert "sidestep robot --id r1" in text
-    assert "sidestep plant" in text
+    assert "sidestep run robot --id r1" in text
+    assert "sidestep run plant" in text
     assert len(report.findings) == 2, "what absent processes do not send is no finding of its own"
 
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from ground.cli.verbs import VERBS
 from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL
+from runtime.cli.verb_table import VERBS
 
 
 @pytest.mark.parametrize(
@@ -18,6 +18,9 @@ from ground.console.app_commands import LOCAL
         (["mission", "restart"], ["mission", "start", "1"]),
         (["record", "mark", "here"], ["mark", "here"]),
         (["record", "start"], ["record", "start"]),
+        (["rec", "start"], ["record", "start"]),
+        (["rec", "plot", "x.tlog"], ["plot", "x.tlog"]),
+        (["plot", "x.tlog"], ["plot", "x.tlog"]),
         (["wp", "upload", "--json"], ["mission", "upload", "-", "--json"]),
         (["hold"], ["hold"]),
         (["flap", "wings"], ["flap", "wings"]),

@@ -45,7 +45,7 @@ def after(words: list[str], option: str, count: int = 1) -> list[str]:
 
 
 def test_a_container_has_the_robot_of_its_number() -> None:
-    assert became(*SECOND, "record", "/recordings") == ["record", "--id", "r2", "/recordings"]
+    assert became(*SECOND, "record", "/recordings") == ["rec", "start", "--id", "r2", "/recordings"]
 
 
 def test_placeholder_is_replaced_by_the_robots_name() -> None:
@@ -80,7 +80,7 @@ def test_a_robot_more_than_there_are_is_refused() -> None:
 def test_plant_gets_world_noise_and_seed() -> None:
     found = became("--world", "open", "--noise", "lossy", "--seed", "7", "plant", "--lockstep")
     added = ["--world", "open", "--seed", "7", "--robots", "r1", "--noise", "lossy", "--lockstep"]
-    assert found == ["plant", *added]
+    assert found == ["run", "plant", *added]
     assert "--noise" not in became("plant")
 
 
@@ -152,7 +152,7 @@ def test_each_robot_gets_its_own_user_and_folder(
     called: list[tuple[str, object]] = []
     for name in ("setgroups", "setgid", "setuid", "umask"):
         monkeypatch.setattr(os, name, lambda to, name=name: called.append((name, to)))
-    monkeypatch.setattr(os, "execvp", lambda _file, words: called.append(("exec", words[1])))
+    monkeypatch.setattr(os, "execvp", lambda _file, words: called.append(("exec", words[2])))
     own = tmp_path / "state-{id}"
     main(["berth", "--users", "20000", "--own", str(own), "plant"])
     rights = [("setgroups", []), ("setgid", 20001), ("setuid", 20001), ("umask", 0o077)]
@@ -211,7 +211,9 @@ def test_it_becomes_the_executable(monkeypatch: pytest.MonkeyPatch) -> None:
     became: list[list[str]] = []
     monkeypatch.setattr(os, "execvp", lambda _file, words: became.append(words))
     main(["berth", "plant"])
-    assert became == [["sidestep", "plant", "--world", "box", "--seed", "0", "--robots", "r1"]]
+    assert became == [
+        ["sidestep", "run", "plant", "--world", "box", "--seed", "0", "--robots", "r1"]
+    ]
 
 
 def test_missing_executable_is_an_error(

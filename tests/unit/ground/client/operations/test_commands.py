@@ -142,5 +142,5 @@ def test_mark_reports_that_no_recorder_runs() -> None:
     outcome = Mark(remark="it turned").perform(stage.session)
     assert (outcome.ok, outcome.text) == (
         False,
-        "no recorder is running: start one with sidestep record DIR",
+        "no recorder is running: start one with sidestep rec start DIR",
     )

@@ -1,0 +1,203 @@
+"""`sidestep complete -- WORD...`: print the words that fit the last word of a command line.
+
+The scripts of `sidestep completion` call it at each press of Tab. The answers come from the parsers
+of the verbs. Each line is a word, for verbs with a tab and a summary. No line means that file names
+fit, which the shell completes.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from runtime.cli.parsers import parser_of
+from runtime.cli.terminal import TAB, steer
+from runtime.cli.verb_table import GROUPS, VERBS, command_of, find
+
+OPTIONS: Final = ("--help", "--version", "--traceback")
+"""Options before a verb."""
+WORLD_SUFFIXES: Final = (".toml",)
+
+
+class Place(NamedTuple):
+    """The place of the word that comes next: the parser of its verb and its argument, if any.
+
+    `begin` is the index of the word that began the argument `nargs=REMAINDER`, else None.
+    """
+
+    parser: argparse.ArgumentParser
+    action: argparse.Action | None
+    begin: int | None = None
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the words that fit, one a line; nothing when an error occurs."""
+    try:
+        lines = completions(argv[1:] if argv[:1] == ["--"] else argv)
+    except (Exception, SystemExit):  # a shell would show an error amid the line that is typed
+        lines = []
+    for line in lines:
+        word, tab, summary = line.partition(TAB)
+        print(word, end="")
+        if tab:
+            steer(sys.stdout, TAB)
+        print(summary)
+    return 0
+
+
+def completions(words: Sequence[str]) -> list[str]:
+    """Return what fits the last of the words that follow `sidestep`."""
+    *before, begun = split_by_bash(words) or [""]
+    if before[:1] == ["--traceback"]:
+        del before[0]
+    if not before:
+        found = OPTIONS if begun.startswith("-") else first_words()
+    elif len(before) == 1 and before[0] in GROUPS:
+        found = words_below(before[0])
+    else:
+        found = arguments(before, begun)
+    return [line for line in found if line.startswith(begun)]
+
+
+def split_by_bash(words: Sequence[str]) -> list[str]:
+    """Join `--world`, `=` and `box` to `--world` and `box`: bash splits words at `=`."""
+    *before, begun = words or [""]
+    kept = [word for word in before if word != "="]
+    return [*kept, "" if begun == "=" else begun]
+
+
+def first_words() -> list[str]:
+    """Return the groups and the verbs that belong to none, with their summaries."""
+    rows = dict(GROUPS) | {
+        word: verb.summary for word, verb in VERBS.items() if not verb.is_grouped
+    }
+    return [f"{word}\t{summary}" for word, summary in sorted(rows.items())]
+
+
+def words_below(group: str) -> list[str]:
+    """Return the verbs of a group, with their summaries."""
+    verbs = ((word, verb.summary) for word, verb in VERBS.items() if verb.section == group)
+    return [f"{command_of(word).split()[-1]}\t{summary}" for word, summary in verbs]
+
+
+def arguments(before: Sequence[str], begun: str) -> list[str]:
+    """Return what fits the arguments of the verb that the words begin with."""
+    call = find(before)
+    if call is None:
+        return []
+    place = place_in(parser_of(call.word), call.arguments)
+    if place.begin is not None:
+        return completions([*call.arguments[place.begin :], begun])
+    if begun.startswith("-"):
+        name, equals, value = begun.partition("=")
+        option = option_of(place.parser, name) if equals else None
+        if option is not None:
+            return [f"{name}={found}" for found in values(call.word, option, value)]
+        return options_of(place.parser)
+    if place.action is None:
+        return [] if begun else options_of(place.parser)
+    return values(call.word, place.action, begun)
+
+
+def place_in(parser: argparse.ArgumentParser, words: Sequence[str]) -> Place:
+    """Follow the words through a parser and those of its subcommands."""
+    positionals, option, values_left = positionals_of(parser), None, 0.0
+    for index, word in enumerate(words):
+        if word.startswith("--"):
+            name, equals, _ = word.partition("=")
+            option = None if equals else option_of(parser, name)
+            values_left = 0.0 if option is None else values_of(option)
+        elif values_left > 0:
+            values_left -= 1
+        elif word in subcommands_of(parser):
+            parser = subcommands_of(parser)[word]
+            positionals = positionals_of(parser)
+        elif positionals and positionals[0].nargs == argparse.REMAINDER:
+            return Place(parser, positionals[0], index)
+        elif positionals and positionals[0].nargs not in ("*", "+"):
+            positionals = positionals[1:]
+    expected = option if values_left > 0 else next(iter(positionals), None)
+    if expected is not None and expected.nargs == argparse.REMAINDER:
+        return Place(parser, expected, len(words))
+    return Place(parser, expected)
+
+
+def values_of(option: argparse.Action) -> float:
+    """Return the largest number of values of an option."""
+    if option.nargs is None or option.nargs == "?":
+        return 1
+    return option.nargs if isinstance(option.nargs, int) else float("inf")
+
+
+def positionals_of(parser: argparse.ArgumentParser) -> list[argparse.Action]:
+    """Return the arguments without a flag."""
+    return [action for action in parser._actions if not action.option_strings]
+
+
+def options_of(parser: argparse.ArgumentParser) -> list[str]:
+    """Return the flags that the help shows."""
+    shown = [action for action in parser._actions if action.help != argparse.SUPPRESS]
+    return sorted(name for action in shown for name in action.option_strings)
+
+
+def option_of(parser: argparse.ArgumentParser, name: str) -> argparse.Action | None:
+    """Return the option of this name if values follow it."""
+    for action in parser._actions:
+        if name in action.option_strings and action.nargs != 0:
+            return action
+    return None
+
+
+def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Return the parsers of the subcommands by name."""
+    # argparse has no public interface to the subparsers.
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
+
+
+def values(word: str, action: argparse.Action, begun: str) -> list[str]:
+    """Return the values of an argument of a verb; nothing for numbers and for any file name."""
+    if isinstance(action, argparse._SubParsersAction):
+        helps = {one.dest: one.help for one in action._choices_actions}
+        return [f"{name}\t{helps.get(name) or ''}".rstrip() for name in action.choices]
+    if action.choices is not None:
+        return [str(choice) for choice in action.choices]
+    if action.dest in ("world", "worlds"):
+        shipped: list[str] = import_module("plant.world.file").shipped()
+        return [*shipped, *files(begun, Path(), WORLD_SUFFIXES)]
+    if action.dest == "navigators":
+        return [name.name.lower() for name in import_module("protocol.wire.enums").Navigator]
+    if action.dest == "param":
+        return [f"{name}=" for name in parameters()]
+    if word == "param" and action.dest in ("name", "pattern"):
+        return [*parameters()]
+    is_file = action.dest == "file" and VERBS[word].suffixes
+    return [*files(begun, Path(), VERBS[word].suffixes)] if is_file else []
+
+
+def parameters() -> Iterable[str]:
+    """Return the names of the robot's parameters."""
+    names: Iterable[str] = import_module("robot.parameters.table").SPECS
+    return names
+
+
+def files(begun: str, folder: Path, suffixes: tuple[str, ...] = ()) -> Iterator[str]:
+    """Yield matching files with one of the suffixes, and folders, which end in /.
+
+    Hidden files need a typed dot.
+    """
+    parent, slash, start = begun.rpartition("/")
+    try:
+        there = sorted((folder / Path(f"{parent}{slash}").expanduser()).iterdir())
+        for path in there:
+            is_folder = path.is_dir()
+            if suffixes and not is_folder and path.suffix not in suffixes:
+                continue
+            if path.name.startswith(start) and (start or not path.name.startswith(".")):
+                yield f"{parent}{slash}{path.name}{'/' if is_folder else ''}"
+    except (OSError, RuntimeError):
+        return

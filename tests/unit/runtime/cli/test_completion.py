@@ -1,0 +1,153 @@
+"""Completion: `sidestep complete` answers from the parsers, and the scripts pass its answers on."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from plant.world.file import shipped
+from runtime.cli.completion import completions, main
+from runtime.cli.completion_script import SCRIPTS
+from runtime.cli.completion_script import main as print_script
+from runtime.cli.verb_table import GROUPS, VERBS, command_of
+
+ROOT = Path(__file__).parents[4]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Work in a folder with a recording, a world, a table and a folder."""
+    for name in ("drive.mcap", "door.toml", "drive.csv"):
+        (tmp_path / name).touch()
+    (tmp_path / "dir").mkdir()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def words_for(line: str) -> list[str]:
+    return [found.partition("\t")[0] for found in completions(line.split(" "))]
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("re", ["rec", "replay", "resume"]),
+        ("--v", ["--version"]),
+        ("--traceback wat", ["watch"]),
+        ("rec ", ["start", "mark", "export", "plot", "reexecute"]),
+        ("run c", ["container"]),
+        ("rec plot d", ["drive.mcap", "dir/"]),
+        ("plot d", ["drive.mcap", "dir/"]),
+        ("rec plot --out d", []),
+        ("rec plot --o", ["--out"]),
+        ("explain --at 3 d", ["drive.mcap", "dir/"]),
+        ("goto 1 2 --frame ", ["world", "body"]),
+        ("goto 1 2 --frame=b", ["--frame=body"]),
+        ("goto 1 2 --frame = b", ["body"]),
+        ("goto 1 2 --frame =", ["world", "body"]),
+        ("goto ", []),
+        ("navigator bug ", ["left", "right"]),
+        ("param s", ["set", "save"]),
+        ("param set d_ob", ["d_obs_m"]),
+        ("run robot --param d_ob", ["d_obs_m="]),
+        ("run robot --start 1 2 3 --lo", ["--lockstep"]),
+        ("trial --world u", ["u_trap"]),
+        ("trial --world d", ["disc", "door", "door.toml", "dir/"]),
+        ("worlds show z", ["zigzag"]),
+        ("study --navigators bug v", ["vgm", "vgm_memory"]),
+        ("bench lat", ["latency"]),
+        ("completion ", ["bash", "zsh", "fish"]),
+        ("run container --robots 2 run ro", ["robot", "router"]),
+        ("run container --robots 2 ru", ["run"]),
+        ("run container run health pl", ["plant"]),
+        ("sing ", []),
+        ("rec sing ", []),
+    ],
+)
+def test_words_that_fit(line: str, found: list[str]) -> None:
+    assert sorted(words_for(line)) == sorted(found)
+
+
+def test_every_world_is_offered_in_the_order_of_the_list() -> None:
+    assert words_for("run plant --world ")[: len(shipped())] == shipped()
+
+
+def test_first_word_is_a_group_or_a_short_verb_with_its_summary() -> None:
+    short = {word: verb.summary for word, verb in VERBS.items() if not verb.is_grouped}
+    rows = dict(line.split("\t") for line in completions([""]))
+    assert rows == dict(GROUPS) | short
+
+
+@pytest.mark.parametrize("word", VERBS)
+def test_options_of_every_verb_are_offered(word: str) -> None:
+    assert "--help" in words_for(f"{command_of(word)} --")
+
+
+def test_errors_print_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(word: str) -> None:
+        raise ZeroDivisionError(word)
+
+    monkeypatch.setattr("runtime.cli.completion.parser_of", fail)
+    assert main(["--", "goto", ""]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_verbs_are_completed_without_loading_their_packages() -> None:
+    code = (
+        "import sys, sidestep; sidestep.main(['complete', '--', 'rec', '']);"
+        "print({name.split('.')[0] for name in sys.modules}"
+        " & {'protocol', 'robot', 'plant', 'ground', 'study', 'zenoh', 'numpy'})"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
+@pytest.mark.parametrize("shell", SCRIPTS)
+def test_script_of_each_shell_is_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert print_script([shell]) == 0
+    assert capsys.readouterr().out == SCRIPTS[shell]
+
+
+COMPLETE_IN_BASH = """\
+source <(sidestep completion bash)
+COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
+_sidestep
+printf '%s\\n' "${COMPREPLY[@]}"
+complete -p sidestep
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (["rec", "pl"], ["plot"]),
+        (["rec", "plot", "a"], ["a\\ drive.mcap"]),
+        (["goto", "1", "2", "--frame", "=", "b"], ["body"]),
+        (["run", "robot", "--param", "d_ob"], ["d_obs_m="]),
+        (["goto", ""], [""]),
+    ],
+)
+def test_bash_completes_with_the_script(words: list[str], found: list[str], folder: Path) -> None:
+    (folder / "a drive.mcap").touch()
+    (folder / "bin").mkdir()
+    program = folder / "bin" / "sidestep"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} {ROOT}/sidestep.py "$@"\n')
+    program.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{folder / 'bin'}:{os.environ['PATH']}"}
+    done = subprocess.run(
+        ["bash", "--norc", "-c", COMPLETE_IN_BASH, "bash", "sidestep", *words],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *replies, registered = done.stdout.splitlines()
+    assert (replies, done.stderr) == (found, "")
+    assert registered == "complete -o default -F _sidestep sidestep"

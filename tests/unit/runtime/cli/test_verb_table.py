@@ -1,0 +1,47 @@
+"""The table of verbs: its examples are valid, and every name leads to its verb."""
+
+import argparse
+import shlex
+
+import pytest
+
+from protocol.options import numbers_kept
+from runtime.cli.parsers import parser_of
+from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
+
+
+@pytest.mark.parametrize("word", VERBS)
+def test_example_is_accepted_by_the_parser(word: str) -> None:
+    call = find(shlex.split(VERBS[word].example))
+    assert call is not None
+    assert (call.word, call.is_old) == (word, False)
+    found = parser_of(word).parse_args(numbers_kept(call.arguments))
+    assert isinstance(found, argparse.Namespace)
+
+
+@pytest.mark.parametrize("word", VERBS)
+def test_verb_is_found_by_its_present_name(word: str) -> None:
+    name = command_of(word).split()
+    assert find([*name, "--json"]) == Call(word, ["--json"])
+    assert with_present_name([word, "--json"]) == [*name, "--json"]
+    assert with_present_name([*name, "--json"]) == [*name, "--json"]
+
+
+def test_grouped_verb_is_found_by_its_old_name() -> None:
+    assert find(["record", "runs"]) == Call("record", ["runs"], is_old=True)
+
+
+@pytest.mark.parametrize("words", [[], ["rec"], ["start"], ["rec", "sing"], ["container"]])
+def test_other_words_are_no_verb(words: list[str]) -> None:
+    assert find(words) is None
+    assert with_present_name(words) == words
+
+
+def test_no_group_has_the_name_of_a_verb() -> None:
+    assert not GROUPS.keys() & VERBS.keys()
+
+
+def test_summary_of_a_group_names_its_verbs() -> None:
+    for group, summary in GROUPS.items():
+        names = [command_of(word).split()[1] for word in VERBS if VERBS[word].section == group]
+        assert summary.partition(": ")[2].split(", ") == names
