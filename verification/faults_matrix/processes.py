@@ -64,8 +64,8 @@ class ProcessGroup:
         line = command(self._words[role], os.getpid())
         if injection is not None:
             module = (sys.executable, "-m", "verification.faults_matrix.fault_hook")
-            words = with_present_name(self._words[role])
-            line = [*module, str(os.getpid()), json.dumps(injection), *words]
+            present = with_present_name(self._words[role])
+            line = [*module, str(os.getpid()), json.dumps(injection), *present]
         self._execute(role, line)
 
     def _config(self, role: str) -> Sequence[str]:
