@@ -72,7 +72,7 @@ def dispatch(arguments: list[str]) -> int:
         return without_verb(arguments)
     if call.is_old:
         now = table().command_of(word)
-        print(f"sidestep {word}: now `sidestep {now}`", file=sys.stderr)
+        print(f"sidestep {word}: old name, use `sidestep {now}`", file=sys.stderr)
     try:
         return run(call.word, call.arguments)
     except (BrokenPipeError, KeyboardInterrupt):
@@ -106,15 +106,15 @@ def without_verb(words: Sequence[str]) -> int:
 def run(word: str, arguments: Sequence[str]) -> int:
     """Run a verb, unless its package is missing or shadowed by another one."""
     verb = table().VERBS[word]
-    package = verb.module.partition(".")[0]
+    name, package = table().command_of(word), verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
         return refuse(
-            word,
+            name,
             f"needs a checkout of the source, as {package}/ is not installed: run `make setup` "
-            f"there, then .venv/bin/sidestep {table().command_of(word)}",
+            f"there, then .venv/bin/sidestep {name}",
         )
     if conflict := displaced(package):
-        return refuse(word, conflict)
+        return refuse(name, conflict)
     if verb.is_program:
         module, words = verb.module, list(arguments)
     else:
@@ -146,23 +146,23 @@ def shadowing_package() -> str:
     return next((str(found) for found in own("conflicts").conflicts() if found.wins), "")
 
 
-def refuse(word: str, why: str) -> int:
+def refuse(name: str, why: str) -> int:
     """Print why a verb cannot run; return the exit code."""
-    print(f"{' '.join(['sidestep', *word.split()])}: {why}", file=sys.stderr)
+    print(f"{f'sidestep {name}'.strip()}: {why}", file=sys.stderr)
     return EXIT_USAGE
 
 
 def explain(word: str, error: Exception) -> int:
     """Print an error and return the exit code; for a defect, include its place in the code."""
-    code = getattr(error, "exit_code", None)
+    name, code = table().command_of(word), getattr(error, "exit_code", None)
     if isinstance(code, int):
-        print(f"sidestep {word}: {error}", file=sys.stderr)
+        print(f"sidestep {name}: {error}", file=sys.stderr)
         return code
     if conflict := shadowing_package():
-        return refuse(word, conflict)
+        return refuse(name, conflict)
     print(
-        f"sidestep {word}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
-        f"for the traceback: sidestep --traceback {table().command_of(word)} ...",
+        f"sidestep {name}: internal error: {type(error).__name__}: {error}{place_of(error)}\n"
+        f"for the traceback: sidestep --traceback {name} ...",
         file=sys.stderr,
     )
     return 1

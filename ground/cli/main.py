@@ -12,6 +12,7 @@ from ground.cli.verbs import VERBS
 from ground.text.output import Output
 from protocol.options import numbers_kept
 from runtime.cli.parsers import parser_of
+from runtime.cli.verb_table import command_of
 from runtime.errors import ConfigError, RemoteError, UserError
 
 EXIT_FAILURE: Final = 1
@@ -60,7 +61,7 @@ def parse(argv: Sequence[str]) -> Any:
 
 def failed(output: Output, verb: str, why: str, code: int) -> int:
     """Print the error in one line, with --json also as a JSON object; return the exit code."""
-    output.note(f"sidestep {verb}: {why}")
+    output.note(f"sidestep {command_of(verb)}: {why}")
     if output.as_json and not output.has_result:
         output.result({"verb": verb, "ok": False, "reason": why, "exit_code": code}, "")
     return code

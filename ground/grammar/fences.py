@@ -14,6 +14,7 @@ from ground.missions.files import ENDINGS, read_fence
 from ground.missions.mission import FARTHEST_M, Circle, Polygon
 from ground.missions.outline import fault_of
 from protocol.options import finite
+from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 
@@ -45,18 +46,14 @@ class FenceWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
-        names = "circle|polygon|off|show"
-        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-        circling = actions.add_parser("circle", help="stay within R metres of X Y")
+        actions = add_subcommands(parser, "fence")
+        circling = actions["circle"]
         circling.add_argument("x", type=finite, metavar="X", help="metres")
         circling.add_argument("y", type=finite, metavar="Y", help="metres")
         circling.add_argument("radius", type=positive, metavar="R", help="metres")
-        outlining = actions.add_parser("polygon", help="stay inside these corners")
         help = "a mission file with a fence, or X Y X Y X Y ..."
-        outlining.add_argument("corners", nargs="+", metavar="FILE", help=help)
-        clearing = actions.add_parser("off", help="remove the fence")
-        showing = actions.add_parser("show", help="show the robot's fence")
-        for action in (circling, outlining, clearing, showing):
+        actions["polygon"].add_argument("corners", nargs="+", metavar="FILE", help=help)
+        for action in actions.values():
             add_common(action)
 
     def operation(self) -> Operation[Outcome]:

@@ -30,6 +30,7 @@ from ground.missions.items import home_at
 from ground.missions.mission import Home
 from ground.missions.sift import Foreign
 from protocol.options import finite, whole
+from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 MOST_ITEMS: Final = 65_535
@@ -144,41 +145,23 @@ class MissionWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
-        names = "check|upload|download|list|start|pause|resume|abort|jump|status|clear|convert"
-        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-        checking = actions.add_parser("check", help="report the faults of a file")
-        help = "convert between formats, chosen by the suffixes"
-        converting = actions.add_parser("convert", help=help)
+        actions = add_subcommands(parser, "mission")
         endings = ".toml, .plan or .waypoints"
-        checking.add_argument("file", type=Path, metavar="FILE", help=endings)
-        converting.add_argument("file", type=Path, metavar="IN")
-        converting.add_argument("out", type=Path, metavar="OUT")
-        help = "send it to the robot, with its fence if it has one"
-        uploading = actions.add_parser("upload", help=help)
-        downloading = actions.add_parser("download", help="write the robot's mission to a file")
-        for action in (uploading, downloading):
-            action.add_argument("file", type=Path, metavar="FILE", help=endings)
-        starting = actions.add_parser("start", help="drive it, from an item on")
+        for name in ("check", "upload", "download"):
+            actions[name].add_argument("file", type=Path, metavar="FILE", help=endings)
+        actions["convert"].add_argument("file", type=Path, metavar="IN")
+        actions["convert"].add_argument("out", type=Path, metavar="OUT")
         item, help = whole(1, MOST_ITEMS), "from 1; without it the current one, or the first"
         help += " of a mission that is done"
-        starting.add_argument("item", nargs="?", type=item, metavar="ITEM", help=help)
-        jumping = actions.add_parser("jump", help="continue with another item")
-        jumping.add_argument("item", type=item, metavar="ITEM", help="from 1")
-        others = {
-            "pause": "stop",
-            "resume": "continue",
-            "abort": "cancel it and stop",
-            "list": "show the robot's items",
-            "status": "show its progress",
-            "clear": "delete it from the robot",
-        }
-        plain = [actions.add_parser(name, help=text) for name, text in others.items()]
-        for action in (checking, converting, uploading, downloading):
-            add_reading(action)
-        for action in (checking, converting):
-            add_json(action)
-        for action in (uploading, downloading, starting, jumping, *plain):
-            add_common(action)
+        actions["start"].add_argument("item", nargs="?", type=item, metavar="ITEM", help=help)
+        actions["jump"].add_argument("item", type=item, metavar="ITEM", help="from 1")
+        for name in ("check", "convert", "upload", "download"):
+            add_reading(actions[name])
+        for name, action in actions.items():
+            if name in ("check", "convert"):
+                add_json(action)
+            else:
+                add_common(action)
 
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments."""

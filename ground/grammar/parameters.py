@@ -15,6 +15,7 @@ from ground.client.operations import (
 from ground.client.results import Outcome
 from ground.grammar.words import Words, add_common
 from protocol.options import finite
+from runtime.cli.parsers import add_subcommands
 
 
 class ParameterWords(Words):
@@ -28,27 +29,17 @@ class ParameterWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
-        names = "list|get|diff|set|reset|save|load"
-        actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-        help = "all parameters, with unit, range, default and meaning"
-        listing = actions.add_parser("list", help=help)
-        listing.add_argument("pattern", nargs="?", default="*", metavar="GLOB")
-        getting = actions.add_parser("get", help="parameters whose name matches, as in 'sonar_*'")
-        getting.add_argument("pattern", metavar="GLOB")
-        help = "set one parameter; a robot with --state saves it"
-        setting = actions.add_parser("set", help=help)
-        setting.add_argument("name", metavar="NAME")
-        setting.add_argument("value", type=finite, metavar="VALUE")
-        resetting = actions.add_parser("reset", help="set one parameter to its default value")
-        resetting.add_argument("name", metavar="NAME")
-        help = "write the changed parameters to a file"
-        saving = actions.add_parser("save", help=help)
+        actions = add_subcommands(parser, "param")
+        actions["list"].add_argument("pattern", nargs="?", default="*", metavar="GLOB")
+        actions["get"].add_argument("pattern", metavar="GLOB")
+        actions["set"].add_argument("name", metavar="NAME")
+        actions["set"].add_argument("value", type=finite, metavar="VALUE")
+        actions["reset"].add_argument("name", metavar="NAME")
         help = "without it, list what the robot saves by itself"
-        saving.add_argument("file", nargs="?", type=Path, metavar="FILE", help=help)
-        loading = actions.add_parser("load", help="set all values of a file, if all are allowed")
-        loading.add_argument("file", type=Path, metavar="FILE", help="TOML with [parameters]")
-        differing = actions.add_parser("diff", help="parameters that differ from their defaults")
-        for action in (listing, getting, setting, resetting, saving, loading, differing):
+        actions["save"].add_argument("file", nargs="?", type=Path, metavar="FILE", help=help)
+        help = "TOML with [parameters]"
+        actions["load"].add_argument("file", type=Path, metavar="FILE", help=help)
+        for action in actions.values():
             add_common(action)
 
     def operation(self) -> Operation[Outcome]:

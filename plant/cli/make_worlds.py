@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from plant.corpus import FAMILIES, GRID_FAMILIES, generate
 from plant.imports.anyone import CELL_M, TAKES, ImportOptions, import_worlds
@@ -23,29 +23,25 @@ MAX_CELL_M: Final = 10.0
 MAX_COORDINATE_M: Final = 1e6
 
 
-def add_verbs(verbs: "argparse._SubParsersAction[Any]") -> None:
-    """Add the verbs to the parser of `sidestep worlds`."""
-    summary = "make world files of the corpus; equal family, number and seed give an equal world"
-    one = verbs.add_parser("generate", help=summary, description=summary, allow_abbrev=False)
+def add_generate(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `sidestep worlds generate`."""
     families = (*FAMILIES, *GRID_FAMILIES)
     helps = f"of {', '.join(families)}; all but the last {len(GRID_FAMILIES)} by default"
-    one.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
-    one.add_argument(
+    parser.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
+    parser.add_argument(
         "--per-family",
         type=whole(1, MAX_PER_FAMILY),
         default=PER_FAMILY,
         metavar="N",
         help=f"worlds of each, {PER_FAMILY} by default",
     )
-    _add_common(one)
-    summary = f"make world files from a file of another format: {', '.join(TAKES)}"
-    other = verbs.add_parser("import", help=summary, description=summary, allow_abbrev=False)
-    _add_import(other)
-    _add_common(other)
+    _add_common(parser)
 
 
-def _add_import(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("file", metavar="FILE", help="a ROS map is given by its .yaml file")
+def add_import(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `sidestep worlds import`."""
+    text = f"{', '.join(TAKES)}; a ROS map is given by its .yaml file"
+    parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(
         "--cell",
         type=_cell,
@@ -74,6 +70,7 @@ def _add_import(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="use a part of N x N cells of the map",
     )
+    _add_common(parser)
 
 
 def _add_common(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final
 
-from plant.cli.make_worlds import add_verbs, make
+from plant.cli.make_worlds import add_generate, add_import, make
 from plant.model.configuration import body_of
 from plant.model.faults import KINDS
 from plant.model.types import Circle, Point
@@ -18,7 +18,7 @@ from plant.world.file import SHIPPED_DIR, World, WorldError, load, shipped
 from plant.world.text import draw
 from plant.world.to_json import Json, as_json, places_json
 from protocol.options import numbers_kept
-from runtime.cli.parsers import new_parser
+from runtime.cli.parsers import add_subcommands, new_parser
 
 MANY_CORNERS: Final = 120
 EXIT_OK = 0
@@ -49,27 +49,19 @@ def main(argv: Sequence[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     parser = new_parser("worlds")
-    verbs = parser.add_subparsers(
-        dest="verb", required=True, metavar="list|faults|check|show|generate|import"
+    verbs = add_subcommands(parser, "worlds", dest="verb", allow_abbrev=False)
+    for verb in ("check", "show"):
+        verbs[verb].add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
+    for verb in ("list", "faults", "check", "show"):
+        verbs[verb].add_argument("--json", action="store_true", help="print one JSON object")
+    verbs["show"].add_argument(
+        "--robots", type=int, metavar="K", help="with --json: their starts and goals, too"
     )
-    for verb, summary in (
-        ("list", "list the shipped worlds"),
-        ("faults", "list the faults for the [[fault]] tables of a world"),
-        ("check", "check a world file; print line, key, reason and fix of each problem"),
-        ("show", "draw a world, or print it as JSON"),
-    ):
-        one = verbs.add_parser(verb, help=summary, description=summary, allow_abbrev=False)
-        if verb not in ("list", "faults"):
-            one.add_argument("world", metavar="FILE", help="a .toml file or a shipped name")
-        one.add_argument("--json", action="store_true", help="print one JSON object")
-        if verb == "show":
-            one.add_argument(
-                "--robots", type=int, metavar="K", help="with --json: their starts and goals, too"
-            )
-            one.add_argument(
-                "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
-            )
-    add_verbs(verbs)
+    verbs["show"].add_argument(
+        "--goal", type=_finite, nargs=2, metavar=("X", "Y"), help="instead of the world's"
+    )
+    add_generate(verbs["generate"])
+    add_import(verbs["import"])
     return parser
 
 

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from runtime.cli.parsers import parser_of
+from runtime.cli.parsers import parser_of, program_parsers
 from runtime.cli.terminal import TAB, steer
 from runtime.cli.verb_table import GROUPS, VERBS, command_of, find
 
@@ -87,7 +87,12 @@ def arguments(before: Sequence[str], begun: str) -> list[str]:
     call = find(before)
     if call is None:
         return []
-    place = place_in(parser_of(call.word), call.arguments)
+    programs = {name: row for name, row in VERBS[call.word].subcommands.items() if row.module}
+    if call.arguments and call.arguments[0] in programs:
+        place = place_in(program_parsers(call.word)[call.arguments[0]], call.arguments[1:])
+        programs = {}
+    else:
+        place = place_in(parser_of(call.word), call.arguments)
     if place.begin is not None:
         return completions([*call.arguments[place.begin :], begun])
     if begun.startswith("-"):
@@ -97,7 +102,8 @@ def arguments(before: Sequence[str], begun: str) -> list[str]:
             return [f"{name}={found}" for found in values(call.word, option, value)]
         return options_of(place.parser)
     if place.action is None:
-        return [] if begun else options_of(place.parser)
+        below = [f"{name}\t{row.summary}" for name, row in programs.items() if not call.arguments]
+        return below if begun else [*below, *options_of(place.parser)]
     return values(call.word, place.action, begun)
 
 

@@ -1,4 +1,4 @@
-"""Parsers of the verbs, each with its summary and its example."""
+"""Parsers of the verbs and their subcommands, each with its summary and its example."""
 
 import argparse
 from importlib import import_module
@@ -16,14 +16,50 @@ def new_parser(
     `details` precedes the example after the list of options.
     """
     verb = VERBS[word]
-    example = f"example:\n  {PROGRAM} {verb.example}"
+    shown = example_text(verb.example)
     return argparse.ArgumentParser(
         prog=f"{PROGRAM} {command_of(word)}",
         description=verb.summary,
-        epilog=f"{details}\n\n{example}" if details else example,
+        epilog=f"{details}\n\n{shown}" if details else shown,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=allow_abbrev,
     )
+
+
+def new_subcommand_parser(word: str, name: str) -> argparse.ArgumentParser:
+    """Return a parser without arguments for a subcommand that is a program of its own."""
+    row = VERBS[word].subcommands[name]
+    return argparse.ArgumentParser(
+        prog=f"{PROGRAM} {command_of(word)} {name}",
+        description=row.summary,
+        epilog=example_text(row.example),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+
+
+def add_subcommands(
+    parser: argparse.ArgumentParser, word: str, *, dest: str = "action", allow_abbrev: bool = True
+) -> dict[str, argparse.ArgumentParser]:
+    """Add the subcommands of a verb to its parser; return their parsers by name."""
+    rows = VERBS[word].subcommands
+    added = parser.add_subparsers(dest=dest, required=True, metavar="|".join(rows))
+    return {
+        name: added.add_parser(
+            name,
+            help=row.summary,
+            description=row.summary,
+            epilog=example_text(row.example),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=allow_abbrev,
+        )
+        for name, row in rows.items()
+    }
+
+
+def example_text(example: str) -> str:
+    """Return the end of a help text, with an example."""
+    return f"example:\n  {PROGRAM} {example}"
 
 
 def parser_of(word: str) -> argparse.ArgumentParser:
@@ -37,3 +73,9 @@ def parser_of(word: str) -> argparse.ArgumentParser:
     declare = getattr(module, verb.words).declare if verb.words else module.__dict__[verb.arguments]
     declare(parser)
     return parser
+
+
+def program_parsers(word: str) -> dict[str, argparse.ArgumentParser]:
+    """Return the parsers of those subcommands of a verb that are programs of their own."""
+    rows = VERBS[word].subcommands
+    return {name: import_module(row.module).parser() for name, row in rows.items() if row.module}

@@ -8,6 +8,9 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from runtime.cli import subcommand_table
+from runtime.cli.subcommand_table import Subcommand
+
 DRIVE: Final = "start and drive"
 LOOK: Final = "look"
 TEST: Final = "test"
@@ -36,7 +39,8 @@ class Verb(NamedTuple):
     shell and for the app's command line. Other verbs of an operator parse `arguments` and then
     either run by themselves (`run`) or act over a link to a robot (`act`). A verb with none of
     these is a program with a `main` and a `parser`. `name` is the word in the group, if it is not
-    the key of the table; `suffixes` are those of its argument `file`.
+    the key of the table; `suffixes` are those of its argument `file`, and `subcommands` the words
+    that follow the verb, as in `mission upload`.
     """
 
     section: str
@@ -49,6 +53,7 @@ class Verb(NamedTuple):
     words: str = ""
     name: str = ""
     suffixes: tuple[str, ...] = ()
+    subcommands: Mapping[str, Subcommand] = MappingProxyType({})
 
     @property
     def is_program(self) -> bool:
@@ -161,6 +166,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "run many trials on all cores, and report the results",
             "study --quick --output results",
             "study.cli.study",
+            subcommands=subcommand_table.STUDY,
         ),
         "calibrate": Verb(
             TEST,
@@ -260,6 +266,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "param set d_obs_m 0.35",
             "ground.grammar.parameters",
             words="ParameterWords",
+            subcommands=subcommand_table.PARAM,
         ),
         "mission": Verb(
             MORE,
@@ -268,6 +275,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.grammar.missions",
             words="MissionWords",
             suffixes=MISSIONS,
+            subcommands=subcommand_table.MISSION,
         ),
         "fence": Verb(
             MORE,
@@ -275,6 +283,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "fence circle 3 2 2.5",
             "ground.grammar.fences",
             words="FenceWords",
+            subcommands=subcommand_table.FENCE,
         ),
         "lease": Verb(
             MORE,
@@ -289,12 +298,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "keys new keys --robots r1 r2",
             "ground.cli.run.certificates",
             run="run",
+            subcommands=subcommand_table.KEYS,
         ),
         "worlds": Verb(
             MORE,
             "list, check, show, generate and import world files",
             "worlds show u_trap",
             "plant.cli.worlds",
+            subcommands=subcommand_table.WORLDS,
         ),
         "completion": Verb(
             MORE,
@@ -306,8 +317,8 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
 )
 """The verbs by their short word, in the order of `sidestep --help`.
 
-The short word is the `verb` of JSON output and the beginning of error messages. For a verb below a
-group it is an old name, which `find` accepts too.
+The short word is the `verb` of JSON output. For a verb below a group it is an old name, which
+`find` accepts too.
 """
 
 

@@ -38,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
     values = as_json(options, recorded, result)
     words = other_in_words(options.navigator, result) if other else in_words(result)
     for note in notes(recorded, result, exact=exact):
-        print(f"sidestep reexecute: {note}", file=sys.stderr)
+        print(f"sidestep rec reexecute: {note}", file=sys.stderr)
     print(json.dumps(values, allow_nan=False) if options.json else words)
     if other:
         return 0

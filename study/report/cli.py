@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol.options import whole
+from runtime.cli.parsers import new_subcommand_parser
 from study.report.build import ReportRequest
 from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.output.files import SUMMARY, write
@@ -63,9 +64,7 @@ def report(
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
-    made = argparse.ArgumentParser(
-        prog="sidestep study report", description=__doc__, allow_abbrev=False
-    )
+    made = new_subcommand_parser("study", "report")
     made.add_argument("study", type=Path, metavar="DIR", help="the study's directory")
     made.add_argument("--output", type=Path, metavar="DIR", help="for the report (DIR)")
     made.add_argument("--readme", type=Path, metavar="FILE", help="also update the table in it")

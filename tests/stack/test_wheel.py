@@ -120,7 +120,7 @@ def test_verb_names_the_distribution_that_shadows_it(
     done = tried(beside_robot_framework, "run", "robot", "--help", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith(
-        "sidestep robot: package `robot`: robotframework 7.5 has replaced "
+        "sidestep run robot: package `robot`: robotframework 7.5 has replaced "
     )
     assert "`python3 -m venv`, `pipx install` or `uvx --from`" in done.stderr
 

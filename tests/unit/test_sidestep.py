@@ -86,6 +86,20 @@ def test_help_of_a_verb_has_summary_and_example(
     assert printed.err == ""
 
 
+@pytest.mark.parametrize(
+    ("word", "name", "example"),
+    [(word, name, row.example) for word in VERBS for name, row in VERBS[word].subcommands.items()],
+)
+def test_help_of_a_subcommand_has_an_example(
+    word: str, name: str, example: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with suppress(SystemExit):
+        sidestep.main([word, name, "--help"])
+    printed = capsys.readouterr()
+    assert printed.out.endswith(f"\n\nexample:\n  sidestep {example}\n")
+    assert printed.err == ""
+
+
 def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) -> None:
     heard: list[list[str]] = []
     install(listen(heard, code=0))
@@ -154,7 +168,7 @@ def test_old_name_does_the_same_and_prints_the_new_one(
     heard: list[list[str]] = []
     install(listen(heard, code=3))
     assert sidestep.main([old, "x.tlog", "--json"]) == 3
-    assert capsys.readouterr().err == f"sidestep {old}: now `sidestep {now}`\n"
+    assert capsys.readouterr().err == f"sidestep {old}: old name, use `sidestep {now}`\n"
     assert sidestep.main([*now.split(), "x.tlog", "--json"]) == 3
     assert capsys.readouterr().err == ""
     assert heard == [[old, "x.tlog", "--json"]] * 2

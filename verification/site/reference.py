@@ -20,7 +20,7 @@ from plant.model.noise import LEVELS, Noise
 from protocol.outcome import OUTCOMES, Outcome
 from protocol.wire.reasons import REASON_TEXTS, Reason
 from robot.parameters.table import SPECS
-from runtime.cli.parsers import parser_of
+from runtime.cli.parsers import parser_of, program_parsers
 from runtime.cli.verb_table import MORE, REC, RUN, VERBS, Verb, command_of
 from study.runner.rows import SCHEMA
 
@@ -63,6 +63,10 @@ def verb_section(word: str, verb: Verb) -> Iterator[str]:
     yield f"### {command_of(word)}"
     yield f"{verb.summary[:1].upper()}{verb.summary[1:]}."
     yield from parser_parts(parser_of(word))
+    for name, parser in program_parsers(word).items():
+        yield f"#### {command_of(word)} {name}"
+        yield f"{verb.subcommands[name].summary.capitalize()}."
+        yield from parser_parts(parser)
 
 
 def parser_parts(parser: argparse.ArgumentParser) -> Iterator[str]:

@@ -14,6 +14,7 @@ from protocol.bus.network import check_operators
 from protocol.bus.tls.role_grants import ROBOT, ROUTER
 from protocol.options import whole
 from protocol.topics import robot_name
+from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 MISSING_LIBRARY: Final = "keys needs the package cryptography: pip install 'sidestep[keys]'"
@@ -29,22 +30,20 @@ HOST: Final = re.compile(r"(?!-)[A-Za-z0-9-]{1,63}(?<!-)(\.(?!-)[A-Za-z0-9-]{1,6
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions of `keys`, with their arguments."""
-    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    actions = add_subcommands(parser, "keys")
     days = whole(1, MOST_DAYS)
-    new = actions.add_parser("new", help="an authority, and certificate, key and config per role")
+    new, renew = actions["new"], actions["renew"]
     add_new(new)
-    renew = actions.add_parser("renew", help="new certificates and keys from a kept authority")
     renew.add_argument("folder", type=Path, metavar="DIR", help="folder with an authority.key")
     renew.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
-    revoke = actions.add_parser("revoke", help="reject a certificate although it is valid")
+    revoke = actions["revoke"]
     revoke.add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
     revoke.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
-    check = actions.add_parser("check", help="expiry and faults of each certificate")
-    check.add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
+    actions["check"].add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
     for action in (new, renew):
         text = f"days of validity ({DEFAULT_DAYS})"
         action.add_argument("--days", type=days, default=DEFAULT_DAYS, metavar="N", help=text)
-    for action in (new, renew, revoke, check):
+    for action in actions.values():
         add_json(action)
 
 

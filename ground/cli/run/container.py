@@ -93,7 +93,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     try:
         os.execvp(words[0], words)
     except FileNotFoundError:
-        raise UserError("berth: `sidestep` is not on the PATH") from None
+        raise UserError("`sidestep` is not on the PATH") from None
 
 
 def become(user: int) -> None:
@@ -103,9 +103,7 @@ def become(user: int) -> None:
         os.setgid(user)
         os.setuid(user)
     except PermissionError as error:
-        raise UserError(
-            f"berth: cannot switch to user {user}: start the container as root"
-        ) from error
+        raise UserError(f"cannot switch to user {user}: start the container as root") from error
     os.umask(0o077)
 
 
@@ -115,10 +113,10 @@ def make_private_folder(folder: Path) -> None:
         folder.mkdir(mode=0o700, exist_ok=True)
         owner = folder.lstat().st_uid
     except OSError as error:
-        raise UserError(f"berth: {folder}: {error.strerror}") from error
+        raise UserError(f"{folder}: {error.strerror}") from error
     if owner != os.geteuid():
         raise UserError(
-            f"berth: {folder} belongs to user {owner}, and this process is user {os.geteuid()}: "
+            f"{folder} belongs to user {owner}, and this process is user {os.geteuid()}: "
             "remove it, or change its owner"
         )
 
@@ -142,9 +140,7 @@ def words_of(options: argparse.Namespace, place: Place) -> list[str]:
 def place_of(options: argparse.Namespace, lookup: Addresses) -> Place:
     """Return the number of this container; UserError if it exceeds the number of robots."""
     if not options.words:
-        raise UserError(
-            "berth: the verb is missing, as in: sidestep run container --robots 2 run plant"
-        )
+        raise UserError("the verb is missing, as in: sidestep run container --robots 2 run plant")
     number = 1 if options.replica is None else number_of(options.replica, lookup)
     if number > options.robots:
         raise UserError(
@@ -196,7 +192,7 @@ def exists(file: Path) -> bool:
         return False
     except OSError as error:
         raise UserError(
-            f"berth: {file}: {error.strerror}: this process does not start without its keys; "
+            f"{file}: {error.strerror}: this process does not start without its keys; "
             "allow its user to read that folder"
         ) from error
     return True
@@ -213,10 +209,10 @@ def refuse_keys_of_others(file: Path, *, apart: bool) -> None:
     except (FileNotFoundError, NotADirectoryError):
         return
     except OSError as error:
-        raise UserError(f"berth: {folder}: {error.strerror}: allow its user to read it") from error
+        raise UserError(f"{folder}: {error.strerror}: allow its user to read it") from error
     if keys:
         raise UserError(
-            f"berth: {folder} holds {keys[0]} but not {file.relative_to(folder)}: this process "
+            f"{folder} holds {keys[0]} but not {file.relative_to(folder)}: this process "
             "does not start without its own keys; add them, or remove the others"
         )
 

@@ -21,7 +21,7 @@ Run = Callable[[argparse.Namespace, Output], int]
 
 @pytest.fixture
 def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
-    """Put a function of the test behind the verb `try`."""
+    """Put a function of the test behind the verb `mark`."""
 
     def put(run: Run) -> None:
         def parser_of(word: str) -> argparse.ArgumentParser:
@@ -29,7 +29,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Callable[[Run], None]:
             parser.add_argument("--json", action="store_true")
             return parser
 
-        monkeypatch.setattr(cli, "VERBS", {"try": LoadedVerb(run)})
+        monkeypatch.setattr(cli, "VERBS", {"mark": LoadedVerb(run)})
         monkeypatch.setattr(cli, "parser_of", parser_of)
 
     return put
@@ -123,7 +123,7 @@ def test_an_error_is_one_line_and_one_object(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     install(raises(error))
-    assert main(["try", "--json"]) == code
+    assert main(["mark", "--json"]) == code
     printed = capsys.readouterr()
     found = json.loads(printed.out)
     assert (found["ok"], found["exit_code"]) == (False, code)
@@ -145,7 +145,7 @@ def test_result_is_printed_once(
         raise KeyboardInterrupt
 
     install(run)
-    assert main(["try", "--json"]) == 130
+    assert main(["mark", "--json"]) == 130
     assert json.loads(capsys.readouterr().out) == {"ok": True}
 
 
@@ -160,7 +160,7 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
         return 0
 
     install(run)
-    assert main(["try"]) == 143
+    assert main(["mark"]) == 143
     assert signal.getsignal(signal.SIGTERM) is before
 
 

@@ -6,7 +6,7 @@ from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
 
 INTERNAL_ERROR = (
     "robot r1: ready, disarmed\n"
-    "sidestep robot: internal error: ZeroDivisionError: as wanted (/x/brain.py:3)\n"
+    "sidestep run robot: internal error: ZeroDivisionError: as wanted (/x/brain.py:3)\n"
     "for the traceback: sidestep --traceback robot ..."
 )
 

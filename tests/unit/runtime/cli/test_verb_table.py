@@ -6,8 +6,11 @@ import shlex
 import pytest
 
 from protocol.options import numbers_kept
-from runtime.cli.parsers import parser_of
+from runtime.cli.completion import subcommands_of
+from runtime.cli.parsers import parser_of, program_parsers
 from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
+
+SUBCOMMANDS = [(word, name) for word, verb in VERBS.items() for name in verb.subcommands]
 
 
 @pytest.mark.parametrize("word", VERBS)
@@ -17,6 +20,21 @@ def test_example_is_accepted_by_the_parser(word: str) -> None:
     assert (call.word, call.is_old) == (word, False)
     found = parser_of(word).parse_args(numbers_kept(call.arguments))
     assert isinstance(found, argparse.Namespace)
+
+
+@pytest.mark.parametrize(("word", "name"), SUBCOMMANDS)
+def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
+    words = shlex.split(VERBS[word].subcommands[name].example)
+    assert words[:2] == [word, name]
+    program = program_parsers(word).get(name)
+    parser, rest = (parser_of(word), words[1:]) if program is None else (program, words[2:])
+    assert parser.parse_args(numbers_kept(rest)) is not None
+
+
+@pytest.mark.parametrize("word", VERBS)
+def test_parsers_have_the_subcommands_of_the_table(word: str) -> None:
+    below = {*subcommands_of(parser_of(word)), *program_parsers(word)}
+    assert below == VERBS[word].subcommands.keys()
 
 
 @pytest.mark.parametrize("word", VERBS)

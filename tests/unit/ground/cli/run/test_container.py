@@ -197,7 +197,10 @@ def test_a_container_that_is_none_of_the_robots_is_refused() -> None:
 
 def test_missing_verb_shows_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["berth"]) == 2
-    assert "the verb is missing" in capsys.readouterr().err
+    assert capsys.readouterr().err == (
+        "sidestep run container: the verb is missing, "
+        "as in: sidestep run container --robots 2 run plant\n"
+    )
 
 
 def test_a_world_that_is_not_there_is_refused_in_its_own_words(

@@ -1,0 +1,105 @@
+"""The rows of the verb table for subcommands: summary and example of each."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, NamedTuple
+
+
+class Subcommand(NamedTuple):
+    """A subcommand of a verb.
+
+    `example` is a command line without `sidestep`. `module` is given if the subcommand is a program
+    with a `parser` of its own.
+    """
+
+    summary: str
+    example: str
+    module: str = ""
+
+
+MISSION: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "check": Subcommand("report the faults of a file", "mission check mission.toml"),
+        "upload": Subcommand(
+            "send it to the robot, with its fence if it has one", "mission upload mission.toml"
+        ),
+        "download": Subcommand(
+            "write the robot's mission to a file", "mission download fetched.plan"
+        ),
+        "list": Subcommand("show the robot's items", "mission list --json"),
+        "start": Subcommand("drive it, from an item on", "mission start 2"),
+        "pause": Subcommand("stop", "mission pause"),
+        "resume": Subcommand("continue", "mission resume"),
+        "abort": Subcommand("cancel it and stop", "mission abort --id r2"),
+        "jump": Subcommand("continue with another item", "mission jump 3"),
+        "status": Subcommand("show its progress", "mission status --json"),
+        "clear": Subcommand("delete it from the robot", "mission clear --id r2"),
+        "convert": Subcommand(
+            "convert between formats, chosen by the suffixes",
+            "mission convert mission.toml mission.plan",
+        ),
+    }
+)
+FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "circle": Subcommand("stay within R metres of X Y", "fence circle 3 2 2.5"),
+        "polygon": Subcommand("stay inside these corners", "fence polygon 0 0 6 0 6 4 0 4"),
+        "off": Subcommand("remove the fence", "fence off"),
+        "show": Subcommand("show the robot's fence", "fence show --json"),
+    }
+)
+PARAM: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "list": Subcommand("all parameters, with unit, range, default and meaning", "param list"),
+        "get": Subcommand("parameters whose name matches, as in 'sonar_*'", "param get 'sonar_*'"),
+        "diff": Subcommand("parameters that differ from their defaults", "param diff --json"),
+        "set": Subcommand(
+            "set one parameter; a robot with --state saves it", "param set d_obs_m 0.35"
+        ),
+        "reset": Subcommand("set one parameter to its default value", "param reset d_obs_m"),
+        "save": Subcommand("write the changed parameters to a file", "param save tuned.toml"),
+        "load": Subcommand("set all values of a file, if all are allowed", "param load tuned.toml"),
+    }
+)
+KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "new": Subcommand(
+            "an authority, and certificate, key and config per role", "keys new keys --robots r1 r2"
+        ),
+        "renew": Subcommand(
+            "new certificates and keys from a kept authority", "keys renew keys robot-r2 --days 90"
+        ),
+        "revoke": Subcommand(
+            "reject a certificate although it is valid", "keys revoke keys ground-ada"
+        ),
+        "check": Subcommand("expiry and faults of each certificate", "keys check keys"),
+    }
+)
+WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "list": Subcommand("list the shipped worlds", "worlds list"),
+        "faults": Subcommand(
+            "list the faults for the [[fault]] tables of a world", "worlds faults --json"
+        ),
+        "check": Subcommand(
+            "check a world file; print line, key, reason and fix of each problem",
+            "worlds check yard.toml",
+        ),
+        "show": Subcommand("draw a world, or print it as JSON", "worlds show u_trap"),
+        "generate": Subcommand(
+            "make world files of the corpus; equal family, number and seed give an equal world",
+            "worlds generate --family maze --per-family 3 --out made",
+        ),
+        "import": Subcommand(
+            "make world files from a file of another format",
+            "worlds import lab.yaml --start 1 1 --goal 8 3 --out made",
+        ),
+    }
+)
+STUDY: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "report": Subcommand(
+            "write the report of a study again", "study report results", "study.report.cli"
+        ),
+    }
+)
