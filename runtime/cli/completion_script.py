@@ -30,15 +30,19 @@ ZSH: Final = """\
 # In ~/.zshrc, after compinit: source <(sidestep completion zsh)
 _sidestep() {
     local line word
-    local -a plain open
+    local -a described plain open
     while IFS= read -r line; do
         word=${line%%$'\\t'*}
-        if [[ $word == *[/=] ]]; then open+=("$word"); else plain+=("$word"); fi
+        if [[ $line == *$'\\t'* ]]; then described+=("${word//:/\\\\:}:${line#*$'\\t'}")
+        elif [[ $word == *[/=] ]]; then open+=("$word")
+        else plain+=("$word")
+        fi
     done < <(sidestep complete -- "${(@)words[2,CURRENT]}" 2>/dev/null)
-    if (( ${#plain} + ${#open} == 0 )); then
+    if (( ${#described} + ${#plain} + ${#open} == 0 )); then
         _files
         return
     fi
+    (( ${#described} )) && _describe verb described
     (( ${#plain} )) && compadd -- "${plain[@]}"
     (( ${#open} )) && compadd -S '' -- "${open[@]}"
 }
