@@ -5,22 +5,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from runtime.arrivals import Pulse, PulseSource
+from runtime.arrivals import PulseSource
 from runtime.errors import ClockStoppedError
-from runtime.lockstep import LockstepClock
 from runtime.units import NS_PER_S
-
-__all__ = [
-    "Clock",
-    "ClockStoppedError",
-    "LockstepClock",
-    "ManualClock",
-    "Pulse",
-    "PulseSource",
-    "Tick",
-    "WallClock",
-    "ticks",
-]
 
 
 class Clock(Protocol):

@@ -25,7 +25,8 @@ from protocol.topics import COMMAND, HEARTBEAT, OPERATOR, Role, Service, Topic
 from protocol.wire.enums import AUTOPILOT_INVALID, TYPE_GCS, Command, SystemState
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, Heartbeat
-from runtime.clock import Clock, Pulse, WallClock
+from runtime.arrivals import Pulse
+from runtime.clock import Clock, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
 from runtime.units import NS_PER_S
 

@@ -9,12 +9,13 @@ from typing import Final
 
 from plant.cli.make_worlds import add_generate, add_import, make
 from plant.model.configuration import body_of
+from plant.model.errors import WorldError
 from plant.model.faults import KINDS
-from plant.model.types import Circle, Point
+from plant.model.types import Circle, Point, World
 from plant.placement.fleet_goals import goals
 from plant.placement.shortest_path import known_length_m, shortest_path
 from plant.placement.start_positions import starts
-from plant.world.file import SHIPPED_DIR, World, WorldError, load, shipped
+from plant.world.file import SHIPPED_DIR, load, shipped
 from plant.world.text import draw
 from plant.world.to_json import Json, as_json, places_json
 from protocol.options import numbers_kept

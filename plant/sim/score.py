@@ -24,7 +24,7 @@ _SIGNED: Final = np.dtype([("time_ns", "<u8"), ("pose", "<f8", 3)])
 class Score:
     """The trajectory since the start, one row per tick, up to a million ticks (14 hours).
 
-    After that the score stops: `full` is True and `RunScore.ticks` stays constant.
+    After that the score stops: `RunScore.ticks` stays constant.
     """
 
     def __init__(
@@ -41,11 +41,6 @@ class Score:
     def ticks(self) -> int:
         """The number of ticks scored."""
         return len(self._contacts) - 1
-
-    @property
-    def full(self) -> bool:
-        """Return whether the score has reached its maximum length."""
-        return self.ticks >= MAX_TICKS
 
     def add(
         self,

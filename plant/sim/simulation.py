@@ -101,10 +101,6 @@ class Plant:
         """Return the score since its restart, up to the tick at `until_ns`."""
         return self._vehicles[robot].score.until(until_ns)
 
-    def score_full(self, robot: int = 0) -> bool:
-        """Return whether the run is longer than its score: later ticks are not in it."""
-        return self._vehicles[robot].score.full
-
     def restart_score(self) -> None:
         """Begin a new score for all robots."""
         for vehicle in self._vehicles:

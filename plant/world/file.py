@@ -10,42 +10,13 @@ from os.path import isfile
 from pathlib import Path
 from typing import Final
 
-from plant.model.configuration import body_of, faults_of, noise_of
 from plant.model.errors import Problem, Report, WorldError
 from plant.model.types import (
-    Circle,
-    GoalPose,
-    Obstacle,
-    Point,
-    Polygon,
-    Polyline,
-    Settings,
-    Start,
     World,
 )
 from plant.world.from_json import from_json, is_json
 from plant.world.reader import read_world
 from runtime.toml_reader import MAX_BYTES, TooDeepError, key_lines, table_in
-
-__all__ = [
-    "SHIPPED_DIR",
-    "Circle",
-    "GoalPose",
-    "Obstacle",
-    "Point",
-    "Polygon",
-    "Polyline",
-    "Settings",
-    "Start",
-    "World",
-    "WorldError",
-    "body_of",
-    "faults_of",
-    "load",
-    "loads",
-    "noise_of",
-    "shipped",
-]
 
 STANDARD_INPUT: Final = "-"
 SHIPPED_DIR: Final = Path(__file__).parents[1] / "worlds"

@@ -1,11 +1,11 @@
 """Convert a world to one JSON object with the keys and units of its file."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import degrees
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from plant.model.scene import Pose
-from plant.model.types import Circle, Obstacle, Polygon, Setting, Settings, World
+from plant.model.types import Circle, Obstacle, Polygon, Settings, World
 from plant.placement.fleet_goals import RobotGoal
 
 Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | None
@@ -13,24 +13,29 @@ Json: TypeAlias = str | bool | int | float | list["Json"] | dict[str, "Json"] | 
 
 def as_json(world: World, shortest_path_m: float | None) -> dict[str, Json]:
     """Return the JSON of a world with its shortest path; angles in degrees, heading null: any."""
+    length_m = None if shortest_path_m is None else round(shortest_path_m, 6)
+    return {**tables_of(world, _deg), "shortest_path_m": length_m}
+
+
+def tables_of(world: World, in_degrees: Callable[[float], float]) -> dict[str, Any]:
+    """Return the tables of a world's file as lists, numbers and texts; None: any heading."""
     start, goal = world.start, world.goal
     return {
         "name": world.name,
         "size_m": list(world.size_m),
         "walls": world.walls,
-        "start": {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": _deg(start.heading_rad)},
+        "start": {"x_m": start.x_m, "y_m": start.y_m, "heading_deg": in_degrees(start.heading_rad)},
         "goal": {
             "x_m": goal.x_m,
             "y_m": goal.y_m,
-            "heading_deg": None if goal.heading_rad is None else _deg(goal.heading_rad),
+            "heading_deg": None if goal.heading_rad is None else in_degrees(goal.heading_rad),
             "position_tolerance_m": goal.position_tolerance_m,
-            "heading_tolerance_deg": _deg(goal.heading_tolerance_rad),
+            "heading_tolerance_deg": in_degrees(goal.heading_tolerance_rad),
         },
         "obstacles": [_obstacle(obstacle) for obstacle in world.obstacles],
-        "robot": _settings(world.robot),
-        "noise": _settings(world.noise),
-        "faults": [_settings(fault) for fault in world.faults],
-        "shortest_path_m": None if shortest_path_m is None else round(shortest_path_m, 6),
+        "robot": _settings(world.robot, in_degrees),
+        "noise": _settings(world.noise, in_degrees),
+        "faults": [_settings(fault, in_degrees) for fault in world.faults],
     }
 
 
@@ -49,27 +54,23 @@ def _deg(angle_rad: float) -> float:
     return round(degrees(angle_rad), 9)
 
 
-def _points(points: tuple[tuple[float, float], ...]) -> Json:
-    return [[x, y] for x, y in points]
-
-
-def _obstacle(obstacle: Obstacle) -> Json:
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     if isinstance(obstacle, Polygon):
-        return {"polygon_m": _points(obstacle.points_m)}
+        return {"polygon_m": list(map(list, obstacle.points_m))}
     if not isinstance(obstacle, Circle):
-        return {"wall_m": _points(obstacle.points_m), "thickness_m": obstacle.thickness_m}
-    disc: Json = {"x": obstacle.x_m, "y": obstacle.y_m, "radius": obstacle.radius_m}
+        wall_m = list(map(list, obstacle.points_m))
+        return {"wall_m": wall_m, "thickness_m": obstacle.thickness_m}
+    disc = {"x": obstacle.x_m, "y": obstacle.y_m, "radius": obstacle.radius_m}
     if not obstacle.path_m:
         return {"circle_m": disc}
-    path = _points(obstacle.path_m)
-    return {"circle_m": disc, "path_m": path, "speed_m_s": obstacle.speed_m_s}
+    path_m = list(map(list, obstacle.path_m))
+    return {"circle_m": disc, "path_m": path_m, "speed_m_s": obstacle.speed_m_s}
 
 
-def _settings(settings: Settings) -> Json:
-    return dict(_setting(name, value) for name, value in settings.items())
-
-
-def _setting(name: str, value: Setting) -> tuple[str, Json]:
-    if name.endswith("_rad") and isinstance(value, float):
-        return name.removesuffix("_rad") + "_deg", _deg(value)
-    return name, value
+def _settings(settings: Settings, in_degrees: Callable[[float], float]) -> dict[str, Any]:
+    return {
+        name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name: (
+            in_degrees(float(value)) if name.endswith("_rad") else value
+        )
+        for name, value in settings.items()
+    }

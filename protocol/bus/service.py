@@ -127,8 +127,6 @@ class ServiceQueue:
     def __init__(self) -> None:
         self.rejected: dict[str, int] = {}
         self.last_rejection = ""
-        self.unsent = 0
-        """Replies that could not be sent: the client is gone or used an unserved key."""
 
         self._waiting: SimpleQueue[tuple[ServiceRequest, Handler] | None] = SimpleQueue()
         self._replies: SimpleQueue[Reply | None] = SimpleQueue()
@@ -181,7 +179,7 @@ class ServiceQueue:
             try:
                 send_now(reply)
             except zenoh.ZError:
-                self.unsent += 1
+                continue  # the client has gone, or it used a key that is not served
             except Exception:  # a defect of one service must not end the others
                 LOG.exception("a reply on %s could not be sent", reply.key)
 

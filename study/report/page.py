@@ -33,13 +33,6 @@ class Paragraph:
 
 
 @dataclass(frozen=True, slots=True)
-class BulletList:
-    """A list of items."""
-
-    words: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class CodeBlock:
     """Lines of shell commands."""
 
@@ -77,7 +70,7 @@ class Gallery:
     figures: tuple[PageFigure, ...]
 
 
-Block: TypeAlias = Paragraph | BulletList | CodeBlock | PageTable | PageFigure | Gallery
+Block: TypeAlias = Paragraph | CodeBlock | PageTable | PageFigure | Gallery
 
 
 @dataclass(frozen=True, slots=True)

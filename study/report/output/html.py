@@ -6,7 +6,6 @@ from html import escape
 from study.report.charts.style import DRAWING_RULES, PAGE_STYLE
 from study.report.page import (
     Block,
-    BulletList,
     CodeBlock,
     Gallery,
     PageCell,
@@ -60,8 +59,6 @@ def _section(section: Section, level: int) -> str:
 def _block(block: Block) -> str:
     if isinstance(block, Paragraph):
         return f"<p>{_words(block.words)}</p>"
-    if isinstance(block, BulletList):
-        return f"<ul>{''.join(f'<li>{_words(item)}</li>' for item in block.words)}</ul>"
     if isinstance(block, CodeBlock):
         return f"<pre><code>{escape(block.lines)}</code></pre>"
     if isinstance(block, PageTable):

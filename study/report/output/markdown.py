@@ -2,7 +2,6 @@
 
 from study.report.page import (
     Block,
-    BulletList,
     CodeBlock,
     Gallery,
     PageCellLike,
@@ -44,8 +43,6 @@ def _section(section: Section, level: int, folder: str) -> str:
 def _block(block: Block, folder: str) -> str:
     if isinstance(block, Paragraph):
         return block.words
-    if isinstance(block, BulletList):
-        return "\n".join(f"- {item}" for item in block.words)
     if isinstance(block, CodeBlock):
         return f"```sh\n{block.lines}\n```"
     if isinstance(block, PageTable):

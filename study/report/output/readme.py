@@ -5,13 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import pyarrow as pa
-
 from runtime.errors import UserError
 from study.report.output.markdown import table_lines
 from study.report.page import PageTable
-from study.report.summary import HEAD, as_json, summaries
-from study.report.trials import NOISES, distinct, trials_of
+from study.report.summary import HEAD
+from study.report.trials import NOISES
 from study.report.words import DASH
 from study.statistics.intervals import CONFIDENT
 
@@ -29,13 +27,8 @@ assert {NAVIGATOR, NOISE, SUCCESS, *REST} <= set(HEAD)
 Rows = Sequence[Mapping[str, Any]]
 
 
-def summary_table(table: pa.Table) -> str:
-    """Return a Markdown row per navigator: success at each noise, the rest at the default noise."""
-    return lines_of(as_json(summaries(distinct(trials_of(table)))))
-
-
 def lines_of(rows: Rows) -> str:
-    """Return the table of these rows."""
+    """Return a Markdown row per navigator: success at each noise, the rest at the default noise."""
     noises = [noise for noise in NOISES if any(row[NOISE] == noise for row in rows)]
     noises += sorted({str(row[NOISE]) for row in rows} - set(NOISES))
     usual = DEFAULT_NOISE if DEFAULT_NOISE in noises or not noises else noises[0]

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import pytest
 
-from plant.world.file import WorldError, loads
+from plant.model.errors import WorldError
+from plant.world.file import loads
 
 GOOD = """\
 name = "test"

@@ -10,8 +10,9 @@ from time import monotonic, monotonic_ns
 import pytest
 
 from plant.process.loop import Wake
-from runtime.arrivals import WakeUp
-from runtime.clock import ClockStoppedError, LockstepClock, Pulse
+from runtime.arrivals import Pulse, WakeUp
+from runtime.errors import ClockStoppedError
+from runtime.lockstep import LockstepClock
 from runtime.units import NS_PER_S
 
 WAIT_S = 0.02

@@ -7,15 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.clock import (
-    Clock,
-    ClockStoppedError,
-    LockstepClock,
-    ManualClock,
-    Tick,
-    WallClock,
-    ticks,
-)
+from runtime.clock import Clock, ManualClock, Tick, WallClock, ticks
+from runtime.errors import ClockStoppedError
+from runtime.lockstep import LockstepClock
 
 MS = 1_000_000
 

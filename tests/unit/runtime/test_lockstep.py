@@ -5,7 +5,8 @@ from itertools import count
 
 import pytest
 
-from runtime.clock import ClockStoppedError, LockstepClock
+from runtime.errors import ClockStoppedError
+from runtime.lockstep import LockstepClock
 
 MS = 1_000_000
 

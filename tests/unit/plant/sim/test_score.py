@@ -80,10 +80,10 @@ def test_contact_is_the_robots_if_it_approached_at_first_touch() -> None:
     ]
 
 
-def test_full_score_is_marked_and_no_longer_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_score_no_longer_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(score_module, "MAX_TICKS", 5)
     run = square_run()
-    assert run.full
+    assert run.ticks == 5
     before = run.until(10**18)
     run.add(9.0, 9.0, 0.0, -1.0, touching=False)
     assert run.until(10**18) == before

@@ -201,7 +201,6 @@ def test_score_restarts_on_request() -> None:
     score = plant.score(FOREVER_NS)
     assert (score.ticks, score.time_ns) == (10, plant.now_ns)
     assert score.path_m == pytest.approx(plant.truth().x_m - start_m)
-    assert not plant.score_full()
 
 
 def test_world_may_override_the_robot() -> None:

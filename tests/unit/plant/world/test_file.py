@@ -4,19 +4,11 @@ from pathlib import Path
 import pytest
 
 from plant.model.body import Body
+from plant.model.configuration import body_of, faults_of, noise_of
+from plant.model.errors import WorldError
 from plant.model.noise import LEVELS
-from plant.world.file import (
-    Circle,
-    Polygon,
-    Polyline,
-    WorldError,
-    body_of,
-    faults_of,
-    load,
-    loads,
-    noise_of,
-    shipped,
-)
+from plant.model.types import Circle, Polygon, Polyline
+from plant.world.file import load, loads, shipped
 from tests.support.plant.world_texts import GOOD, goal, more, start, with_line
 
 

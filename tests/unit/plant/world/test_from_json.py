@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
-from plant.world.file import World, WorldError, load, loads, shipped
+from plant.model.errors import WorldError
+from plant.model.types import World
+from plant.world.file import load, loads, shipped
 from plant.world.from_json import from_json
 from plant.world.to_json import as_json
 from plant.world.to_toml import dumps

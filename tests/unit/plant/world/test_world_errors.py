@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.world.file import WorldError, loads
+from plant.model.errors import WorldError
+from plant.world.file import loads
 from tests.support.plant.world_texts import (
     GOOD,
     Bad,

@@ -7,8 +7,9 @@ import pytest
 
 from benchmarks.odometry.tree_placement import PASSAGE_M, grow
 from plant.model.body import Body
+from plant.model.types import Circle
 from plant.placement.shortest_path import shortest_path_m
-from plant.world.file import SHIPPED_DIR, Circle, load, shipped
+from plant.world.file import SHIPPED_DIR, load, shipped
 
 FORESTS = {"forest_sparse": (15, 1), "forest_medium": (35, 2), "forest_dense": (60, 3)}
 FIGURES = ["paper_fig5", "paper_fig7", "paper_fig11", "paper_fig12", "paper_fig13"]

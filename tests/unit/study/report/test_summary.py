@@ -9,13 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.errors import UserError
-from study.report import summary_table
 from study.report.build import ReportRequest
 from study.report.output.files import summary_of
-from study.report.output.readme import BEGIN, END, block, update, with_block
+from study.report.output.readme import BEGIN, END, block, lines_of, update, with_block
 from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.words import interval, number, percent, probability, share
-from study.runner.rows import SCHEMA, table_of
 from study.statistics.intervals import Interval, Share
 from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
 
@@ -49,16 +47,15 @@ def test_numbers_are_unrounded_and_unknown_ones_empty() -> None:
 
 
 def test_readme_table_has_a_column_per_noise_or_a_dash() -> None:
-    lines = summary_table(
-        table_of([row(), row(noise="none", navigator="bug"), row(navigator="bug", **COLLIDED)])
-    ).splitlines()
+    found = trials(row(), row(noise="none", navigator="bug"), row(navigator="bug", **COLLIDED))
+    lines = lines_of(as_json(summaries(found))).splitlines()
     assert lines[0].startswith("| navigator | success %, none | success %, default | touched")
     assert lines[2].startswith("| bug | 100.0 [20.7, 100.0] | 0.0 [0.0, 79.3] | 100.00 |")
     assert lines[3].startswith("| vgm_memory | - | 100.0 [20.7, 100.0] | 0.00 | 1.10 (1.10) |")
 
 
 def test_readme_table_without_rows_has_a_head() -> None:
-    assert len(summary_table(SCHEMA.empty_table()).splitlines()) == 2
+    assert len(lines_of([]).splitlines()) == 2
 
 
 def test_block_replaces_only_the_text_between_markers() -> None:

@@ -2,9 +2,9 @@
 
 import pytest
 
-from plant.model.errors import Problem
+from plant.model.errors import Problem, WorldError
 from plant.model.types import World
-from plant.world.file import WorldError, load
+from plant.world.file import load
 from runtime.errors import UserError
 from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
 from study.report.page import Gallery, Paragraph
