@@ -79,8 +79,7 @@ class RobotProcess:
         """Restore saved state, record it as if requested, and start to accept requests.
 
         `nudge` is called from the bus for each request. Requests beyond a limit are refused.
-        Requests of operators without the lease have a separate queue; an emergency stop is never
-        queued.
+        Operators without the lease have a separate queue; an emergency stop is never queued.
         """
 
         def press(operator: str, frame: bytes) -> None:

@@ -31,8 +31,7 @@ def scene_of(
 ) -> MapScene:
     """Return the scene; stale data are left out, except the pose.
 
-    The map marks a pose that is not live, and `covariance` grows with what the robot may have
-    driven.
+    The map marks a pose that is not live; its `covariance` grows with what may have been driven.
     """
     telemetry, figures = model.telemetry, model.figures
     odometry = telemetry.latest(ODOMETRY)
@@ -41,16 +40,14 @@ def scene_of(
     scan = telemetry.live(SONAR, now_ns)
     running = telemetry.live(MISSION, now_ns)
     pose = None if odometry is None else odometry[0]
-    live = telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE and not lost
     return MapScene(
         size_m=None if world is None else world.size_m,
         obstacles=() if world is None else world.obstacles,
         movers=() if world is None else tuple(m.at(_time_s(model)) for m in world.movers),
-        truth=True,
         seen=figures.echoes.points(),
         trail=figures.trail.points(),
         robot=None if pose is None else robot_of(pose, figures.radius_m),
-        live=live,
+        live=not lost and telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE,
         covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
         ranges_m=() if scan is None else tuple(ranges_m(scan)),
         zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,

@@ -316,8 +316,7 @@ class Bus:
 
         Takes up to two seconds for each process that accepts the connection but does not answer.
         """
-        why = self._dialled.wrong or peer_refusal(self.network)
-        return str(why or "")
+        return str(self._dialled.wrong or peer_refusal(self.network) or "")
 
     def lost(self) -> str:
         """Return why there is no link: the hub has ended, hangs or refuses. Empty while linked."""

@@ -51,9 +51,7 @@ class LocalCommands:
             case SwitchLayers(names):
                 self.layers(names)
             case FindText(text):
-                # Searches after the log screen has been shown.
-                self._app.switch_mode("log")
-                self._app.call_later(self.find_there, text)
+                self.find(text)
             case SelectRobot(robot):
                 self._app.station.select(robot)
             case OpenReplay(file):
@@ -111,6 +109,11 @@ class LocalCommands:
             self.do("ghost")
         else:
             self.map_screen().start_ghost(navigator.lower())
+
+    def find(self, words: str) -> None:
+        """Show the log screen, then search it."""
+        self._app.switch_mode("log")
+        self._app.call_later(self.find_there, words)
 
     def find_there(self, words: str) -> None:
         """Find words on the log screen."""

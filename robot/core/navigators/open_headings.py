@@ -113,24 +113,17 @@ def measure(
 
 
 def gather(
-    sectors: Sectors,
-    echoes: Echoes,
-    pose: Pose,
-    heading: int,
-    ease_mm: int,
-    radius_mm: int,
+    sectors: Sectors, echoes: Echoes, pose: Pose, heading: int, ease_mm: int, radius_mm: int
 ) -> None:
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
     xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
-    point, away, body = sectors.point, sectors.away_mm, sectors.body_mm
-    bearings, wide, tight = sectors.bearing, sectors.wide, sectors.tight
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
-    most_body_mm, count = radius_mm - ease_mm, 0
+    most_body_mm = radius_mm - ease_mm
     slim_mm = most_body_mm + SQUEEZE_MM
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
@@ -153,21 +146,26 @@ def gather(
         closes_mm = body_mm + CLOSES_MM
         sure = weight[k] >= SURE
         if sure and square < closes_mm * closes_mm:
-            n = count
-            if n < NEAR:
-                count += 1
-            else:
-                n = farthest(away, k % SLICES * FEW)
-                if square >= away[n]:
-                    n = NOTHING
-            if n != NOTHING:
-                point[n], away[n], body[n] = k, square, body_mm
-                bearings[n], wide[n], tight[n] = bearing, dx_mm, dy_mm
+            keep(sectors, k, dx_mm, dy_mm, square, body_mm, bearing)
         if along_mm > 0:
             aside_mm = dy_mm * cosine - dx_mm * sine >> 10
             if aside_mm < slim_mm and -slim_mm < aside_mm:
                 see_ahead(sectors, along_mm, aside_mm, slim_mm, sure)
-    sectors.count = count
+
+
+def keep(
+    sectors: Sectors, k: int, dx_mm: int, dy_mm: int, square: int, body_mm: int, bearing: int
+) -> None:
+    """Store an echo for `shape`; when all sectors are taken, in place of a farther one."""
+    n = sectors.count
+    if n < NEAR:
+        sectors.count = n + 1
+    else:
+        n = farthest(sectors.away_mm, k % SLICES * FEW)
+        if square >= sectors.away_mm[n]:
+            return
+    sectors.point[n], sectors.away_mm[n], sectors.body_mm[n] = k, square, body_mm
+    sectors.bearing[n], sectors.wide[n], sectors.tight[n] = bearing, dx_mm, dy_mm
 
 
 def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure: bool) -> None:

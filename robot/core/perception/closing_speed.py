@@ -154,13 +154,12 @@ def see(
         start(w, here_m, off_rad, odometry.pose.heading_rad)
         return
     late_m = here_m - sooner_s * (drives_m_s + w.approach_m_s[k])
-    if (i == 0 or i == SONARS - 1) and w.sure[k] == 0:
-        yaw_rate_rad_s = odometry.yaw_rate_rad_s
-        if not -TURNING_RAD_S <= yaw_rate_rad_s <= TURNING_RAD_S:
-            # The edge of the view sweeps over static obstacles beside the robot.
-            w.seen[k], w.agreed[k] = 2, 0
-            learn(w, k, late_m, off_rad, False, params)
-            return
+    at_edge = (i == 0 or i == SONARS - 1) and w.sure[k] == 0
+    if at_edge and not -TURNING_RAD_S <= odometry.yaw_rate_rad_s <= TURNING_RAD_S:
+        # The edge of the view sweeps over static obstacles beside the robot.
+        w.seen[k], w.agreed[k] = 2, 0
+        learn(w, k, late_m, off_rad, False, params)
+        return
     learn(w, k, late_m, off_rad, here_m > CLAMPED_M, params)
     if w.seen[k] >= SURE:
         believe(w, k, walks(w, k, i, here_m, right + left, odometry, params))
