@@ -89,7 +89,7 @@ mutation: setup
 	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
 
 generate: setup
-	@exec "$(BIN)/python" -m protocol.dialect.generate
+	@exec "$(BIN)/python" -m verification.dialect.generate
 
 docs: setup
 	@exec "$(BIN)/python" -m verification.site

@@ -22,8 +22,8 @@ from protocol.wire.messages import (
     WheelCommand,
     WheelTicks,
 )
+from verification.dialect.mavgen import oracle
 from verification.harness.figures import Figure, Report, ratios
-from verification.mavgen import oracle
 
 MIN_RATIO = 3.0
 SYSTEM, COMPONENT = 1, 1

@@ -1,1 +1,1 @@
-"""The MAVLink dialect of the project, and the generator of the modules derived from it."""
+"""The MAVLink dialect of the project, and the wire layouts that `make generate` derives from it."""

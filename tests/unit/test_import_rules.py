@@ -9,7 +9,7 @@ PACKAGES = ("protocol", "robot", "plant", "ground", "study")
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),
-    "pymavlink": ("verification/mavgen.py",),
+    "pymavlink": ("verification/dialect/mavgen.py",),
     "textual": ("ground/app", "ground/app/widgets"),
     "numpy": ("plant/", "study/"),
 }

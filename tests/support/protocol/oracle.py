@@ -4,7 +4,7 @@ from typing import Any
 
 from protocol.wire.layout import LAYOUT, Field
 from protocol.wire.message import Message
-from verification.mavgen import oracle
+from verification.dialect.mavgen import oracle
 
 
 def frame_by_pymavlink(message: Message, system: int, component: int, sequence: int) -> bytes:

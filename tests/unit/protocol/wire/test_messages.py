@@ -21,7 +21,7 @@ from protocol.wire.messages import (
 )
 from runtime.errors import LocalError
 from tests.support.protocol.made_up import any_message
-from verification.mavgen import oracle
+from verification.dialect.mavgen import oracle
 
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
 

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
 
-from protocol.dialect import common_subset
+from verification.dialect import common_subset
 
-SIDESTEP_XML: Final = Path(__file__).parent / "sidestep.xml"
+SIDESTEP_XML: Final = Path(__file__).resolve().parents[2] / "protocol" / "dialect" / "sidestep.xml"
 CODES: Final = {
     "char": "s",
     "uint8_t": "B",

@@ -4,17 +4,17 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from protocol.dialect import common_subset
-from protocol.dialect.definitions import (
+from verification.dialect import common_subset
+from verification.dialect.definitions import (
     SIDESTEP_XML,
     Dialect,
     MessageType,
     read_dialect,
     upstream_definitions,
 )
-from protocol.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
-from protocol.dialect.python_text import commented, doc_lines
-from verification.mavgen import oracle
+from verification.dialect.generate import CORE, FIRST_OWN_ID, OUTPUTS, ROOT, WIRE
+from verification.dialect.mavgen import oracle
+from verification.dialect.python_text import commented, doc_lines
 
 DIALECT = read_dialect()
 

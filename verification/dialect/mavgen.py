@@ -16,9 +16,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-from protocol.dialect.definitions import SIDESTEP_XML, upstream_definitions
+from verification.dialect.definitions import SIDESTEP_XML, upstream_definitions
 
-FOLDER: Final = Path(__file__).resolve().parents[1] / "build" / "mavgen"
+FOLDER: Final = Path(__file__).resolve().parents[2] / "build" / "mavgen"
 
 
 @cache
