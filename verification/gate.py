@@ -26,7 +26,7 @@ EXIT_INTERRUPTED: Final = 130
 REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
-WORKERS: Final = 2
+WORKERS: Final = 3
 """Of the tests with processes: more would start so many at once that robots miss deadlines."""
 
 
@@ -49,7 +49,8 @@ def phases(extra: Sequence[str]) -> list[list[Lane]]:
 
 def real_time(extra: Sequence[str]) -> list[Step]:
     """Return the steps whose tests measure wall time."""
-    workers = ("-n", str(WORKERS), "--dist", "loadgroup")
+    # A file runs on one worker, as its tests share processes; in the order of the folders.
+    workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
     processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
     return [
         Step("tests with processes", processes),

@@ -24,7 +24,7 @@ from tests.support.keyring import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
 
-pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("locks")]
+pytestmark = pytest.mark.stack
 EACH = 10
 OURS = 1000
 PATIENCE_S = 20.0

@@ -19,7 +19,7 @@ from tests.support.bus.robots import BEAT
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.until import until
 
-pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("refusals")]
+pytestmark = pytest.mark.stack
 
 NEWER = "application/mavlink2;sidestep@9"
 DIFFER = "has dialect sidestep@9, not sidestep@2"

@@ -5,15 +5,20 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from itertools import cycle
 from pathlib import Path
+from secrets import randbits
+from typing import NamedTuple
 
 import pytest
 
-from protocol.wire.enums import Vehicle
+from protocol.topics import COMMAND
+from protocol.wire.enums import Command, Vehicle
 from tests.support.stack.processes import Crew, Running, Witness
 from tests.support.stack.tmux import Tmux
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
+from verification.harness.bus_calls import ask_until_accepted, command_request
 
 pytestmark = [
     pytest.mark.stack,
@@ -28,34 +33,67 @@ GARBAGE = "goal 9 7\x07\r\nestop\t é✓\u202e{}[]'\"\\ $(reboot) `x` " + "A" * 
 STORM = ((81, 25), (40, 12), (1, 1), (120, 30), (200, 60), (20, 5), (79, 23), (3, 40))
 
 
-class Stack:
-    """Robot, plant, the app, and an observer of what really happens."""
+class Simulated(NamedTuple):
+    """A robot and its plant, and an observer of what really happens."""
 
-    def __init__(self, crew: Crew, robot: Running, tmux: Tmux, witness: Witness) -> None:
-        self.crew, self.robot, self.tmux, self.witness = crew, robot, tmux, witness
+    endpoint: str
+    robot: Running
+    witness: Witness
+
+
+@contextmanager
+def simulated() -> Iterator[Simulated]:
+    """Start a robot and its plant at the start of the world `open`."""
+    with Crew() as crew:
+        robot = crew.robot()
+        crew.plant()
+        with Witness(crew.endpoint) as witness:
+            yield Simulated(crew.endpoint, robot, witness)
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Simulated]:
+    """Start a robot for all tests that leave it alive and where it is."""
+    with simulated() as found:
+        yield found
+
+
+@pytest.fixture
+def stack(shared: Simulated) -> Iterator[Simulated]:
+    """Provide the shared robot; release its emergency stop and disarm it after the test."""
+    yield shared
+    for command in (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, Command.COMPONENT_ARM_DISARM):
+        request = partial(command_request, randbits(31), command)
+        ask_until_accepted(shared.witness.bus, COMMAND, request, "r1", PATIENCE_S)
+    shared.witness.ready()
+
+
+@pytest.fixture
+def own_stack() -> Iterator[Simulated]:
+    """Start a robot for one test."""
+    with simulated() as found:
+        yield found
 
 
 @contextmanager
 def opened(
-    folder: Path, size: tuple[int, int] = USUAL, environment: Mapping[str, str] | None = None
-) -> Iterator[Stack]:
-    """Open the app on a robot at the start of the world `open`."""
-    with Crew() as crew:
-        robot = crew.robot()
-        crew.plant()
-        words = [sys.executable, str(SIDESTEP), "ground", "--connect", crew.endpoint, "--no-record"]
-        with (
-            Witness(crew.endpoint) as witness,
-            Tmux(folder, words, size, environment) as tmux,
-        ):
-            yield Stack(crew, robot, tmux, witness)
+    stack: Simulated,
+    folder: Path,
+    size: tuple[int, int] = USUAL,
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[Tmux]:
+    """Open the app on a robot."""
+    words = [sys.executable, str(SIDESTEP), "ground", "--connect", stack.endpoint, "--no-record"]
+    with Tmux(folder, words, size, environment) as tmux:
+        yield tmux
 
 
 def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
+    own_stack: Simulated,
     tmp_path: Path,
 ) -> None:
-    with opened(tmp_path) as stack:
-        tmux, witness = stack.tmux, stack.witness
+    witness = own_stack.witness
+    with opened(own_stack, tmp_path) as tmux:
         tmux.shows(READY)
         drive_to_the_cursor(tmux)
         until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
@@ -121,9 +159,10 @@ def fly(tmux: Tmux) -> None:
 
 
 @pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "linux"}, {"LC_ALL": "C"}])
-def test_a_poor_terminal_shows_it_too(tmp_path: Path, environment: dict[str, str]) -> None:
-    with opened(tmp_path, environment=environment) as stack:
-        tmux = stack.tmux
+def test_a_poor_terminal_shows_it_too(
+    stack: Simulated, tmp_path: Path, environment: dict[str, str]
+) -> None:
+    with opened(stack, tmp_path, environment=environment) as tmux:
         screen = tmux.shows(READY, KEYS, "SIM")
         if "NO_COLOR" in environment:
             assert "\x1b[38;2" not in tmux.coloured
@@ -137,9 +176,8 @@ def test_a_poor_terminal_shows_it_too(tmp_path: Path, environment: dict[str, str
 
 
 @pytest.mark.parametrize("size", [(1, 1), (20, 5), (300, 90)])
-def test_it_fits_any_terminal(tmp_path: Path, size: tuple[int, int]) -> None:
-    with opened(tmp_path, size) as stack:
-        tmux = stack.tmux
+def test_it_fits_any_terminal(stack: Simulated, tmp_path: Path, size: tuple[int, int]) -> None:
+    with opened(stack, tmp_path, size) as tmux:
         until(lambda: tmux.screen.strip(), 20.0, "anything on the screen")
         tmux.resize(*USUAL)
         tmux.shows(READY, KEYS)
@@ -150,9 +188,8 @@ def test_it_fits_any_terminal(tmp_path: Path, size: tuple[int, int]) -> None:
         assert tmux.ends() == 0
 
 
-def test_a_storm_of_sizes_leaves_it_as_it_was(tmp_path: Path) -> None:
-    with opened(tmp_path) as stack:
-        tmux = stack.tmux
+def test_a_storm_of_sizes_leaves_it_as_it_was(own_stack: Simulated, tmp_path: Path) -> None:
+    with opened(own_stack, tmp_path) as tmux:
         tmux.shows(READY, KEYS)
         for _, size in zip(range(80), cycle(STORM), strict=False):
             tmux.resize(*size)
@@ -162,9 +199,10 @@ def test_a_storm_of_sizes_leaves_it_as_it_was(tmp_path: Path) -> None:
         drive_to_the_cursor(tmux)
 
 
-def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(tmp_path: Path) -> None:
-    with opened(tmp_path) as stack:
-        tmux = stack.tmux
+def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(
+    stack: Simulated, tmp_path: Path
+) -> None:
+    with opened(stack, tmp_path) as tmux:
         tmux.shows(READY)
         tmux.paste(GARBAGE)
         tmux.press(":")
@@ -189,10 +227,9 @@ HOSTILE = {
 
 @pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
 def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
-    tmp_path: Path, text: str
+    stack: Simulated, tmp_path: Path, text: str
 ) -> None:
-    with opened(tmp_path) as stack:
-        tmux = stack.tmux
+    with opened(stack, tmp_path) as tmux:
         tmux.shows(READY)
         tmux.paste(text)
         tmux.press("F12")
@@ -203,9 +240,10 @@ def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
             assert f"ground {word}" not in screen
 
 
-def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_path: Path) -> None:
-    with opened(tmp_path) as stack:
-        tmux = stack.tmux
+def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(
+    stack: Simulated, tmp_path: Path
+) -> None:
+    with opened(stack, tmp_path) as tmux:
         tmux.shows(READY)
         tmux.send_bytes(b"\x1b[200~ D a R")
 
@@ -218,12 +256,11 @@ def test_a_paste_that_never_ends_and_bytes_that_are_no_text_swallow_no_key(tmp_p
         tmux.shows("E-STOP acknowledged")
 
 
-def test_nothing_but_the_app_writes_to_the_terminal(tmp_path: Path) -> None:
+def test_nothing_but_the_app_writes_to_the_terminal(own_stack: Simulated, tmp_path: Path) -> None:
     """The robot is the hub: its end closes the link, about which libraries log much."""
-    with opened(tmp_path) as stack:
-        tmux = stack.tmux
+    with opened(own_stack, tmp_path) as tmux:
         before = tmux.shows(READY, KEYS)
-        stack.robot.send(signal.SIGKILL)
+        own_stack.robot.send(signal.SIGKILL)
         tmux.shows("ROBOT DEAD", within_s=20.0)
         assert frame(tmux.screen) == frame(before)
         tmux.resize(81, 24)

@@ -16,7 +16,7 @@ from runtime.clock import ManualClock
 from tests.support.stack.processes import Crew, Witness, departs
 from tests.support.until import until
 
-pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("ghost")]
+pytestmark = pytest.mark.stack
 
 
 def told(crew: Crew, *words: str, code: int = 0) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from study.runner.run_task import StudyContext
 from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly
 
-pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("dask")]
+pytestmark = pytest.mark.stack
 
 ANYWHERE = "127.0.0.1:0"
 

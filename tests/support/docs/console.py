@@ -11,7 +11,7 @@ with a title is a file that is written first. A comment before a block changes h
     <!-- console: run by FILE -->      not run here; the named file of the checkout runs it
 
 In expected output `...` stands for any text, and alone in a line for any lines. Runs of spaces are
-equal.
+equal, and so are `1 try` and `2 tries`.
 """
 
 import re
@@ -26,6 +26,8 @@ NUMBER: Final = re.compile(r"[-+]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?")
 PROMPT: Final = "$ "
 CONTINUED: Final = "\\"
 ANYTHING: Final = "..."
+TRIES: Final = ("try", "tries")
+"""Their number may be another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +124,8 @@ def pattern_of(line: str, *, is_exact: bool = False) -> str:
             parts.append(r"\s+")
         elif is_exact:
             parts.append(re.escape(part))
+        elif part in TRIES:
+            parts.append(f"(?:{'|'.join(TRIES)})")
         else:
             parts.append(re.sub(r"\0", lambda _: NUMBER.pattern, re.escape(NUMBER.sub("\0", part))))
     return "".join(parts)

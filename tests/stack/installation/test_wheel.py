@@ -13,9 +13,9 @@ from typing import Final
 
 import pytest
 
-pytestmark = [pytest.mark.stack, pytest.mark.xdist_group("wheel")]
+pytestmark = pytest.mark.stack
 
-ROOT: Final = Path(__file__).parents[2]
+ROOT: Final = Path(__file__).parents[3]
 WHEEL: Final = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"][
     "targets"
 ]["wheel"]

@@ -14,7 +14,6 @@ RUN_HERE = [page for page in PAGES if any(step.runner is None for step in COMMAN
 
 
 @pytest.mark.stack
-@pytest.mark.xdist_group("docs")
 @pytest.mark.parametrize("page", RUN_HERE, ids=lambda page: page.stem)
 def test_commands_print_what_the_page_shows(page: Path, tmp_path: Path) -> None:
     with session(tmp_path) as shell:
