@@ -3,7 +3,7 @@
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import time
 from typing import Final
 
@@ -55,6 +55,7 @@ def run(
     vehicle: Vehicle, network: Network, robot: str, options: Options, previous: PreviousRun
 ) -> int:
     """Run until stopped and return 0; raise NameTakenError, or the error that ended the core."""
+    network = replace(network, patient=options.lockstep)
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
         report_previous_run(vehicle, robot, previous, options.after)

@@ -32,12 +32,18 @@ class FleetRun:
         self._show = show
 
     def run(self, *, lockstep: bool, launched: Callable[[], None] = lambda: None) -> list[Outcome]:
-        """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged."""
+        """Return the outcome of each goal. Raises NoOutcomeError when the run cannot be judged.
+
+        In lockstep time stops at the end, so that a recorder can catch up.
+        """
         self.launch(lockstep=lockstep)
         launched()
         for goal_run in self._goal_runs:
             goal_run.begin()
-        return self._follow()
+        outcomes = self._follow()
+        if lockstep:
+            self._goal_runs[0].pause()
+        return outcomes
 
     def launch(self, *, lockstep: bool) -> None:
         """Arm every robot, send every goal and start time."""

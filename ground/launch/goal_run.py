@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 from ground.client.goal import goal_request
@@ -113,6 +114,11 @@ class GoalRun:
         answer = self._ask_plant(RunRequest(until_ns=0, action=RunAction.START))
         if not isinstance(answer, CommandAck) or answer.result:
             raise NoOutcomeError("the plant did not start the run")
+
+    def pause(self) -> None:
+        """Stop simulated time, if the plant still answers."""
+        with suppress(NoAnswerError):
+            self._ask_plant(RunRequest(until_ns=0, action=RunAction.PAUSE))
 
     def send(self) -> None:
         """Send the goal. A refusal is an outcome, too, but is kept until time has started."""

@@ -61,12 +61,16 @@ class SyncThread:
 
 
 class DualLog:
-    """Accept frames from any thread and write them from one; each file has its own errors."""
+    """Accept frames from any thread and write them from one; each file has its own errors.
+
+    `taken` is the number of accepted frames.
+    """
 
     def __init__(self, tracks: tuple[Track, ...]) -> None:
         self.tracks = tracks
         self._lock = threading.Lock()
         self._closing = False
+        self.taken = 0
         self._sync_thread = SyncThread([track.writer for track in tracks])
 
     @classmethod
@@ -104,6 +108,7 @@ class DualLog:
         """Add a frame to all files; ignore it once the files are being closed."""
         with self._lock:
             if not self._closing:
+                self.taken += 1
                 for track in self.tracks:
                     track.writer.take(key, frame, published_ns)
 

@@ -3,6 +3,7 @@
 import signal
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from plant.placement.shortest_path import known_length_m
@@ -24,7 +25,7 @@ def run(
 ) -> int:
     """Run until stopped and return 0. In lockstep the first tick waits for the robots."""
     wake = Wake()
-    with open_bus(network, Role.PLANT, robots[0]) as bus:
+    with open_bus(replace(network, patient=lockstep), Role.PLANT, robots[0]) as bus:
         for number in (
             signal.SIGINT,
             signal.SIGTERM,

@@ -24,7 +24,13 @@ LISTS_BATCHES: Final = 16
 """Batches of 48 KiB in the queue of long replies for one reader: a whole history fits."""
 
 
-def congestion(prefix: str) -> dict[str, object]:
+WAIT_BEFORE_DROP_US: Final = 1_000
+PATIENT_WAIT_US: Final = 500_000
+"""Time after which a sample that a reader does not accept is dropped. The longer one is less than
+the second for which a plant in lockstep waits for its robot."""
+
+
+def congestion(prefix: str, *, patient: bool = False) -> dict[str, object]:
     """Return the congestion settings of a session; the last matching rule applies."""
     lists = [f"{prefix}/*/{service.path}/**" for service in (PARAMETERS, WORLD)]
     return {
@@ -35,6 +41,9 @@ def congestion(prefix: str) -> dict[str, object]:
         ],
         "transport/link/tx/queue/size/background": LISTS_BATCHES,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": WAIT_BEFORE_CLOSE_US,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": (
+            PATIENT_WAIT_US if patient else WAIT_BEFORE_DROP_US
+        ),
     }
 
 

@@ -59,7 +59,8 @@ class Network:
     With `tls` all links use mutual TLS, and a listening process permits only what each certificate
     allows. `robots` are the valid names of robots. `operators` are the names of operators that have
     a certificate of their own, `ground-NAME`. Certificates named in `revoked` have no permissions,
-    however long they are valid.
+    however long they are valid. A `patient` process, in simulated time, waits for a slow reader
+    instead of dropping what it sends.
     """
 
     mode: Mode = "peer"
@@ -72,6 +73,7 @@ class Network:
     operators: tuple[str, ...] = ()
     revoked: tuple[str, ...] = ()
     trouble: LinkFaults | None = None
+    patient: bool = False
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):

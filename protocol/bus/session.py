@@ -51,7 +51,7 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": bool(network.listen),  # the only source of a bound port
-        **congestion(network.prefix),
+        **congestion(network.prefix, patient=network.patient),
         **tls_settings(network),
     }
 

@@ -16,12 +16,15 @@ from ground.recording.log_writer import LogWriter
 from ground.recording.metadata import MetadataReader
 from ground.recording.retention import Retention
 from ground.text.output import Output
+from runtime.clock import Clock
 from runtime.errors import UserError
 
 FLUSH_NS: Final = 250_000_000
 SYNC_EVERY: Final = 4
 TIDY_EVERY: Final = 240
 REPEAT_NS: Final = 5_000_000_000
+PAUSE_NS: Final = 30_000_000
+LAST_FRAMES_NS: Final = 300_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,8 +49,17 @@ def run(options: argparse.Namespace, output: Output) -> int:
             keep_writing(link, log, MetadataReader(link.bus, link.robot), retention, output)
         except KeyboardInterrupt:
             with defer_signals():
+                await_pause(log, link.clock)
                 complete = log.close()
         return print_result(output, log, complete=complete)
+
+
+def await_pause(log: DualLog, clock: Clock) -> None:
+    """Wait until no frame has arrived for 30 ms, at most 0.3 s."""
+    deadline_ns, taken = clock.now_ns() + LAST_FRAMES_NS, -1
+    while taken != log.taken and clock.now_ns() < deadline_ns:
+        taken = log.taken
+        clock.sleep_until(clock.now_ns() + PAUSE_NS)
 
 
 def new_log(folder: Path, link: Link) -> DualLog:

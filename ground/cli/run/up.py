@@ -46,6 +46,8 @@ OPEN_NS: Final = 10 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S
 RECORDERS_NS: Final = 3 * NS_PER_S
 POLL_NS: Final = NS_PER_S // 50
+SETTLED_NS: Final = NS_PER_S // 2
+CATCH_UP_NS: Final = 5 * NS_PER_S
 LOCAL: Final = "127.0.0.1"
 
 
@@ -126,9 +128,12 @@ def run_headless(
                 progress_display(output, clock),
             )
             try:
-                return fleet_run.run(
+                outcomes = fleet_run.run(
                     lockstep=scenario.lockstep, launched=partial(supervise_in_wall_time, stack, bus)
                 )
+                if scenario.lockstep and scenario.record is not None:
+                    await_complete_records(scenario.record, stack.logs_before, clock)
+                return outcomes
             except (UnansweredError, RemoteError):
                 stack.check_for_late_exit()  # an exited process explains the silence best
                 raise
@@ -202,6 +207,20 @@ def await_records(
             return
         clock.sleep_until(clock.now_ns() + POLL_NS)
     output.note(f"no recorder has written to {scenario.record} yet; the drive begins without it")
+
+
+def await_complete_records(folder: str, before: set[Path], clock: Clock) -> None:
+    """Wait until the recordings have not grown for 0.5 s, at most 5 s; time is paused meanwhile.
+
+    Before, a recorder on a busy computer may be seconds of simulated time behind.
+    """
+    grown_ns = began_ns = clock.now_ns()
+    sizes: dict[Path, int] = {}
+    while (now_ns := clock.now_ns()) < min(grown_ns + SETTLED_NS, began_ns + CATCH_UP_NS):
+        found = {log: log.stat().st_size for log in set(Path(folder).glob("*.tlog")) - before}
+        if found != sizes:
+            sizes, grown_ns = found, now_ns
+        clock.sleep_until(now_ns + POLL_NS)
 
 
 def connect(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:

@@ -145,8 +145,9 @@ def test_a_process_that_dies_is_named_with_how_it_died(tmp_path: Path, role: str
 
 
 def test_a_recording_becomes_a_table(tmp_path: Path) -> None:
-    done = sidestep("up", "--speed", "max", "--record", str(tmp_path))
+    done = sidestep("up", "--speed", "max", "--json", "--record", str(tmp_path))
     assert done.returncode == 0, done.stderr
+    ticks = json.loads(done.stdout)["ticks"]
     (log,) = tmp_path.glob("*.tlog")
     table = tmp_path / "run.csv"
     told = json.loads(sidestep("rec", "export", str(log), "--out", str(table), "--json").stdout)
@@ -154,6 +155,8 @@ def test_a_recording_becomes_a_table(tmp_path: Path) -> None:
     text = table.read_text()
     for name in ("SONAR_SCAN", "WHEEL_COMMAND", "NAVIGATOR_STATUS", "GOAL_REQUEST", "COMMAND_ACK"):
         assert f",{name}," in text
+    for name in ("SONAR_SCAN", "WHEEL_TICKS", "CYCLE_REPORT"):
+        assert text.count(f",{name},") >= ticks, "the end of the drive is missing"
 
 
 def test_recording_where_nothing_can_be_written_is_refused() -> None:

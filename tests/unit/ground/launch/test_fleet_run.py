@@ -50,6 +50,9 @@ class RecordedRun(GoalRun):
     def start(self) -> None:
         self._calls.append("start")
 
+    def pause(self) -> None:
+        self._calls.append("pause")
+
     def send(self) -> None:
         self._calls.append(f"send {self.name}")
 
@@ -91,6 +94,7 @@ def test_lockstep_sends_all_goals_before_start() -> None:
         "start",
         "begin r1",
         "begin r2",
+        "pause",
     ]
 
 
@@ -98,6 +102,7 @@ def test_wall_time_starts_the_score_before_the_goals() -> None:
     run, calls, _ = fleet_run(1, 1)
     run.run(lockstep=False)
     assert calls[2:5] == ["start", "send r1", "send r2"]
+    assert "pause" not in calls
 
 
 def test_fleet_run_ends_with_the_last_robot() -> None:

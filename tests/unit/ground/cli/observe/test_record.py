@@ -3,7 +3,10 @@
 from types import SimpleNamespace
 from typing import Any
 
-from ground.cli.observe.record import REPEAT_NS, Alarms
+import pytest
+
+from ground.cli.observe.record import LAST_FRAMES_NS, PAUSE_NS, REPEAT_NS, Alarms, await_pause
+from runtime.clock import ManualClock
 from tests.support.ground.answering import captured_output
 
 
@@ -31,3 +34,22 @@ def test_dropped_frames_are_reported_with_their_number() -> None:
         "RECORDING HAS LOST 7 frames: the disk took too long",
         "RECORDING HAS LOST 9 frames: the disk took too long",
     ]
+
+
+class FramesUnderWay(ManualClock):
+    """A clock, and a log that takes a frame in each of the first `rounds` sleeps."""
+
+    def __init__(self, rounds: int) -> None:
+        super().__init__()
+        self.taken, self._rounds = 0, rounds
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        self.taken += self.taken < self._rounds
+        super().sleep_until(deadline_ns)
+
+
+@pytest.mark.parametrize(("rounds", "sleeps"), [(0, 1), (3, 4), (1000, LAST_FRAMES_NS // PAUSE_NS)])
+def test_frames_under_way_are_taken_before_the_log_is_closed(rounds: int, sleeps: int) -> None:
+    clock: Any = FramesUnderWay(rounds)
+    await_pause(clock, clock)
+    assert clock.now_ns() == sleeps * PAUSE_NS

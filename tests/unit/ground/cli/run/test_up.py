@@ -1,4 +1,4 @@
-"""`up --record` sends the goals when every recorder writes, and waits for a limited time."""
+"""`up --record` waits for its recorders before the goals are sent and after the drive."""
 
 import os
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import parse
-from ground.cli.run.up import await_records
+from ground.cli.run.up import await_complete_records, await_records
 from ground.launch.child_command import command
 from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
 from ground.text.output import Output
@@ -65,3 +65,27 @@ def test_an_empty_log_and_an_old_one_do_not_count(
     log.write_bytes(content)
     assert waited(recorded(tmp_path), [], 0.0, {log} if content else set()) >= 3.0
     assert f"no recorder has written to {tmp_path} yet" in capsys.readouterr().err
+
+
+class GrowingLog(ManualClock):
+    """A clock; a recorder that is behind adds a frame to a log, in each call until `until_s`."""
+
+    def __init__(self, log: Path, until_s: float) -> None:
+        super().__init__()
+        self._log, self._until_ns = log, until_s * 1e9
+
+    def sleep_until(self, deadline_ns: int) -> None:
+        if deadline_ns <= self._until_ns:
+            self._log.write_bytes(self._log.read_bytes() + b"frame")
+        super().sleep_until(deadline_ns)
+
+
+@pytest.mark.parametrize(("until_s", "end_s"), [(0.0, 0.5), (2.0, 2.5), (60.0, 5.0)])
+def test_the_end_of_a_lockstep_run_waits_for_a_slow_recorder(
+    tmp_path: Path, until_s: float, end_s: float
+) -> None:
+    log = tmp_path / "a.tlog"
+    log.touch()
+    clock = GrowingLog(log, until_s)
+    await_complete_records(str(tmp_path), set(), clock)
+    assert clock.now_ns() / 1e9 == pytest.approx(end_s, abs=0.05)
