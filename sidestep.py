@@ -25,7 +25,7 @@ EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
 OPERATOR = "ground.cli.main"
 
-USAGE = "usage: sidestep [--traceback] VERB ...\n       sidestep --help | --version"
+USAGE = "usage: sidestep [--traceback] [GROUP] VERB ...\n       sidestep --help | --version"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,7 +56,9 @@ def dispatch(arguments: list[str]) -> int:
     if wants_traceback:
         del arguments[0]
     if not arguments:
-        return complain("which verb?")
+        return complain("which verb? see `sidestep --help`")
+    if arguments[0] == "help" and arguments[1:]:
+        arguments = [*arguments[1:], "--help"]
     word = arguments[0]
     if word in ("-h", "--help", "help"):
         print(overview())
@@ -94,13 +96,13 @@ def without_verb(words: Sequence[str]) -> int:
     """Print the help of a group, or the error of words that are no verb; return the exit code."""
     group, *rest = words
     if group not in table().GROUPS:
-        return complain(f"unknown verb {group!r}{nearest(group)}")
-    if rest[:1] in (["-h"], ["--help"]):
+        return complain(f"unknown verb {group!r}{table().nearest_verb(words)}")
+    if rest[:1] in (["-h"], ["--help"], ["help"]):
         print(group_help(group))
         return 0
     if not rest:
         return complain(f"which verb of {group!r}? see `sidestep {group} --help`")
-    return complain(f"unknown verb '{group} {rest[0]}'{nearest(f'{group} {rest[0]}')}")
+    return complain(f"unknown verb '{group} {rest[0]}'{table().nearest_verb(words)}")
 
 
 def run(word: str, arguments: Sequence[str]) -> int:
@@ -193,17 +195,6 @@ def complain(message: str) -> int:
     return EXIT_USAGE
 
 
-def nearest(word: str) -> str:
-    """Return a suggestion for a misspelt verb, or ""."""
-    import difflib  # needed only after a mistake
-
-    known = {group: group for group in table().GROUPS}
-    for verb in table().VERBS:
-        known[verb] = known[table().command_of(verb)] = table().command_of(verb)
-    near = difflib.get_close_matches(word, known, n=1)
-    return f"; did you mean {known[near[0]]!r}?" if near else ""
-
-
 def overview() -> str:
     """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
     lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", USAGE]
@@ -226,7 +217,9 @@ def group_help(group: str) -> str:
     for word, verb in table().VERBS.items():
         if verb.section == group:
             lines.append(f"  {table().command_of(word).split()[-1]:<12} {verb.summary}")
-    return "\n".join([*lines, "", f"Details: sidestep {group} VERB --help"])
+    example = next(verb.example for verb in table().VERBS.values() if verb.section == group)
+    lines += ["", f"Details: sidestep {group} VERB --help", "", "example:", f"  sidestep {example}"]
+    return "\n".join(lines)
 
 
 def version() -> str:

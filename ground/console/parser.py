@@ -20,7 +20,7 @@ from ground.grammar.words import common_verbs
 from ground.grammar.words import words_of as words_class
 from ground.reports.export import Export
 from protocol.options import numbers_kept
-from runtime.cli.completion import subcommands_of
+from runtime.cli.parsers import subcommands_of
 from runtime.cli.verb_table import GROUPS, VERBS, command_of
 from runtime.errors import UserError
 

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from runtime.cli.parsers import parser_of, program_parsers
+from runtime.cli.parsers import parser_of, program_parsers, subcommands_of
 from runtime.cli.terminal import TAB, steer
 from runtime.cli.verb_table import GROUPS, VERBS, command_of, find
 
@@ -154,15 +154,6 @@ def option_of(parser: argparse.ArgumentParser, name: str) -> argparse.Action | N
         if name in action.option_strings and action.nargs != 0:
             return action
     return None
-
-
-def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Return the parsers of the subcommands by name."""
-    # argparse has no public interface to the subparsers.
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return dict(action.choices)
-    return {}
 
 
 def values(word: str, action: argparse.Action, begun: str) -> list[str]:

@@ -1,11 +1,44 @@
 """Parsers of the verbs and their subcommands, each with its summary and its example."""
 
 import argparse
+import re
 from importlib import import_module
+from typing import Final, NoReturn
 
-from runtime.cli.verb_table import VERBS, command_of
+from runtime.cli.verb_table import VERBS, command_of, nearest
 
-PROGRAM = "sidestep"
+PROGRAM: Final = "sidestep"
+UNKNOWN_OPTION: Final = re.compile(r"unrecognized arguments: (-[^ =]+)")
+INVALID_CHOICE: Final = re.compile(r"invalid choice: '(.+)' \(choose from (.+)\)")
+
+
+class VerbParser(argparse.ArgumentParser):
+    """A parser whose errors suggest a word for a misspelt one."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the usage and the message, with a suggestion; exit with 2."""
+        if found := UNKNOWN_OPTION.match(message):
+            message += nearest(found[1], options_below(self))
+        elif found := INVALID_CHOICE.search(message):
+            message += nearest(found[1], found[2].replace("'", "").split(", "))
+        super().error(message)
+
+
+def options_below(parser: argparse.ArgumentParser) -> set[str]:
+    """Return the options of a parser and of its subcommands."""
+    names = {name for action in parser._actions for name in action.option_strings}
+    for below in subcommands_of(parser).values():
+        names |= options_below(below)
+    return names
+
+
+def subcommands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Return the parsers of the subcommands by name."""
+    # argparse has no public interface to the subparsers.
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}
 
 
 def new_parser(
@@ -17,7 +50,7 @@ def new_parser(
     """
     verb = VERBS[word]
     shown = example_text(verb.example)
-    return argparse.ArgumentParser(
+    return VerbParser(
         prog=f"{PROGRAM} {command_of(word)}",
         description=verb.summary,
         epilog=f"{details}\n\n{shown}" if details else shown,
@@ -29,7 +62,7 @@ def new_parser(
 def new_subcommand_parser(word: str, name: str) -> argparse.ArgumentParser:
     """Return a parser without arguments for a subcommand that is a program of its own."""
     row = VERBS[word].subcommands[name]
-    return argparse.ArgumentParser(
+    return VerbParser(
         prog=f"{PROGRAM} {command_of(word)} {name}",
         description=row.summary,
         epilog=example_text(row.example),

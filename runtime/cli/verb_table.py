@@ -4,7 +4,7 @@ The executable, the parsers, `--help`, shell completion, the reference and the a
 read this table. It names modules and imports none, so that a process loads only the verb it runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
@@ -349,6 +349,27 @@ def find(words: Sequence[str]) -> Call | None:
     if words and words[0] in VERBS:
         return Call(words[0], list(words[1:]), is_old=True)
     return None
+
+
+def nearest_verb(words: Sequence[str]) -> str:
+    """Return a suggestion for words that are no verb, or ""."""
+    commands = {word: command_of(word) for word in VERBS}
+    if words[0] not in GROUPS:
+        last_words = {command.split()[-1]: command for command in commands.values()}
+        return nearest(words[0], last_words | commands | {group: group for group in GROUPS})
+    if words[1] in VERBS:
+        return nearest(words[1], commands)
+    below = [command for command in commands.values() if command.startswith(f"{words[0]} ")]
+    return nearest(" ".join(words[:2]), below)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return a suggestion for a misspelt word: the nearest one, or what a mapping has for it."""
+    from difflib import get_close_matches  # needed only after a mistake
+
+    names = known if isinstance(known, Mapping) else {name: name for name in known}
+    near = get_close_matches(word, names, n=1)
+    return f"; did you mean {names[near[0]]!r}?" if near else ""
 
 
 def with_present_name(words: Sequence[str]) -> list[str]:

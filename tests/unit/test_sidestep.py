@@ -109,7 +109,16 @@ def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) ->
 
 @pytest.mark.parametrize(
     ("word", "meant"),
-    [("gotto", "goto"), ("trail", "trial"), ("plan", "run plant"), ("run plan", "run plant")],
+    [
+        ("gotto", "goto"),
+        ("trail", "trial"),
+        ("plan", "run plant"),
+        ("run plan", "run plant"),
+        ("run berth", "run container"),
+        ("rec up", "up"),
+        ("re", "rec"),
+        ("container", "run container"),
+    ],
 )
 def test_misspelt_verb_gets_a_suggestion(
     word: str, meant: str, capsys: pytest.CaptureFixture[str]
@@ -128,7 +137,7 @@ def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
 
 
 def verbs_in(help_text: str) -> list[str]:
-    return re.findall(r"^  ([a-z-]+) ", help_text, re.MULTILINE)
+    return re.findall(r"^  ([a-z-]+) ", help_text.partition("\nexample:")[0], re.MULTILINE)
 
 
 def test_help_fits_one_screen_with_groups_and_short_verbs(
@@ -147,6 +156,42 @@ def test_help_of_a_group_lists_its_verbs(group: str, capsys: pytest.CaptureFixtu
     assert sidestep.main([group, "--help"]) == 0
     names = [command_of(word) for word, verb in VERBS.items() if verb.section == group]
     assert [f"{group} {word}" for word in verbs_in(capsys.readouterr().out)] == names
+
+
+@pytest.mark.parametrize("words", [["help", "rec"], ["rec", "-h"], ["rec", "help"]])
+def test_help_of_a_group_has_an_example(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert sidestep.main(words) == 0
+    assert capsys.readouterr().out.endswith(f"example:\n  sidestep {VERBS['record'].example}\n")
+
+
+def test_help_before_a_verb_is_its_help(capsys: pytest.CaptureFixture[str]) -> None:
+    assert sidestep.main(["help", "rec", "plot"]) == 0
+    assert capsys.readouterr().out.startswith("usage: sidestep rec plot ")
+
+
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("rec plot x.mcap --ot y", "--out"),
+        ("param set --jsno a 1", "--json"),
+        ("mission uplod x", "upload"),
+        ("navigator bgu", "bug"),
+        ("trial --world box --nose none", "--noise"),
+        ("worlds lst", "list"),
+    ],
+)
+def test_misspelt_argument_is_answered_with_the_one_meant(
+    line: str, meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        code: object = sidestep.main(line.split())
+    except SystemExit as done:
+        code = done.code
+    printed = capsys.readouterr()
+    assert (code, printed.out) == (2, "")
+    assert printed.err.endswith(f"; did you mean {meant!r}?\n")
 
 
 @pytest.mark.parametrize("words", [["rec"], ["rec", "sing"]])

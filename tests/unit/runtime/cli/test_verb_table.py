@@ -6,8 +6,7 @@ import shlex
 import pytest
 
 from protocol.options import numbers_kept
-from runtime.cli.completion import subcommands_of
-from runtime.cli.parsers import parser_of, program_parsers
+from runtime.cli.parsers import parser_of, program_parsers, subcommands_of
 from runtime.cli.verb_table import GROUPS, VERBS, Call, command_of, find, with_present_name
 
 SUBCOMMANDS = [(word, name) for word, verb in VERBS.items() for name in verb.subcommands]
