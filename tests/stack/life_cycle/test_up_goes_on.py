@@ -114,7 +114,7 @@ def test_a_recorder_that_dies_is_followed_by_another_one_and_the_robot_drives_on
 ) -> None:
     with under_way("--goal", "2", "2", "--record", str(tmp_path)) as up:
         (first,) = tmp_path.glob("*.tlog")
-        up.kill("record " + str(tmp_path))
+        up.kill(f"rec start {tmp_path}")
         up.says("the recorder r1 process was killed (signal SIGKILL); restarting")
         found = up.result()
         assert found["outcome"] == "reached"
