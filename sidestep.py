@@ -197,17 +197,17 @@ def complain(message: str) -> int:
 
 def overview() -> str:
     """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
-    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", USAGE]
+    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
     groups, section = table().GROUPS, ""
     for word, verb in table().VERBS.items():
         if verb.section != section and not verb.is_grouped:
             section = verb.section
-            lines.append(f"{section}:")
+            lines += ["", f"{section}:"]
             if section == table().MORE:
                 lines += [f"  {group:<12} {summary}" for group, summary in groups.items()]
         if not verb.is_grouped:
             lines.append(f"  {word:<12} {verb.summary}")
-    lines.append("Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help")
+    lines += ["", "Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help"]
     return "\n".join(lines)
 
 

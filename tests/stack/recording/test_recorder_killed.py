@@ -25,8 +25,8 @@ from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
-KILLS: Final = 20
-AT_ONCE: Final = 10
+KILLS: Final = 12
+AT_ONCE: Final = 6
 STARTS_S: Final = 30.0
 EVERY_S: Final = 0.02
 LOST_AT_MOST_S: Final = 1.0
