@@ -11,7 +11,7 @@ from typing import Final
 
 from plant.corpus.draft import Draft, DraftFloor, any_angle, on_floor, spot, stage, tilt
 from plant.corpus.shapes import stray_box
-from plant.model.geometry import clearance_m, from_segment_m, meet
+from plant.model.geometry import between_ends_m, clearance_m, meet
 from plant.model.types import Circle, Obstacle, Point
 
 PERSON_M: Final = 0.2
@@ -99,11 +99,5 @@ def _gap_m(one: tuple[Point, ...], other: tuple[Point, ...]) -> float:
         for c, d in pairwise(other):
             if meet(a, b, c, d):
                 return 0.0
-            ends = (
-                from_segment_m(a, c, d),
-                from_segment_m(b, c, d),
-                from_segment_m(c, a, b),
-                from_segment_m(d, a, b),
-            )
-            least_m = min(least_m, *ends)
+            least_m = min(least_m, between_ends_m(a, b, c, d))
     return least_m

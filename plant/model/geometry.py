@@ -33,13 +33,17 @@ def meet(a: Point, b: Point, c: Point, d: Point) -> bool:
     """Return whether segments ab and cd cross or touch."""
     if _side(a, c, d) * _side(b, c, d) < 0.0 and _side(c, a, b) * _side(d, a, b) < 0.0:
         return True
-    gaps_m = (
+    return between_ends_m(a, b, c, d) <= TOUCHING_M
+
+
+def between_ends_m(a: Point, b: Point, c: Point, d: Point) -> float:
+    """Return the smallest distance of an end of one of segments ab and cd from the other."""
+    return min(
         from_segment_m(a, c, d),
         from_segment_m(b, c, d),
         from_segment_m(c, a, b),
         from_segment_m(d, a, b),
     )
-    return min(gaps_m) <= TOUCHING_M
 
 
 def area_m2(points: tuple[Point, ...]) -> float:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from runtime.atomic_file import sync_folder
 from runtime.errors import UserError
 from study.runner.rows import SCHEMA, TrialRow, table_of
 
@@ -143,21 +144,13 @@ def replacing(file: Path) -> Iterator[Any]:
             opened.flush()
             os.fsync(opened.fileno())
         unfinished.replace(file)
-        _sync_directory(file.parent)
+        sync_folder(file.parent)
     except OSError as error:
         unfinished.unlink(missing_ok=True)
         raise UserError(
             f"{file}: cannot be written: {_first_line(error)}; earlier results are intact: free "
             "disk space and run the same command again"
         ) from None
-
-
-def _sync_directory(directory: Path) -> None:
-    handle = os.open(directory, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def set_aside(directory: Path, file: Path) -> Path:
