@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from plant.model.errors import Problem, Report, WorldError
-from plant.model.types import (
-    World,
-)
+from plant.model.types import World
 from plant.world.from_json import from_json, is_json
 from plant.world.reader import read_world
 from runtime.toml_reader import MAX_BYTES, TooDeepError, key_lines, table_in
