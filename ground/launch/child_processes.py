@@ -25,8 +25,8 @@ STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGTERM, 300_000_000),
     (signal.SIGKILL, 400_000_000),
 )
-"""Each signal and the nanoseconds until the next one, 1.5 s in all: `up` promises to end within two
-seconds, and needs some of them for its own end."""
+"""Each signal and the nanoseconds until the next one. `up` promises to end within two seconds, and
+needs some of them for its own end."""
 
 
 class ChildExitError(RemoteError):
@@ -135,7 +135,7 @@ class Children:
         return found
 
     def check_for_late_exit(self) -> None:
-        """Raise ChildExitError if a child has exited or exits within 0.3 s."""
+        """Raise ChildExitError if a child has exited or exits within LATE_EXIT_NS."""
         deadline_ns = self._clock.now_ns() + LATE_EXIT_NS
         while self._clock.now_ns() < deadline_ns:
             self.check()

@@ -5,9 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from ground.client.emergency_stop import REPEAT_NS
+from ground.client.api import robot as client
+from ground.client.api.robot import Robot
+from ground.client.emergency_stop import HELD_NS, REPEAT_NS
+from ground.client.operations.commands import StopNow
+from ground.client.operations.teleop import TTL_MS
 from ground.client.parameter_rows import NAME, NAME_RULE
 from ground.map import ellipse
+from plant.process.command_gate import MAX_AGE_TICKS
 from protocol.topics import DRIVE, OPERATOR, SONAR, STOP, TELEOP, WHEELS, Topic
 from protocol.wire.layout import LAYOUT
 from protocol.wire.limits import (
@@ -24,18 +29,22 @@ from protocol.wire.message import Message
 from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
 from robot.lease import LAPSE_NS
+from robot.operator_delays import MAX_EXTRA_NS
 from runtime.timing import PERIOD_MS
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.watchdog import HUNG_S
 from study.cli.study_options import parser
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
 from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
 
 ROOT = Path(__file__).resolve().parents[2]
-CONCEPTS = "".join(
-    (ROOT / "docs" / "concepts" / f"{name}.md").read_text(encoding="utf-8")
-    for name in ("architecture", "clocks", "safety")
-)
 S = 1000
+IN_WORDS = ("zero", "one", "two", "three", "four", "five", "six")
+
+
+def page(name: str) -> str:
+    """Return a page of the documentation as one line."""
+    return " ".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").split())
 
 
 @pytest.mark.parametrize(
@@ -81,21 +90,44 @@ def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("name", "words"),
     [
-        f"wheel speeds, valid for {MAX_WHEEL_TTL_MS} ms",
-        f"| no fresh wheel ticks | {TICKS_LOST_MS} ms |",
-        f"| no fresh sonar scan | {SCAN_LOST_MS} ms |",
-        f"| operator's heartbeat lost in GUIDED or MANUAL | {OPERATOR_LOST_MS / S:g} s after",
-        f"| its loop hangs | {MAX_WHEEL_TTL_MS} ms |",
-        f"| the robot itself is gone | {MAX_WHEEL_TTL_MS} ms |",
-        f"ends it {MAX_WHEEL_TTL_MS} ms after that tick",
-        f"repeat it every {REPEAT_NS // NS_PER_MS} ms",
-        f"on a fixed grid of {PERIOD_MS} ms",
+        ("concepts/architecture", f"wheel speeds, valid for {MAX_WHEEL_TTL_MS} ms"),
+        ("concepts/architecture", f"accepts the command for {MAX_WHEEL_TTL_MS} ms"),
+        ("concepts/clocks", f"on a fixed grid of {PERIOD_MS} ms"),
+        ("concepts/safety", f"| no fresh wheel ticks | {TICKS_LOST_MS} ms |"),
+        ("concepts/safety", f"| no fresh sonar scan | {SCAN_LOST_MS} ms |"),
+        ("concepts/safety", f"lost in GUIDED or MANUAL | {OPERATOR_LOST_MS / S:g} s after"),
+        ("concepts/safety", f"| its loop hangs | {MAX_WHEEL_TTL_MS} ms |"),
+        ("concepts/safety", f"after {HUNG_S:g} s it ends itself"),
+        ("concepts/safety", f"| the robot itself is gone | {MAX_WHEEL_TTL_MS} ms |"),
+        ("concepts/safety", f"repeat it every {REPEAT_NS // NS_PER_MS} ms"),
+        ("concepts/safety", f"without this id for {IN_WORDS[HELD_NS // NS_PER_S]} second"),
+        ("concepts/safety", f"more than {MAX_EXTRA_NS // NS_PER_MS} ms later than usual"),
+        ("concepts/safety", f"a time-to-live of at most {MAX_TELEOP_TTL_MS / S:g} s"),
+        ("concepts/safety", f"its holder was silent for {MAX_LEASE_MS / S:g} s"),
+        ("concepts/safety", f"one of the last {IN_WORDS[MAX_AGE_TICKS + 1]} ticks"),
+        ("concepts/safety", f"ends it {MAX_WHEEL_TTL_MS} ms after that tick"),
+        ("how-to/missions", f"its holder was silent for {MAX_LEASE_MS / S:g} s"),
+        ("how-to/real-robot", f"time-to-live, {MAX_WHEEL_TTL_MS} ms at most"),
+        ("how-to/real-robot", f"one of the last {IN_WORDS[MAX_AGE_TICKS + 1]} ticks"),
     ],
 )
-def test_pages_show_the_limits(words: str) -> None:
-    assert words in CONCEPTS
+def test_pages_show_the_limits(name: str, words: str) -> None:
+    assert words in page(name)
+
+
+@pytest.mark.parametrize(
+    ("documented", "words"),
+    [
+        (client, f"the robot stops by itself after {OPERATOR_LOST_MS / S:g} s"),
+        (Robot.drive, f"Each speed expires after {TTL_MS} ms"),
+        (Robot.emergency_stop, f"repeat every {REPEAT_NS // NS_PER_MS} ms until"),
+        (StopNow, f"repeat every {REPEAT_NS // NS_PER_MS} ms until"),
+    ],
+)
+def test_documented_operations_show_the_limits(documented: object, words: str) -> None:
+    assert words in " ".join((documented.__doc__ or "").split())
 
 
 def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:

@@ -198,7 +198,7 @@ def recorders_ready(stack: Stack, clock: Clock, output: Output) -> None:
 def await_records(
     scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], output: Output
 ) -> None:
-    """Wait until every recorder has written a frame, for at most 3 s."""
+    """Wait until every recorder has written a frame, for at most RECORDERS_NS."""
     deadline_ns = clock.now_ns() + RECORDERS_NS
     while clock.now_ns() < deadline_ns:
         check()

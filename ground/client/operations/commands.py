@@ -28,7 +28,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainCommand:
-    """One command; gives up after `timeout_s`, in three attempts (1.5 s)."""
+    """One command; gives up after `timeout_s`; None: after the usual attempts."""
 
     verb: ClassVar[str]
     moves: ClassVar[bool] = True

@@ -12,7 +12,7 @@ PATIENCE_NS: Final = 1_500_000_000
 
 
 def lease_status(link: Link) -> LeaseStatus | None:
-    """Return the robot's newest lease status; None if none arrives within 1.5 s."""
+    """Return the robot's newest lease status; None if none arrives in time."""
     return link.newest(LEASE, PATIENCE_NS)
 
 

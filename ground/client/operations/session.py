@@ -104,7 +104,7 @@ class Session:
 
 
 def patience_ns(timeout_s: float | None) -> int:
-    """Return the time limit of each attempt, so that all end within `timeout_s` (1.5 s)."""
+    """Return the time limit of each attempt, so that all end within `timeout_s`."""
     if timeout_s is None:
         return PATIENCE_NS
     return max(1, round(timeout_s * NS_PER_S / ATTEMPTS))
