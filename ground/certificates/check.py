@@ -1,9 +1,9 @@
 """Checks each certificate of a folder: its role, its expiry and its faults."""
 
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import datetime
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
@@ -12,10 +12,9 @@ from cryptography.x509.oid import NameOID
 
 from ground.certificates.folder import CA
 from protocol.bus.tls.certificate import OPEN_TO_OTHERS
+from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW
 from protocol.bus.tls.role_grants import grant_of
 from runtime.errors import UserError
-
-SOON: Final = timedelta(days=30)
 
 
 class Checked(NamedTuple):
@@ -69,7 +68,7 @@ def checked(
     """Return a certificate with its faults and its expiry."""
     until = certificate.not_valid_after_utc
     wrong += tuple(times(certificate, now))
-    soon = now <= until < now + SOON
+    soon = now <= until < now + EXPIRES_SOON
     return Checked(common_name(certificate), path.name, until, description, wrong, soon)
 
 
@@ -77,7 +76,7 @@ def times(certificate: x509.Certificate, now: datetime) -> Iterator[str]:
     """Yield the fault of a certificate that is not valid now."""
     since, until = certificate.not_valid_before_utc, certificate.not_valid_after_utc
     if now > until:
-        yield f"expired at {until:%Y-%m-%d %H:%M} UTC: run `sidestep keys new` again"
+        yield f"expired at {until:%Y-%m-%d %H:%M} UTC: {RENEW}"
     if now < since:
         yield f"is not valid before {since:%Y-%m-%d %H:%M} UTC: check this machine's clock"
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from time import time
 from typing import Any, ClassVar, Final
 
-from ground.client.diagnosis import Finding, Observed, Stream, examine, installation, lines
-from ground.client.diagnosis import Report as Findings
 from ground.client.link import Link, UnansweredError
 from ground.client.operations import Session
 from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
+from ground.reports.doctor_findings import Finding, Observed, Stream, examine, installation, lines
+from ground.reports.doctor_findings import Report as Findings
 from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.tls.certificate import own_certificate

@@ -170,7 +170,8 @@ def hosts_of(places: Sequence[tuple[str, str]], robots: Sequence[str]) -> dict[s
 
 def run_check(options: argparse.Namespace, output: Output) -> int:
     """Check all certificates of a folder; return 1 if one is not valid."""
-    from ground.certificates.check import SOON, check
+    from ground.certificates.check import check
+    from protocol.bus.tls.certificate_advice import EXPIRES_SOON
 
     all_checked = check(options.folder, datetime.now(UTC))
     good = not any(one.wrong for one in all_checked)
@@ -187,6 +188,8 @@ def run_check(options: argparse.Namespace, output: Output) -> int:
             for one in all_checked
         ],
     }
-    soon = [f"W {one.file} expires within {SOON.days} days" for one in all_checked if one.soon]
+    soon = [
+        f"W {one.file} expires within {EXPIRES_SOON.days} days" for one in all_checked if one.soon
+    ]
     output.result(found, "\n".join([*(one.line() for one in all_checked), *soon]))
     return 0 if good else 1

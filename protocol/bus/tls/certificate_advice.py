@@ -4,6 +4,7 @@ import json
 import socket
 import ssl
 from collections.abc import Mapping
+from datetime import timedelta
 from types import MappingProxyType
 from typing import Final
 
@@ -15,6 +16,10 @@ from runtime.errors import AccessDeniedError
 
 HANDSHAKE_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
+RENEW: Final = "run `sidestep keys new` again"
+"""For a certificate that has expired or expires soon."""
+EXPIRES_SOON: Final = timedelta(days=30)
+"""Remaining validity below which a certificate is reported."""
 EXPIRED_THERE: Final = (9, 10)
 WRONG_NAME: Final = (62, 64)
 """OpenSSL's verify codes: times; host name, address."""

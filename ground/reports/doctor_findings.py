@@ -1,4 +1,4 @@
-"""Finds the faults of a running system from its liveliness tokens and the age of each stream.
+"""Faults that `doctor` finds, from liveliness tokens and the age of each stream, with remedies.
 
 Each finding names a fault and its remedy. Nothing here does I/O.
 """
@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
 from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import MAKE_NEW
+from protocol.bus.tls.certificate_advice import EXPIRES_SOON, MAKE_NEW, RENEW
 from protocol.bus.tls.role_grants import ALL, denial, grant_of
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
@@ -21,7 +21,6 @@ from runtime.units import NS_PER_MS, NS_PER_S
 STALE_FACTOR: Final = 3
 MIN_PERIODS: Final = 1.5
 DAY_S: Final = 86_400.0
-EXPIRY_WARNING_S: Final = 30 * DAY_S
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +113,10 @@ def certificate(seen: Observed) -> Iterator[Finding]:
         yield Finding(why, "use --config DIR/ground.toml to command", bad=not subscribes)
     if own.trouble:
         yield Finding(own.trouble, MAKE_NEW, bad=True)
-    elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRY_WARNING_S:
+    elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRES_SOON.total_seconds():
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
-        yield Finding(what, "run `sidestep keys new` again", bad=False)
+        yield Finding(what, RENEW, bad=False)
 
 
 def processes(seen: Observed) -> Iterator[Finding]:

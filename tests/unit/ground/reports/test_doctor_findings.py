@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from ground.client.diagnosis import DAY_S, Observed, Stream, examine, lines
 from ground.client.presence import PresentProcesses, explain_silence
+from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.bus.tls.certificate_advice import MAKE_NEW
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
