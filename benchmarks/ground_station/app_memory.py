@@ -10,7 +10,7 @@ from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.topics import (

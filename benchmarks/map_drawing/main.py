@@ -21,7 +21,7 @@ from benchmarks.map_drawing.scene import (
 )
 from benchmarks.map_drawing.stage import FrameCost, measure_frames
 from ground.app.widgets.map import MapWidget
-from ground.map import MapScene
+from ground.map.scene import MapScene
 from verification.harness.figures import Figure, Report, ratios
 
 MAX_FRAME_MS: Final = 4.0

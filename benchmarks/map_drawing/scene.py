@@ -4,20 +4,10 @@ from collections.abc import Iterable
 from math import atan2, cos, sin
 from typing import Final
 
-from ground.map import (
-    Canvas,
-    Disc,
-    MapScene,
-    MapTarget,
-    Outline,
-    Point,
-    RobotMark,
-    Shape,
-    View,
-    draw,
-    floor,
-)
-from ground.map.canvas import Dot
+from ground.map.canvas import Canvas, Dot
+from ground.map.drawing import draw
+from ground.map.scene import Disc, MapScene, MapTarget, Outline, RobotMark, Shape, floor
+from ground.map.view import Point, View
 
 TRAIL_POINTS: Final = 360
 SIZE_M: Final = (10.0, 8.0)

@@ -11,7 +11,7 @@ from ground.client.vocabulary import NAVIGATORS
 from ground.console.aliases import expanded
 from ground.console.parser import parser_for, verbs, words_of_group
 from ground.console.tokenizer import MAX_LENGTH, last_word
-from ground.map import LAYERS
+from ground.map.scene import LAYERS
 from ground.text.theme_names import THEMES
 from runtime.cli.completion import files, options_of, place_in
 from runtime.cli.verb_table import GROUPS, REC

@@ -5,7 +5,7 @@ from typing import Self
 
 from ground.ghost.ghost import Ghost
 from ground.ghost.predicted_path import PredictedPath
-from ground.map import GhostTrail
+from ground.map.scene import GhostTrail
 
 
 class Ghosts:

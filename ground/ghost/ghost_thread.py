@@ -10,7 +10,7 @@ from ground.ghost.ghost import Ghost
 from ground.ghost.ghost_set import Ghosts
 from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import changed, goal_of, side_of
-from ground.map import GhostTrail
+from ground.map.scene import GhostTrail
 from ground.station.station import Station
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState, Severity

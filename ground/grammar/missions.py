@@ -7,21 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar, Final
 
-from ground.client.operations import (
-    Abort,
-    ClearMission,
-    DownloadMission,
-    FetchMission,
-    Hold,
-    JumpTo,
-    Operation,
-    Progress,
-    Resume,
-    ShowMissionStatus,
-    StartMission,
-    TransferOutcome,
-    UploadMission,
-)
+from ground.client import operations
+from ground.client.operations import Operation, Progress, TransferOutcome
 from ground.client.operations.session import Session
 from ground.client.results import Outcome, Success
 from ground.grammar.words import Words, add_common, add_json
@@ -65,10 +52,10 @@ class UploadMissionFile:
     moves: ClassVar[bool] = True
     source: MissionFile
 
-    def read(self) -> UploadMission:
+    def read(self) -> operations.UploadMission:
         """Read the file."""
         found = self.source.read()
-        return UploadMission(mission=found.mission, dropped=found.dropped)
+        return operations.UploadMission(mission=found.mission, dropped=found.dropped)
 
     def perform(self, session: Session) -> TransferOutcome:
         """Read the file and upload the mission."""
@@ -169,15 +156,15 @@ class MissionWords(Words):
             "check": lambda: CheckMission(source=self._source()),
             "convert": lambda: CheckMission(source=self._source(), out=self.out),
             "upload": lambda: UploadMissionFile(source=self._source()),
-            "download": lambda: DownloadMission(file=self.file, home=self._home()),
-            "list": FetchMission,
-            "start": lambda: StartMission(item=self.item),
-            "pause": Hold,
-            "resume": Resume,
-            "abort": Abort,
-            "jump": lambda: JumpTo(item=self.item or 1),
-            "status": ShowMissionStatus,
-            "clear": ClearMission,
+            "download": lambda: operations.DownloadMission(file=self.file, home=self._home()),
+            "list": operations.FetchMission,
+            "start": lambda: operations.StartMission(item=self.item),
+            "pause": operations.Hold,
+            "resume": operations.Resume,
+            "abort": operations.Abort,
+            "jump": lambda: operations.JumpTo(item=self.item or 1),
+            "status": operations.ShowMissionStatus,
+            "clear": operations.ClearMission,
         }
         return meanings[self.action]()
 

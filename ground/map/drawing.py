@@ -6,36 +6,17 @@ Static layers are separate, so that a caller that draws many frames draws them o
 from collections.abc import Callable, Collection
 from typing import Final
 
+from ground.map import moving_layers, static_layers
 from ground.map.canvas import Canvas
-from ground.map.moving_layers import (
-    draw_cursor,
-    draw_ellipse,
-    draw_goal,
-    draw_others,
-    draw_robot,
-    draw_sonars,
-    draw_trail,
-    draw_virtual,
-    draw_zone,
-)
 from ground.map.pen import Pen
 from ground.map.scene import LAYERS, MapScene
-from ground.map.static_layers import (
-    draw_draft,
-    draw_fence,
-    draw_ghosts,
-    draw_hit_points,
-    draw_mission,
-    draw_seen,
-    draw_walls,
-)
 from ground.map.view import MIN_LEGEND_ROWS, View
 
 Layer = Callable[[Pen, MapScene], None]
 
 STATIC: Final[tuple[tuple[str, Layer], ...]] = (
-    ("walls", draw_walls),
-    ("fence", draw_fence),
+    ("walls", static_layers.draw_walls),
+    ("fence", static_layers.draw_fence),
 )
 
 
@@ -81,20 +62,20 @@ def length_text(length_m: float) -> str:
 
 
 MOVING: Final[tuple[tuple[str, Layer], ...]] = (
-    ("seen", draw_seen),
-    ("ghosts", draw_ghosts),
-    ("trail", draw_trail),
-    ("ellipse", draw_ellipse),
-    ("zone", draw_zone),
-    ("sonars", draw_sonars),
-    ("marks", draw_hit_points),
-    ("draft", draw_draft),
-    ("mission", draw_mission),
-    ("virtual", draw_virtual),
-    ("goal", draw_goal),
-    ("others", draw_others),
-    ("robot", draw_robot),
-    ("cursor", draw_cursor),
+    ("seen", static_layers.draw_seen),
+    ("ghosts", static_layers.draw_ghosts),
+    ("trail", moving_layers.draw_trail),
+    ("ellipse", moving_layers.draw_ellipse),
+    ("zone", moving_layers.draw_zone),
+    ("sonars", moving_layers.draw_sonars),
+    ("marks", static_layers.draw_hit_points),
+    ("draft", static_layers.draw_draft),
+    ("mission", static_layers.draw_mission),
+    ("virtual", moving_layers.draw_virtual),
+    ("goal", moving_layers.draw_goal),
+    ("others", moving_layers.draw_others),
+    ("robot", moving_layers.draw_robot),
+    ("cursor", moving_layers.draw_cursor),
     ("legend", draw_legend),
 )
 

@@ -91,34 +91,24 @@ class TlogLog:
         return "" if self._reader is None else self._reader.damage()
 
 
-class McapLog:
+class McapLog(McapFile):
     """An `.mcap` file; `facts` are the texts recorded beside the frames.
 
     Keys get the standard prefix, whatever prefix they had on the bus.
     """
 
     def __init__(self, path: Path, robot: str) -> None:
+        super().__init__(path)
         self.robot = robot
         self.records = 0
-        self._file = McapFile(path)
-        self.facts = self._file.facts
 
     def __iter__(self) -> Iterator[LoggedFrame]:
-        for time_ns, raw in self._file:
+        for time_ns, raw in self.frames():
             self.records += 1
             path = raw.key.partition(f"/{self.robot}/")[2]
             yield LoggedFrame(
                 time_ns, f"{PREFIX}/{self.robot}/{path}" if path else raw.key, raw.frame
             )
-
-    @property
-    def lost_bytes(self) -> int:
-        """Number of bytes that belong to no whole chunk."""
-        return self._file.lost_bytes
-
-    def damage(self) -> str:
-        """Return what was lost, in words."""
-        return self._file.damage()
 
 
 def open_log(path: Path, robot: str | None = None) -> Log:
@@ -129,7 +119,7 @@ def open_log(path: Path, robot: str | None = None) -> Log:
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
-        return McapLog(path, robot or McapFile(path).robot() or robot_in(path))
+        return McapLog(path, robot or McapFile(path).robot_in_header() or robot_in(path))
     return TlogLog(path, robot or robot_in(path))
 
 

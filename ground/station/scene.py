@@ -5,8 +5,8 @@ from math import isfinite, sqrt
 from typing import Final
 
 from ground.client.telemetry import Age, age_of
-from ground.map import MapScene, MapTarget, RobotMark
 from ground.map.ellipse import CHI2_2
+from ground.map.scene import MapScene, MapTarget, RobotMark
 from ground.station.history.trail import ranges_m
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts

@@ -5,7 +5,7 @@ from typing import Any
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.telemetry import Age, AgedMessage, Telemetry
-from ground.map import MapScene, MapTarget
+from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss

@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import dist, radians
 from typing import Any, Final, NamedTuple
 
-from ground.map import Disc, MapTarget, Outline, Shape
+from ground.map.scene import Disc, MapTarget, Outline, Shape
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError
 from runtime.json_reader import value_in

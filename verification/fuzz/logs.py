@@ -15,7 +15,9 @@ from ground.cli.observe.replay import lines
 from ground.client.operations import NoProgress
 from ground.explain.from_recording import Recorded as Decided
 from ground.ghost.recorded_ghost import GhostRecording, changed_in
-from ground.map import Canvas, View, draw
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw
+from ground.map.view import View
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import open_log
 from ground.recording.mcap.reader import FACT, KEY_TOPIC, KEYS, RAW_TOPIC

@@ -5,7 +5,7 @@ from typing import Protocol
 from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 
 
 class CommandSink(Protocol):

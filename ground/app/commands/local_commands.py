@@ -3,20 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from ground.console.app_commands import (
-    AppCommand,
-    FindText,
-    GoToScreen,
-    OpenReplay,
-    RecordHere,
-    RunKey,
-    SaveScreen,
-    SelectRobot,
-    SetTheme,
-    ShowGhost,
-    SwitchLayers,
-)
-from ground.map import LAYERS
+from ground.console import app_commands
+from ground.map.scene import LAYERS
 from ground.text.theme_names import THEMES
 from runtime.errors import UserError
 
@@ -34,31 +22,31 @@ class LocalCommands:
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
 
-    def do_command(self, command: AppCommand) -> str:
+    def do_command(self, command: app_commands.AppCommand) -> str:
         """Perform a command and return its message.
 
         Raise UserError when it is not possible on this screen.
         """
         match command:
-            case RunKey(id):
+            case app_commands.RunKey(id):
                 self.do(id)
-            case SetTheme(name):
+            case app_commands.SetTheme(name):
                 return self.theme(name)
-            case SaveScreen(file):
+            case app_commands.SaveScreen(file):
                 return self.snap(file)
-            case GoToScreen(name):
+            case app_commands.GoToScreen(name):
                 self._app.switch_mode(name)
-            case SwitchLayers(names):
+            case app_commands.SwitchLayers(names):
                 self.layers(names)
-            case FindText(text):
+            case app_commands.FindText(text):
                 self.find(text)
-            case SelectRobot(robot):
+            case app_commands.SelectRobot(robot):
                 self._app.station.select(robot)
-            case OpenReplay(file):
+            case app_commands.OpenReplay(file):
                 self._app.open_replay(file)
-            case RecordHere(begin):
+            case app_commands.RecordHere(begin):
                 return self.record(begin=begin)
-            case ShowGhost(navigator):
+            case app_commands.ShowGhost(navigator):
                 self.ghost(navigator)
             case _:
                 raise UserError(UNAVAILABLE)

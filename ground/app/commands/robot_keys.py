@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING, Final
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
-from ground.client.operations import (
-    Abort,
-    Arm,
-    ClearEmergencyStop,
-    Disarm,
-    FetchMission,
-    Hold,
-    Operation,
-    Resume,
-    ReturnHome,
-    SetMode,
-    SetNavigator,
-)
+from ground.client import operations
+from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.text.theme_names import THEMES
@@ -34,12 +23,12 @@ if TYPE_CHECKING:
 
 AGAIN_S: Final = 2.0
 PLAIN: Final[tuple[Operation[Outcome], ...]] = (
-    Hold(),
-    Resume(),
-    Abort(),
-    Arm(),
-    Disarm(),
-    ReturnHome(),
+    operations.Hold(),
+    operations.Resume(),
+    operations.Abort(),
+    operations.Arm(),
+    operations.Disarm(),
+    operations.ReturnHome(),
 )
 """Operations whose key has the verb as its id."""
 
@@ -63,7 +52,7 @@ class RobotKeys:
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            "missions": partial(app.commands.perform, FetchMission()),
+            "missions": partial(app.commands.perform, operations.FetchMission()),
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),
             "robot-next": partial(self.select_by, 1),
@@ -81,7 +70,7 @@ class RobotKeys:
         now_s = self._app.station.time_s
         if now_s - self._clear_asked_s <= AGAIN_S:
             self._clear_asked_s = -inf
-            self._app.commands.perform(ClearEmergencyStop())
+            self._app.commands.perform(operations.ClearEmergencyStop())
             return
         self._clear_asked_s = now_s
         self._app.note("press again to release the emergency stop")
@@ -91,7 +80,7 @@ class RobotKeys:
         modes = {mode.name.lower(): mode for mode in Mode}
 
         def take(name: str) -> None:
-            self._app.commands.perform(SetMode(mode=modes[name]))
+            self._app.commands.perform(operations.SetMode(mode=modes[name]))
 
         self._app.choose("mode", list(modes), take)
 
@@ -99,7 +88,7 @@ class RobotKeys:
         """Let the operator choose the navigator."""
 
         def take(name: str) -> None:
-            self._app.commands.perform(SetNavigator(navigator=NAVIGATORS[name]))
+            self._app.commands.perform(operations.SetNavigator(navigator=NAVIGATORS[name]))
 
         self._app.choose("navigator", list(NAVIGATORS), take)
 
@@ -110,7 +99,9 @@ class RobotKeys:
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
 
         def pass_on(side: str) -> None:
-            self._app.commands.perform(SetNavigator(navigator=navigator, side=SIDES[side]))
+            self._app.commands.perform(
+                operations.SetNavigator(navigator=navigator, side=SIDES[side])
+            )
 
         self._app.choose("side to pass on", list(SIDES), pass_on)
 

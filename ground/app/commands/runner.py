@@ -19,7 +19,7 @@ from ground.console.history import History
 from ground.console.parser import COMMANDS, read
 from ground.console.spelling import line_of
 from ground.console.tokenizer import words_of
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.missions.draft import Draft, Edit
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.mission_items import target_of

@@ -8,8 +8,8 @@ from typing import Final
 
 from ground.client.goal import Destination, destination
 from ground.client.operations import Goto
-from ground.map import View
 from ground.map.canvas import DOTS_WIDE
+from ground.map.view import View
 from ground.missions.draft import AddWaypoint, waypoint_at
 
 WAYS: Final = {"up": (0, 1), "down": (0, -1), "left": (-1, 0), "right": (1, 0)}

@@ -5,7 +5,7 @@ from typing import Final
 
 from ground.app.panels.aged import aged
 from ground.app.widgets.rows import Row, Span, head, row
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState

@@ -11,7 +11,7 @@ from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
 from ground.launch.launcher import Stack
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.station import Station
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
 from ground.app.widgets.sparklines import spark_rows
 from ground.explain.reason_text import Why
-from ground.map import LAYERS, MapTarget
+from ground.map.scene import LAYERS, MapTarget
 from runtime.errors import UserError
 
 if TYPE_CHECKING:

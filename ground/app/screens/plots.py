@@ -15,7 +15,7 @@ from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.widgets.sparklines import FRESH_S, SPARKLINES, Sparkline
-from ground.map import Canvas
+from ground.map.canvas import Canvas
 from ground.station.station import Station
 
 WINDOWS_S: Final = (15.0, 30.0, 60.0, 120.0, 300.0, 600.0)

@@ -20,7 +20,7 @@ from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.worlds import Reached, query_worlds, read_reached_counts
 from ground.launch.scenario import Scenario
-from ground.map import MapScene
+from ground.map.scene import MapScene
 from ground.station.scene import preview_of
 from ground.station.world import parse_world
 

@@ -12,8 +12,11 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from ground.app.widgets.role_colours import styles_of
-from ground.map import LAYERS, ROLES, Canvas, MapScene, View, draw_moving, draw_static, static_parts
-from ground.map.view import Point
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw_moving, draw_static, static_parts
+from ground.map.roles import ROLES
+from ground.map.scene import LAYERS, MapScene
+from ground.map.view import Point, View
 
 WHEEL_FACTOR = 1.25
 BLANK = ""

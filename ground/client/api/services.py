@@ -4,17 +4,12 @@ import asyncio
 from pathlib import Path
 from typing import Final, Protocol, TypeVar
 
+from ground.client import operations
 from ground.client.api import threads
 from ground.client.api.streams import TopicStreams
 from ground.client.operations import (
-    ClearFence,
-    ClearMission,
     FenceShown,
-    FetchMission,
-    Hold,
-    JumpTo,
     LeaseShown,
-    LoadParameters,
     MissionEnded,
     MissionFetched,
     MissionProgress,
@@ -22,18 +17,8 @@ from ground.client.operations import (
     ParameterChanged,
     ParametersLoaded,
     ParametersSaved,
-    ResetParameter,
-    Resume,
-    SaveParameters,
-    SetFence,
-    SetParameter,
-    ShowFence,
-    ShowLease,
-    ShowMissionStatus,
     ShowParameters,
-    StartMission,
     TransferOutcome,
-    UploadMission,
 )
 from ground.client.parameter import Parameter
 from ground.client.requests import SILENCE_NS
@@ -93,19 +78,19 @@ class Parameters:
 
     async def set(self, name: str, value: float) -> ParameterChanged | Refused:
         """Set one parameter; `ok` if the value is in force, `saved` if it survives a restart."""
-        return await self._robot.perform(SetParameter(name=name, value=value))
+        return await self._robot.perform(operations.SetParameter(name=name, value=value))
 
     async def reset(self, name: str) -> ParameterChanged | Refused:
         """Set one parameter to its default value."""
-        return await self._robot.perform(ResetParameter(name=name))
+        return await self._robot.perform(operations.ResetParameter(name=name))
 
     async def load(self, file: str | Path) -> ParametersLoaded | Refused:
         """Set all values of a TOML file; none unless all are allowed (ConfigError)."""
-        return await self._robot.perform(LoadParameters(file=Path(file)))
+        return await self._robot.perform(operations.LoadParameters(file=Path(file)))
 
     async def save(self, file: str | Path) -> ParametersSaved | Refused:
         """Write the parameters that differ from their defaults to a TOML file."""
-        return await self._robot.perform(SaveParameters(file=Path(file)))
+        return await self._robot.perform(operations.SaveParameters(file=Path(file)))
 
 
 class Missions:
@@ -121,14 +106,14 @@ class Missions:
         """
         if not isinstance(mission, Mission):
             mission = files.read(Path(mission)).mission
-        return await self._robot.perform(UploadMission(mission=mission))
+        return await self._robot.perform(operations.UploadMission(mission=mission))
 
     async def fetch(self) -> Mission | None:
         """Return the robot's mission; None if it has none.
 
         Raises RemoteError if the robot does not send it.
         """
-        found = await self._robot.perform(FetchMission())
+        found = await self._robot.perform(operations.FetchMission())
         if isinstance(found, MissionFetched):
             return found.mission
         if isinstance(found, TransferOutcome) and found.is_none:
@@ -137,7 +122,7 @@ class Missions:
 
     async def start(self, item: int | None = None) -> Answer:
         """Drive the mission from an item (from 1) on, in AUTO; arm a robot in standby."""
-        return await self._robot.perform(StartMission(item=item))
+        return await self._robot.perform(operations.StartMission(item=item))
 
     async def run(self, item: int | None = None) -> MissionEnded | Refused:
         """Start the mission and wait for its end, which is `ok` if all items were reached.
@@ -157,23 +142,23 @@ class Missions:
 
     async def pause(self) -> Answer:
         """Stop; `resume` continues."""
-        return await self._robot.perform(Hold())
+        return await self._robot.perform(operations.Hold())
 
     async def resume(self) -> Answer:
         """Continue after a pause."""
-        return await self._robot.perform(Resume())
+        return await self._robot.perform(operations.Resume())
 
     async def jump(self, item: int) -> Answer:
         """Continue with another item, from 1."""
-        return await self._robot.perform(JumpTo(item=item))
+        return await self._robot.perform(operations.JumpTo(item=item))
 
     async def clear(self) -> TransferOutcome | Refused:
         """Delete the mission from the robot."""
-        return await self._robot.perform(ClearMission())
+        return await self._robot.perform(operations.ClearMission())
 
     async def status(self) -> MissionProgress:
         """Return the progress; RemoteError if the robot publishes no mission status."""
-        return accepted(await self._robot.perform(ShowMissionStatus()))
+        return accepted(await self._robot.perform(operations.ShowMissionStatus()))
 
     async def _ended(self, began_ns: int) -> MissionStatus:
         """Wait until a mission that was running has ended."""
@@ -206,15 +191,15 @@ class Fences:
 
     async def set(self, fence: Fence) -> TransferOutcome | Refused:
         """Keep the robot inside a `Circle` or `Polygon` (metres, in its own frame)."""
-        return await self._robot.perform(SetFence(fence=fence))
+        return await self._robot.perform(operations.SetFence(fence=fence))
 
     async def clear(self) -> TransferOutcome | Refused:
         """Remove the fence."""
-        return await self._robot.perform(ClearFence())
+        return await self._robot.perform(operations.ClearFence())
 
     async def get(self) -> Fence | None:
         """Return the robot's fence, None if it has none; RemoteError if it is not sent."""
-        found = await self._robot.perform(ShowFence())
+        found = await self._robot.perform(operations.ShowFence())
         if isinstance(found, FenceShown):
             return found.fence
         raise RemoteError(found.text)
@@ -240,7 +225,7 @@ class Leases:
 
     async def show(self) -> LeaseShown:
         """Return the lease; RemoteError if the robot publishes no lease status."""
-        return accepted(await self._robot.perform(ShowLease()))
+        return accepted(await self._robot.perform(operations.ShowLease()))
 
 
 def accepted(outcome: Out | Refused) -> Out:

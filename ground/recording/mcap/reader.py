@@ -74,7 +74,8 @@ class McapFile:
         self._places = 0
         self._closed = False
 
-    def __iter__(self) -> Iterator[tuple[int, Raw]]:
+    def frames(self) -> Iterator[tuple[int, Raw]]:
+        """Yield the time of arrival in ns and the frame, in order."""
         with self._path.open("rb") as source:
             size = self._path.stat().st_size
             if source.read(len(MAGIC)) != MAGIC:
@@ -95,7 +96,7 @@ class McapFile:
             self._fact(content)
         return self.facts
 
-    def robot(self) -> str:
+    def robot_in_header(self) -> str:
         """Return the robot's name in the header of the file, or an empty text."""
         for content in self._metadata():
             with suppress(*UNREADABLE, KeyError):

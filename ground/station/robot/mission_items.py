@@ -4,7 +4,7 @@ from contextlib import suppress
 from math import radians
 from typing import NamedTuple
 
-from ground.map import Disc, MapTarget, Outline, Shape
+from ground.map.scene import Disc, MapTarget, Outline, Shape
 from ground.missions.mission import Circle, Fence, Waypoint
 from ground.missions.transfer import MAX_ITEMS, Download, Downloaded
 from ground.missions.wire import fence_of, waypoints_of

@@ -10,7 +10,7 @@ from ground.client.results import Outcome
 from ground.client.telemetry import AgedMessage, Telemetry
 from ground.console.app_commands import AppCommand
 from ground.console.spelling import line_of
-from ground.map import MapScene, MapTarget
+from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
 from ground.station.history.time_series import SeriesTable

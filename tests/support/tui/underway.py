@@ -5,7 +5,7 @@ from typing import Any
 
 from ground.client.parameter import Parameter
 from ground.client.telemetry import Age
-from ground.map import MapScene, MapTarget, Outline, RobotMark
+from ground.map.scene import MapScene, MapTarget, Outline, RobotMark
 from ground.station.link.streams import StreamRow
 from ground.station.world import WorldFacts
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic

@@ -12,7 +12,7 @@ from ground.client.operations import Goto, StopNow
 from ground.console.app_commands import AppCommand, SetTheme
 from ground.console.history import History
 from ground.console.parser import read
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.station import REPLAYED
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT

@@ -13,7 +13,7 @@ from ground.app.screens.app_screen import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
 from ground.app.widgets.sparklines import SPARKLINES, figure_rows
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from protocol.topics import MISSION
 from protocol.wire.enums import MissionState
 from protocol.wire.messages import MissionStatus

@@ -6,7 +6,7 @@ from textual import events
 from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.link.loss import Loss, LossKind
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.pilot import NAMES, Stage, play, staged

@@ -9,7 +9,7 @@ import pytest
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
-from ground.map import MapTarget
+from ground.map.scene import MapTarget
 from ground.station.link.loss import Loss, LossKind
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock

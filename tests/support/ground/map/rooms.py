@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf, pi
 from typing import Final
 
-from ground.map import Disc, GhostTrail, MapScene, MapTarget, Outline, RobotMark, floor
+from ground.map.scene import Disc, GhostTrail, MapScene, MapTarget, Outline, RobotMark, floor
 
 ROOM: Final = MapScene(
     size_m=(6.0, 4.0),

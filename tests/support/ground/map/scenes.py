@@ -2,14 +2,7 @@
 
 from hypothesis import strategies as st
 
-from ground.map import (
-    Disc,
-    GhostTrail,
-    MapScene,
-    MapTarget,
-    Outline,
-    RobotMark,
-)
+from ground.map.scene import Disc, GhostTrail, MapScene, MapTarget, Outline, RobotMark
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 POINTS = st.tuples(ANY, ANY)

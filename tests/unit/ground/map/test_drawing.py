@@ -8,18 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ground.map import (
-    LAYERS,
-    Canvas,
-    MapScene,
-    RobotMark,
-    View,
-    draw,
-    draw_moving,
-    draw_static,
-    static_parts,
-)
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw, draw_moving, draw_static, static_parts
 from ground.map.ellipse import ellipse
+from ground.map.scene import LAYERS, MapScene, RobotMark
+from ground.map.view import View
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 from tests.support.ground.map.scenes import ANY, SCENES
 

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from ground.map import Canvas, MapScene, View, draw
-from ground.map.drawing import NOT_LIVE, TRUTH, legend_text, length_text
+from ground.map.canvas import Canvas
+from ground.map.drawing import NOT_LIVE, TRUTH, draw, legend_text, length_text
+from ground.map.scene import MapScene
+from ground.map.view import View
 from tests.support.ground.map.rooms import ROOM
 
 

@@ -3,7 +3,10 @@
 from dataclasses import replace
 from math import pi
 
-from ground.map import Canvas, MapScene, MapTarget, View, draw
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw
+from ground.map.scene import MapScene, MapTarget
+from ground.map.view import View
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 SEEN = tuple((2.9, 1.0 + 0.1 * step) for step in range(20))

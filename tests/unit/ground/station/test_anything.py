@@ -5,7 +5,9 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ground.map import Canvas, View, draw
+from ground.map.canvas import Canvas
+from ground.map.drawing import draw
+from ground.map.view import View
 from protocol.topics import TOPICS, Topic
 from protocol.wire.message import Message
 from tests.support.ground.station.play import Play

@@ -5,7 +5,7 @@ from math import pi
 
 import pytest
 
-from ground.map import Disc, Outline
+from ground.map.scene import Disc, Outline
 from ground.station.world import MAX_OBSTACLES, MAX_POINTS, parse_world
 from plant.model.movers import Mover as Walker
 from plant.model.types import Circle

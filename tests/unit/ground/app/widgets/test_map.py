@@ -12,7 +12,7 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 
 from ground.app.widgets.map import MapWidget, bands
-from ground.map import MapScene, MapTarget, RobotMark
+from ground.map.scene import MapScene, MapTarget, RobotMark
 
 STYLES = {"robot": Style(color="yellow", bold=True), "truth": Style(color="white")}
 ROOM = MapScene(size_m=(6.0, 4.0), robot=RobotMark(2.02, 2.02, 0.0), goal=MapTarget(5.0, 3.0))

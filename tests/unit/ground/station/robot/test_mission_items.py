@@ -5,7 +5,7 @@ from math import pi
 
 import pytest
 
-from ground.map import Disc, Outline
+from ground.map.scene import Disc, Outline
 from ground.missions.mission import Circle, Fence, Polygon, Waypoint
 from ground.missions.wire import fence_items_of, items_of
 from ground.station.robot.mission_items import MissionItems, downloaded
