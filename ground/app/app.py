@@ -81,7 +81,8 @@ class GroundApp(App[int]):
         self._station, self.commands = station, commands
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
-        self._stack = stack
+        self.stack = stack
+        self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
         self._frame_rate = FrameRate(self.appearance.hz)
         self._settling: Timer | None = None
@@ -92,7 +93,7 @@ class GroundApp(App[int]):
         self.theme = self.appearance.theme
         for name in SCREENS:
             self.add_mode(name, partial(screen_of, name, self))
-        self.set_class(self.appearance.ascii_only, "-ascii")
+        self.set_class(self.ascii_only, "-ascii")
 
     def on_mount(self) -> None:
         """Show the replay when there is no robot, and start the timer."""
@@ -112,11 +113,6 @@ class GroundApp(App[int]):
         return self.player.station
 
     @property
-    def ascii_only(self) -> bool:
-        """True when the terminal's font has nothing but ASCII."""
-        return self.appearance.ascii_only
-
-    @property
     def session_info(self) -> SessionInfo:
         """The kind of session (simulation, real robot or replay) and its recording."""
         if self._station is None:
@@ -124,11 +120,6 @@ class GroundApp(App[int]):
         kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
         return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
-
-    @property
-    def stack(self) -> "Stack | None":
-        """The processes that this app started, if any."""
-        return self._stack
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread; `done` gets its result in this thread."""
@@ -194,7 +185,7 @@ class GroundApp(App[int]):
             self.player.poll()
         self._poll_recording()
         self._jobs.poll()
-        if self._stack is not None and (news := self._stack.next_event()):
+        if self.stack is not None and (news := self.stack.next_event()):
             self.station.note(news, Severity.ERROR)
         if self.base_screen is not None:
             self.base_screen.poll()

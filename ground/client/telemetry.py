@@ -5,14 +5,7 @@ from enum import Enum
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
 from protocol.bus.mailbox import Mailbox
-from protocol.topics import (
-    CYCLE,
-    DECISION,
-    HEARTBEAT,
-    ODOMETRY,
-    STATUS,
-    Topic,
-)
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.message import Message
 from runtime.units import NS_PER_S
 

@@ -2,13 +2,7 @@
 
 from math import degrees
 
-from ground.client.operations import (
-    Goto,
-    Operation,
-    SetMode,
-    SetNavigator,
-    SetParameter,
-)
+from ground.client.operations import Goto, Operation, SetMode, SetNavigator, SetParameter
 from ground.client.results import Outcome
 from ground.client.vocabulary import SIDES
 from ground.console.app_commands import AppCommand, SetTheme

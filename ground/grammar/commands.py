@@ -5,16 +5,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from ground.client.operations import (
-    COMMANDS,
-    ChangeLease,
-    Mark,
-    Operation,
-    SetMode,
-    SetNavigator,
-    ShowLease,
-    StopNow,
-)
+from ground.client import operations
+from ground.client.operations import Operation
 from ground.client.operations.commands import STOP_S, PlainCommand
 from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES
@@ -22,7 +14,7 @@ from ground.grammar.words import Words, add_common, seconds
 from protocol.wire.enums import LeaseAction, Mode
 
 PLAIN: Final[Mapping[str, type[PlainCommand]]] = MappingProxyType(
-    {command.verb: command for command in COMMANDS}
+    {command.verb: command for command in operations.COMMANDS}
 )
 LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
 
@@ -60,9 +52,9 @@ class ModeWords(CommandWords):
         parser.add_argument("mode", type=str.lower, choices=names, help=", ".join(names))
         super().declare(parser)
 
-    def operation(self) -> SetMode:
+    def operation(self) -> operations.SetMode:
         """Return the operation for the parsed arguments."""
-        return SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
+        return operations.SetMode(mode=Mode[self.mode.upper()], timeout_s=self.timeout)
 
 
 class NavigatorWords(CommandWords):
@@ -84,11 +76,11 @@ class NavigatorWords(CommandWords):
         )
         super().declare(parser)
 
-    def operation(self) -> SetNavigator:
+    def operation(self) -> operations.SetNavigator:
         """Return the operation for the parsed arguments."""
         side = 0 if self.side is None else SIDES[self.side]
         navigator = NAVIGATORS[self.navigator]
-        return SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
+        return operations.SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
 
 
 class StopWords(Words):
@@ -103,9 +95,9 @@ class StopWords(Words):
         help = f"repeat until the robot's status shows it, for at most ({STOP_S:g})"
         parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
 
-    def operation(self) -> StopNow:
+    def operation(self) -> operations.StopNow:
         """Return the operation for the parsed arguments."""
-        return StopNow(timeout_s=STOP_S if self.timeout is None else self.timeout)
+        return operations.StopNow(timeout_s=STOP_S if self.timeout is None else self.timeout)
 
 
 class LeaseWords(Words):
@@ -127,12 +119,12 @@ class LeaseWords(Words):
         )
         add_common(parser)
 
-    def operation(self) -> ShowLease | ChangeLease:
+    def operation(self) -> operations.ShowLease | operations.ChangeLease:
         """Return the operation for the parsed arguments."""
         if self.action == "show":
-            return ShowLease()
+            return operations.ShowLease()
         action = LeaseAction[self.action.upper()]
-        return ChangeLease(action=action, name=self.name, for_s=self.hold)
+        return operations.ChangeLease(action=action, name=self.name, for_s=self.hold)
 
 
 class MarkWords(Words):
@@ -146,6 +138,6 @@ class MarkWords(Words):
         parser.add_argument("text", nargs="+", metavar="TEXT", help="the remark")
         add_common(parser)
 
-    def operation(self) -> Mark:
+    def operation(self) -> operations.Mark:
         """Return the operation for the parsed arguments."""
-        return Mark(remark=" ".join(self.text))
+        return operations.Mark(remark=" ".join(self.text))

@@ -2,12 +2,7 @@
 
 import argparse
 
-from ground.client.goal import (
-    FRAMES,
-    HEADING_TOLERANCE_DEG,
-    POSITION_TOLERANCE_M,
-    destination,
-)
+from ground.client.goal import FRAMES, HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.operations import DriveByHand, Goto
 from ground.grammar.words import Words, add_common, positive, seconds
 from protocol.options import finite

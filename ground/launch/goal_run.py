@@ -19,13 +19,7 @@ from protocol.outcome import Outcome, RunEnd, evaluated
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, Mode, RunAction
-from protocol.wire.messages import (
-    CommandAck,
-    NavigatorStatus,
-    PlanarOdometry,
-    RunRequest,
-    RunScore,
-)
+from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S

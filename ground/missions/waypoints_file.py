@@ -7,12 +7,7 @@ from collections.abc import Iterator
 from math import isfinite, nan
 from typing import Final
 
-from ground.missions.items import (
-    GLOBAL_FRAMES,
-    Item,
-    home_at,
-    item_of,
-)
+from ground.missions.items import GLOBAL_FRAMES, Item, home_at, item_of
 from ground.missions.mission import Home, Mission
 from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign, PlanFilter

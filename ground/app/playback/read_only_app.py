@@ -1,23 +1,20 @@
 """Give the replay screen an app without commands to the robot."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 from ground.app.commands.command_sink import CommandSink
-from ground.app.input.default_keys import KeyBinding
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
-from ground.launch.launcher import Stack
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
-T = TypeVar("T")
 STOPS: Final = ("hold", "abort", "disarm", "estop", "stop")
 REFUSED: Final = "this is a replay: press 1 to command the robot"
 
@@ -27,6 +24,8 @@ class ReadOnlyCommands:
 
     def __init__(self, commands: CommandSink, note: Callable[[str], None]) -> None:
         self._commands = commands
+        self.is_local, self.complete = commands.is_local, commands.complete
+        self.recall = commands.recall
         self._note = note
 
     def run_line(self, line: str) -> None:
@@ -48,22 +47,10 @@ class ReadOnlyCommands:
         """The last command as a line for a shell."""
         return self._commands.last
 
-    def is_local(self, line: str) -> bool:
-        """Return whether a line concerns only the screen."""
-        return self._commands.is_local(line)
-
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""
         return self._commands.draft_items
-
-    def complete(self, text: str) -> list[str]:
-        """Return completions of a command line."""
-        return self._commands.complete(text)
-
-    def recall(self, text: str, step: int) -> str:
-        """Return an earlier (step -1) or later (1) command line."""
-        return self._commands.recall(text, step)
 
     def begin_teleop(self) -> bool:
         """Refuse."""
@@ -83,6 +70,9 @@ class ReadOnlyApp:
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
         self.commands = ReadOnlyCommands(app.commands, self.note)
+        self.ascii_only, self.stack = app.ascii_only, app.stack
+        self.keys_now, self.choose = app.keys_now, app.choose
+        self.run_in_background = app.run_in_background
 
     @property
     def player(self) -> Player | None:
@@ -94,33 +84,11 @@ class ReadOnlyApp:
         """The station of the recording, else that of the robot."""
         return self._app.station if self.player is None else self.player.station
 
-    def keys_now(self) -> list[KeyBinding]:
-        """Return the keys that are active now."""
-        return self._app.keys_now()
-
     @property
     def session_info(self) -> SessionInfo:
         """The facts that the status line shows besides the robot's state."""
         return self._app.session_info if self.player is None else SessionInfo(kind="REPLAY")
 
-    @property
-    def ascii_only(self) -> bool:
-        """True when the terminal's font has nothing but ASCII."""
-        return self._app.ascii_only
-
-    @property
-    def stack(self) -> Stack | None:
-        """The processes that this app started, if any."""
-        return self._app.stack
-
-    def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
-        """Run a slow job in a thread."""
-        self._app.run_in_background(job, done)
-
     def note(self, text: str) -> None:
         """Add a line to the log."""
         self.station.note(text)
-
-    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
-        """Let the operator choose one of a few."""
-        self._app.choose(title, choices, done)

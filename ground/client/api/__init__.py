@@ -25,14 +25,7 @@ from ground.client.operations import (
 from ground.client.parameter import Parameter
 from ground.client.results import Accepted, Outcome, Refused, RefusedError, agreed
 from ground.missions.mission import Circle, Mission, Polygon, Waypoint
-from protocol.wire.enums import (
-    GoalState,
-    MissionState,
-    Mode,
-    Navigator,
-    Severity,
-    Vehicle,
-)
+from protocol.wire.enums import GoalState, MissionState, Mode, Navigator, Severity, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError, RemoteError, UserError
 

@@ -8,13 +8,7 @@ from typing import Any, Final, Self, TypeAlias, TypeVar
 from ground.client.api.streams import QUEUE, Stream, TopicStreams
 from ground.text.statustext import StatustextAssembler
 from protocol.topics import DECISION, LEASE, MISSION, ODOMETRY, SONAR, STATUS, TEXT, Topic
-from protocol.wire.enums import (
-    GoalState,
-    MissionState,
-    Mode,
-    Severity,
-    Vehicle,
-)
+from protocol.wire.enums import GoalState, MissionState, Mode, Severity, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,

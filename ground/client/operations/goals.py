@@ -86,7 +86,7 @@ class Goto:
             goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
             if not self.wait or session.attended:
                 mode = Mode.GUIDED if self.wait else Mode.AUTO
-                return drive.send(goal, mode)[0]
+                return send_goal(session, goal, mode)[0]
             timeout_ns = None if self.timeout_s is None else round(self.timeout_s * NS_PER_S)
             with leased(session):
                 return drive.to_the_end(goal, timeout_ns)
@@ -117,7 +117,7 @@ class _Drive:
         self._link.beat()
         started_ns = self._link.clock.now_ns()
         try:
-            answer, request = self.send(goal, Mode.GUIDED)
+            answer, request = send_goal(self._session, goal, Mode.GUIDED)
             if not answer.ok:
                 return answer
             self._progress.note(f"goal {goal} accepted")
@@ -129,10 +129,6 @@ class _Drive:
         if end.abort:
             self._abort(end.reason)
         return self._ended(end, started_ns)
-
-    def send(self, goal: Destination, mode: Mode) -> tuple[Accepted | Refused, GoalRequest]:
-        """Send the goal until the robot accepts it."""
-        return send_goal(self._session, goal, mode)
 
     def _follow(self, watch: GoalWatch, goal_id: int) -> GoalEnd:
         clock, last_shown_ns = self._link.clock, 0
