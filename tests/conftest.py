@@ -22,13 +22,19 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
         os.environ["XDG_STATE_HOME"] = before
 
 
-def pytest_configure() -> None:
-    """Set no deadline for an example: its duration depends on the load of the machine."""
-    settings.register_profile("sidestep", deadline=None)
-    settings.load_profile("sidestep")
+def pytest_configure(config: pytest.Config) -> None:
+    """Load a profile of Hypothesis by the name in `--examples`.
+
+    An example has no deadline: its duration depends on the load of the machine.
+    """
+    for name, examples in EXAMPLES.items():
+        settings.register_profile(name, deadline=None, max_examples=examples)
+    settings.load_profile(config.getoption("--examples"))
 
 
 TESTS = Path(__file__).parent
+EXAMPLES = {"brief": 40, "usual": 100, "long": 2000}
+"""The examples of a property that sets no number of its own, by the value of `--examples`."""
 FOLDERS_OF = {"stack": ("stack", "bus"), "compose": ("compose",)}
 """A step of the gate collects only these: to collect everything costs more than many a test."""
 
@@ -64,6 +70,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-screens", action="store_true", help="take the screens as they are")
     parser.addoption("--no-skips", action="store_true", help="a skipped test fails, as in CI")
+    parser.addoption("--examples", choices=EXAMPLES, default="usual", help="of each property")
 
 
 @pytest.hookimpl(wrapper=True)

@@ -23,6 +23,8 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q")
 EXIT_INTERRUPTED: Final = 130
+BRIEF: Final = ("--examples", "brief")
+"""Branch coverage and mutation, which depend on what examples reach, have the usual number."""
 REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
@@ -71,7 +73,7 @@ def computing(extra: Sequence[str]) -> list[Step]:
         Step("documentation", (*PYTHON, "verification.site")),
         Step("branch coverage", (*PYTHON, "verification.branch_coverage")),
         Step("mutation of the stop", mutation),
-        Step("tests", (*PYTEST, *workers, "-m", "not stack and not compose", *extra)),
+        Step("tests", (*PYTEST, *workers, *BRIEF, "-m", "not stack and not compose", *extra)),
     ]
 
 

@@ -1,8 +1,10 @@
 """In CI a skipped test fails the run."""
 
 import re
+from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
 pytest_plugins = ["pytester"]
 
@@ -22,6 +24,14 @@ def run_pytest(pytester: pytest.Pytester, sources: list[str], *options: str) -> 
     settings = pytester.makeini("[pytest]")
     words = ("-q", "-p", "no:cacheprovider", "-p", "tests.conftest", "-c", str(settings))
     return pytester.runpytest_inprocess(*words, *options)
+
+
+@pytest.fixture(autouse=True)
+def _kept_profile() -> Iterator[None]:
+    """Restore the profile of Hypothesis, which the inner run sets for the whole process."""
+    before = settings.get_current_profile_name()
+    yield
+    settings.load_profile(before)
 
 
 def test_skip_fails_the_run_in_ci_with_the_reason(pytester: pytest.Pytester) -> None:
