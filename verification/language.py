@@ -75,11 +75,12 @@ def texts_of(path: Path) -> Iterator[Text]:
     """Yield the texts of a Python module, a page in Markdown, or a MAVLink dialect."""
     source = path.read_text()
     if path.suffix == ".py":
-        tree = ast.parse(source)
-        yield from docstrings(tree, path)
+        nodes = list(ast.walk(ast.parse(source)))
+        yield from docstrings(nodes, path)
         if "tests" not in path.parts:
-            yield from messages(tree, path)
-        yield from comments(source, path)
+            yield from messages(nodes, path)
+        if "#" in source:
+            yield from comments(source, path)
     elif path.suffix == ".md":
         yield from sentences(source, path)
     elif path.suffix == ".xml":
@@ -88,9 +89,9 @@ def texts_of(path: Path) -> Iterator[Text]:
                 yield Text("dialect", path, 1, " ".join(element.text.split()))
 
 
-def docstrings(tree: ast.Module, path: Path) -> Iterator[Text]:
+def docstrings(nodes: Sequence[ast.AST], path: Path) -> Iterator[Text]:
     """Yield docstrings and test names."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, Function) and node.name.startswith("test_"):
             yield Text("test name", path, node.lineno, node.name.replace("_", " "))
         if isinstance(node, Function | ast.ClassDef | ast.Module):
@@ -107,13 +108,11 @@ def is_plain_function(node: ast.AST) -> bool:
     )
 
 
-def messages(tree: ast.Module, path: Path) -> Iterator[Text]:
+def messages(nodes: Sequence[ast.AST], path: Path) -> Iterator[Text]:
     """Yield string literals that are sentences, f-strings with `_` for each value."""
-    alone = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    parts = {
-        part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values
-    }
-    for node in ast.walk(tree):
+    alone = {node.value for node in nodes if isinstance(node, ast.Expr)}
+    parts = {part for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes:
         if node in alone or node in parts:
             continue
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
