@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 from uuid import uuid4
 
-from tests.support.stack.processes import free_endpoint
+from tests.support.stack.processes import free_endpoint, real_time
 from tests.support.until import until
 
 ROOT: Final = Path(__file__).parents[3]
@@ -121,6 +121,13 @@ class Compose:
         """Started, and healthy: the data of every one of them flow."""
         self.does("up", "-d", "--no-build", *words)
         until(lambda: not self.ailing(), HEALTHY_S, f"all healthy; not yet: {self.ailing()}")
+        self.in_real_time()
+
+    def in_real_time(self) -> None:
+        """Schedule robots and plants in real time, if the engine is here and this user may."""
+        for container in self.does("ps", "--quiet", "robot", "plant").split():
+            for pid in docker("top", container, "-eo", "pid").split()[1:]:
+                real_time(int(pid))
 
     def ailing(self) -> list[str]:
         """Containers whose health is asked for and is not good, or not yet."""
