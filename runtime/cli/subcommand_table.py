@@ -19,23 +19,24 @@ class Subcommand(NamedTuple):
 
 MISSION: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
-        "check": Subcommand("report the faults of a file", "mission check mission.toml"),
+        "check": Subcommand("report the faults of a mission file", "mission check mission.toml"),
         "upload": Subcommand(
-            "send it to the robot, with its fence if it has one", "mission upload mission.toml"
+            "send a mission and its fence, if any, to the robot",
+            "mission upload mission.toml",
         ),
         "download": Subcommand(
             "write the robot's mission to a file", "mission download fetched.plan"
         ),
-        "list": Subcommand("show the robot's items", "mission list --json"),
-        "start": Subcommand("drive it, from an item on", "mission start 2"),
-        "pause": Subcommand("stop", "mission pause"),
-        "resume": Subcommand("continue", "mission resume"),
-        "abort": Subcommand("cancel it and stop", "mission abort --id r2"),
+        "list": Subcommand("show the items of the robot's mission", "mission list --json"),
+        "start": Subcommand("drive the mission, from an item on", "mission start 2"),
+        "pause": Subcommand("stop, and keep the mission", "mission pause"),
+        "resume": Subcommand("continue the mission", "mission resume"),
+        "abort": Subcommand("cancel the mission and stop", "mission abort --id r2"),
         "jump": Subcommand("continue with another item", "mission jump 3"),
-        "status": Subcommand("show its progress", "mission status --json"),
-        "clear": Subcommand("delete it from the robot", "mission clear --id r2"),
+        "status": Subcommand("show the progress of the mission", "mission status --json"),
+        "clear": Subcommand("delete the mission from the robot", "mission clear --id r2"),
         "convert": Subcommand(
-            "convert between formats, chosen by the suffixes",
+            "convert between formats of mission files, chosen by the suffixes",
             "mission convert mission.toml mission.plan",
         ),
     }
