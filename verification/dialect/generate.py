@@ -100,6 +100,11 @@ MAX_NAMES: Final = {
 TIME: Final = re.compile(r" for ([0-9.]+) (ms|s)$")
 """Time at the end of a reason's text."""
 MS_PER: Final = {"ms": 1, "s": 1000}
+SOURCE: Final = (
+    "A timeout is the time at the end of a text of SIDESTEP_REASON, a time-to-live the maxValue of "
+    "its field."
+)
+"""Origin of the limits, for the modules that contain them."""
 SIDES: Final = (
     Entry("LEFT", 1, "Sides on which the robot passes an obstacle."),
     Entry("RIGHT", -1, ""),
@@ -242,7 +247,7 @@ def core_entries(enum: EnumType) -> list[Entry]:
 
 def limits(dialect: Dialect) -> str:
     """Return the module of limits: largest values of fields, and timeouts of streams."""
-    docstring = "Limits shared by robot, plant and operators."
+    docstring = f"Times-to-live, timeouts and sizes shared by robot, plant and operators. {SOURCE}"
     imports = ["", "from typing import Final"]
     largest = [
         Entry(MAX_NAMES[message.name, field.name], int(field.maximum or field.length), "")
@@ -256,7 +261,8 @@ def limits(dialect: Dialect) -> str:
 
 def core_limits(dialect: Dialect) -> str:
     """Return the core's module of timeouts."""
-    return core_module("Timeouts after which a stream is lost.", [lost_after(dialect)])
+    docstring = f"Timeouts after which a stream is lost. {SOURCE}"
+    return core_module(docstring, [lost_after(dialect)])
 
 
 def lost_after(dialect: Dialect) -> list[Entry]:
