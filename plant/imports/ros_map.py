@@ -36,7 +36,7 @@ def load_ros_map(path: Path) -> Cells:
     occupancy = whiteness if negated else 1.0 - whiteness
     free = occupancy < free_below
     if not free.any():
-        fix = "are negate and free_thresh what they should be?"
+        fix = "check negate and free_thresh"
         raise refuse(
             str(path), "free_thresh", "no pixel is free", fix, settings.line("free_thresh")
         )
