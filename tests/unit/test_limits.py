@@ -28,9 +28,11 @@ from protocol.wire.limits import (
 from protocol.wire.message import Message
 from protocol.wire.reasons import Reason, reason_text
 from robot.core.parameters import DEFAULTS
+from robot.core.safety.failsafe import ROWS
 from robot.lease import LAPSE_NS
 from robot.operator_delays import MAX_EXTRA_NS
-from runtime.timing import PERIOD_MS
+from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
+from runtime.timing import CONTROL_HZ, PERIOD_MS
 from runtime.units import NS_PER_MS, NS_PER_S
 from runtime.watchdog import HUNG_S
 from study.cli.study_options import parser
@@ -87,12 +89,14 @@ def test_the_sizes_of_names_are_those_of_the_wire() -> None:
 def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
     assert DEFAULTS.op_lost_ms == OPERATOR_LOST_MS
     assert LAPSE_NS == MAX_LEASE_MS * NS_PER_MS
+    assert DEFAULTS.period_s * S == PERIOD_MS
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("concepts/architecture", f"wheel speeds, valid for {MAX_WHEEL_TTL_MS} ms"),
+        ("concepts/architecture", f'"control loop, {CONTROL_HZ:g} Hz"'),
         ("concepts/architecture", f"accepts the command for {MAX_WHEEL_TTL_MS} ms"),
         ("concepts/clocks", f"on a fixed grid of {PERIOD_MS} ms"),
         ("concepts/safety", f"| no fresh wheel ticks | {TICKS_LOST_MS} ms |"),
@@ -100,6 +104,8 @@ def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
         ("concepts/safety", f"lost in GUIDED or MANUAL | {OPERATOR_LOST_MS / S:g} s after"),
         ("concepts/safety", f"| its loop hangs | {MAX_WHEEL_TTL_MS} ms |"),
         ("concepts/safety", f"after {HUNG_S:g} s it ends itself"),
+        ("concepts/safety", f"over a period late | {OVERRUNS_IN_A_ROW} in a row; one |"),
+        ("concepts/safety", f"a tenth of it for {DEFAULTS.wheel_time_ms / S:g} s, checked"),
         ("concepts/safety", f"| the robot itself is gone | {MAX_WHEEL_TTL_MS} ms |"),
         ("concepts/safety", f"repeat it every {REPEAT_NS // NS_PER_MS} ms"),
         ("concepts/safety", f"without this id for {IN_WORDS[HELD_NS // NS_PER_S]} second"),
@@ -128,6 +134,11 @@ def test_pages_show_the_limits(name: str, words: str) -> None:
 )
 def test_documented_operations_show_the_limits(documented: object, words: str) -> None:
     assert words in " ".join((documented.__doc__ or "").split())
+
+
+def test_the_failsafe_of_the_budget_shows_its_overruns() -> None:
+    (row,) = (row for row in ROWS if row.reason == Reason.BUDGET)
+    assert row.limit.startswith(f"{OVERRUNS_IN_A_ROW} overruns in a row")
 
 
 def test_the_table_of_topics_shows_how_often_a_stop_is_repeated() -> None:
