@@ -121,6 +121,13 @@ class Children:
                 return True
         return False
 
+    def end(self, roles: Sequence[str], within_ns: int) -> bool:
+        """Interrupt some children; return whether all of them have exited in this time."""
+        ending = [child for child in self._children if child.role in roles]
+        for child in ending:
+            child.process.send_signal(signal.SIGINT)
+        return self._wait_for_exit(within_ns, ending)
+
     def take_exited(self) -> list[ChildExit]:
         """Remove and return the children that have exited since the last call."""
         found = []
@@ -160,7 +167,7 @@ class Children:
         try:
             for number, grace_ns in self._steps:
                 self._send(number)
-                if self._wait_for_exit(grace_ns):
+                if self._wait_for_exit(grace_ns, self._children):
                     break
             for child in self._children:
                 child.output.close()
@@ -174,9 +181,9 @@ class Children:
             if child.process.poll() is None:
                 child.process.send_signal(number)
 
-    def _wait_for_exit(self, grace_ns: int) -> bool:
+    def _wait_for_exit(self, grace_ns: int, children: Sequence[Child]) -> bool:
         deadline_ns = self._clock.now_ns() + grace_ns
-        while any(child.process.poll() is None for child in self._children):
+        while any(child.process.poll() is None for child in children):
             if self._clock.now_ns() >= deadline_ns:
                 return False
             self._clock.sleep_until(self._clock.now_ns() + POLL_NS)

@@ -17,6 +17,7 @@ from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import (
+    RECORDER,
     RunOptions,
     Scenario,
     process_arguments,
@@ -31,6 +32,7 @@ from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, TRUTH
 from runtime.clock import Clock
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 
 PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
     {
@@ -45,6 +47,7 @@ PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyTy
 PAUSED: Final = "--paused"
 PLANT: Final = "plant"
 DIAL_S: Final = 0.5
+CLOSE_NS: Final = 5 * NS_PER_S
 CHANGED_WORLD: Final = "world.json"
 """File name only; the world's own name may come from anywhere."""
 
@@ -130,6 +133,11 @@ class Stack:
         """Raise ChildExitError if an unsupervised process has exited or is about to."""
         if self._supervisor is None:
             self._children.check_for_late_exit()
+
+    def end_recorders(self) -> bool:
+        """Let the recorders close their files; return whether they did within 5 s."""
+        roles = [role for role in self._children.roles if role.startswith(RECORDER)]
+        return self._children.end(roles, CLOSE_NS)
 
     def next_event(self) -> str:
         """Return the next event of a process in words; empty when there is none."""

@@ -16,6 +16,7 @@ from runtime.calibration import settings_of
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
+RECORDER: Final = "recorder"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,7 +199,7 @@ def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, 
     if scenario.record is not None:
         keep = [] if scenario.keep is None else ["--keep", scenario.keep]
         words = ["record", scenario.record, *keep, "--connect", endpoint, "--id"]
-        commands += [(f"recorder {name}", [*words, name]) for name in scenario.robots]
+        commands += [(f"{RECORDER} {name}", [*words, name]) for name in scenario.robots]
     return [*commands, ("plant", plant(scenario, endpoint))]
 
 

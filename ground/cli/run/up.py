@@ -131,8 +131,7 @@ def run_headless(
                 outcomes = fleet_run.run(
                     lockstep=scenario.lockstep, launched=partial(supervise_in_wall_time, stack, bus)
                 )
-                if scenario.lockstep and scenario.record is not None:
-                    await_complete_records(scenario.record, stack.logs_before, clock)
+                close_records(stack, output, clock)
                 return outcomes
             except (UnansweredError, RemoteError):
                 stack.check_for_late_exit()  # an exited process explains the silence best
@@ -207,6 +206,17 @@ def await_records(
             return
         clock.sleep_until(clock.now_ns() + POLL_NS)
     output.note(f"no recorder has written to {scenario.record} yet; the drive begins without it")
+
+
+def close_records(stack: Stack, output: Output, clock: Clock) -> None:
+    """End the recorders before the other processes; report one that does not close its file."""
+    scenario = stack.scenario
+    if scenario.record is None:
+        return
+    if scenario.lockstep:
+        await_complete_records(scenario.record, stack.logs_before, clock)
+    if not stack.end_recorders():
+        output.note(f"the recording in {scenario.record} is incomplete: its recorder is too slow")
 
 
 def await_complete_records(folder: str, before: set[Path], clock: Clock) -> None:

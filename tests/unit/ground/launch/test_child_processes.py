@@ -77,6 +77,21 @@ def test_stop_kills_a_child_that_ignores_signals() -> None:
     assert sum(patience_ns for _, patience_ns in STOP_STEPS) <= 1_500_000_000
 
 
+def test_chosen_children_end_before_the_others() -> None:
+    with Children(WallClock(), python) as children:
+        for role, source in (("recorder", QUIET), ("robot", QUIET), ("stubborn", STUBBORN)):
+            children.start(role, [source])
+        recorder, robot, stubborn = children._children
+        until(lambda: "ready" in stubborn.last_lines())
+        assert children.end(["recorder"], 30_000_000_000)
+        assert [alive(child.process.pid) for child in (recorder, robot, stubborn)] == [
+            False,
+            True,
+            True,
+        ]
+        assert not children.end(["stubborn"], 1)
+
+
 def test_stop_restores_the_signal_handlers() -> None:
     before = signal.getsignal(signal.SIGINT)
     with Children(WallClock(), python) as children:
