@@ -221,6 +221,7 @@ def replace_code(file: str, mutant: Mutant) -> None:
         for code in codes_in(mutant.compile(file))
         if (code.co_qualname + ".").startswith(mutant.function + ".")
     }
+    gc.unfreeze()  # what is frozen is not in the list
     for function in gc.get_objects():
         if type(function) is FunctionType and function.__code__.co_filename == file:
             was = function.__code__

@@ -120,6 +120,14 @@ from lamp import lit
 def test_lamp():
     assert lit(9) and not lit(1)
 """
+CONFTEST = """
+import gc
+
+def pytest_collection_finish():
+    gc.freeze()
+"""
+"""As tests/conftest.py: what is frozen is not found by the collector."""
+
 TRY = """
 import sys
 from pathlib import Path
@@ -139,6 +147,7 @@ def tried(folder: Path, lamp: str) -> "subprocess.CompletedProcess[str]":
     """Try the mutants of a lamp with its tests in a process of its own."""
     (folder / "lamp.py").write_text(lamp, encoding="utf-8")
     (folder / "test_lamp.py").write_text(TESTS, encoding="utf-8")
+    (folder / "conftest.py").write_text(CONFTEST, encoding="utf-8")
     (folder / "pytest.ini").write_text("[pytest]\n", encoding="utf-8")
     environment = {"PYTHONPATH": f"{ROOT}:{folder}", "PATH": ""}
     return subprocess.run(
