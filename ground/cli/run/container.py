@@ -14,6 +14,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
+from ground.cli.observe import health
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts, world_query
 from ground.text.output import Output
@@ -25,6 +26,7 @@ from runtime.cli.parsers import parser_of
 from runtime.cli.verb_table import VERBS, command_of, find
 from runtime.errors import UserError
 
+HEALTH: Final = "health"
 KEY: Final = ".key"
 MAX_USER: Final = 60_000
 NAME: Final = "{id}"
@@ -83,13 +85,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
-    """Replace this process with the verb; UserError if its number cannot be determined."""
+    """Replace this process with the verb; UserError if its number cannot be determined.
+
+    The health check, which every container repeats every few seconds, runs in this process: to
+    start a second one would double its cost.
+    """
     place = place_of(options, addresses)
     if options.users is not None:
         become(options.users + place.number)
     if options.own is not None:
         make_private_folder(Path(options.own.replace(NAME, place.robot)))
     words = ["sidestep", *words_of(options, place)]
+    if words[:3] == ["sidestep", *command_of(HEALTH).split()]:
+        return health.run(parser_of(HEALTH).parse_args(words[3:]), output)
     try:
         os.execvp(words[0], words)
     except FileNotFoundError:

@@ -219,6 +219,16 @@ def test_it_becomes_the_executable(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
 
 
+def test_a_health_check_runs_in_this_process(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(os, "execvp", lambda *_: pytest.fail("another process"))
+    (tmp_path / "bus.toml").write_text("[network]\nconnect = ['tcp/127.0.0.1:1']\n")
+    words = ["berth", "--config", str(tmp_path / "bus.toml"), "health", "robot"]
+    assert main(words) == 1
+    assert "tcp/127.0.0.1:1" in capsys.readouterr().err
+
+
 def test_missing_executable_is_an_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
