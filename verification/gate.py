@@ -28,9 +28,9 @@ BRIEF: Final = ("--examples", "brief")
 REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
-PROCESS_WORKERS: Final = 3
-CONTAINER_WORKERS: Final = 2
-"""More would start so many processes at once that robots miss deadlines."""
+WORKERS: Final = 3
+"""Of the tests with processes: more would start so many at once that robots miss deadlines. Those
+with containers have one, as each stack of containers keeps a core busy."""
 
 
 class Step(NamedTuple):
@@ -52,17 +52,13 @@ def phases(extra: Sequence[str]) -> list[list[Lane]]:
 
 def real_time(extra: Sequence[str]) -> list[Step]:
     """Return the steps whose tests measure wall time."""
-    processes = (*by_file(PROCESS_WORKERS), "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
-    containers = (*by_file(CONTAINER_WORKERS), "-m", "compose", *extra, "tests/compose")
+    # A file runs on one worker, as its tests share processes; in the order of the folders.
+    workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
+    processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
     return [
-        Step("tests with processes", (*PYTEST, *processes)),
-        Step("tests with containers", (*PYTEST, *containers)),
+        Step("tests with processes", processes),
+        Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
     ]
-
-
-def by_file(workers: int) -> tuple[str, ...]:
-    """Return the options that run each file on one worker, because its tests share processes."""
-    return ("-n", str(workers), "--dist", "loadfile", "--no-loadscope-reorder")
 
 
 def computing(extra: Sequence[str]) -> list[Step]:
