@@ -51,6 +51,7 @@ def test_failed_step_is_named_and_the_next_ones_run(capfd: pytest.CaptureFixture
 def test_every_test_is_in_one_of_the_steps() -> None:
     lanes = [lane for phase in phases(["--no-skips"]) for lane in phase]
     steps = [step.words for lane in lanes for step in lane if "pytest" in step.words]
+    steps = [words for words in steps if "--collect-only" not in words]
     chosen = [words[words.index("-m", 2) + 1] for words in steps]
     assert chosen == ["not stack and not compose", "stack and not compose", "compose"]
     assert all("--no-skips" in words for words in steps)
