@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from study.runner.store import ASIDE, RESULTS, SHARDS, read
+from tests.support.stack.process_table import children_of
 from tests.support.study.made import ids, spoil
 from tests.support.until import until
 
@@ -78,8 +79,11 @@ def members(group: int) -> list[int]:
 
 
 def workers(process: "subprocess.Popen[str]") -> list[int]:
-    """Return the spawned processes that run trials, without the resource tracker."""
-    return [pid for pid in members(process.pid) if b"spawn_main" in arguments(pid)]
+    """Return the spawned processes that run trials, without the resource tracker.
+
+    Only children count: a program that a worker starts has the worker's arguments at first.
+    """
+    return [pid for pid in children_of(process.pid) if b"spawn_main" in arguments(pid)]
 
 
 def arguments(pid: int) -> bytes:
