@@ -41,14 +41,17 @@ async def log(endpoint: str | None, file: str, for_s: float) -> tuple[int, int]:
 
 async def batches(stream: sidestep.Stream[Any], for_s: float) -> AsyncIterator[list[Any]]:
     """Yield messages in groups for `for_s` seconds; the last group may be smaller."""
+    now_s = asyncio.get_running_loop().time
+    deadline_s = now_s() + for_s
     rows: list[Any] = []
-    with suppress(TimeoutError):
-        async with asyncio.timeout(for_s):
-            async for message in stream:
-                rows.append(message)
-                if len(rows) == ROWS:
-                    yield rows
-                    rows = []
+    with suppress(TimeoutError, StopAsyncIteration):
+        while now_s() < deadline_s:
+            # No yield in here: the time would run out in the program that uses the rows.
+            async with asyncio.timeout_at(deadline_s):
+                rows.append(await anext(stream))
+            if len(rows) == ROWS:
+                yield rows
+                rows = []
     if rows:
         yield rows
 

@@ -28,6 +28,10 @@ class MetadataReader:
             return {}
         self._due_ns = now_ns + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+        return self.request_missing()
+
+    def request_missing(self) -> dict[str, str]:
+        """Request what is missing at once; return as `poll` does."""
         found = {}
         for name, service in tuple(self._missing.items()):
             text = self._answer(service)

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count, cycle
 from math import hypot
 from pathlib import Path
@@ -29,6 +29,8 @@ from verification.harness.processes import ROBOT, robot_process, sidestep
 from verification.harness.until import until
 
 PATIENCE_S: Final = 30.0
+SET_OFF_S: Final = 3.0
+SET_OFFS: Final = 10
 KEPT: Final = 2000
 
 
@@ -68,17 +70,26 @@ class Observer:
         """True if the robot has a goal that has not ended."""
         return GoalState.ACCEPTED <= self.status.goal <= GoalState.ALIGNING
 
-    def ask(self, service: Service, request: Callable[[int], Message]) -> None:
+    def ask(
+        self, service: Service, request: Callable[[int], Message], within_s: float = PATIENCE_S
+    ) -> None:
         """Repeat a request until it is accepted; RuntimeError when it is not in time."""
         ask_until_accepted(
-            self.bus, service, lambda: request(next(self._requests)), self.robot, PATIENCE_S
+            self.bus, service, lambda: request(next(self._requests)), self.robot, within_s
         )
 
     def drive_to(self, x_m: float, y_m: float) -> None:
-        """Arm, and drive to a place without an operator."""
+        """Arm, and drive to a place without an operator.
+
+        On a busy machine the robot may be late and stop in between: then it is armed again.
+        """
         goal = wire_goal(x_m, y_m, None, 0.1, 0.1)
-        self.ask(COMMAND, arm_request)
-        self.ask(COMMAND, lambda number: auto_goal_request(number, goal))
+        for _ in range(SET_OFFS):
+            self.ask(COMMAND, arm_request)
+            with suppress(RuntimeError):
+                self.ask(COMMAND, lambda number: auto_goal_request(number, goal), SET_OFF_S)
+                return
+        raise RuntimeError(f"{self.robot} was stopped {SET_OFFS} times before it could set off")
 
     def hold(self) -> None:
         """Stop the robot and hold its goal."""

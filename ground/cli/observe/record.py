@@ -1,6 +1,7 @@
 """`record`: write every frame of a robot to a .tlog and an .mcap file."""
 
 import argparse
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from time import time_ns
@@ -45,10 +46,12 @@ def run(options: argparse.Namespace, output: Output) -> int:
         output.note(f"recording {link.robot} to {log.path} and .mcap")
         retention = Retention(folder, byte_limit(folder, options.keep))
         note(output, retention.warning())
+        facts = MetadataReader(link.bus, link.robot)
         try:
-            keep_writing(link, log, MetadataReader(link.bus, link.robot), retention, output)
+            keep_writing(link, log, facts, retention, output)
         except KeyboardInterrupt:
             with defer_signals():
+                add_facts(log, facts.request_missing())  # a short drive may end before the next try
                 await_pause(log, link.clock)
                 complete = log.close()
         return print_result(output, log, complete=complete)
@@ -83,11 +86,16 @@ def keep_writing(
             note(output, retention.delete_oldest())
         round_number += 1
         with defer_signals():  # a signal must not leave half a chunk
-            for name, text in facts.poll(link.clock.now_ns()).items():
-                log.add_fact(name, text)
+            add_facts(log, facts.poll(link.clock.now_ns()))
             log.flush(round_number, SYNC_EVERY)
         alarms.look(log, due_ns)
         link.clock.sleep_until(due_ns)
+
+
+def add_facts(log: DualLog, facts: Mapping[str, str]) -> None:
+    """Add the facts, JSON texts by name."""
+    for name, text in facts.items():
+        log.add_fact(name, text)
 
 
 class Alarms:

@@ -1,8 +1,9 @@
 """The programs under examples/, run as a user would, against a whole stack in this process."""
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet
 import pytest
@@ -118,6 +119,24 @@ def test_poses_are_logged_to_parquet(
     stamps = table["time_ns"].to_pylist()
     assert len(stamps) > 10
     assert stamps == sorted(stamps)
+
+
+def test_time_that_runs_out_during_a_write_loses_no_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_to_parquet, "ROWS", 10)
+
+    async def numbers() -> AsyncIterator[int]:
+        for number in range(1000):
+            yield number
+
+    async def written() -> list[int]:
+        found: list[int] = []
+        stream: Any = numbers()
+        async for rows in log_to_parquet.batches(stream, 0.02):
+            await asyncio.sleep(0.1)  # a slow disk
+            found += rows
+        return found
+
+    assert asyncio.run(written()) == list(range(10))
 
 
 def test_custom_navigator_is_tried_and_taken_out_again(capsys: pytest.CaptureFixture[str]) -> None:

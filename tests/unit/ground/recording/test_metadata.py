@@ -43,6 +43,16 @@ def test_each_fact_is_returned_once() -> None:
     assert stage.requested == []
 
 
+def test_missing_facts_are_requested_at_the_end() -> None:
+    stage = Stage()
+    facts = MetadataReader(stage, "r1")
+    assert facts.poll(0) == {}
+    stage.answers = {PARAMETERS.path: b"[]", WORLD.path: b"{}"}
+    assert facts.poll(S // 10) == {}  # not due
+    assert facts.request_missing() == {"parameters": "[]", "world": "{}"}
+    assert facts.request_missing() == {}
+
+
 def test_requests_are_rate_limited() -> None:
     stage = Stage()
     facts = MetadataReader(stage, "r1")
