@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PYTHON: Final = (sys.executable, "-m")
-PYTEST: Final = (*PYTHON, "pytest", "-q")
+PYTEST: Final = (*PYTHON, "pytest", "-q", "--durations=12")
 EXIT_INTERRUPTED: Final = 130
 BRIEF: Final = ("--examples", "brief")
 """Branch coverage and mutation, which depend on what examples reach, have the usual number."""
