@@ -14,7 +14,7 @@ from ground.app.input.map_cursor import MapCursor
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.log import latest_rows
 from ground.app.panels.mission import draft_rows, mission_rows
-from ground.app.panels.side import side_rows
+from ground.app.panels.robot_state import side_rows
 from ground.app.panels.streams import stream_rows
 from ground.app.panels.why import now_rows, turn_rows
 from ground.app.playback.app_interface import AppInterface
@@ -23,7 +23,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
 from ground.app.widgets.sparklines import spark_rows
-from ground.explain.reason_text import Why
+from ground.explain.turn_history import Why
 from ground.map.scene import LAYERS, MapTarget
 from runtime.errors import UserError
 

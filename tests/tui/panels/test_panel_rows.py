@@ -7,7 +7,7 @@ import pytest
 from ground.app.input.default_keys import Layer
 from ground.app.input.keymap import Keymap
 from ground.app.panels.mission import mission_rows
-from ground.app.panels.side import side_rows, whole
+from ground.app.panels.robot_state import side_rows, whole
 from ground.app.panels.status import SessionInfo, status_row
 from ground.app.screens.app_screen import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
