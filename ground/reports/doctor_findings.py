@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
 from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import EXPIRES_SOON, MAKE_NEW, RENEW
+from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW, remedy
 from protocol.bus.tls.role_grants import ALL, denial, grant_of
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
@@ -108,11 +108,11 @@ def certificate(seen: Observed) -> Iterator[Finding]:
     if own is None:
         return
     grant = grant_of(own.name)
-    if why := denial(own.name, seen.robot, COMMAND):
+    if own.name and (why := denial(own.name, seen.robot, COMMAND)):
         subscribes = grant is not None and grant.subscribes == ALL
         yield Finding(why, "use --config DIR/ground.toml to command", bad=not subscribes)
     if own.trouble:
-        yield Finding(own.trouble, MAKE_NEW, bad=True)
+        yield Finding(own.trouble, remedy(own), bad=True)
     elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRES_SOON.total_seconds():
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"

@@ -38,6 +38,11 @@ PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
 )
 
 
+def remedy(own: CertificateStatus) -> str:
+    """Return what to do about a certificate that others reject; a wrong authority has no name."""
+    return RENEW if own.name else MAKE_NEW
+
+
 def peer_refusal(network: Network) -> AccessDeniedError | None:
     """Return why the dialled processes refuse this one; None if they do not."""
     whys = (why for endpoint in network.connect if (why := refusal_at(endpoint, network.tls)))

@@ -2,7 +2,7 @@
 
 from protocol.bus.network import Network
 from protocol.bus.tls.certificate import own_certificate
-from protocol.bus.tls.certificate_advice import MAKE_NEW
+from protocol.bus.tls.certificate_advice import remedy
 from protocol.bus.tls.rules import access_control, dialled_access_control
 from runtime.errors import KeysError
 
@@ -17,7 +17,7 @@ def tls_settings(network: Network) -> dict[str, object]:
         return {}
     seen = own_certificate(tls)
     if network.listen and seen.trouble:
-        raise KeysError(f"{seen.trouble}, so all others would reject it: {MAKE_NEW}")
+        raise KeysError(f"{seen.trouble}, so all others would reject it: {remedy(seen)}")
     found: dict[str, object] = {
         "transport/link/protocols": ["tls"],
         "transport/link/tls/root_ca_certificate": tls.ca,

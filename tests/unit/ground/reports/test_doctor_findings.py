@@ -9,7 +9,7 @@ import pytest
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import MAKE_NEW
+from protocol.bus.tls.certificate_advice import MAKE_NEW, RENEW
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -180,11 +180,20 @@ def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, w
     )
 
 
-def test_expired_certificate_is_reported_with_its_remedy() -> None:
-    own = CertificateStatus("ground", 1.0, "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT")
+@pytest.mark.parametrize(
+    ("name", "trouble", "advice"),
+    [
+        ("ground", "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT", RENEW),
+        ("", "/keys/ground.pem is not signed by /keys/ca.pem", MAKE_NEW),
+    ],
+)
+def test_rejected_certificate_is_reported_with_its_remedy(
+    name: str, trouble: str, advice: str
+) -> None:
+    own = CertificateStatus(name, 1.0, trouble)
     report = examine(replace(seen(), certified=own))
     assert not report.healthy
-    assert [(found.what, found.do) for found in report.findings] == [(own.trouble, MAKE_NEW)]
+    assert [(found.what, found.do) for found in report.findings] == [(trouble, advice)]
 
 
 def test_certificate_that_expires_soon_is_mentioned() -> None:
