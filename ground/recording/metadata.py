@@ -31,7 +31,7 @@ class MetadataReader:
         return self.request_missing()
 
     def request_missing(self) -> dict[str, str]:
-        """Request what is missing at once; return as `poll` does."""
+        """Request all missing facts now; return the received ones as JSON texts by name."""
         found = {}
         for name, service in tuple(self._missing.items()):
             text = self._answer(service)

@@ -1,4 +1,4 @@
-"""`sidestep complete -- WORD...`: print the words that fit the last word of a command line.
+"""`sidestep complete -- WORD...`: print the completions of the last word of a command line.
 
 The scripts of `sidestep completion` call it at each press of Tab. The answers come from the parsers
 of the verbs. Each line is a word, for verbs with a tab and a summary. No line means that file names
@@ -33,7 +33,7 @@ class Place(NamedTuple):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Print the words that fit, one a line; nothing when an error occurs."""
+    """Print one completion per line, nothing after an error; return 0."""
     try:
         lines = completions(argv[1:] if argv[:1] == ["--"] else argv)
     except (Exception, SystemExit):  # a shell would show an error amid the line that is typed
@@ -48,7 +48,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def completions(words: Sequence[str]) -> list[str]:
-    """Return what fits the last of the words that follow `sidestep`."""
+    """Return the completions of the last word; `words` are those after `sidestep`."""
     *before, begun = split_by_bash(words) or [""]
     if before[:1] == ["--traceback"]:
         del before[0]
@@ -83,7 +83,7 @@ def words_below(group: str) -> list[str]:
 
 
 def arguments(before: Sequence[str], begun: str) -> list[str]:
-    """Return what fits the arguments of the verb that the words begin with."""
+    """Return the completions of an argument; `before` begins with its verb."""
     call = find(before)
     if call is None:
         return []

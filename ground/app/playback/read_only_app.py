@@ -65,7 +65,7 @@ class ReadOnlyCommands:
 
 
 class ReadOnlyApp:
-    """Passes on what does not concern the robot. Without a recording it shows the app's station."""
+    """The app's interface without robot commands; shows the app's station without a recording."""
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app

@@ -39,7 +39,10 @@ PLAIN_CONFIG: Final[Mapping[str, object]] = MappingProxyType(
 
 
 def remedy(own: CertificateStatus) -> str:
-    """Return what to do about a certificate that others reject; a wrong authority has no name."""
+    """Return the remedy for a rejected certificate.
+
+    The name of one that another authority has signed is empty.
+    """
     return RENEW if own.name else MAKE_NEW
 
 
@@ -146,7 +149,7 @@ def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> AccessDenie
 
 
 def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:
-    """Return what is wrong with our certificate, as far as this side can determine it."""
+    """Return why a peer rejects our certificate, from its own check and the TLS error."""
     if seen.trouble:
         return seen.trouble
     if "EXPIRED" in reason:

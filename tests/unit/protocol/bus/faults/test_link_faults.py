@@ -16,7 +16,7 @@ MANY = 4000
 def sent(
     trouble: LinkFaults, samples: int = MANY, key: str = "sidestep/r1/sense/sonar"
 ) -> list[int]:
-    """Send one numbered sample every 50 ms; return what arrives until all are through."""
+    """Send a numbered sample every 50 ms; return all samples that are delivered."""
     way: FaultyLink[int] = FaultyLink(trouble, key)
     found = [one for number in range(samples) for one in way.take(number, number * 50 * MS)]
     return found + way.due(samples * 100 * MS)
