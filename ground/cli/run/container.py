@@ -96,8 +96,9 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if options.own is not None:
         make_private_folder(Path(options.own.replace(NAME, place.robot)))
     words = ["sidestep", *words_of(options, place)]
-    if words[:3] == ["sidestep", *command_of(HEALTH).split()]:
-        return health.run(parser_of(HEALTH).parse_args(words[3:]), output)
+    call = find(words[1:])
+    if call is not None and call.word == HEALTH:
+        return health.run(parser_of(HEALTH).parse_args(call.arguments), output)
     try:
         os.execvp(words[0], words)
     except FileNotFoundError:
