@@ -1,6 +1,6 @@
 """Sidestep: the command line, and the Python API.
 
-The executable looks a verb up in `runtime.cli.verb_table` and imports only the package that
+The executable looks a verb up in `runtime.cli.verb_lookup` and imports only the package that
 implements it. `import sidestep` provides the names of `ground.client.api`, each imported at its
 first use:
 
@@ -69,11 +69,11 @@ def dispatch(arguments: list[str]) -> int:
     if word == "complete":
         code: int = importlib.import_module("runtime.cli.completion").main(arguments[1:])
         return code
-    call = table().find(arguments)
+    call = verbs().find(arguments)
     if call is None:
         return without_verb(arguments)
     if call.is_old:
-        now = table().command_of(word)
+        now = verbs().command_of(word)
         print(f"sidestep {word}: old name, use `sidestep {now}`", file=sys.stderr)
     try:
         return run(call.word, call.arguments)
@@ -85,30 +85,30 @@ def dispatch(arguments: list[str]) -> int:
         return explain(call.word, error)
 
 
-def table() -> ModuleType:
-    """Return the module of the verb table; an import at the top would need its package."""
-    from runtime.cli import verb_table
+def verbs() -> ModuleType:
+    """Return the module that knows the verbs; an import at the top would need its package."""
+    from runtime.cli import verb_lookup
 
-    return verb_table
+    return verb_lookup
 
 
 def without_verb(words: Sequence[str]) -> int:
     """Print the help of a group, or the error of words that are no verb; return the exit code."""
     group, *rest = words
-    if group not in table().GROUPS:
-        return complain(f"unknown verb {group!r}{table().nearest_verb(words)}")
+    if group not in verbs().GROUPS:
+        return complain(f"unknown verb {group!r}{verbs().nearest_verb(words)}")
     if rest[:1] in (["-h"], ["--help"], ["help"]):
         print(group_help(group))
         return 0
     if not rest:
         return complain(f"which verb of {group!r}? see `sidestep {group} --help`")
-    return complain(f"unknown verb '{group} {rest[0]}'{table().nearest_verb(words)}")
+    return complain(f"unknown verb '{group} {rest[0]}'{verbs().nearest_verb(words)}")
 
 
 def run(word: str, arguments: Sequence[str]) -> int:
     """Run a verb, unless its package is missing or shadowed by another one."""
-    verb = table().VERBS[word]
-    name, package = table().command_of(word), verb.module.partition(".")[0]
+    verb = verbs().VERBS[word]
+    name, package = verbs().command_of(word), verb.module.partition(".")[0]
     if not (ROOT / package).is_dir():
         return refuse(
             name,
@@ -156,7 +156,7 @@ def refuse(name: str, why: str) -> int:
 
 def explain(word: str, error: Exception) -> int:
     """Print an error and return the exit code; for a defect, include its place in the code."""
-    name, code = table().command_of(word), getattr(error, "exit_code", None)
+    name, code = verbs().command_of(word), getattr(error, "exit_code", None)
     if isinstance(code, int):
         print(f"sidestep {name}: {error}", file=sys.stderr)
         return code
@@ -197,14 +197,16 @@ def complain(message: str) -> int:
 
 def overview() -> str:
     """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
+    from runtime.cli.verb_table import GROUPS, MORE, VERBS
+
     lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
-    groups, section = table().GROUPS, ""
-    for word, verb in table().VERBS.items():
+    section = ""
+    for word, verb in VERBS.items():
         if verb.section != section and not verb.is_grouped:
             section = verb.section
             lines += ["", f"{section}:"]
-            if section == table().MORE:
-                lines += [f"  {group:<12} {summary}" for group, summary in groups.items()]
+            if section == MORE:
+                lines += [f"  {group:<12} {summary}" for group, summary in GROUPS.items()]
         if not verb.is_grouped:
             lines.append(f"  {word:<12} {verb.summary}")
     lines += ["", "Exit codes: 0 reached or done, 1 not, 2 usage. Details: sidestep VERB --help"]
@@ -213,11 +215,11 @@ def overview() -> str:
 
 def group_help(group: str) -> str:
     """Return the text of `sidestep GROUP --help`."""
-    lines = [f"usage: sidestep {group} VERB ...", "", table().GROUPS[group], "", "verbs:"]
-    for word, verb in table().VERBS.items():
+    lines = [f"usage: sidestep {group} VERB ...", "", verbs().GROUPS[group], "", "verbs:"]
+    for word, verb in verbs().VERBS.items():
         if verb.section == group:
-            lines.append(f"  {table().command_of(word).split()[-1]:<12} {verb.summary}")
-    example = next(verb.example for verb in table().VERBS.values() if verb.section == group)
+            lines.append(f"  {verbs().command_of(word).split()[-1]:<12} {verb.summary}")
+    example = next(verb.example for verb in verbs().VERBS.values() if verb.section == group)
     lines += ["", f"Details: sidestep {group} VERB --help", "", "example:", f"  sidestep {example}"]
     return "\n".join(lines)
 

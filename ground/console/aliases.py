@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
 
-from runtime.cli.verb_table import VERBS, command_of
+from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import VERBS
 
 ALIASES: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {

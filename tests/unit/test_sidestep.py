@@ -15,7 +15,8 @@ import pytest
 
 import sidestep
 from runtime.cli.packages import Conflict
-from runtime.cli.verb_table import GROUPS, VERBS, Verb, command_of
+from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import GROUPS, VERBS, Verb
 
 ROOT = Path(__file__).parents[2]
 

@@ -23,7 +23,8 @@ from protocol.options import whole
 from protocol.wire.goal import start_arguments
 from runtime.calibration import settings_of
 from runtime.cli.parsers import parser_of
-from runtime.cli.verb_table import VERBS, command_of, find
+from runtime.cli.verb_lookup import command_of, find
+from runtime.cli.verb_table import VERBS
 from runtime.errors import UserError
 
 HEALTH: Final = "health"

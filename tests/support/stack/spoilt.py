@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from runtime.cli.verb_table import find
+from runtime.cli.verb_lookup import find
 
 START: Final = (
     "import sys; sys.path.insert(0, sys.argv.pop(1));"

@@ -16,7 +16,8 @@ from robot import cli as robot_cli
 from robot.core.safety import failsafe
 from robot.parameters.table import SPECS
 from runtime import config
-from runtime.cli.verb_table import VERBS, command_of, find
+from runtime.cli.verb_lookup import command_of, find
+from runtime.cli.verb_table import VERBS
 from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]

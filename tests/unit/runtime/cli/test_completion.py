@@ -11,7 +11,8 @@ from plant.world.file import shipped
 from runtime.cli.completion import completions, main
 from runtime.cli.completion_script import SCRIPTS
 from runtime.cli.completion_script import main as print_script
-from runtime.cli.verb_table import GROUPS, VERBS, command_of
+from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import GROUPS, VERBS
 
 ROOT = Path(__file__).parents[4]
 

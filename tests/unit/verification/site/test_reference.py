@@ -9,7 +9,8 @@ import pytest
 from ground.app.input.default_keys import KEYS
 from protocol.wire.reasons import REASON_TEXTS
 from robot.parameters.table import SPECS
-from runtime.cli.verb_table import VERBS, command_of
+from runtime.cli.verb_lookup import command_of
+from runtime.cli.verb_table import VERBS
 from verification.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
