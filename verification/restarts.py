@@ -101,7 +101,8 @@ def running(
 ) -> Iterator[tuple[Stack, ArrivalTimes, WallClock]]:
     """Run robot and plant at rest, supervised as by `up` but without a restart limit."""
     clock = WallClock()
-    options = parse(["up", "--world", "open", *(["--router"] if router else [])])
+    words = ["up", "--clock", "wall", "--world", "open", *(["--router"] if router else [])]
+    options = parse(words)
     scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:
         stack.start()

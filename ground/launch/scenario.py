@@ -16,6 +16,9 @@ from runtime.calibration import settings_of
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
+PACED: Final = "paced"
+WALL: Final = "wall"
+CLOCKS: Final = (PACED, WALL)
 RECORDER: Final = "recorder"
 
 
@@ -34,7 +37,10 @@ class ScenarioRobot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario:
-    """A complete description of a run. `speed` 1 is wall time; any other value is lockstep."""
+    """A complete description of a run.
+
+    `clock` is PACED for lockstep at most at `speed` times real time, or WALL for wall time.
+    """
 
     world: str
     name: str
@@ -48,6 +54,7 @@ class Scenario:
     router: bool
     record: str | None
     timeout_s: float
+    clock: str = PACED
     calibrated: bool = True
     keep: str | None = None
     locks: str | None = None
@@ -61,7 +68,7 @@ class Scenario:
     @property
     def lockstep(self) -> bool:
         """True for a run in lockstep, which is repeatable."""
-        return self.speed != "1"
+        return self.clock != WALL
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -94,6 +101,7 @@ class RunOptions(Protocol):
     goal: list[float] | None
     robots: int
     speed: str
+    clock: str
     seed: int
     noise: str | None
     uncalibrated: bool
@@ -106,6 +114,10 @@ class RunOptions(Protocol):
 
 def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
     """Return the scenario that the options describe; UserError if the goal is outside."""
+    if options.clock == WALL and options.speed != "1":
+        raise UserError(
+            f"--clock wall runs in real time, not at --speed {options.speed}: use --clock paced"
+        )
     goal = goal_in(facts)
     if options.goal is not None:
         goal = destination(options.goal)
@@ -123,6 +135,7 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
         router=options.router or options.robots > 1,
         record=None if options.record is None else str(Path(options.record).resolve()),
         timeout_s=options.timeout,
+        clock=options.clock,
         calibrated=not options.uncalibrated,
         keep=options.keep,
         locks=options.locks,

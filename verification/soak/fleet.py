@@ -43,8 +43,8 @@ class Fleet:
     """The processes of `up` with a router; those that end are restarted as `up` restarts them."""
 
     def __init__(self, world: str, robots: int, seed: int, folder: Path, clock: Clock) -> None:
-        words = ["up", "--headless", "--router", "--world", world, "--robots", str(robots)]
-        options = parse([*words, "--seed", str(seed)])
+        words = ["up", "--headless", "--clock", "wall", "--router", "--world", world]
+        options = parse([*words, "--robots", str(robots), "--seed", str(seed)])
         facts = world_facts(command(world_query(options), os.getpid()))
         self.scenario: Scenario = scenario_of(options, facts)
         self.endpoint = free_endpoint()

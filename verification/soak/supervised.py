@@ -74,7 +74,7 @@ def main(arguments: Sequence[str]) -> int:
     parent, world = arguments
     if not die_with_parent(int(parent)):
         return 1
-    options = parse(["up", "--headless", "--world", world])
+    options = parse(["up", "--headless", "--clock", "wall", "--world", world])
     facts = world_facts(command(world_query(options), os.getpid()))
     words = dict(process_arguments(scenario_of(options, facts), free_endpoint()))
     clock, over = WallClock(), threading.Event()

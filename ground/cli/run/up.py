@@ -27,7 +27,14 @@ from ground.launch.recording_session import (
     default_folder,
     folder_of,
 )
-from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
+from ground.launch.scenario import (
+    CLOCKS,
+    PACED,
+    Scenario,
+    scenario_of,
+    world_facts,
+    world_query,
+)
 from ground.launch.tls_configs import ground_file
 from ground.text.output import Output
 from ground.text.status_parts import Part
@@ -82,8 +89,13 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
         " room, to the nearest free place in sight of the goal (1)"
     )
     parser.add_argument("--robots", type=whole(1, MAX_ROBOTS), default=1, metavar="K", help=text)
-    text = "1: wall clock; another factor or max: lockstep"
+    text = "simulated time over real time, at most; or max (1)"
     parser.add_argument("--speed", type=speed, default="1", metavar="F", help=text)
+    text = (
+        "paced: the simulation waits for each robot, so a busy computer slows it down and changes"
+        " nothing; wall: it never waits, so a late robot stops, as a real one does (paced)"
+    )
+    parser.add_argument("--clock", choices=CLOCKS, default=PACED, help=text)
     text = "seed of all random numbers (0)"
     parser.add_argument("--seed", type=whole(0), default=0, metavar="S", help=text)
     parser.add_argument("--noise", choices=NOISES, help="instead of the world's noise")
@@ -143,11 +155,11 @@ def run_with_app(
 ) -> int:
     """Run with the app open; the operator may choose other goals or another world."""
     with Stack(options, scenario, free_endpoint(), clock) as stack:
-        stack.start(ready=partial(recorders_ready, stack, clock, output))
+        stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
             goal_runs = goal_runs_of(stack, bus, output, clock)
             FleetRun(goal_runs, clock, stack.check, progress_display(output, clock)).launch(
-                lockstep=False
+                lockstep=scenario.lockstep
             )
             stack.supervise(bus)
             folder = Path(scenario.record or default_folder())
@@ -267,7 +279,7 @@ def free_endpoint() -> str:
 
 
 def speed(text: str) -> str:
-    """Parse a factor or `max`, as the plant takes it; 1 is the wall clock."""
+    """Parse a factor or `max`, as the plant takes it."""
     if text == "max":
         return text
     return f"{positive(text):g}"

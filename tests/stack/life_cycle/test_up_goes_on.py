@@ -73,7 +73,7 @@ def words_of(pid: int) -> str:
 def under_way(*words: str) -> Iterator[Up]:
     """Start `up` in wall time, headless; yield it once the robot drives."""
     with Crew() as crew:
-        up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
+        up = Up(crew.start("up", "--headless", "--clock", "wall", "--world", "open", "--json", *words))
         up.says("driving")
         for pid in up.pids:
             real_time(pid)
@@ -140,7 +140,8 @@ def test_ctrl_c_while_one_is_started_again_leaves_nothing_behind(born: bool) -> 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
 def test_app_shows_which_process_was_restarted_and_why(tmp_path: Path) -> None:
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open", "--no-record"]
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", "wall", "--world", "open"]
+    words += ["--no-record"]
     with Tmux(tmp_path, words, (140, 30), {"COLUMNS": "140"}) as tmux:
         tmux.shows("read: ready", within_s=20.0)
         tmux.press("7")

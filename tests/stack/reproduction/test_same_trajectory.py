@@ -4,12 +4,14 @@ Each case is one that could differ: senses that stay away, a robot of other dime
 a heading that no float holds exactly, things that move, every kind of noise, several navigators.
 """
 
+import json
 from pathlib import Path
 
 import pytest
 
 from plant.world.file import load
 from study.trial.trial import Trial, run_trial
+from tests.support.stack.processes import Crew
 from verification.harness.stack import lockstep_run
 
 pytestmark = pytest.mark.stack
@@ -73,3 +75,19 @@ def test_with_every_navigator_and_noise(navigator: str, side: str, noise: str) -
 def test_by_a_router_too() -> None:
     trial = Trial(world=load("corner"), seed=3)
     same("corner", trial, router=True)
+
+
+@pytest.mark.parametrize("world", ["box", "u_trap"])
+def test_first_drive_at_real_time_equals_the_trial(world: str) -> None:
+    """Run `up` without an option for time, so that its defaults are tested."""
+    words = ("--world", world, "--timeout", "3", "--json")
+    with Crew() as crew:
+        drives = [crew.start("up", "--headless", *words), crew.start("trial", *words)]
+        results = []
+        for drive in drives:
+            assert drive.ends(30.0) == 1, drive.said
+            results.append(json.loads(drive.said.splitlines()[-1]))
+    in_real_time, in_one_process = results
+    assert in_real_time["wall_s"] >= 2.9
+    assert (in_real_time["ticks"], in_one_process["ticks"]) == (60, 60)
+    assert in_real_time["digest"] == in_one_process["digest"]

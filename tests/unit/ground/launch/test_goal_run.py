@@ -10,7 +10,7 @@ from ground.client.goal import destination
 from ground.client.link import Link, UnansweredError
 from ground.client.requests import ATTEMPTS
 from ground.launch.goal_run import READY_NS, RESTART_WAIT_NS, GoalRun, NoOutcomeError
-from ground.launch.scenario import Scenario, ScenarioRobot
+from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
@@ -71,7 +71,7 @@ class Stage:
         link = Dialled(self.bus, Common(network=network, robot="r1"), self.clock)
         goal = destination([3.0, 2.0])
         scenario_robot = ScenarioRobot(robot="r1", start=(0.0, 0.0, 0.0), goal=goal)
-        scenario = replace(SCENARIO, speed="max") if lockstep else SCENARIO
+        scenario = SCENARIO if lockstep else replace(SCENARIO, clock=WALL)
         self.goal_run = GoalRun(link, scenario, scenario_robot, lambda: None, lambda: self.void)
 
     @classmethod

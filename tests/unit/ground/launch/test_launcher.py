@@ -63,8 +63,9 @@ def test_all_processes_share_one_endpoint() -> None:
     assert stack.common.endpoint == ENDPOINT
 
 
-def test_lockstep_waits_only_when_paused() -> None:
-    stack, children = stack_of("--world", "box", "--speed", "4")
+@pytest.mark.parametrize("speed", ["1", "4"])
+def test_lockstep_waits_only_when_paused(speed: str) -> None:
+    stack, children = stack_of("--world", "box", "--speed", speed)
     stack.start(paused=True)
     assert PAUSED in children.started[-1][1]
     stack.restarted(stack.scenario)

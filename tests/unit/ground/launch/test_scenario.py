@@ -64,8 +64,7 @@ def test_single_robot_listens_and_others_dial() -> None:
     found = scenario()
     assert roles(found) == ["robot r1", "plant"]
     assert words_of(found, "robot r1")[3:5] == ["--listen", ENDPOINT]
-    assert words_of(found, "plant")[-2:] == ["--connect", ENDPOINT]
-    assert "--lockstep" not in words_of(found, "robot r1")
+    assert words_of(found, "plant")[5:9] == ["--robots", "r1", "--connect", ENDPOINT]
 
 
 def test_several_robots_use_a_router() -> None:
@@ -79,11 +78,27 @@ def test_several_robots_use_a_router() -> None:
     assert "r1,r2,r3" in words_of(found, "plant")
 
 
-@pytest.mark.parametrize("speed", ["max", "10", "0.5"])
-def test_any_speed_but_1_is_lockstep_and_starts_paused(speed: str) -> None:
+@pytest.mark.parametrize("speed", ["max", "10", "1", "0.5"])
+def test_paced_run_is_lockstep_and_starts_paused(speed: str) -> None:
     found = scenario("--speed", speed)
     assert "--lockstep" in words_of(found, "robot r1")
     assert words_of(found, "plant")[-4:] == ["--lockstep", "--speed", speed, "--paused"]
+
+
+def test_paced_at_speed_1_is_the_default() -> None:
+    assert scenario() == scenario("--clock", "paced", "--speed", "1")
+
+
+def test_wall_clock_runs_without_lockstep() -> None:
+    found = scenario("--clock", "wall")
+    assert "--lockstep" not in words_of(found, "robot r1")
+    assert not {"--lockstep", "--paused", "--speed"} & set(words_of(found, "plant"))
+
+
+@pytest.mark.parametrize("speed", ["max", "2"])
+def test_wall_clock_has_no_other_speed(speed: str) -> None:
+    with pytest.raises(UserError, match=f"--clock wall .* --speed {speed}: use --clock paced"):
+        scenario("--clock", "wall", "--speed", speed)
 
 
 def test_robot_gets_the_parameters_of_the_world() -> None:
