@@ -73,7 +73,9 @@ def words_of(pid: int) -> str:
 def under_way(*words: str) -> Iterator[Up]:
     """Start `up` in wall time, headless; yield it once the robot drives."""
     with Crew() as crew:
-        up = Up(crew.start("up", "--headless", "--clock", "wall", "--world", "open", "--json", *words))
+        up = Up(
+            crew.start("up", "--headless", "--clock", "wall", "--world", "open", "--json", *words)
+        )
         up.says("driving")
         for pid in up.pids:
             real_time(pid)
