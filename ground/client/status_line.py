@@ -5,6 +5,7 @@ from math import degrees, isfinite
 from typing import Any, Final, TypeVar
 
 from ground.client.telemetry import Age, Telemetry
+from ground.text.state_roles import present_reason
 from ground.text.status_parts import Part
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.enums import GoalState, Mode, Vehicle
@@ -89,8 +90,8 @@ def doing(status: NavigatorStatus) -> str:
     """Return the robot's activity in one word."""
     if status.vehicle != Vehicle.ACTIVE:
         return name_of(Vehicle, status.vehicle).lower().replace("_", " ")
-    if status.mode == Mode.HOLD:
-        return "hold"
+    if status.mode in (Mode.HOLD, Mode.MANUAL):
+        return Mode(status.mode).name.lower()
     return name_of(GoalState, status.goal).lower()
 
 
@@ -118,8 +119,8 @@ def name_of(kind: type[Vehicle] | type[Mode] | type[GoalState], number: int) -> 
 
 
 def reason_of(status: NavigatorStatus) -> str:
-    """Return the reason of the vehicle or the goal in parentheses, empty if there is none."""
-    reason = status.vehicle_reason or status.goal_reason
+    """Return the reason of the present state in parentheses, empty if there is none."""
+    reason = present_reason(status)
     return "" if reason == Reason.NONE else f"({reason_text(reason)})"
 
 

@@ -8,7 +8,7 @@ from robot.core.typing_shim import Final
 OK: Final = 0  # ok
 NOT_ARMED: Final = 1  # not armed: arm first
 NO_SENSES: Final = 2  # no fresh wheel ticks and sonar scan yet
-EMERGENCY_STOPPED: Final = 3  # emergency stop is latched: clear it first
+EMERGENCY_STOPPED: Final = 3  # emergency stop is latched
 GOAL_OUT_OF_RANGE: Final = 4  # goal is not finite or farther than the robot accepts
 TOLERANCE_OUT_OF_RANGE: Final = 5  # tolerance is out of range
 UNKNOWN_MODE: Final = 6  # the robot has no such mode
@@ -44,7 +44,7 @@ WHEEL_STUCK: Final = 35  # wheel commanded but not turning
 NOT_FINITE: Final = 36  # a value is not a number
 BUMPER: Final = 37  # bumper contact
 OPERATOR_LOST: Final = 38  # no operator heartbeat for 1.5 s
-BUDGET: Final = 39  # control cycle over its budget or more than one period late
+BUDGET: Final = 39  # control loop too slow (computer busy)
 CORE_EXCEPTION: Final = 40  # the control core failed
 FENCE_BREACHED: Final = 41  # the robot is outside of its fence: lift the fence to drive it back
 NAME_TAKEN: Final = 42  # another robot of the same name is on the bus

@@ -9,6 +9,7 @@ from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.client.status_line import doing
 from ground.client.telemetry import AgedMessage
 from ground.station.station import Station
+from ground.text.state_roles import present_reason, state_role
 from ground.text.wording import SONARS
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
 from protocol.wire.enums import GoalState
@@ -95,28 +96,20 @@ def speed_words(odometry: PlanarOdometry) -> str:
 
 def why_words(status: NavigatorStatus | None) -> str:
     """Return the reason of the vehicle's or the goal's state, or ""."""
-    reason = 0 if status is None else status.vehicle_reason or status.goal_reason
+    reason = 0 if status is None else present_reason(status)
     return reason_text(reason) if reason else ""
 
 
 def state_spans(status: AgedMessage, decision: AgedMessage) -> list[Span]:
     """Return the state, and the angle γ between the chosen direction and the goal."""
     turned: AvoidanceDecision | None = live(decision)
-    spans = [aged(status, lambda status: f"{doing(status).upper():<10}", state_role(status))]
+    now: NavigatorStatus | None = live(status)
+    role = "faint" if now is None else state_role(now)
+    spans = [aged(status, lambda status: f"{doing(status).upper():<10}", role)]
     if turned is not None and isfinite(turned.rotation_rad):
         angle = f"γ {degrees(turned.rotation_rad):+.0f}°"
         spans += [Span(" "), Span(angle, role_of(decision, "virtual"))]
     return spans
-
-
-def state_role(seen: AgedMessage) -> str:
-    """Return the role of the state's colour."""
-    status: NavigatorStatus | None = live(seen)
-    if status is None:
-        return "faint"
-    if status.goal in (GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED):
-        return "danger"
-    return "caution" if status.goal == GoalState.AVOIDING else "ok"
 
 
 def sonar_rows(station: Station) -> list[Row]:

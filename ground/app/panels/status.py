@@ -8,6 +8,7 @@ from ground.client.status_line import name_of
 from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
+from ground.text.state_roles import vehicle_role
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -65,7 +66,7 @@ def state_parts(status: AgedMessage) -> list[Row]:
         return [row(aged(status, mode_words))]
     return [
         row(aged(status, mode_words)),
-        row(aged(status, vehicle_words, vehicle_role(live(status)))),
+        row(aged(status, vehicle_words, vehicle_role(live(status).vehicle))),
         row(aged(status, navigator_words)),
     ]
 
@@ -97,13 +98,6 @@ def vehicle_words(status: NavigatorStatus) -> str:
     words = {Vehicle.ACTIVE: "ARMED", Vehicle.STANDBY: "DISARMED", Vehicle.EMERGENCY_STOP: "E-STOP"}
     known = status.vehicle in list(words)
     return words[Vehicle(status.vehicle)] if known else name_of(Vehicle, status.vehicle)
-
-
-def vehicle_role(status: NavigatorStatus | None) -> str:
-    """Return the role of the vehicle's colour."""
-    if status is None or status.vehicle == Vehicle.STANDBY:
-        return "text"
-    return "ok" if status.vehicle == Vehicle.ACTIVE else "danger"
 
 
 def navigator_words(status: NavigatorStatus) -> str:

@@ -33,7 +33,7 @@ LEFTOVERS: Final = (
 """How to list them, and how to remove them."""
 
 TRIES: Final = 6
-BUSY: Final = ("control cycle over its budget", "not armed", "no fresh", "no answer")
+BUSY: Final = ("control loop too slow", "not armed", "no fresh", "no answer")
 """What becomes of a drive where others take the processor away."""
 
 

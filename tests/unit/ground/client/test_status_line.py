@@ -142,6 +142,7 @@ def test_line_of_several_robots_has_names(air: Air, telemetry: Telemetry) -> Non
 def test_what_it_does_is_one_word_unless_it_may_not_drive() -> None:
     assert doing(status()) == "driving"
     assert doing(status(mode=Mode.HOLD)) == "hold"
+    assert doing(status(mode=Mode.MANUAL, goal=GoalState.ABORTED)) == "manual"
     assert doing(status(vehicle=Vehicle.EMERGENCY_STOP)) == "emergency stop"
     assert doing(status(goal=99)) == "goalstate 99"
 

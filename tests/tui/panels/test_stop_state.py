@@ -1,0 +1,56 @@
+"""The side panel and the status line never show a stopped robot as a healthy one."""
+
+import pytest
+from msgspec.structs import replace
+
+from ground.app.panels.robot_state import place_rows
+from ground.app.panels.status import SessionInfo, status_row
+from ground.app.widgets.rows import Row, words_of
+from protocol.topics import STATUS
+from protocol.wire.enums import GoalState, Mode, Vehicle
+from protocol.wire.messages import NavigatorStatus
+from protocol.wire.reasons import Reason
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.underway import driving, status
+
+
+def shown(**changes: int) -> FakeStation:
+    station = driving(FakeStation())
+    now_ns = station.clock.now_ns()
+    message: NavigatorStatus = replace(status(now_ns), **changes)
+    station.air.put(STATUS, message, now_ns)
+    return station
+
+
+def role_of(rows: list[Row], words: str) -> str:
+    return next(span.role for one in rows for span in one if span.text.strip() == words)
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "name", "short", "role"),
+    [
+        (Vehicle.EMERGENCY_STOP, "EMERGENCY STOP", "E-STOP", "danger"),
+        (Vehicle.FAILSAFE, "FAILSAFE", "FAILSAFE", "caution"),
+    ],
+)
+@pytest.mark.parametrize("goal", [GoalState.NONE, GoalState.REACHED, GoalState.ABORTED])
+def test_stopped_robot_has_the_colour_of_its_vehicle_state(
+    vehicle: Vehicle, name: str, short: str, role: str, goal: GoalState
+) -> None:
+    station = shown(vehicle=vehicle, goal=goal)
+    assert role_of(place_rows(station), name) == role
+    assert role_of([status_row(station, SessionInfo(), 120)], short) == role
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
+def test_reason_of_the_last_stop_disappears_when_armed_again(mode: Mode) -> None:
+    station = shown(
+        vehicle=Vehicle.ACTIVE, mode=mode, goal=GoalState.ABORTED, goal_reason=Reason.BUDGET
+    )
+    assert "why" not in "\n".join(map(words_of, place_rows(station)))
+
+
+def test_reason_is_shown_while_the_robot_is_stopped() -> None:
+    station = shown(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.BUDGET)
+    text = "\n".join(map(words_of, place_rows(station)))
+    assert "why   control loop too slow (computer busy)" in text
