@@ -17,6 +17,7 @@ from textual.timer import Timer
 
 from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
+from ground.app.chrome.tabs import LOG, UnreadWarnings
 from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
@@ -87,6 +88,7 @@ class GroundApp(App[int]):
         self._frame_rate = FrameRate(self.appearance.hz)
         self._settling: Timer | None = None
         self._printable = Printable()
+        self._unread = UnreadWarnings()
         self._robot_keys = RobotKeys(self)
         for theme in THEMES:
             self.register_theme(theme)
@@ -120,6 +122,12 @@ class GroundApp(App[int]):
         kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
         return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
+
+    @property
+    def unread_warnings(self) -> int:
+        """The number of warnings and errors since the log screen was last shown."""
+        self._unread.look(self.station.log, reading=self.current_mode == LOG)
+        return self._unread.count
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread; `done` gets its result in this thread."""

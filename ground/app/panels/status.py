@@ -16,6 +16,9 @@ from runtime.units import NS_PER_S
 
 GAP: Final = Span("  ", "text")
 TIGHT: Final = Span(" ", "text")
+CRUMB: Final = " ▸ "
+LEAST_FOR_CRUMBS: Final = 40
+"""On fewer columns, the steps of the path are separated by a space."""
 NAMES: Final[dict[int, str]] = {number: name for name, number in NAVIGATORS.items()}
 SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.items()}
 
@@ -30,7 +33,8 @@ class SessionInfo(NamedTuple):
 
 def status_row(station: Station, session: SessionInfo, width: int) -> Row:
     """Return the status line; narrow the gaps, then drop the last parts, until it fits."""
-    parts = [part for part in parts_of(station, session) if width_of(part)]
+    crumb = CRUMB if width >= LEAST_FOR_CRUMBS else TIGHT.text
+    parts = [part for part in parts_of(station, session, crumb) if width_of(part)]
     gap = GAP
     if _wide(parts, gap) > width:
         gap = TIGHT
@@ -46,12 +50,15 @@ def _wide(parts: list[Row], gap: Span) -> int:
     return sum(map(width_of, parts)) + len(gap.text) * (len(parts) - 1)
 
 
-def parts_of(station: Station, session: SessionInfo) -> list[Row]:
-    """Return the parts of the status line, the most important first."""
+def parts_of(station: Station, session: SessionInfo, crumb: str) -> list[Row]:
+    """Return the parts of the status line, the most important first.
+
+    The first is the path from the robot to its state, with `crumb` between the steps.
+    """
     status = station.seen(STATUS)
     return [
-        row(presence(station), Span(f" {station.robot}", "accent")),
-        *state_parts(status),
+        row(presence(station), Span(f" {station.robot}", "accent"), *state_spans(status, crumb)),
+        row(aged(status, navigator_words)) if live(status) else (),
         link_part(station),
         row(head("t+ "), aged(status, driven_words)) if live(status) else (),
         kind_part(session),
@@ -60,15 +67,13 @@ def parts_of(station: Station, session: SessionInfo) -> list[Row]:
     ]
 
 
-def state_parts(status: AgedMessage) -> list[Row]:
-    """Return mode, vehicle and navigator, or only the age when they are too old."""
+def state_spans(status: AgedMessage, crumb: str) -> Row:
+    """Return mode and vehicle behind the robot, or only the age when they are too old."""
+    mode = aged(status, mode_words)
     if live(status) is None:
-        return [row(aged(status, mode_words))]
-    return [
-        row(aged(status, mode_words)),
-        row(aged(status, vehicle_words, vehicle_role(live(status).vehicle))),
-        row(aged(status, navigator_words)),
-    ]
+        return row(faint(crumb), mode)
+    vehicle = aged(status, vehicle_words, vehicle_role(live(status).vehicle))
+    return row(faint(crumb), mode, faint(crumb), vehicle)
 
 
 def lease_part(station: Station) -> Row:

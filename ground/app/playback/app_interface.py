@@ -33,6 +33,10 @@ class AppInterface(Protocol):
         """The facts that the status line shows besides the robot's state."""
 
     @property
+    def unread_warnings(self) -> int:
+        """The number of warnings and errors since the log screen was last shown."""
+
+    @property
     def ascii_only(self) -> bool:
         """True when the terminal's font has nothing but ASCII."""
 

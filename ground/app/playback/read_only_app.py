@@ -89,6 +89,11 @@ class ReadOnlyApp:
         """The facts that the status line shows besides the robot's state."""
         return self._app.session_info if self.player is None else SessionInfo(kind="REPLAY")
 
+    @property
+    def unread_warnings(self) -> int:
+        """The number of warnings and errors since the log screen was last shown."""
+        return self._app.unread_warnings
+
     def note(self, text: str) -> None:
         """Add a line to the log."""
         self.station.note(text)

@@ -1,6 +1,6 @@
-"""Define what all screens share: status, alarm, command line and key bar."""
+"""Define what all screens share: status, tabs, alarm, command line and key bar."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from textwrap import wrap
 from typing import ClassVar, Final
 
@@ -9,13 +9,15 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.input.default_keys import KeyBinding, Layer
-from ground.app.input.keymap import shown
+from ground.app.chrome.button_row import ButtonRow
+from ground.app.chrome.key_bar import key_buttons
+from ground.app.chrome.tabs import tab_buttons
+from ground.app.input.default_keys import Layer
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface
 from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
-from ground.app.widgets.rows import Row, Span, cut, row, width_of
+from ground.app.widgets.rows import Row, Span, cut, row
 from ground.station.station import Station
 
 Action = Callable[[], object]
@@ -23,13 +25,7 @@ WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
 HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
 """The style classes of a screen, with the least columns and rows of each."""
 MOST_ROWS: Final = 2
-STOPS: Final = ("estop-here",)
-LAST: Final = ("palette", "help")
-ORDER: Final = (
-    *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),
-    *("explain", "abort", "missions", "rtl"),
-)
-"""The order of keys that all screens have, behind the keys of the present screen."""
+LEAST_ROWS_FOR_TABS: Final = 10
 
 
 class AppScreen(Screen[None]):
@@ -48,15 +44,16 @@ class AppScreen(Screen[None]):
         self._then: Callable[[str], None] = interface.commands.run_line
 
     def compose(self) -> ComposeResult:
-        """Compose status, alarm, content, command line and key bar."""
+        """Compose status, tabs, alarm, content, command line and key bar."""
         yield Lines(id="status")
+        yield ButtonRow(id="tabs")
         yield Lines(id="alarm")
         with Container(id="middle"):
             yield from self.compose_content()
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
             yield CommandLine(self.interface.commands.complete)
-        yield Lines(id="keybar")
+        yield ButtonRow(id="keybar")
 
     def compose_content(self) -> ComposeResult:
         """Compose what is between the alarm and the command line."""
@@ -87,13 +84,29 @@ class AppScreen(Screen[None]):
             return
         station, width = self.interface.station, self.size.width
         self.lines("status").show([status_row(station, self.interface.session_info, width)])
+        self.draw_tabs()
         alarm = self.lines("alarm")
         rows = alarm_rows(station, width)
         alarm.show(rows)
         alarm.display, alarm.styles.height = bool(rows), max(1, len(rows))
         self.draw()
         self.draw_prompt()
-        self.lines("keybar").show([keybar_row(self.interface.keys_now(), width)])
+        self.buttons("keybar").show_buttons(*key_buttons(self.interface.keys_now(), width))
+
+    def draw_tabs(self) -> None:
+        """Draw the tab bar, unless the terminal is too low for it."""
+        tabs, width = self.buttons("tabs"), self.size.width
+        tabs.display = self.size.height >= LEAST_ROWS_FOR_TABS
+        unread, ascii_only = self.interface.unread_warnings, self.interface.ascii_only
+        tabs.show_buttons(tab_buttons(self.name_of(), unread, width, ascii_only=ascii_only))
+
+    def name_of(self) -> str:
+        """Return the name of this screen."""
+        return type(self).__name__.removesuffix("Screen").lower()
+
+    def buttons(self, id: str) -> ButtonRow:
+        """Return the row of buttons with this id."""
+        return self.query_one(f"#{id}", ButtonRow)
 
     def lines(self, id: str) -> Lines:
         """Return the panel with this id."""
@@ -184,32 +197,3 @@ def across(words: str, role: str, width: int) -> list[Row]:
     room = max(1, width - 2)
     lines = wrap(words, room, max_lines=MOST_ROWS, placeholder="…")
     return [cut(row(Span(f" {line}".ljust(width), role)), width) for line in lines]
-
-
-def keybar_row(keys: Sequence[KeyBinding], width: int) -> Row:
-    """Return as many keys as fit; the palette and the help keep their place at the end."""
-    named = sorted((key for key in keys if key.short and key.keys), key=place)
-    tail = [span for key in named if key.id in LAST for span in button(key)]
-    room = width - width_of(tuple(tail))
-    spans: list[Span] = []
-    for key in named:
-        more = () if key.id in LAST else button(key)
-        room -= width_of(more)
-        if room < 0:
-            break
-        spans += more
-    gap = max(0, width - width_of(tuple(spans)) - width_of(tuple(tail)))
-    return cut(row(*spans, Span(" " * gap), *tail), width)
-
-
-def place(key: KeyBinding) -> int:
-    """Return the position of a key on the key bar."""
-    if key.id in STOPS:
-        return -2
-    return ORDER.index(key.id) if key.id in ORDER else -1
-
-
-def button(key: KeyBinding) -> Row:
-    """Return a key and its short name."""
-    role = "alarm" if key.id in STOPS else "key"
-    return row(" ", Span(shown(key.keys[:1]), role), Span(f" {key.short} "))

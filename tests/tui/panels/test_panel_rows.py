@@ -4,12 +4,9 @@ from math import inf, nan
 
 import pytest
 
-from ground.app.input.default_keys import Layer
-from ground.app.input.keymap import Keymap
 from ground.app.panels.mission import mission_rows
 from ground.app.panels.robot_state import side_rows, whole
 from ground.app.panels.status import SessionInfo, status_row
-from ground.app.screens.app_screen import keybar_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
 from ground.app.widgets.sparklines import SPARKLINES, figure_rows
@@ -60,16 +57,6 @@ def test_status_line_drops_the_least_important_parts(width: int) -> None:
     assert width_of(shown) <= width
     if width >= 80:
         assert "SIM 1.0x" in words_of(shown)
-
-
-@pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
-def test_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
-    keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.STATION)
-    shown = keybar_row(keys, width)
-    assert width_of(shown) <= width
-    if width >= 40:
-        assert words_of(shown).startswith(" space E-STOP")
-        assert words_of(shown).endswith("? Help ")
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def test_drive_screen_shows_pose_and_state() -> None:
             assert "0.08 !!" in side
             assert "0.23 !" in side
             assert "412/2500 us" in side
-            assert stage.words("status").startswith("● r1  GUIDED  ARMED  vgm/left")
+            assert stage.words("status").startswith("● r1 ▸ GUIDED ▸ ARMED  vgm/left")
             assert "SIM" in stage.words("status")
 
     play(story)
@@ -141,7 +141,7 @@ def test_loss_is_an_alarm_and_old_values_show_ages() -> None:
             side = stage.words("side")
             assert "4.12" not in side
             assert "-- 3.0 s" in side
-            assert stage.words("status").startswith("○ r1  -- 3.0 s")
+            assert stage.words("status").startswith("○ r1 ▸ -- 3.0 s")
 
     play(story)
 

@@ -1,0 +1,1 @@
+"""Contain what surrounds the content of every screen: tabs, answers and keys."""
