@@ -13,6 +13,7 @@ MAX_COUNT: Final = 99
 LOG: Final = "log"
 MARKS: Final = ("▌", "▐")
 ASCII_MARKS: Final = ("[", "]")
+NO_MARKS: Final = (" ", " ")
 
 
 class UnreadWarnings:
@@ -48,7 +49,12 @@ def tab_buttons(current: str, unread: int, width: int, *, ascii_only: bool = Fal
 
     def tabs(word: Callable[[str], str], names: tuple[str, ...]) -> list[Button]:
         return [
-            tab(name, word(name), warnings if name == LOG else "", marks if name == current else "")
+            tab(
+                name,
+                word(name),
+                warnings if name == LOG else "",
+                marks if name == current else NO_MARKS,
+            )
             for name in names
         ]
 
@@ -57,12 +63,12 @@ def tab_buttons(current: str, unread: int, width: int, *, ascii_only: bool = Fal
     return next((form for form in forms if buttons_width(form) <= width), forms[-1])
 
 
-def tab(name: str, words: str, warnings: str, marks: tuple[str, str] | str) -> Button:
-    """Return one tab; `marks` are on both sides of the current one."""
-    before, after = marks or "  "
+def tab(name: str, words: str, warnings: str, marks: tuple[str, str]) -> Button:
+    """Return one tab between two marks."""
+    before, after = marks
     spans = row(
         Span(before, "accent"),
-        Span(words, "accent" if marks else "head"),
+        Span(words, "head" if marks == NO_MARKS else "accent"),
         Span(f" {warnings}" if warnings else "", "caution"),
         Span(after, "accent"),
     )
