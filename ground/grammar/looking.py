@@ -9,7 +9,9 @@ from ground.grammar.words import LONGEST_S, Words, add_common, add_json, seconds
 from ground.reports.doctor import LISTEN_S, Diagnose
 from ground.reports.explain import ExplainNow, ExplainRecording
 from ground.reports.export import Export
+from ground.reports.figure.style import SCREEN, STYLES
 from ground.reports.plot import Plot
+from ground.reports.share import Share
 from ground.reports.snapshot import LookOnce
 from protocol.options import finite, up_to
 from runtime.errors import UserError
@@ -126,12 +128,16 @@ class PlotWords(Words):
     world: str | None
     begin: float | None
     end: float | None
+    style: str
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
-        parser.add_argument("--out", default="", metavar="FILE", help="a .png or .svg (FILE.png)")
+        help = "a .png, .svg or .pdf (FILE.png)"
+        parser.add_argument("--out", default="", metavar="FILE", help=help)
+        help = f"for the screen, or one column of a paper ({SCREEN.name})"
+        parser.add_argument("--style", choices=list(STYLES), default=SCREEN.name, help=help)
         help = "the world of the run; an .mcap contains it"
         parser.add_argument("--world", metavar="W", help=help)
         help = "begin at this second of the robot's stamps"
@@ -142,5 +148,29 @@ class PlotWords(Words):
     def operation(self) -> Plot:
         """Return the operation for the parsed arguments."""
         return Plot(
-            file=self.file, out=self.out, world=self.world, begin_s=self.begin, end_s=self.end
+            file=self.file,
+            out=self.out,
+            world=self.world,
+            begin_s=self.begin,
+            end_s=self.end,
+            style=self.style,
         )
+
+
+class ShareWords(Words):
+    """The arguments of `share`."""
+
+    file: str
+    out: str
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
+        parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
+        help = "a .zip (FILE.zip)"
+        parser.add_argument("--out", default="", metavar="FILE", help=help)
+        add_json(parser)
+
+    def operation(self) -> Share:
+        """Return the operation for the parsed arguments."""
+        return Share(file=self.file, out=self.out)

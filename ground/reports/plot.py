@@ -8,22 +8,26 @@ from typing import Any, ClassVar, Final
 from ground.client.operations import Progress, Session
 from ground.launch.child_command import command
 from ground.launch.scenario import world_facts
+from ground.map.scene import Shape
 from ground.recording.log_reader import Log, open_log
-from ground.recording.tables import figure
-from ground.recording.tables.series import collect_series
+from ground.recording.tables.series import RunSeries, collect_series
 from ground.recording.tables.time_axis import TimeAxis
 from ground.recording.world_metadata import facts_of, radius_of
+from ground.reports.figure.run_figure import Run, write
+from ground.reports.figure.style import SCREEN, STYLES
 from ground.reports.report import Report
+from ground.station.robot.mission_items import MissionItems
+from protocol.topics import ANSWERED, COMMANDED
 from runtime.errors import UserError
 
-KINDS: Final = (".png", ".svg")
+KINDS: Final = (".png", ".svg", ".pdf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """Draw a recorded run as a .png or .svg; `world` is needed if the file has none.
+    """Draw a recorded run as a .png, .svg or .pdf; `world` is needed if the file has none.
 
-    `begin_s` and `end_s` are seconds of the robot's time stamps.
+    `begin_s` and `end_s` are seconds of the robot's time stamps; `style` is a name in STYLES.
     """
 
     verb: ClassVar[str] = "plot"
@@ -33,13 +37,14 @@ class Plot:
     world: str | None = None
     begin_s: float | None = None
     end_s: float | None = None
+    style: str = SCREEN.name
 
     def run(self, progress: Progress) -> Report:
         """Draw the picture; UserError if there is nothing to draw or it cannot be written."""
         source = Path(self.file)
         target = Path(self.out) if self.out else source.with_suffix(".png")
         if target.suffix not in KINDS:
-            raise UserError(f"--out {target}: end it in .png or .svg")
+            raise UserError(f"--out {target}: end it in .png, .svg or .pdf")
         log = open_log(source)
         if not sum(1 for _ in log):  # read all of it: the facts may be anywhere
             raise UserError(f"{source}: has no frame{damaged(log)}")
@@ -57,14 +62,32 @@ class Plot:
 def draw(asked: Plot, target: Path, robot: str, facts: dict[str, Any]) -> None:
     """Draw the run into a file."""
     source = Path(asked.file)
-    found = collect_series(TimeAxis(open_log(source), asked.begin_s, asked.end_s), radius_of(facts))
+    timed = TimeAxis(open_log(source), asked.begin_s, asked.end_s)
+    found = collect_series(timed, radius_of(facts))
     if not (found.estimated or found.true):
         raise UserError(f"{source}: has no pose in that time, so there is nothing to draw")
-    where = f" in {facts['name']}" if "name" in facts else ""
+    run = Run(found, facts, fence_in(source), title_of(robot, facts, found), source.name)
     try:
-        figure.write(target, found, facts, f"{source.name}: {robot}{where}")
+        write(target, run, STYLES[asked.style])
     except OSError as error:
         raise UserError(f"{target}: {error.strerror}") from error
+
+
+def title_of(robot: str, facts: dict[str, Any], found: RunSeries) -> str:
+    """Return what happened in words: robot, world, and how each goal ended."""
+    where = f" in {facts['name']}" if "name" in facts else ""
+    ends = [f"{one.text} at {one.time_s:.1f} s" for one in found.marks if one.kind == "outcome"]
+    return f"{robot}{where}{f': {ends[-1]}' if ends else ''}"
+
+
+def fence_in(source: Path) -> Shape | None:
+    """Return the fence that was uploaded last in a recording."""
+    items = MissionItems()
+    uploads = {COMMANDED.path, ANSWERED.path}
+    for one in TimeAxis(open_log(source)):
+        if one.path in uploads:
+            items.receive(one.message)
+    return items.fence
 
 
 def facts_in(world: str | None, log: Log) -> dict[str, Any]:

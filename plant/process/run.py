@@ -11,7 +11,7 @@ from plant.process.loop import Process, Wake, nothing
 from plant.process.requests import RequestQueue
 from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
-from plant.world.to_json import as_json
+from plant.world.to_json import as_json, run_json
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
@@ -59,6 +59,7 @@ def assemble(
 ) -> Process:
     """Create the links to the robots and the services, and announce them. Raises NameTakenError."""
     world = as_json(plant.world, known_length_m(plant.world))
+    world |= run_json(plant.world, plant.seed, plant.noise)
     desk = RequestQueue(running=not paused, world=world, nudge=wake)
     wires = [
         RobotLink(bus, robot, number, wake, lockstep=lockstep)

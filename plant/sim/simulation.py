@@ -42,6 +42,8 @@ class Plant:
         or a start is not free.
         """
         self.world = world
+        self.seed = seed
+        self.noise = noise
         self.body = body_of(world)
         self.now_ns = at_ns
         self._movers = [Mover(circle) for circle in movers(world)]

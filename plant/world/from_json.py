@@ -12,8 +12,8 @@ from runtime.toml_reader import Key
 IN_THE_FILE: Final = {"obstacles": "obstacle", "faults": "fault"}
 """Keys of lists in the JSON, with their singular names in the file."""
 
-ADDED: Final = ("shortest_path_m", "starts", "goals")
-"""Keys that are computed from a world and ignored when reading."""
+ADDED: Final = ("shortest_path_m", "starts", "goals", "seed", "noise_level")
+"""Keys that are computed from a world or belong to one run, and are ignored when reading."""
 
 
 def is_json(text: str) -> bool:

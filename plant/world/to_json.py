@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable
 from math import degrees
 from typing import Any, TypeAlias
 
+from plant.model.configuration import noise_of
+from plant.model.noise import LEVELS, Noise
 from plant.model.scene import Pose
 from plant.model.types import Circle, Obstacle, Polygon, Settings, World
 from plant.placement.fleet_goals import RobotGoal
@@ -37,6 +39,13 @@ def tables_of(world: World, in_degrees: Callable[[float], float]) -> dict[str, A
         "noise": _settings(world.noise, in_degrees),
         "faults": [_settings(fault, in_degrees) for fault in world.faults],
     }
+
+
+def run_json(world: World, seed: int, noise: Noise) -> dict[str, Json]:
+    """Return what a run needs besides its world: the seed, and a noise that is not the world's."""
+    levels = [name for name, level in LEVELS.items() if level == noise]
+    other = {} if noise == noise_of(world) or not levels else {"noise_level": levels[0]}
+    return {"seed": seed, **other}
 
 
 def places_json(starts: Iterable[Pose], goals: Iterable[RobotGoal]) -> dict[str, Json]:

@@ -155,6 +155,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             run="run",
             suffixes=RECORDINGS,
         ),
+        "share": Verb(
+            LOOK,
+            "put a recording, its plot and its explanation into one .zip",
+            "share drive.mcap --out drive.zip",
+            LOOKING,
+            words="ShareWords",
+            suffixes=RECORDINGS,
+        ),
         "trial": Verb(
             TEST,
             "run one trial as fast as possible",

@@ -76,7 +76,7 @@ def test_what_a_key_means_is_spelt_as_it_is_typed(
 
 def test_the_table_of_commands_leaves_none_out() -> None:
     spoken = {argv[0] for _, argv in SPOKEN}
-    assert set(COMMANDS) - spoken == {"export", "plot"}
+    assert set(COMMANDS) - spoken == {"export", "plot", "share"}
 
 
 def test_every_command_word_is_parsed_or_reports_its_usage() -> None:

@@ -6,16 +6,22 @@ from math import isnan
 from pathlib import Path
 
 import matplotlib.image
+import msgspec
 import pytest
 
 from ground.cli.main import main
 from ground.client.operations import NoProgress
 from ground.console.parser import read
+from ground.missions.mission import Polygon
+from ground.missions.wire import fence_items_of
 from ground.recording.log_reader import open_log
 from ground.recording.tables.series import collect_series
 from ground.recording.tables.time_axis import TimeAxis
 from ground.reports.plot import Plot
-from protocol.topics import SONAR, STATUS
+from protocol.topics import ANSWERED, COMMANDED, SONAR, STATUS
+from protocol.wire.enums import MissionType
+from protocol.wire.message import Message
+from protocol.wire.messages import MissionCount, MissionVerdict
 from tests.support.ground.recording.made import (
     START_US,
     PublishedFrame,
@@ -41,7 +47,7 @@ def test_a_png_has_the_drawing_in_it(
     printed = json.loads(capsys.readouterr().out)
     image = matplotlib.image.imread(printed["out"])
     assert printed["out"].endswith("a.png")
-    assert image.shape[:2] == (840, 1440)
+    assert image.shape[:2] == (900, 1440)
     assert len({tuple(pixel) for row in image[::7, ::7] for pixel in row}) > 20, "not blank"
 
 
@@ -53,13 +59,65 @@ def test_an_svg_is_well_formed_and_names_what_it_shows(
     text = out.read_text()
     ElementTree.fromstring(text)
     for words in (
-        "a.mcap: r1 in made",
+        "r1 in made: REACHED at",
+        "goal accepted",
+        "end of a goal",
+        "speed (m/s)",
+        "turning (rad/s)",
         "true path",
         "estimated path",
         "nearest echo",
         "estimated (1 sigma)",
     ):
-        assert f"<!-- {words}" in text
+        assert f"<!-- {words}" in text, words
+
+
+@pytest.mark.parametrize("suffix", [".pdf", ".svg"])
+def test_the_figure_of_a_paper_is_one_column_wide_without_a_title(
+    tmp_path: Path, frames: list[PublishedFrame], suffix: str
+) -> None:
+    out = tmp_path / f"a{suffix}"
+    log = str(mcap(tmp_path / "a.mcap", frames))
+    assert main(["plot", log, "--style", "paper", "--out", str(out)]) == 0
+    text = out.read_bytes().decode("latin-1")
+    if suffix == ".pdf":
+        assert text.startswith("%PDF")
+        assert "/MediaBox [ 0 0 252 " in text, "3.5 inches"
+    else:
+        assert 'width="252pt"' in text
+        assert "r1 in made" not in text
+        assert "x (m)" in text
+
+
+def test_equal_runs_give_equal_figures(tmp_path: Path, frames: list[PublishedFrame]) -> None:
+    log = str(mcap(tmp_path / "a.mcap", frames))
+    for suffix in (".svg", ".pdf"):
+        drawn = []
+        for number in range(2):
+            out = tmp_path / f"{number}{suffix}"
+            assert main(["plot", log, "--out", str(out)]) == 0
+            drawn.append(out.read_bytes())
+        assert drawn[0] == drawn[1]
+
+
+def test_the_fence_is_drawn_and_several_goals_are_numbered(
+    tmp_path: Path, frames: list[PublishedFrame]
+) -> None:
+    encoder = TopicEncoder()
+    fence = fence_items_of(Polygon(corners=((0.0, 0.0), (5.0, 0.0), (5.0, 3.0))))
+    count = MissionCount(count=len(fence), mission_type=MissionType.FENCE)
+    verdict = MissionVerdict(mission_id=1, item=65_535, reason=0, mission_type=MissionType.FENCE)
+    uploads: list[Message] = [count, *fence]
+    added = [encoder.publish(COMMANDED, one, START_US + 1) for one in uploads]
+    added.append(encoder.publish(ANSWERED, verdict, START_US + 2))
+    other = msgspec.structs.replace(status(70_000_000_000), goal_x_m=1.0)
+    added.append(encoder.publish(STATUS, other, START_US + 3))
+    out = tmp_path / "a.svg"
+    assert main(["plot", str(mcap(tmp_path / "a.mcap", [*frames, *added])), "--out", str(out)]) == 0
+    text = out.read_text()
+    assert "<!-- fence -->" in text
+    assert "<!-- 1 -->" in text
+    assert "<!-- 2 -->" in text
 
 
 def test_of_very_many_echoes_a_part_is_drawn(
@@ -68,7 +126,7 @@ def test_of_very_many_echoes_a_part_is_drawn(
     """Keep pictures of two hours small enough to open."""
     log, drawn = mcap(tmp_path / "a.mcap", frames), []
     for most in (4000, 10):
-        monkeypatch.setattr("ground.recording.tables.figure.MAX_ECHOES", most)
+        monkeypatch.setattr("ground.reports.figure.map_axes.MAX_ECHOES", most)
         out = tmp_path / f"{most}.svg"
         assert main(["plot", str(log), "--out", str(out)]) == 0
         drawn.append(out.read_text().count("<use "))
@@ -106,7 +164,7 @@ def test_it_can_be_asked_for_in_the_app(tmp_path: Path, frames: list[PublishedFr
 @pytest.mark.parametrize(
     ("words", "why"),
     [
-        (["--out", "a.gif"], "end it in .png or .svg"),
+        (["--out", "a.gif"], "end it in .png, .svg or .pdf"),
         (["--from", "1e6"], "no pose in that time"),
         (["--out", "/proc/none/a.png"], "No such file"),
     ],
