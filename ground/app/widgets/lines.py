@@ -49,10 +49,10 @@ class Lines(Widget):
 
     def render_lines(self, crop: Region) -> list[Strip]:
         """Return the strips of a region, from the cache when there is no border."""
+        self._restyle()
         if any(self.styles.gutter):
             return super().render_lines(crop)
         width = self.size.width
-        self._restyle()
         strips = [self.render_line(y) for y in crop.line_range]
         filters, background = self.get_line_filters(), self.background_colors[1]
         for line_filter in filters:
@@ -67,6 +67,13 @@ class Lines(Widget):
             self._restyle()
             strip = self._strips[y] = self._strip(y)
         return strip
+
+    def notify_style_update(self) -> None:
+        """Draw again: Textual applies the style sheet of a new theme some time after the switch."""
+        super().notify_style_update()
+        self._appearance = ()
+        self._strips.clear()
+        self.refresh()
 
     def _restyle(self) -> None:
         """Clear the cache when the theme, the character set or the width has changed."""

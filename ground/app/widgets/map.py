@@ -60,7 +60,8 @@ class MapWidget(Widget):
         self._view = View(0, 0)
         self._shown: Collection[str] = LAYERS
         self._ascii_only, self._fitted, self._following = ascii_only, True, False
-        self._ink, self._dim_ink = inks(styles_by_role or {})
+        self._styles_by_role = styles_by_role or {}
+        self._inks: tuple[dict[str, Style], dict[str, Style]] | None = None
 
     @property
     def view(self) -> View:
@@ -99,15 +100,24 @@ class MapWidget(Widget):
         self._draw()
 
     def paint(self, theme: str) -> None:
-        """Use the colours of a theme."""
+        """Use the colours of a theme on the widget's background."""
         if theme != self._theme:
-            self._theme, blank = theme, self.rich_style
-            inks = styles_of(theme).items()
-            self.colour({BLANK: blank, **{role: blank + style for role, style in inks}})
+            self._theme = theme
+            self.colour(styles_of(theme))
 
     def colour(self, styles_by_role: Mapping[str, Style]) -> None:
         """Use these styles."""
-        self._ink, self._dim_ink = inks(styles_by_role)
+        self._styles_by_role = styles_by_role
+        self._restyle()
+
+    def notify_style_update(self) -> None:
+        """Draw again: Textual applies the style sheet of a new theme some time after the switch."""
+        super().notify_style_update()
+        self._restyle()
+
+    def _restyle(self) -> None:
+        """Read the background again at the next drawing."""
+        self._inks = None
         self._strips.clear()
         self.refresh()
 
@@ -169,7 +179,10 @@ class MapWidget(Widget):
         self.post_message(self.Zoomed(factor, *self._view.middle_of(event.x, event.y)))
 
     def _strip(self, row: int) -> Strip:
-        ink = self._ink if self.scene.live else self._dim_ink
+        if self._inks is None:
+            ground = self.rich_style if self._theme else Style.null()
+            self._inks = inks(ground, self._styles_by_role)
+        ink = self._inks[not self.scene.live]
         runs = self._canvas.strip(row)
         return Strip([Segment(text, ink[role]) for role, text in runs], self._canvas.columns)
 
@@ -215,9 +228,11 @@ class MapWidget(Widget):
             self.refresh(*bands(rows, canvas.columns))
 
 
-def inks(styles_by_role: Mapping[str, Style]) -> tuple[dict[str, Style], dict[str, Style]]:
+def inks(
+    ground: Style, styles_by_role: Mapping[str, Style]
+) -> tuple[dict[str, Style], dict[str, Style]]:
     """Return a style for each role, normal and dim. Never None, which Textual cannot filter."""
-    plain = {role: styles_by_role.get(role, Style.null()) for role in (BLANK, *ROLES)}
+    plain = {role: ground + styles_by_role.get(role, Style.null()) for role in (BLANK, *ROLES)}
     return plain, {role: style + Style(dim=True) for role, style in plain.items()}
 
 

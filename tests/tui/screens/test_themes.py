@@ -1,0 +1,94 @@
+"""Test that every switch of the theme repaints every screen."""
+
+from collections.abc import Iterator
+from itertools import pairwise, permutations
+
+import pytest
+from rich.style import Style
+
+from ground.app.screens.drive import DriveScreen
+from ground.app.widgets.map import MapWidget
+from ground.text.theme_names import THEMES
+from tests.support.tui.pilot import Stage, play, staged
+
+PAIRS = tuple(permutations(THEMES, 2))
+SCREENS = "12345678"
+Row = list[tuple[str, Style | None]]
+
+
+def chain() -> Iterator[str]:
+    """Yield themes so that each ordered pair of themes is next to each other once."""
+    left = {theme: [other for other in THEMES if other != theme] for theme in THEMES}
+    here, way = THEMES[0], list[str]()
+    back: list[str] = []
+    while here or back:
+        if left[here]:
+            back.append(here)
+            here = left[here].pop()
+            continue
+        way.append(here)
+        if not back:
+            break
+        here = back.pop()
+    yield from reversed(way)
+
+
+def styles(stage: Stage) -> list[Row]:
+    """Return what the terminal shows: the text of each segment with its style."""
+    strips = stage.app.screen._compositor.render_strips()
+    return [[(segment.text, segment.style) for segment in strip.simplify()] for strip in strips]
+
+
+def differing(found: list[Row], wanted: list[Row]) -> list[tuple[Row, Row]]:
+    return [pair for pair in zip(found, wanted, strict=True) if pair[0] != pair[1]][:1]
+
+
+async def switch(stage: Stage, theme: str) -> None:
+    """Switch as the app does: it draws at once, before Textual applies the style sheet."""
+    stage.app.theme = theme
+    stage.app.redraw()
+    await stage.redraw()
+
+
+def test_chain_holds_every_pair_of_themes() -> None:
+    themes = list(chain())
+    assert set(pairwise(themes)) == set(PAIRS)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 50)], ids=["80x24", "160x50"])
+def test_map_takes_the_background_of_every_next_theme(size: tuple[int, int]) -> None:
+    async def story() -> None:
+        themes = list(chain())
+        async with staged(size, theme=themes[0]) as stage:
+            for theme in themes[1:]:
+                await switch(stage, theme)
+                assert isinstance(stage.app.screen, DriveScreen)
+                for shown in stage.app.screen.query(MapWidget):
+                    wanted = shown.rich_style.bgcolor
+                    strips = [shown.render_line(row) for row in range(shown.size.height)]
+                    found = {one.style.bgcolor for strip in strips for one in strip if one.style}
+                    assert found <= {wanted}, theme
+
+    play(story)
+
+
+@pytest.mark.usefixtures("worlds")
+def test_switched_theme_looks_like_a_fresh_start_on_every_screen() -> None:
+    async def story() -> None:
+        fresh = {}
+        for theme in THEMES:
+            async with staged(theme=theme) as stage:
+                for key in SCREENS:
+                    await stage.press(key)
+                    fresh[theme, key] = styles(stage)
+        themes = list(chain())
+        async with staged(theme=themes[0]) as stage:
+            for turn, theme in enumerate(themes[1:]):
+                here = SCREENS[turn % len(SCREENS)]
+                await stage.press(here)
+                await switch(stage, theme)
+                for key in (here, SCREENS[(turn + 3) % len(SCREENS)]):
+                    await stage.press(key)
+                    assert differing(styles(stage), fresh[theme, key]) == [], (theme, key)
+
+    play(story)
