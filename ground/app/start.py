@@ -16,6 +16,7 @@ from ground.app.appearance import AppOptions, appearance_of, in_browser
 from ground.app.input.keymap import Keymap, load
 from ground.client.connection import Common
 from ground.client.link import Link
+from ground.user.folders import state_folder
 from protocol.bus.network import Network
 from runtime.clock import WallClock
 from runtime.gc_freeze import freeze_heap
@@ -31,7 +32,6 @@ CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
 FREEZE_AFTER_S: Final = 3.0
 """By then the app has created its permanent objects. A full collection later takes 60 ms."""
-FOLDER: Final = "sidestep"
 
 
 def run(
@@ -137,12 +137,6 @@ def keymap_of(options: AppOptions) -> Keymap:
     """Load the keymap from the named file, or from the user's file if there is one."""
     usual_place = state_folder() / "keys.toml"
     return load(options.keys or (usual_place if usual_place.exists() else None))
-
-
-def state_folder() -> Path:
-    """Return the folder of the history, the keys and the app's own log."""
-    state = os.environ.get("XDG_STATE_HOME")
-    return (Path(state) if state else Path.home() / ".local" / "state") / FOLDER
 
 
 def operator_name() -> str:

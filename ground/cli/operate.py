@@ -18,13 +18,13 @@ def run(words: Words, output: Output) -> int:
     Values are checked before the program connects to a robot.
     """
     if isinstance(words, WatchWords) and not (words.once or words.json):
-        return follow(common_of(words))
+        return follow(common_of(words, output))
     operation = words.operation()
     if isinstance(operation, Offline):
         return print_outcome(output, words, "", operation.run(output))
     if isinstance(operation, FromFile):
         operation = operation.read()
-    common = common_of(words)
+    common = common_of(words, output)
     try:
         with open_link(common) as link:
             return print_outcome(

@@ -1,4 +1,4 @@
-"""Network and robot, from the parsed arguments of a verb."""
+"""Network and robot, from the parsed arguments of a verb and from what runs here."""
 
 import argparse
 from dataclasses import replace
@@ -6,14 +6,21 @@ from pathlib import Path
 
 from ground.client.connection import Common, Config, common
 from ground.grammar.words import Words
+from ground.text.output import Output
 from protocol.bus.network import Network
 from protocol.options import usual_endpoint
 from runtime.config import load_shared
 
 
-def common_of(options: argparse.Namespace | Words) -> Common:
-    """Merge defaults, the file and the command line; UserError or ConfigError for a bad value."""
-    return common(options.connect, options.id, options.config)
+def common_of(options: argparse.Namespace | Words, output: Output | None = None) -> Common:
+    """Merge defaults, the file and the command line; UserError or ConfigError for a bad value.
+
+    With an output, print which run the endpoint was taken from.
+    """
+    found = common(options.connect, options.id, options.config, options.run)
+    if output is not None and found.source:
+        output.note(found.source)
+    return found
 
 
 def listening_of(options: argparse.Namespace) -> Network:

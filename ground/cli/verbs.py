@@ -46,7 +46,7 @@ def with_link(act: Act) -> Run:
     """Return a function that opens a link and calls `act` with it."""
 
     def run(options: argparse.Namespace, output: Output) -> int:
-        with open_link(common_of(options)) as link:
+        with open_link(common_of(options, output)) as link:
             return act(options, link, output)
 
     return run

@@ -1,9 +1,10 @@
-"""The robot and the endpoint to connect to, from a file and the command line; checked numbers."""
+"""The robot and the endpoint to connect to, from the command line, a file or a runtime file."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from ground.user.runs import FoundRun, read_runs
 from protocol.bus.network import Network
 from protocol.options import dialled
 from protocol.topics import robot_name
@@ -11,6 +12,9 @@ from runtime.config import load_shared
 from runtime.errors import UserError
 
 CONNECT_TIMEOUT_S: Final = 1.5
+OPERATOR_FILE: Final = "ground.toml"
+"""Configuration of an operator in a folder of certificates."""
+START_HINT: Final = "`sidestep ps` lists what runs here, `sidestep up` starts it"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,10 +27,17 @@ class Config:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Common:
-    """The network to connect to and the robot to command."""
+    """The network to connect to and the robot to command.
+
+    `config` is the file with the certificates. `source` is how the endpoint was found, empty if it
+    was given. `hint` is added to the error when the endpoint does not answer.
+    """
 
     network: Network
     robot: str
+    config: str | None = None
+    source: str = ""
+    hint: str = ""
 
     @property
     def endpoint(self) -> str:
@@ -34,18 +45,65 @@ class Common:
         return ", ".join(self.network.connect)
 
 
-def common(endpoint: str | None, robot: str | None, config: str | Path | None) -> Common:
+def common(
+    endpoint: str | None, robot: str | None, config: str | Path | None, run: str | None = None
+) -> Common:
     """Merge defaults, the configuration file and explicit values, in this order.
 
-    Raises UserError or ConfigError for a value that is wrong.
+    Without an endpoint and a file, take the endpoint from the runtime file of `up`: that of `run`,
+    or the only one there is. Raises UserError or ConfigError for a value that is wrong, and if
+    several runs are there and none is named.
     """
+    if endpoint is not None or config is not None:
+        if run is not None:
+            raise UserError("--run names a running `up`: leave out --connect and --config")
+        return given(endpoint, robot, config)
+    found = chosen_run(run)
+    if found is None:
+        return replace(given(None, robot, None), hint=START_HINT)
+    name, facts = found
+    locks = None if facts.locks is None else Path(facts.locks) / OPERATOR_FILE
+    return replace(
+        given(facts.endpoint, robot or facts.robots[0], locks),
+        source=f"run {name} at {facts.endpoint}",
+        hint=f"it is the endpoint of `up` {name}, see `sidestep ps`",
+    )
+
+
+def given(endpoint: str | None, robot: str | None, config: str | Path | None) -> Common:
+    """Merge defaults, the configuration file and explicit values, in this order."""
     found = Config() if config is None else load_shared(Path(config), Config)
     network = found.network or Network()
     connect = dialled(network) if endpoint is None else (endpoint,)
     network = replace(
         network, mode="client", connect=connect, listen=(), connect_timeout_s=CONNECT_TIMEOUT_S
     )
-    return Common(network=network, robot=robot_name(robot or found.robot))
+    return Common(
+        network=network,
+        robot=robot_name(robot or found.robot),
+        config=None if config is None else str(config),
+    )
+
+
+def chosen_run(name: str | None) -> FoundRun | None:
+    """Return the run of this name, or without a name the only one; None if nothing runs.
+
+    Raises UserError for an unknown name, and for several runs without a name.
+    """
+    found = read_runs().found
+    listed = ", ".join(f"{one.name} ({one.run.endpoint})" for one in found)
+    if name is not None:
+        for one in found:
+            if one.name == name:
+                return one
+        here = f"here run: {listed}" if found else f"nothing runs here: {START_HINT}"
+        raise UserError(f"--run {name}: there is no such run; {here}")
+    if len(found) > 1:
+        raise UserError(
+            f"{len(found)} runs are here: {listed}; choose one with --run NAME or "
+            "--connect ENDPOINT, as in: --run " + found[0].name
+        )
+    return found[0] if found else None
 
 
 def within(value: float, low: float, high: float, what: str, unit: str) -> float:

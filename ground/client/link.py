@@ -70,6 +70,7 @@ class Link:
 
     def __init__(self, bus: Bus, common: Common, clock: Clock) -> None:
         self.bus = bus
+        self.common = common
         self.robot = common.robot
         self.clock = clock
         self.ids = RequestIds()
@@ -169,6 +170,7 @@ def open_link(common: Common) -> Iterator[Link]:
     except (PeerHangsError, AccessDeniedError) as error:
         raise UnansweredError(str(error)) from error
     except NoPeerError as error:
-        raise UnansweredError(f"no robot and no router: {error}") from error
+        hint = f"; {common.hint}" if common.hint else ""
+        raise UnansweredError(f"no robot and no router: {error}{hint}") from error
     with bus:
         yield Link(bus, common, WallClock())

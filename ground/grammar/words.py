@@ -25,6 +25,7 @@ class Words:
     connect: str | None
     id: str | None
     config: str | None
+    run: str | None
     json: bool
 
     def __init__(self, verb: str) -> None:
@@ -73,12 +74,15 @@ class FromFile(Protocol):
 
 
 def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
-    """Declare `--connect` (or `--listen`), `--id`, `--config` and `--json`."""
+    """Declare `--connect`, `--run` and `--id` (or `--listen`), `--config` and `--json`."""
     if listens:
-        parser.add_argument("--listen", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
+        parser.add_argument("--listen", metavar="ENDPOINT", help=f"(default {DEFAULT_ENDPOINT})")
     else:
-        parser.add_argument("--connect", metavar="ENDPOINT", help=f"({DEFAULT_ENDPOINT})")
-        parser.add_argument("--id", metavar="NAME", help="name of the robot (r1)")
+        text = f"where it listens (default that of `up`, if one runs here, else {DEFAULT_ENDPOINT})"
+        parser.add_argument("--connect", metavar="ENDPOINT", help=text)
+        text = "a running `up`, by its name in `sidestep ps`"
+        parser.add_argument("--run", metavar="NAME", help=text)
+        parser.add_argument("--id", metavar="NAME", help="name of the robot (default r1)")
     parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
     add_json(parser)
 

@@ -56,7 +56,8 @@ class Stack:
     """The processes of one `up`.
 
     The endpoint never changes, so clients find the processes again after a restart. Until
-    `supervise` is called, the exit of any process ends the run.
+    `supervise` is called, the exit of any process ends the run. `on_change` is called when other
+    processes run than before.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class Stack:
     ) -> None:
         self._options = options
         self.scenario = scenario
-        self._endpoint = endpoint
+        self.endpoint = endpoint
         self._clock = clock
         self._policy = policy
         self._children = Children(clock)
@@ -78,6 +79,7 @@ class Stack:
         self._supervisor: Supervisor | None = None
         self._bus: Bus | None = None
         self.logs_before: set[Path] = set()
+        self.on_change: Callable[[], None] = lambda: None
 
     def __enter__(self) -> Self:
         return self
@@ -90,7 +92,7 @@ class Stack:
     @property
     def common(self) -> Common:
         """Connection settings of the first robot."""
-        network = Network(mode="client", connect=(self._endpoint,), connect_timeout_s=DIAL_S)
+        network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=DIAL_S)
         locks = self.scenario.locks
         return Common(network=dialling(locks, network), robot=self.scenario.robots[0])
 
@@ -103,7 +105,7 @@ class Stack:
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
             self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
-        *first, (role, words) = commands = process_arguments(self.scenario, self._endpoint)
+        *first, (role, words) = commands = process_arguments(self.scenario, self.endpoint)
         self._roles = [name for name, _ in commands]
         check(self.scenario.locks, self._roles)
         for before, its_words in first:
@@ -111,6 +113,7 @@ class Stack:
         ready()
         waits = paused or PAUSED not in words
         self._children.start(role, words if waits else [w for w in words if w != PAUSED])
+        self.on_change()
 
     def supervise(self, bus: Bus) -> None:
         """Restart processes that exit, and kill and restart those that hang, from now on."""
@@ -125,7 +128,7 @@ class Stack:
         if self._supervisor is None:
             self._children.check()
             return
-        self._supervisor.round(self._clock.now_ns())
+        self._supervise_once(self._supervisor)
         for why in self._supervisor.schedule.given_up.values():
             raise ChildExitError(why, 1)
 
@@ -143,8 +146,14 @@ class Stack:
         """Return the next event of a process in words; empty when there is none."""
         if self._supervisor is None:
             return ""
-        self._supervisor.round(self._clock.now_ns())
+        self._supervise_once(self._supervisor)
         return self._supervisor.next_event()
+
+    def _supervise_once(self, supervisor: Supervisor) -> None:
+        before = self._children.pids
+        supervisor.round(self._clock.now_ns())
+        if self._children.pids != before:
+            self.on_change()
 
     def void(self, robot: str) -> VoidRun | None:
         """Return why a trial of this robot is void, or None while it counts."""
@@ -182,7 +191,7 @@ class Stack:
         """Return the arguments for a restart: time goes on, and a robot reports the cause."""
         words = [
             word
-            for word in dict(process_arguments(self.scenario, self._endpoint))[role]
+            for word in dict(process_arguments(self.scenario, self.endpoint))[role]
             if word != PAUSED
         ]
         return [*words, "--after", cause] if words[0] == "robot" else words
@@ -211,6 +220,10 @@ class Stack:
     def roles(self) -> list[str]:
         """Return the names of the processes in the order of their first start."""
         return self._roles
+
+    def processes(self) -> dict[str, int]:
+        """Return the process id of each role that runs."""
+        return dict(zip(self._children.roles, self._children.pids, strict=True))
 
     def inject_fault(self, role: str, what: str) -> str:
         """Inject a fault into a process and return what was done, in words."""

@@ -14,11 +14,12 @@ from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
 from ground.recording.log_reader import robot_in
 from ground.recording.retention import Retention, size_in, size_of
+from ground.user.folders import state_folder
 from runtime.clock import Clock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
-RECORDINGS: Final = Path("sidestep") / "recordings"
+RECORDINGS: Final = "recordings"
 WRITING: Final = "REC"
 STALLED: Final = "REC!"
 ROLE: Final = "recorder"
@@ -49,8 +50,7 @@ def add_keep(parser: argparse.ArgumentParser) -> None:
 
 def default_folder() -> Path:
     """Return the user's folder for recordings."""
-    state = os.environ.get("XDG_STATE_HOME")
-    return (Path(state) if state else Path.home() / ".local" / "state") / RECORDINGS
+    return state_folder() / RECORDINGS
 
 
 def byte_limit(folder: Path, keep: str | None) -> int | None:

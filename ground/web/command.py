@@ -13,7 +13,7 @@ from ground.text.output import Output
 from ground.web.address import DEFAULT_HOST, DEFAULT_PORT, Address, address_of, token_of
 from runtime.errors import UserError
 
-PASSED_ON: Final = ("connect", "id", "config", "record", "theme", "hz", "keys")
+PASSED_ON: Final = ("connect", "run", "id", "config", "record", "theme", "hz", "keys")
 SWITCHES: Final = ("no_record", "ascii")
 LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
@@ -44,6 +44,7 @@ class WebOptions(Protocol):
     shown: str | None
     token_file: str | None
     connect: str | None
+    run: str | None
     id: str | None
     config: str | None
     record: str | None

@@ -123,6 +123,13 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "watch": Verb(
             LOOK, "print telemetry and texts as lines", "watch --once", LOOKING, words="WatchWords"
         ),
+        "ps": Verb(
+            LOOK,
+            "list what `up` runs here: endpoint, robots, world, processes",
+            "ps --json",
+            "ground.cli.observe.ps",
+            run="run",
+        ),
         "doctor": Verb(
             LOOK,
             "find problems, and how to fix them",

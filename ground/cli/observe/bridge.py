@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from time import time_ns
 from typing import Any, Final, NamedTuple
 
-from ground.cli.options import common_of
 from ground.client.link import Link
 from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
@@ -54,7 +53,7 @@ def place(text: str) -> Place:
 
 def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Serve until a signal ends the process. No viewer can send anything to the robot."""
-    bridge = Bridge(link, common_of(options).network.prefix)
+    bridge = Bridge(link, link.common.network.prefix)
     run_for(bridge, link.clock, HEAD_START_NS)
     server = served(options.at, link.robot)
     try:

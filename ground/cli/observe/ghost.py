@@ -69,7 +69,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if options.file is not None:
         return run_from_recording(options, output)
     check_options(options)
-    with open_link(common_of(options)) as link:
+    with open_link(common_of(options, output)) as link:
         return act(options, link, output)
 
 

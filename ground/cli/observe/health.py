@@ -53,7 +53,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     """
     if options.web is not None:
         ask_page(address_of(options.web))
-    with open_link(common_of(options)) as link:
+    with open_link(common_of(options, output)) as link:
         return act(options, link, output)
 
 

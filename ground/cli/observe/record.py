@@ -38,7 +38,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Record until a signal ends the process; return 1 if something could not be written."""
-    common = common_of(options)
+    common = common_of(options, output)
     with open_link(common) as link:
         folder = Path(options.folder)
         log = new_log(folder, link)

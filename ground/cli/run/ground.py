@@ -41,7 +41,7 @@ def run_ground(options: argparse.Namespace, output: Output) -> int:
         return 0
     if options.web is not None:
         return web.serve(options, output)
-    with open_link(common_of(options)) as link:
+    with open_link(common_of(options, output)) as link:
         return act_ground(options, link, output)
 
 
@@ -57,9 +57,9 @@ def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
 
 def run_recorded(options: argparse.Namespace, link: Link) -> int:
     """Run the app, with a recorder beside it unless --no-record is given."""
-    common, folder = common_of(options), folder_of(options)
+    common, folder = link.common, folder_of(options)
     where = folder or default_folder()
-    with RecordingSession(where, common, link.clock, options.config, options.keep) as recording:
+    with RecordingSession(where, common, link.clock, common.config, options.keep) as recording:
         if folder is not None:
             recording.begin()
         return run_app(options, link, common, recording=recording)

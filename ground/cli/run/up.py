@@ -27,6 +27,7 @@ from ground.launch.recording_session import (
     default_folder,
     folder_of,
 )
+from ground.launch.run_announcement import announced
 from ground.launch.scenario import (
     CLOCKS,
     PACED,
@@ -129,7 +130,7 @@ def run_headless(
     options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock
 ) -> list[Outcome]:
     """Run once with processes that end with this call; return one outcome per robot."""
-    with Stack(options, scenario, free_endpoint(), clock) as stack:
+    with Stack(options, scenario, free_endpoint(), clock) as stack, announced(stack, output):
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
             goal_runs = goal_runs_of(stack, bus, output, clock)
@@ -154,7 +155,7 @@ def run_with_app(
     options: argparse.Namespace, scenario: Scenario, output: Output, clock: Clock
 ) -> int:
     """Run with the app open; the operator may choose other goals or another world."""
-    with Stack(options, scenario, free_endpoint(), clock) as stack:
+    with Stack(options, scenario, free_endpoint(), clock) as stack, announced(stack, output):
         stack.start(paused=scenario.lockstep, ready=partial(recorders_ready, stack, clock, output))
         with connect(stack.common, clock, stack.check) as bus:
             goal_runs = goal_runs_of(stack, bus, output, clock)

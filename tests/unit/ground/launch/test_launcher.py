@@ -109,3 +109,13 @@ def test_fault_injection_needs_a_running_process() -> None:
     assert "is suspended" in stack.inject_fault("robot r1", "hang")
     with pytest.raises(UserError, match="no running robot r9 process"):
         stack.inject_fault("robot r9", "end")
+
+
+def test_every_start_of_processes_is_reported() -> None:
+    stack, children = stack_of("--world", "box")
+    found: list[list[str]] = []
+    stack.on_change = lambda: found.append(list(children.roles))
+    stack.start()
+    assert found == [["robot r1", "plant"]]
+    stack.restarted(stack.scenario_in("open"))
+    assert len(found) == 2

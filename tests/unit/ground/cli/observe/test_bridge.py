@@ -49,12 +49,11 @@ def test_bridge_collects_channels_before_it_listens(
         raise UserError("listens")
 
     monkeypatch.setattr("ground.cli.observe.bridge.served", served)
-    monkeypatch.setattr(
-        "ground.cli.observe.bridge.common_of", lambda _: Common(network=Network(), robot="r1")
-    )
     monkeypatch.setattr(Bridge, "__init__", lambda *_: None)
     monkeypatch.setattr(Bridge, "round", lambda _, now_ns: rounds_ms.append(now_ns // 1_000_000))
-    link = cast(Link, SimpleNamespace(clock=clock, robot="r1"))
+    link = cast(
+        Link, SimpleNamespace(clock=clock, robot="r1", common=Common(network=Network(), robot="r1"))
+    )
     with pytest.raises(UserError, match="listens"):
         act(argparse.Namespace(at=Place("127.0.0.1", 0)), link, cast(Output, None))
     assert rounds_ms == list(range(0, 1000, 50))

@@ -1,0 +1,1 @@
+"""Files of the user: folders, the runtime files of `up`, settings."""

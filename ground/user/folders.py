@@ -1,0 +1,26 @@
+"""The folders of this user, as the XDG base directory specification places them."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+NAME: Final = "sidestep"
+
+
+def state_folder() -> Path:
+    """Return the folder of the history, the recordings, the runtime files and the app's log."""
+    return _base("XDG_STATE_HOME", Path(".local", "state")) / NAME
+
+
+def runs_folder() -> Path:
+    """Return the folder of the runtime files of `up`.
+
+    It is not below XDG_RUNTIME_DIR, which differs between a session, `su` and a cron job.
+    """
+    return state_folder() / "run"
+
+
+def _base(variable: str, usual: Path) -> Path:
+    """Return the folder in the variable, if it is an absolute path, else below the home."""
+    chosen = Path(os.environ.get(variable, ""))
+    return chosen if chosen.is_absolute() else Path.home() / usual
