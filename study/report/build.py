@@ -22,8 +22,9 @@ from study.report.page import Block, Paragraph, ReportPage, Section
 from study.report.paper.runs import PaperRuns
 from study.report.paper.section import paper_section
 from study.report.paper.targets import target_table, targets
-from study.report.summary import main_table, more_table, summaries
+from study.report.summary import Summary, main_table, more_table, summaries
 from study.report.trials import Trials, distinct, trials_of
+from study.report.verdict import verdict
 
 TITLE = "Comparison of the navigators"
 
@@ -48,13 +49,15 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
     """Return the page of a study."""
     every = trials_of(table)
     trials = distinct(every)
-    lead = (*how_run(every, len(trials), request.command),)
+    size, *origin = how_run(every, len(trials), request.command)
+    found, wanted = (summaries(trials), targets(trials)) if len(trials) else ([], [])
     if not len(trials):
         nothing = Paragraph("**There is no trial in this study**, so there is nothing to compare.")
         return ReportPage(TITLE, (nothing,), (paper_section(trials, request.runs),))
     sections = (
-        _summary(trials),
-        Section("Figures to reach", (target_table(targets(trials)),)),
+        verdict(trials, found, wanted),
+        _summary(trials, found),
+        Section("Figures to reach", (target_table(wanted),)),
         _families(trials),
         _comparisons(trials),
         Section("Final pose", (error_figure(trials), error_table(trials))),
@@ -63,8 +66,9 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
         paper_section(trials, request.runs),
         gallery(selected_failures(table, trials, request.failures), request.world_of, request.jobs),
         Section("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
+        Section("How it was run", tuple(origin)),
     )
-    return ReportPage(TITLE, lead, sections)
+    return ReportPage(TITLE, (size,), sections)
 
 
 READING = (
@@ -80,8 +84,7 @@ SEEDS = (
 )
 
 
-def _summary(trials: Trials) -> Section:
-    found = summaries(trials)
+def _summary(trials: Trials, found: list[Summary]) -> Section:
     figures: tuple[Block, ...] = (success_figure(found), main_table(found), more_table(found))
     return Section("Summary", (*figures, ends_figure(trials)))
 

@@ -32,7 +32,7 @@ def how_run(trials: Trials, kept: int, command: str) -> tuple[Block, ...]:
 def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
     facts = {
         "study": _all(trials, "study"),
-        "navigators": ", ".join(trials.labels()),
+        "navigators": "; ".join(trials.labels()),
         "noise": _all(trials, "noise"),
         "seeds": _seeds(trials),
         "parameters": _all(trials, "parameters"),

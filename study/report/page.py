@@ -3,8 +3,9 @@
 Text may contain `code` and **strong**, nothing else.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import TypeAlias
 
 from study.report.charts.svg import SvgDrawing
@@ -107,3 +108,26 @@ def figures_of(sections: Sequence[Section]) -> list[PageFigure]:
                 found += block.figures
         found += figures_of(section.parts)
     return found
+
+
+def numbered(page: ReportPage) -> ReportPage:
+    """Return the page with a number before the caption of each figure and table."""
+    figures, tables = count(1), count(1)
+    sections = tuple(_numbered(section, figures, tables) for section in page.sections)
+    return replace(page, sections=sections)
+
+
+def _numbered(section: Section, figures: Iterator[int], tables: Iterator[int]) -> Section:
+    def figure(one: PageFigure) -> PageFigure:
+        return replace(one, caption=f"**Figure {next(figures)}.** {one.caption}")
+
+    def block(one: Block) -> Block:
+        if isinstance(one, PageTable):
+            return replace(one, caption=f"**Table {next(tables)}.** {one.caption}")
+        if isinstance(one, PageFigure):
+            return figure(one)
+        return Gallery(tuple(map(figure, one.figures))) if isinstance(one, Gallery) else one
+
+    blocks = tuple(map(block, section.blocks))
+    parts = tuple(_numbered(part, figures, tables) for part in section.parts)
+    return replace(section, blocks=blocks, parts=parts)

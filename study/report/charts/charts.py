@@ -12,7 +12,7 @@ from study.statistics.intervals import Floats, Share
 
 NAMES: Final = 118.0
 PANEL: Final = 210.0
-GAP: Final = 22.0
+GAP: Final = 34.0
 ROW: Final = 22.0
 TOP: Final = 26.0
 MAX_DOTS: Final = 80

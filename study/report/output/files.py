@@ -14,7 +14,7 @@ from runtime.errors import UserError
 from study.report.build import ReportRequest, page_of
 from study.report.output.html import html
 from study.report.output.markdown import markdown
-from study.report.page import figures_of
+from study.report.page import figures_of, numbered
 from study.report.paper.claims import Claim, claims
 from study.report.paper.targets import targets
 from study.report.summary import as_json, numbers, summaries
@@ -30,7 +30,7 @@ def write(table: pa.Table, directory: Path, request: ReportRequest | None = None
     Raises UserError for a table of another version and a directory that cannot be written.
     """
     request = request or ReportRequest()
-    page = page_of(table, request)
+    page = numbered(page_of(table, request))
     summary = summary_of(table, request)
     texts = {
         "report.html": html(page),

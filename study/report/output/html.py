@@ -1,9 +1,10 @@
-"""A page as one self-contained HTML file without scripts, fonts or other files."""
+"""A page as one self-contained HTML file: it loads no script, font or other file."""
 
 import re
 from html import escape
 
 from study.report.charts.style import DRAWING_RULES, PAGE_STYLE
+from study.report.output.interaction import SCRIPT
 from study.report.page import (
     Block,
     CodeBlock,
@@ -19,6 +20,8 @@ from study.report.page import (
 
 SHORT = 24
 """A name of at most this many letters is not wrapped."""
+MAX_ROWS = 16
+"""A table with more rows is folded."""
 
 
 def html(page: ReportPage) -> str:
@@ -33,7 +36,7 @@ def html(page: ReportPage) -> str:
         *map(_block, page.lead),
         _contents(page.sections),
         *(_section(section, 2) for section in page.sections),
-        "</main></body></html>\n",
+        f"</main><script>{SCRIPT}</script></body></html>\n",
     ]
     return "\n".join(parts)
 
@@ -50,10 +53,16 @@ def _contents(sections: tuple[Section, ...]) -> str:
 
 def _section(section: Section, level: int) -> str:
     name = f' id="{anchor(section.title)}"' if level == 2 else ""
-    parts = [f"<section{name}><h{level}>{_words(section.title)}</h{level}>"]
-    parts += map(_block, section.blocks)
-    parts += (_section(part, level + 1) for part in section.parts)
-    return "\n".join((*parts, "</section>"))
+    head = f"<h{level}>{_words(section.title)}</h{level}>"
+    parts = [*map(_block, section.blocks), *(_section(one, level + 1) for one in section.parts)]
+    if level > 2:
+        return _folded(head, "\n".join(parts))
+    return "\n".join((f"<section{name}>{head}", *parts, "</section>"))
+
+
+def _folded(head: str, content: str) -> str:
+    """Return content that is shown when its head is clicked."""
+    return f"<details><summary>{head}</summary>\n{content}</details>"
 
 
 def _block(block: Block) -> str:
@@ -88,12 +97,15 @@ def _table(table: PageTable) -> str:
         f"<tr>{''.join(_cell(cell, index, table) for index, cell in enumerate(row))}</tr>"
         for row in table.rows
     )
+    caption = _words(table.caption)
+    is_long = len(table.rows) > MAX_ROWS
     # Wide tables scroll on their own, also with the keyboard.
-    return (
+    shown = (
         f'<div class="wide" tabindex="0" role="region" aria-label="{_plain(table.caption)}"><table>'
-        f"<caption>{_words(table.caption)}</caption>"
+        f"{'' if is_long else f'<caption>{caption}</caption>'}"
         f"<thead><tr>{head}</tr></thead>\n<tbody>{rows}</tbody></table></div>"
     )
+    return _folded(f"{caption} ({len(table.rows)} rows)", shown) if is_long else shown
 
 
 def _right(index: int, table: PageTable) -> str:

@@ -34,9 +34,9 @@ from tests.support.study.report.made import STUCK, drive, row, study, without_va
 
 VOID = {"meta", "rect", "line", "circle", "polyline", "polygon", "ellipse", "br"}
 SECTIONS = [
-    *("Summary", "Figures to reach", "Families of worlds", "Pairwise comparisons", "Final pose"),
-    *("Path length", "Decisions and behaviour", "The paper's figures and claims"),
-    *("Failures", "Definitions"),
+    *("Verdict", "Summary", "Figures to reach", "Families of worlds", "Pairwise comparisons"),
+    *("Final pose", "Path length", "Decisions and behaviour", "The paper's figures and claims"),
+    *("Failures", "Definitions", "How it was run"),
 ]
 WAY = [(1.0, 1.0, 0.0), (2.0, 1.5, 0.0), (3.0, 1.0, 0.0)]
 RUNS = PaperRuns(
@@ -164,7 +164,8 @@ def test_failed_trials_are_counted(tmp_path: Path) -> None:
 def test_names_like_markup_are_escaped(tmp_path: Path) -> None:
     odd = row(world="<b>|&amp;", family="a|b<i>", navigator="<script>", **STUCK)
     page = written(table_of([odd]), tmp_path)
-    assert "<script>" not in page
+    assert page.count("<script>") == 1, "only our own"
+    assert "&lt;script&gt;" in page
 
 
 def test_old_figures_are_removed(tmp_path: Path) -> None:
@@ -237,3 +238,22 @@ def test_every_block_renders_as_html_and_markdown() -> None:
     assert "![says (so)](f/one.svg)" in text
     assert "| x\\|y | **1** |" in text
     assert "```sh\na < b\n```" in text
+
+
+def test_figures_and_tables_are_numbered_in_the_order_of_the_page(tmp_path: Path) -> None:
+    page = written(study(), tmp_path)
+    text = (tmp_path / "report.md").read_text()
+    for kind in ("Figure", "Table"):
+        numbers = [int(one) for one in re.findall(rf"<strong>{kind} (\d+)\.</strong>", page)]
+        assert numbers == list(range(1, len(numbers) + 1))
+        assert len(numbers) > 4
+        assert [int(one) for one in re.findall(rf"\*\*{kind} (\d+)\.\*\*", text)] == numbers
+
+
+def test_a_long_table_is_folded_and_a_short_one_is_not() -> None:
+    def shown(rows: int) -> str:
+        table = PageTable("caption", ("a", "b"), tuple(("x", "1") for _ in range(rows)))
+        return html(ReportPage("title", (), (Section("s", (table,)),)))
+
+    assert "<details>" not in shown(16)
+    assert "<summary>caption (17 rows)</summary>" in shown(17)
