@@ -1,11 +1,13 @@
 """Keep the lines of a log that pass a filter, wrapped to rows.
 
-Rows are computed again only when the filter changes; new lines are appended.
+New lines are appended. Letters appended to the filter examine only the lines that passed before.
 """
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
+from ground.app.lists.list_filter import ListFilter
 from ground.app.panels.log import log_rows, pieces_of
 from ground.app.widgets.rows import Row
 from ground.station.history.event_log import EventLog, LogLine
@@ -18,12 +20,19 @@ class LogRow(NamedTuple):
     number: int
 
 
-class LogFilter(NamedTuple):
+class LogRequest(NamedTuple):
     """The log, the least severity and the width that rows were computed for."""
 
     log: EventLog
     worst: int
     width: int
+
+
+LEVELS: Final = {"E": "error", "W": "warning", "I": "info", "D": "debug"}
+COLUMNS: Final = ("level", "source", "text")
+LEAD: Final = 20
+"""A line that leaves as many columns is never wrapped: time and level take less."""
+ALIASES: Final = MappingProxyType({"robot": "source"})
 
 
 class FilteredLog:
@@ -32,29 +41,50 @@ class FilteredLog:
     def __init__(self) -> None:
         self.lines: list[LogLine] = []
         self.parts: list[LogRow] = []
-        self._asked: LogFilter | None = None
+        self.filter = ListFilter()
+        self._asked: LogRequest | None = None
         self._total = 0
+        self.examined = 0
+        """The number of lines that were examined so far, for measurements."""
 
-    def update(self, log: EventLog, worst: int, width: int) -> None:
-        """Filter by severity (a lower number is worse), and wrap to a width in columns."""
-        asked = LogFilter(log, worst, width)
-        if asked != self._asked:
-            self._asked, self._total = asked, log.total
-            self.lines, self.parts = [], []
-            self._add(log, asked)
+    def update(self, log: EventLog, worst: int, width: int, words: str = "") -> None:
+        """Filter by severity (a lower number is worse) and words; wrap to a width in columns."""
+        asked, fresh = LogRequest(log, worst, width), log.since(self._total)
+        wanted = self.filter
+        if words != wanted.words:
+            wanted = ListFilter(words, COLUMNS, ALIASES)
+        if asked != self._asked or not wanted.narrows(self.filter):
+            self._begin(list(log), asked, wanted)
+        elif wanted is not self.filter:
+            self._begin([*self.lines, *fresh], asked, wanted)
         elif log.total != self._total:
-            fresh, self._total = log.since(self._total), log.total
             self._add(fresh, asked)
+        self._total = log.total
 
-    def _add(self, lines: Iterable[LogLine], asked: LogFilter) -> None:
-        new = [line for line in lines if line.severity <= asked.worst]
+    def _begin(self, lines: list[LogLine], asked: LogRequest, wanted: ListFilter) -> None:
+        """Filter these lines anew; letters appended to a filter need only those that passed."""
+        self._asked, self.filter = asked, wanted
+        self.lines, self.parts = [], []
+        self._add(lines, asked)
+
+    def _add(self, lines: Sequence[LogLine], asked: LogRequest) -> None:
+        self.examined += len(lines)
+        new = [line for line in lines if line.severity <= asked.worst and self._passes(line)]
         self.lines += new
         self.parts += [part for line in new for part in self._parts(line, asked.width)]
         surplus = max(0, len(self.lines) - len(asked.log))
         gone = sum(len(self._parts(line, asked.width)) for line in self.lines[:surplus])
         del self.lines[:surplus], self.parts[:gone]
 
+    def _passes(self, line: LogLine) -> bool:
+        if not self.filter.words:
+            return True
+        level = LEVELS[line.letter]
+        return self.filter.passes({"level": level, "source": line.source, "text": line.text})
+
     def _parts(self, line: LogLine, width: int) -> list[LogRow]:
+        if len(line.text) + len(line.source) + LEAD <= width:
+            return [LogRow(line, 0)]
         return [LogRow(line, number) for number in range(len(pieces_of(line, width)))]
 
     def paint(self, part: LogRow, at: LogLine | None) -> Row:

@@ -14,6 +14,7 @@ class Layer(Enum):
     STOP = "while nothing is typed"
     TELEOP = "teleop"
     TYPING = "command line"
+    FILTER = "filter of a list"
     CURSOR = "cursor on the map"
     LIST = "list"
     DRIVE = "map"
@@ -24,6 +25,7 @@ class Layer(Enum):
     WORLDS = "worlds"
     FAULTS = "faults"
     ROBOT = "robot"
+    FLEET = "robot, on every screen"
     STATION = "station"
 
 
@@ -67,6 +69,12 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("leave-line", "escape", "back to the map", "Back"),
     ),
     *_keys(
+        Layer.FILTER,
+        ("filter-up", "up", "one row up", ""),
+        ("filter-down", "down", "one row down", ""),
+        ("filter-drop", "escape", "clear the filter", "Clear"),
+    ),
+    *_keys(
         Layer.CURSOR,
         ("cursor-up", "up k", "cursor up", "Up"),
         ("cursor-down", "down j", "cursor down", "Down"),
@@ -92,6 +100,9 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("row-first", "home", "the first row", ""),
         ("row-last", "end", "the last row", ""),
         ("row-choose", "enter", "change the value", ""),
+        ("filter-clear", "escape", "clear the filter", "Clear"),
+        ("sort", "o", "sort by the next column", "Sort"),
+        ("sort-turn", "O", "reverse the order", ""),
     ),
     *_keys(
         Layer.DRIVE,
@@ -150,11 +161,9 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
     ),
     *_keys(
         Layer.ROBOT,
-        ("clear-estop", "D", "release the emergency stop: press twice", ""),
         ("hold", "h", "stop, keep the goal", "Hold"),
         ("resume", "r", "drive on to the goal", "Resume"),
         ("abort", "x", "stop, drop the goal or mission", "Abort"),
-        ("goal", "g", "type a goal", "Goal"),
         ("missions", "W", "list the mission", "Mission"),
         ("arm", "a", "enable the wheels", "Arm"),
         ("disarm", "A", "disable the wheels", ""),
@@ -163,6 +172,11 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("side", "b", "choose the side to pass obstacles on", ""),
         ("rtl", "R", "return along the robot's trail", "RTL"),
         ("lease", "L", "take or release the lease", ""),
+    ),
+    *_keys(
+        Layer.FLEET,
+        ("clear-estop", "D", "release the emergency stop: press twice", ""),
+        ("goal", "g", "type a goal", "Goal"),
         ("robot-before", "[", "previous robot", ""),
         ("robot-next", "]", "next robot", ""),
     ),
@@ -180,7 +194,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("next-panel", "tab", "next panel", ""),
         ("panel-before", "shift+tab", "previous panel", ""),
         ("command", ":", "type a command", "Command"),
-        ("find", "/", "find", ""),
+        ("find", "/", "filter the list", "Filter"),
         ("palette", "ctrl+p", "command palette", "Palette"),
         ("help", "? f1", "keys that are active now", "Help"),
         ("copy", "y", "copy the last action as a command line", ""),

@@ -26,10 +26,11 @@ SHOWN: Final[Mapping[str, str]] = MappingProxyType(
 TOGETHER: Final = (
     (Layer.STOP, Layer.TELEOP),
     (Layer.TYPING,),
+    (Layer.FILTER,),
     (Layer.STOP, Layer.CURSOR),
-    (Layer.STOP, Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.STATION),
+    (Layer.STOP, Layer.DRIVE, Layer.REPLAY, Layer.ROBOT, Layer.FLEET, Layer.STATION),
     *(
-        (Layer.STOP, Layer.LIST, layer, Layer.ROBOT, Layer.STATION)
+        (Layer.STOP, Layer.LIST, layer, Layer.FLEET, Layer.STATION)
         for layer in (Layer.PLOTS, Layer.PARAMS, Layer.LOG, Layer.WORLDS, Layer.FAULTS)
     ),
 )

@@ -34,6 +34,8 @@ class AppScreen(Screen[None]):
     AUTO_FOCUS: ClassVar[str | None] = ""
     focus_first: ClassVar[str] = "#middle"
     key_layer: ClassVar[Layer | None] = None
+    commands_robot: ClassVar[bool] = False
+    """True if single keys command the robot here."""
 
     def __init__(self, interface: AppInterface) -> None:
         super().__init__()
@@ -127,7 +129,8 @@ class AppScreen(Screen[None]):
         if self.typing:
             return (Layer.TYPING, Layer.STATION)
         own = () if self.key_layer is None else (self.key_layer,)
-        return (Layer.STOP, *own, Layer.ROBOT, Layer.STATION)
+        robot = (Layer.ROBOT,) if self.commands_robot else ()
+        return (Layer.STOP, *own, *robot, Layer.FLEET, Layer.STATION)
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""

@@ -39,6 +39,7 @@ class DriveScreen(AppScreen):
 
     key_layer = Layer.DRIVE
     focus_first: ClassVar[str] = "#map"
+    commands_robot: ClassVar[bool] = True
 
     back = 0
 

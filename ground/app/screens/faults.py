@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from ground.app.input.default_keys import Layer
+from ground.app.lists.table import Column, Table
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
@@ -35,18 +36,25 @@ class InjectableFault(NamedTuple):
     unit: str = ""
 
 
-def heading_row(ours: bool) -> Row:
-    """Return the heading."""
+def heading_row(*, ours: bool, is_short: bool) -> Row:
+    """Return the heading; a short one leaves room for the filter."""
+    if is_short:
+        return row(" faults")
     if not ours:
         return row(" faults", faint("   not available: this app did not start the processes"))
-    return row(" faults", faint("   now: at once   restart: restarts the world with the fault"))
+    return row(
+        " faults", faint("   now: into the running system   restart: restarts the world with it")
+    )
 
 
-def fault_row(one: InjectableFault, chosen: bool) -> Row:
-    """Return the row of a fault."""
-    when = "now     " if one.role else "restart "
-    name = Span(f"{one.name:<18}", "reverse" if chosen else "text")
-    return row(faint(f" {when}"), name, f" {one.description}")
+COLUMNS: Final = (
+    Column[InjectableFault]("fault", 18, lambda one: one.name),
+    Column[InjectableFault](
+        "when", 8, lambda one: "now" if one.role else "restart", role=lambda _: "faint"
+    ),
+    Column[InjectableFault]("unit", 6, lambda one: one.unit, role=lambda _: "head"),
+    Column[InjectableFault]("effect", 0, lambda one: one.description),
+)
 
 
 def about_rows(one: InjectableFault | None) -> list[Row]:
@@ -64,13 +72,13 @@ def about_rows(one: InjectableFault | None) -> list[Row]:
     ]
 
 
-class FaultsScreen(ListScreen):
+class FaultsScreen(ListScreen[InjectableFault]):
     """The list of faults."""
 
     key_layer = Layer.FAULTS
 
     def __init__(self, interface: AppInterface) -> None:
-        super().__init__(interface)
+        super().__init__(interface, Table(COLUMNS, key=lambda one: one.name))
         self._kinds: list[InjectableFault] = []
 
     def on_mount(self) -> None:
@@ -100,16 +108,10 @@ class FaultsScreen(ListScreen):
         ]
         return [*ours, *self._kinds]
 
-    @property
-    def chosen(self) -> InjectableFault | None:
-        """The chosen fault, if any."""
-        found = self.faults()
-        return found[self.list_view.at] if self.list_view.at < len(found) else None
-
     def draw(self) -> None:
         """Draw the list and the details of the chosen fault."""
-        self.lines("heading").show([heading_row(self.interface.stack is not None)])
-        self.list_view.window(self.faults(), fault_row)
+        ours, is_short = self.interface.stack is not None, bool(self.words or self.filtering)
+        self.draw_rows(self.faults(), heading_row(ours=ours, is_short=is_short))
         self.lines("about").show(about_rows(self.chosen))
 
     def actions(self) -> Mapping[str, Action]:

@@ -1,4 +1,4 @@
-"""Show the Log screen: all events, searched by words and filtered by severity."""
+"""Show the Log screen: all events, filtered by words and severity, and searched."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -8,6 +8,7 @@ from textual.app import ComposeResult
 
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.default_keys import Layer
+from ground.app.lists.list_filter import nothing_row
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen
@@ -18,7 +19,7 @@ from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity
 
 WORST: Final = (
-    (Severity.DEBUG, "everything"),
+    (Severity.DEBUG, "all levels"),
     (Severity.WARNING, "warnings and errors"),
     (Severity.ERROR, "errors"),
 )
@@ -32,9 +33,9 @@ class LogScreen(ScrolledScreen):
 
     def __init__(self, interface: AppInterface) -> None:
         super().__init__(interface)
-        self._filtered = FilteredLog()
+        self.filtered = FilteredLog()
         self._worst = 0
-        self._words = ""
+        self._find_words = ""
         self._at: LogLine | None = None
 
     def compose_content(self) -> ComposeResult:
@@ -51,22 +52,27 @@ class LogScreen(ScrolledScreen):
         """Draw the lines in sight."""
         self.filter_log()
         self.lines("heading").show([self.heading()])
-        self.list_view.window(
-            self._filtered.parts, lambda part: self._filtered.paint(part, self._at)
-        )
+        if self.filtered.lines or not self.words:
+            self.list_view.window(
+                self.filtered.parts, lambda part: self.filtered.paint(part, self._at)
+            )
+        else:
+            self.list_view.show([nothing_row(self.words)])
 
     def filter_log(self) -> None:
         """Update the filtered log."""
-        self._filtered.update(
-            self.interface.station.log, WORST[self._worst][0], self.list_view.size.width
-        )
+        log, width = self.interface.station.log, self.list_view.size.width
+        self.filtered.update(log, WORST[self._worst][0], width, self.words)
 
     def heading(self) -> Row:
         """Return the number of lines, the filter and the search."""
-        follows = Span("following", "ok") if self.list_view.following else Span("paused", "caution")
-        found = f"   find {self._words!r}" if self._words else ""
-        counts = f" {len(self._filtered.lines)} lines, {WORST[self._worst][1]}   "
-        return row(faint(counts), follows, Span(found, "accent"))
+        is_following, shown = self.list_view.following, len(self.filtered.lines)
+        follows = Span("following", "ok") if is_following else Span("paused (f follows)", "caution")
+        levels = WORST[self._worst][1]
+        filtered = self.filter_spans(shown, len(self.interface.station.log))
+        counts = faint(f" {levels}, " if filtered else f" {shown} lines, {levels}, ")
+        found = f"   find {self._find_words!r}" if self._find_words else ""
+        return row(counts, follows, *filtered, Span(found, "accent"))
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""
@@ -74,7 +80,6 @@ class LogScreen(ScrolledScreen):
             **super().actions(),
             "log-follow": self.follow,
             "log-severity": self.next_severity,
-            "find": partial(self.ask, "find", self._words, self.find),
             "find-next": partial(self.step, 1),
             "find-before": partial(self.step, -1),
         }
@@ -89,18 +94,18 @@ class LogScreen(ScrolledScreen):
 
     def find(self, words: str) -> None:
         """Find the last line with these words; `n` continues from there."""
-        self._words, self._at = words, None
+        self._find_words, self._at = words, None
         self.filter_log()
         self.step(-1)
 
     def step(self, step: int) -> None:
         """Move to the next match (1) or the one before (-1), around the end."""
-        if not self._words:
-            self.interface.note("no words to find: press / to enter some")
+        if not self._find_words:
+            self.interface.note("nothing to find: type find TEXT, or / to filter the log")
             return
-        self._at = self._filtered.find(self._words, self._at, step)
+        self._at = self.filtered.find(self._find_words, self._at, step)
         if self._at is None:
-            self.interface.note(f"no line contains {self._words!r}")
+            self.interface.note(f"no line contains {self._find_words!r}")
             return
-        self.list_view.go(self._filtered.row_of(self._at))
+        self.list_view.go(self.filtered.row_of(self._at))
         self.redraw()

@@ -1,15 +1,17 @@
 """Show the Worlds screen: preview a world, and start it if this app started the processes."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from textwrap import wrap
 from typing import Any, Final
 
 from textual.app import ComposeResult
-from textual.containers import Horizontal
+from textual.containers import Horizontal, Vertical
 
 from ground.app.input.default_keys import Layer
+from ground.app.lists.column_heads import ColumnHeads
+from ground.app.lists.table import Column, Table
 from ground.app.panels.aged import number
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
@@ -25,17 +27,17 @@ from ground.station.scene import preview_of
 from ground.station.world import parse_world
 
 REACHED: Final = "reached of 10 seeds: "
-RESTARTS: Final = "s stops the processes and starts a world"
+RESTARTS: Final = "s: stop this run and start the selected world"
 NOT_OURS: Final = "this app did not start the processes, so it cannot restart them"
 
 
-class WorldsScreen(ListScreen):
+class WorldsScreen(ListScreen[Mapping[str, str]]):
     """The list of worlds, with a preview and facts of the chosen one."""
 
     key_layer = Layer.WORLDS
 
     def __init__(self, interface: AppInterface) -> None:
-        super().__init__(interface)
+        super().__init__(interface, Table(self.columns(), key=lambda one: one["name"]))
         self._worlds: list[dict[str, str]] = []
         self._facts: dict[str, Mapping[str, Any]] = {}
         self._scenes: dict[str, MapScene] = {}
@@ -46,7 +48,9 @@ class WorldsScreen(ListScreen):
         """Compose heading, list, preview and facts."""
         yield Lines(id="heading")
         with Horizontal(id="worlds"):
-            yield ListView(id="rows")
+            with Vertical():
+                yield ColumnHeads(self.table, id="columns")
+                yield ListView(id="rows")
             yield MapWidget(ascii_only=self.interface.ascii_only, id="preview")
         yield Lines(id="about")
 
@@ -72,27 +76,38 @@ class WorldsScreen(ListScreen):
         self._facts[facts["name"]], self._scenes[facts["name"]] = facts, scene
         self.redraw()
 
+    def columns(self) -> Sequence[Column[Mapping[str, str]]]:
+        """Return the columns of the list; the world in use has a mark."""
+        return (
+            Column("world", 15, lambda one: one["name"]),
+            Column("now", 4, lambda one: "●" if self.is_here(one) else "", role=lambda _: "ok"),
+            Column("description", 0, lambda one: one["says"]),
+        )
+
+    def is_here(self, one: Mapping[str, str]) -> bool:
+        """Return whether the robot drives in this world."""
+        world = self.interface.station.world
+        return world is not None and world.name == one["name"]
+
     @property
-    def chosen(self) -> dict[str, str]:
-        """Name and description of the chosen world; empty while no world is known."""
-        return self._worlds[self.list_view.at] if self._worlds else {"name": "", "says": ""}
+    def chosen_world(self) -> Mapping[str, str]:
+        """Name and description of the chosen world; empty when none is listed."""
+        return self.chosen or {"name": "", "says": ""}
 
     def draw(self) -> None:
         """Draw the list and the chosen world."""
-        world = self.interface.station.world
-        here = "" if world is None else world.name
         hint = RESTARTS if self.interface.stack else NOT_OURS
-        self.lines("heading").show([row(f" {len(self._worlds)} worlds", faint(f"   {hint}"))])
-        self.list_view.window(self._worlds, lambda one, chosen: world_row(one, here, chosen))
+        about = () if self.words or self.filtering else (faint(f"   {hint}"),)
+        self.draw_rows(self._worlds, row(f" {len(self._worlds)} worlds", *about))
         self.query_chosen()
         self.draw_chosen()
 
     def draw_chosen(self) -> None:
         """Draw preview and facts of the chosen world."""
-        name, about, preview = self.chosen["name"], self.lines("about"), self.preview
+        name, about, preview = self.chosen_world["name"], self.lines("about"), self.preview
         preview.paint(self.app.theme)
         preview.show(self._scenes.get(name, MapScene()))
-        rows = fact_rows(self._facts.get(name), self.chosen["says"])
+        rows = fact_rows(self._facts.get(name), self.chosen_world["says"])
         rows += ends_rows(self._reached.get(name), about.size.width)
         about.styles.height = len(rows) + 1
         about.show(rows)
@@ -104,7 +119,7 @@ class WorldsScreen(ListScreen):
 
     def query_chosen(self) -> None:
         """Query the facts of the chosen world, once."""
-        name = self.chosen["name"]
+        name = self.chosen_world["name"]
         if name and name not in self._asked:
             self._asked.add(name)
             self.interface.run_in_background(partial(looked_up, name), self.take_world)
@@ -115,7 +130,7 @@ class WorldsScreen(ListScreen):
 
     def begin(self) -> None:
         """Read the chosen world, to start it."""
-        stack, name = self.interface.stack, self.chosen["name"]
+        stack, name = self.interface.stack, self.chosen_world["name"]
         if stack is None:
             self.interface.note(f"{NOT_OURS}; in another terminal: sidestep up --world {name}")
         elif name:
@@ -134,13 +149,6 @@ def looked_up(name: str) -> tuple[dict[str, Any], MapScene]:
     """Return facts and map of a world. Raise UserError or RemoteError when it cannot be read."""
     facts = query_worlds("show", name)
     return facts, preview_of(parse_world(json.dumps(facts)))
-
-
-def world_row(world: Mapping[str, str], here: str, chosen: bool) -> Row:
-    """Return the row of a world; the one in use has a mark."""
-    mark = Span("● " if world["name"] == here else "  ", "ok")
-    name = Span(f"{world['name']:<15}", "reverse" if chosen else "text")
-    return row(" ", mark, name, f" {world['says']}")
 
 
 def fact_rows(facts: Mapping[str, Any] | None, description: str) -> list[Row]:

@@ -15,7 +15,7 @@ from tests.support.tui.pilot import play, staged
 
 @pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
 def test_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
-    keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.STATION)
+    keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.FLEET, Layer.STATION)
     left, right = key_buttons(keys, width)
     if width >= 40:
         assert buttons_width([*left, *right]) <= width

@@ -199,6 +199,8 @@ def test_each_id_has_an_action_on_some_screen() -> None:
             for key in SCREEN_KEYS.values():
                 await stage.press(key)
                 known |= set(stage.app.doable())
+            await stage.press(SCREEN_KEYS["params"], "slash", "x", "enter")
+            known |= set(stage.app.doable())
             later = {key.id for key in KEYS if key.layer is Layer.REPLAY}
             assert {key.id for key in KEYS} - known <= later
 

@@ -9,6 +9,8 @@ from ground.app.input.keymap import Keymap, as_toml, clashes, keymap_of, load
 from ground.app.input.textual_bindings import bindings_of
 from runtime.errors import ConfigError
 
+BELOW = (Layer.ROBOT, Layer.FLEET, Layer.STATION)
+
 
 def of(text: str, tmp_path: Path) -> Keymap:
     path = tmp_path / "keys.toml"
@@ -26,8 +28,8 @@ def test_active_ids_never_share_a_key() -> None:
 
 
 def test_only_cursor_and_teleop_hide_keys_of_the_robot() -> None:
-    below = {word for key in Keymap().of(Layer.ROBOT, Layer.STATION) for word in key.keys}
-    for layer in set(Layer) - {Layer.CURSOR, Layer.TELEOP, Layer.ROBOT, Layer.STATION}:
+    below = {word for key in Keymap().of(*BELOW) for word in key.keys}
+    for layer in set(Layer) - {Layer.CURSOR, Layer.TELEOP, *BELOW}:
         if layer is Layer.TYPING:  # keys type text there
             continue
         taken = {word for key in Keymap().of(layer) for word in key.keys}

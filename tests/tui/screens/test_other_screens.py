@@ -59,8 +59,10 @@ def test_parameter_is_found_changed_and_reset() -> None:
             assert stage.words("prompt") == "set track_m:"
             await stage.type("0.25")
             await stage.press("enter", "d")
+            assert stage.commands.given == ["set track_m 0.25"]
+            await stage.press("enter")
             assert stage.commands.given == ["set track_m 0.25", "set track_m 0.2"]
-            await stage.press("slash", "ctrl+u", "enter")
+            await stage.press("escape")
             assert "radius_m" in stage.words("rows")
 
     play(story)

@@ -1,0 +1,137 @@
+"""Lay out a list as columns with heads, filtered by words and sorted by one column."""
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any, Final, Generic, TypeAlias, TypeVar
+
+from ground.app.lists.list_filter import ListFilter
+from ground.app.widgets.rows import Row, Span
+
+T = TypeVar("T")
+Order: TypeAlias = float | str
+UP: Final = "▲"
+DOWN: Final = "▼"
+
+
+@dataclass(frozen=True)
+class Column(Generic[T]):
+    """A column: its head, its width in characters, and the text of a row in it.
+
+    `order` is what rows are sorted by, else their text; None sorts last in both directions.
+    `numeric` columns are aligned to the right and sorted the largest first.
+    """
+
+    name: str
+    width: int
+    text: Callable[[T], str]
+    order: Callable[[T], Order | None] | None = None
+    role: Callable[[T], str] = lambda _: "text"
+    unit: str = ""
+    numeric: bool = False
+
+    @property
+    def title(self) -> str:
+        """The head with the unit."""
+        return f"{self.name} {self.unit}".rstrip()
+
+    def fitted(self, text: str) -> str:
+        """Return a text in the width of the column; a width of 0 has no end."""
+        if not self.width:
+            return text
+        cell = text if len(text) <= self.width else f"{text[: max(0, self.width - 1)]}…"
+        return f"{cell:>{self.width}}" if self.numeric else f"{cell:<{self.width}}"
+
+
+class Table(Generic[T]):
+    """The rows of a list that pass the filter, in order. `key` identifies a row for ever.
+
+    `rows` are those of the last update; the choice stays on its row when the order changes.
+    """
+
+    def __init__(self, columns: Sequence[Column[T]], key: Callable[[T], Hashable]) -> None:
+        self.columns = tuple(columns)
+        self.names = tuple(column.name for column in columns)
+        self.filter = ListFilter()
+        self.rows: list[T] = []
+        self.total = 0
+        self.sorted_by: int | None = None
+        self.is_descending = False
+        self._key = key
+
+    # The rows.
+
+    def update(self, items: Iterable[T], words: str, at: int) -> int:
+        """Filter and sort the items; return where the row is now that was row `at`."""
+        if words != self.filter.words:
+            self.filter = ListFilter(words, self.names)
+        before = self.at(at)
+        every = list(items)
+        self.total = len(every)
+        self.rows = self._sorted([one for one in every if self.filter.passes(self.cells(one))])
+        if before is None:
+            return at
+        key = self._key(before)
+        return next((row for row, one in enumerate(self.rows) if self._key(one) == key), 0)
+
+    def cells(self, item: T) -> dict[str, str]:
+        """Return the texts of a row by column."""
+        return {column.name: column.text(item) for column in self.columns}
+
+    def at(self, row: int) -> T | None:
+        """Return the item in a row, if there is one."""
+        return self.rows[row] if 0 <= row < len(self.rows) else None
+
+    def _sorted(self, rows: list[T]) -> list[T]:
+        if self.sorted_by is None:
+            return rows
+        column = self.columns[self.sorted_by]
+        order: Callable[[T], Any] = column.order or (lambda one: column.text(one).casefold())
+        known = [one for one in rows if order(one) is not None]
+        unknown = [one for one in rows if order(one) is None]
+        return [*sorted(known, key=order, reverse=self.is_descending), *unknown]
+
+    # The order.
+
+    def sort_by_next(self) -> None:
+        """Sort by the next column; after the last one, as the list came."""
+        after = 0 if self.sorted_by is None else self.sorted_by + 1
+        self.sorted_by = None if after >= len(self.columns) else after
+        self.is_descending = after < len(self.columns) and self.columns[after].numeric
+
+    def turn(self) -> None:
+        """Reverse the order."""
+        if self.sorted_by is not None:
+            self.is_descending = not self.is_descending
+
+    def sort_by(self, column: int) -> None:
+        """Sort by a column, or reverse the order if the list is sorted by it."""
+        if self.sorted_by == column:
+            self.turn()
+        else:
+            self.sorted_by, self.is_descending = column, self.columns[column].numeric
+
+    def column_at(self, x: int) -> int:
+        """Return the column at a position in a row."""
+        ends = accumulate(column.width + 1 for column in self.columns[:-1])
+        return sum(x >= 1 + end for end in ends)
+
+    # The picture.
+
+    def heads(self) -> Row:
+        """Return the row of heads; the column that the list is sorted by has a mark."""
+        spans = [Span(" ")]
+        for number, column in enumerate(self.columns):
+            is_chosen = number == self.sorted_by
+            mark = (DOWN if self.is_descending else UP) if is_chosen else ""
+            title = f"{mark}{column.title}" if column.numeric else f"{column.title}{mark}"
+            spans.append(Span(f"{column.fitted(title)} ", "accent" if is_chosen else "head"))
+        return tuple(spans)
+
+    def paint(self, item: T, chosen: bool) -> Row:
+        """Return the row of an item; the first cell of the chosen row is marked."""
+        spans = [Span(" ")]
+        for number, column in enumerate(self.columns):
+            role = "reverse" if chosen and number == 0 else column.role(item)
+            spans += [Span(column.fitted(column.text(item)), role), Span(" ")]
+        return tuple(spans)
