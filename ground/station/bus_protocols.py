@@ -7,6 +7,7 @@ from ground.client.emergency_stop import MessagePublisher as MessagePublisher
 from ground.client.emergency_stop import ServiceCaller
 from ground.client.presence import LivelinessToken
 from ground.client.telemetry import MailboxSource
+from protocol.bus.mailbox import Mailbox
 from protocol.bus.network import Hub
 from protocol.topics import Topic
 from protocol.wire.message import Message
@@ -48,6 +49,9 @@ class LiveBus(ReadableBus, Protocol):
     def publisher(self, topic: Topic[M], robot: str | None = None) -> MessagePublisher[M]:
         """Return a publisher for a topic."""
         ...
+
+    def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
+        """End the subscription of a mailbox."""
 
     def announce(self, robot: str | None = None) -> None:
         """Publish a liveliness token of this process."""

@@ -1,4 +1,4 @@
-"""Read round trip, parameters, mission, fence and world regularly, in a thread."""
+"""Read round trip, parameters, mission, fence and world of a robot regularly, in a thread."""
 
 from collections.abc import Callable
 from functools import partial
@@ -20,6 +20,8 @@ from runtime.units import NS_PER_S
 
 PROBE_NS: Final = NS_PER_S
 PROBE_OFTEN_NS: Final = NS_PER_S // 4
+PROBE_RARELY_NS: Final = 5 * NS_PER_S
+"""Interval of the round trips to a robot that is only watched."""
 RETRY_NS: Final = NS_PER_S
 TIMEOUT_S: Final = 0.5
 PROBE_REQUEST: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
@@ -29,10 +31,11 @@ PROBE_REQUEST: Final = ParamRequestRead(param_id="radius_m", param_index=-1)
 class Probe(NamedTuple):
     """Hub of the link, and the round trip, None when the robot's loop did not answer.
 
-    `kept_out` is why the peer rejects this station; empty when it does not.
+    `hub` is None if only the round trip was measured. `kept_out` is why the peer rejects this
+    station; empty when it does not.
     """
 
-    hub: Hub
+    hub: Hub | None
     round_trip_ns: int | None
     kept_out: str = ""
 
@@ -55,15 +58,20 @@ ReadResult = Probe | ReadParameters | DownloadedItems | WorldFacts | ReadFailure
 
 
 class Reader:
-    """Sends one request at a time and repeats it later; results wait for `poll`."""
+    """Sends one request at a time and repeats it later; results wait for `poll`.
 
-    def __init__(self, bus: LiveBus, clock: Clock, robot: str, worker: RequestWorker) -> None:
+    Of a robot that is only watched it measures the round trip, and that rarely: `watches_only`.
+    """
+
+    def __init__(self, bus: LiveBus, clock: Clock, robot: str) -> None:
         self.asked = 0
         """Number of requests for the parameters since they were last wanted."""
+        self.asked_ns = 0
+        """Time of the last request."""
+        self.watches_only = True
         self._bus = bus
         self._clock = clock
         self._robot = robot
-        self._worker = worker
         self._results: SimpleQueue[ReadResult] = SimpleQueue()
         self._jobs: dict[str, Callable[[], ReadResult]] = {
             "probe": self._probe,
@@ -77,6 +85,7 @@ class Reader:
         self._probe_ns = PROBE_NS
         self._probed_ns = 0
         self._was_hanging = False
+        self._asked_once = False
 
     def want(self, what: str) -> None:
         """Read an item, now and until it is available."""
@@ -99,25 +108,38 @@ class Reader:
         """Stop reading an item."""
         self._wanted.discard(what)
 
-    def poll(self, now_ns: int) -> list[ReadResult]:
-        """Return new results and send the next request."""
-        self._worker.done()
+    def poll(self) -> list[ReadResult]:
+        """Return new results."""
         found: list[ReadResult] = []
         while not self._results.empty():
             found.append(self._results.get_nowait())
-        if not self._worker.busy:
-            self._ask(now_ns)
         return found
 
-    def _ask(self, now_ns: int) -> None:
+    def ask(self, worker: RequestWorker, now_ns: int) -> bool:
+        """Send the next request if one is due; return False if none is."""
+        if self.watches_only:
+            return self._ask_round_trip(worker, now_ns)
         for what, job in self._jobs.items():
             if what in self._wanted and now_ns >= self._next_ns[what]:
                 if what == "probe":
                     self._probed_ns = now_ns
                 self._next_ns[what] = now_ns + (self._probe_ns if what == "probe" else RETRY_NS)
                 self.asked += what == "parameters"
-                self._worker.start(partial(self._done, what, job))
-                return
+                self._start(worker, now_ns, what, job)
+                return True
+        return False
+
+    def _ask_round_trip(self, worker: RequestWorker, now_ns: int) -> bool:
+        if self._asked_once and now_ns < self.asked_ns + PROBE_RARELY_NS:
+            return False
+        self._start(worker, now_ns, "probe", lambda: Probe(None, self._round_trip_ns()))
+        return True
+
+    def _start(
+        self, worker: RequestWorker, now_ns: int, what: str, job: Callable[[], ReadResult]
+    ) -> None:
+        self.asked_ns, self._asked_once = now_ns, True
+        worker.start(partial(self._done, what, job))
 
     def _done(self, what: str, job: Callable[[], ReadResult]) -> JobResult:
         try:
@@ -133,12 +155,16 @@ class Reader:
             return Probe(hub, None, self._bus.kept_out())
         if not hub.linked:
             return Probe(hub, None)
+        round_trip_ns = self._round_trip_ns()
+        return Probe(self._bus.hub() if round_trip_ns is None else hub, round_trip_ns)
+
+    def _round_trip_ns(self) -> int | None:
         asked_ns = self._clock.now_ns()
         try:
             self._bus.ask(PARAMETER, PROBE_REQUEST, TIMEOUT_S, robot=self._robot)
         except RemoteError:
-            return Probe(self._bus.hub(), None)
-        return Probe(hub, self._clock.now_ns() - asked_ns)
+            return None
+        return self._clock.now_ns() - asked_ns
 
     def _parameters(self) -> ReadParameters:
         asked_ns = self._clock.now_ns()

@@ -8,13 +8,14 @@ from typing import Final
 from ground.client.parameter import parameters_in
 from ground.client.presence import present_processes
 from ground.station.bus_protocols import LiveBus, ReadableBus
+from ground.station.fleet import Fleet
 from ground.station.history.event_log import EventLog, LogLine
 from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
 from ground.station.robot.command_queue import CommandQueue
 from ground.station.robot.robot_model import RobotModel
-from ground.station.robot.robot_session import RobotSession
 from ground.station.view import StationView
 from ground.station.world import WorldFacts, parse_world
+from protocol.bus.network import MAX_ROBOTS
 from protocol.topics import PARAMETERS, WORLD, robot_name
 from protocol.wire.enums import LeaseAction, Severity
 from runtime.cli.terminal import printable
@@ -45,16 +46,15 @@ class Station(StationView):
         workers: Callable[[str], RequestWorker] = RequestThread,
     ) -> None:
         """Create a station; `name` is shown to others while it holds a lease."""
-        super().__init__(robot, clock.now_ns(), world)
         self.log = EventLog()
+        fleet = Fleet(bus, clock, workers, self._add_line)
+        super().__init__(robot, clock.now_ns(), world, fleet)
         self._bus = bus
-        self._live_bus = bus if isinstance(bus, LiveBus) else None
         self._clock = clock
-        self._workers = workers
         self._worker = workers("requests")
         self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
-        if self._live_bus is not None:
-            self._live_bus.watch(lambda _who, _came: None)
+        if isinstance(bus, LiveBus):
+            bus.watch(lambda _who, _came: None)
         self.select(robot)
 
     def poll(self) -> None:
@@ -66,22 +66,20 @@ class Station(StationView):
         self._now_ns = now_ns = self._clock.now_ns()
         present = tuple(self._bus.present())
         self._present = present_processes(present)
-        for robot, model in self._models.items():
-            restarted_roles = model.poll(now_ns, present)
-            if robot in self._sessions:
-                self._sessions[robot].poll(now_ns, restarted_roles)
+        self._watch(now_ns)
+        self._fleet.poll(present, self._robot, now_ns)
         self._commanding.poll(now_ns)
-        for session in self._sessions.values():
+        for session in self._fleet.sessions.values():
             session.beat(now_ns)
 
     def close(self) -> None:
         """Release the lease and end the threads, within 2 s; call it in a thread."""
         deadline_s = monotonic() + CLOSING_S
         self._worker.close(deadline_s - CLOSING_S / 2)
-        for robot, session in self._sessions.items():
+        for robot, session in self._fleet.sessions.items():
             if session.holding.ours:
                 self._commanding.last_release(robot, session.holding)
-            session.close(deadline_s)
+        self._fleet.close(deadline_s)
 
     @property
     def robot(self) -> str:
@@ -89,29 +87,42 @@ class Station(StationView):
         return self._robot
 
     def robots(self) -> list[str]:
-        """Return the names of all robots that are present or were selected."""
-        return sorted({*self._models, *self._present.robots()})
+        """Return the names of all robots that are present or were selected, without a flood."""
+        return sorted({*self._fleet.models, *self._fleet.unwatched[:MAX_ROBOTS]})
+
+    def _watch(self, now_ns: int) -> None:
+        """Watch robots that have appeared."""
+        crowd = bool(self._fleet.unwatched)
+        for robot in self._fleet.watch(self._present.robots(), now_ns):
+            self._read_recorded(self._fleet.models[robot])
+        if self._fleet.unwatched and not crowd:
+            self.note(
+                f"too many robots: {len(self._fleet.unwatched)} of them are not watched "
+                f"(`select` shows one)",
+                Severity.WARNING,
+            )
 
     def select(self, robot: str) -> None:
         """Show and command another robot; UserError for a malformed name.
 
         A lease that is held is kept, with its heartbeat, until it is released.
         """
-        self._robot = robot_name(robot)
-        if robot in self._models:
-            return
-        own = "" if self._live_bus is None else self._live_bus.zid
-        model = RobotModel(self._bus, robot, self._clock.now_ns(), self._add_line, own)
-        self._models[robot] = model
-        if self._live_bus is None:
-            self._read_recorded(model)
-        else:
-            self._sessions[robot] = RobotSession(
-                self._live_bus, model, self._clock, self._workers, self._add_line
-            )
+        before, self._robot = self._session, robot_name(robot)
+        if robot not in self._fleet.models:
+            self._add(robot)
+        if before is not None:
+            before.deselect()
+        if self._session is not None:
+            self._session.select()
+
+    def _add(self, robot: str) -> None:
+        self._fleet.add(robot)
+        self._read_recorded(self._fleet.models[robot])
 
     def _read_recorded(self, model: RobotModel) -> None:
         """Read parameters and world of a recording at once: it answers from memory."""
+        if self.live:
+            return
         for service in (PARAMETERS, WORLD):
             with suppress(RemoteError):
                 answer = self._bus.ask(service, robot=model.robot)
@@ -158,15 +169,19 @@ class Station(StationView):
         """The last request and its result."""
         return self._commanding.last
 
-    def estop(self) -> None:
-        """Stop the robot: repeated until its status confirms it, or until an alarm after 30 s.
+    def estop(self, robot: str = "") -> None:
+        """Stop a robot, by default the selected one.
 
-        The e-stop has its own thread, needs no lease, and is never rejected.
+        The stop is repeated until its status confirms it, or until an alarm after 30 s. It has its
+        own thread, needs no lease, and is never rejected.
         """
-        if self._session is None:
+        robot = robot_name(robot or self._robot)
+        if not self.live:
             self.note(REPLAYED, Severity.WARNING)
-        else:
-            self._session.estop()
+            return
+        if robot not in self._fleet.models:
+            self._add(robot)
+        self._fleet.sessions[robot].estop()
 
     @property
     def stopping(self) -> str:

@@ -6,6 +6,7 @@ from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map.scene import MapScene, MapTarget
+from ground.station.fleet import Fleet
 from ground.station.history.decision_history import Moment
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
@@ -13,6 +14,7 @@ from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
+from ground.station.roster import RosterEntry, roster_of
 from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
 from protocol.topics import LEASE, Role, Topic
@@ -25,26 +27,25 @@ Point = tuple[float, float]
 class StationView:
     """View of the selected robot; the station selects it."""
 
-    def __init__(self, robot: str, now_ns: int, world: WorldFacts | None) -> None:
+    def __init__(self, robot: str, now_ns: int, world: WorldFacts | None, fleet: Fleet) -> None:
         self._robot = robot
         self._given_world = world
         self._began_ns = self._now_ns = now_ns
         self._present = PresentProcesses(frozenset())
-        self._models: dict[str, RobotModel] = {}
-        self._sessions: dict[str, RobotSession] = {}
+        self._fleet = fleet
 
     @property
     def _model(self) -> RobotModel:
-        return self._models[self._robot]
+        return self._fleet.models[self._robot]
 
     @property
     def _session(self) -> RobotSession | None:
-        return self._sessions.get(self._robot)
+        return self._fleet.sessions.get(self._robot)
 
     @property
     def live(self) -> bool:
         """True if the robot can be commanded; False for a played recording."""
-        return bool(self._sessions)
+        return bool(self._fleet.sessions)
 
     @property
     def now_ns(self) -> int:
@@ -69,6 +70,10 @@ class StationView:
     def present(self) -> PresentProcesses:
         """Processes that are present."""
         return self._present
+
+    def roster(self) -> list[RosterEntry]:
+        """Return an entry for each watched robot, those that need attention first."""
+        return roster_of(self._fleet, self._robot, self._now_ns)
 
     def streams(self) -> list[StreamRow]:
         """Return rate and loss of each topic."""
@@ -171,5 +176,5 @@ class StationView:
             self.world,
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
-            others=[one for name, one in self._models.items() if name != self._robot],
+            others=[one for name, one in self._fleet.models.items() if name != self._robot],
         )

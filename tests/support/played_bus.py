@@ -46,6 +46,7 @@ class PlayedBus:
         self._clock = clock
         self._boxes: list[tuple[str, Mailbox[Any]]] = []
         self._handlers: list[tuple[str, str, Handler]] = []
+        self._handler_of: dict[Mailbox[Any], tuple[str, str, Handler]] = {}
         self._encoders: dict[tuple[str, str], Encoder] = {}
         self._watchers: list[Callable[[Presence, bool], None]] = []
         self.there: set[Presence] = set()
@@ -103,8 +104,16 @@ class PlayedBus:
         box = Mailbox(topic, notify, check=check)
         self._boxes.append((robot or "r1", box))
         if take is not None:
-            self._handlers.append((robot or "r1", topic.path, take))
+            entry = (robot or "r1", topic.path, take)
+            self._handlers.append(entry)
+            self._handler_of[box] = entry
         return box
+
+    def unsubscribe(self, mailbox: Mailbox[Any]) -> None:
+        self._boxes = [(robot, box) for robot, box in self._boxes if box is not mailbox]
+        entry = self._handler_of.pop(mailbox, None)
+        if entry is not None:
+            self._handlers.remove(entry)
 
     def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
         path = source if isinstance(source, str) else source.path

@@ -31,27 +31,53 @@ SENSES: Final = 3
 PLANT: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, TRUTH, CLOCK)
 
 
-class LinkMonitor:
-    """Checks the link at each poll; reports the start and the end of each loss."""
+class HubState:
+    """State of this station's link to the hub, as last checked; all robots share it."""
 
-    def __init__(self, model: RobotModel, reader: Reader, now_ns: int, add_line: AddLine) -> None:
+    def __init__(self) -> None:
+        self.hub: Hub | None = None
+        self.linked_by: Hub | None = None
+        """The hub that the last link was established with."""
+        self.kept_out = ""
+        self.checked_ns: int | None = None
+
+    def take(self, found: Probe, now_ns: int) -> None:
+        """Store what a probe has found, if it has checked the hub."""
+        if found.hub is None:
+            return
+        self.hub, self.checked_ns, self.kept_out = found.hub, now_ns, found.kept_out
+        if found.hub.linked:
+            self.linked_by = found.hub
+
+
+class LinkMonitor:
+    """Checks the link at each poll; reports the start and the end of each loss.
+
+    For a robot that is only watched, another operator is no loss.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        reader: Reader,
+        now_ns: int,
+        add_line: AddLine,
+        hub_state: HubState,
+    ) -> None:
         self.contact = Contact(now_ns)
         self.world: WorldFacts | None = None
         self.round_trip_ns: int | None = None
         self._model = model
         self._reader = reader
         self._add_line = add_line
-        self._hub: Hub | None = None
-        self._linked_by: Hub | None = None
-        self._kept_out = ""
-        self._hub_seen_ns: int | None = None
+        self._hub_state = hub_state
         self._lease = LeaseView()
         self._was_ready = False
 
     def poll(self, now_ns: int, restarted_roles: set[Role], lease: LeaseView) -> None:
         """Process what was read, classify the link and report changes."""
         self._lease = lease
-        for found in self._reader.poll(now_ns):
+        for found in self._reader.poll():
             self._process(found, now_ns)
         if Role.ROBOT in restarted_roles:
             self.reread(now_ns)
@@ -100,11 +126,8 @@ class LinkMonitor:
     def _process(self, found: ReadResult, now_ns: int) -> None:
         match found:
             case Probe():
-                self._hub, self._hub_seen_ns = found.hub, now_ns
-                self._kept_out = found.kept_out
+                self._hub_state.take(found, now_ns)
                 self.round_trip_ns = found.round_trip_ns
-                if found.hub.linked:
-                    self._linked_by = found.hub
             case ReadParameters():
                 self._read_parameters(found)
             case DownloadedItems():
@@ -147,40 +170,42 @@ class LinkMonitor:
                 self._reader.drop("parameters")
             self._add_line("ground", loss.banner(now_ns), worst)
         elif change.before is not None:
-            self._add_line("ground", end_of(self._model.robot, change.before, change.gap_ns), INFO)
+            ended = end_of(self._model.robot, change.before, change.gap_ns)
+            if not (self._reader.watches_only and change.before is LossKind.OTHER_OPERATOR):
+                self._add_line("ground", ended, INFO)
             self._want()
 
     def _known(self) -> RobotKnowledge:
         newest = self._model.telemetry.latest(STATUS)
         return RobotKnowledge(
             robot=self._model.robot,
-            hub=self._hub,
-            kept_out=self._kept_out,
-            linked_by_robot=self._linked_by is not Hub.ROUTER,
+            hub=self._hub_state.hub,
+            kept_out=self._hub_state.kept_out,
+            linked_by_robot=self._hub_state.linked_by is not Hub.ROUTER,
             plant_there=bool(self._model.tokens.get(Role.PLANT)),
             status=None if newest is None else newest[0],
             lease=self._lease,
         )
 
     def _inputs(self, now_ns: int) -> LossInputs:
-        model, telemetry = self._model, self._model.telemetry
+        model, telemetry, hub = self._model, self._model.telemetry, self._hub_state
         inputs = telemetry.fresh(INPUTS, now_ns)
         there = bool(model.tokens.get(Role.ROBOT))
         others = [age for topic in PLANT if (age := self._age_ns(topic, now_ns)) is not None]
         senses = [self._age_ns(topic, now_ns) for topic in (SONAR, WHEELS)]
         return LossInputs(
             watched_ns=now_ns - model.began_ns,
-            hub=self._hub,
-            hub_ns=None if self._hub_seen_ns is None else now_ns - self._hub_seen_ns,
-            by_router=self._linked_by is Hub.ROUTER,
-            kept_out=bool(self._kept_out),
+            hub=hub.hub,
+            hub_ns=None if hub.checked_ns is None else now_ns - hub.checked_ns,
+            by_router=hub.linked_by is Hub.ROUTER,
+            kept_out=bool(hub.kept_out),
             gone_ns=None if there else now_ns - model.gone_ns,
             heartbeat_ns=self._age_ns(HEARTBEAT, now_ns),
             status_ns=self._age_ns(STATUS, now_ns),
             others_ns=min(others, default=None),
             senses_ns=None if None in senses else max(age for age in senses if age is not None),
             senses_missing=inputs is not None and inputs.flags & SENSES != SENSES,
-            other_operator=self._lease.others,
+            other_operator=self._lease.others and not self._reader.watches_only,
         )
 
     def _age_ns(self, topic: Topic[Any], now_ns: int) -> int | None:

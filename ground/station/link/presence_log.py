@@ -26,6 +26,20 @@ class PresenceChange(NamedTuple):
     severity: Severity
 
 
+class LineBudget:
+    """Limits lines of the log: `BURST` at once, then one a second."""
+
+    def __init__(self) -> None:
+        self._spent_ns = -BURST * LINE_NS
+
+    def take(self, count: int, now_ns: int) -> int:
+        """Return how many of `count` lines may be added now."""
+        self._spent_ns = max(self._spent_ns, now_ns - BURST * LINE_NS)
+        allowed = min(count, max(0, (now_ns - self._spent_ns) // LINE_NS))
+        self._spent_ns += allowed * LINE_NS
+        return allowed
+
+
 class PresenceLog:
     """Compares a robot's tokens with those of the previous poll, without this station's own token.
 
@@ -37,7 +51,7 @@ class PresenceLog:
         self._robot = robot
         self._own = own
         self._there: frozenset[tuple[str, str]] = frozenset()
-        self._spent_ns = -BURST * LINE_NS
+        self._budget = LineBudget()
         self._omitted = 0
 
     def update(self, present: Iterable[Token], now_ns: int) -> list[PresenceChange]:
@@ -59,12 +73,10 @@ class PresenceLog:
         return self._within_budget([*gone, *here], now_ns)
 
     def _within_budget(self, changes: list[PresenceChange], now_ns: int) -> list[PresenceChange]:
-        self._spent_ns = max(self._spent_ns, now_ns - BURST * LINE_NS)
-        room = max(0, (now_ns - self._spent_ns) // LINE_NS)
+        room = self._budget.take(len(changes), now_ns)
         if len(changes) > room:  # robot and plant first
             changes.sort(key=lambda one: OTHERS in one.text)
         reported, omitted = changes[:room], len(changes[room:])
-        self._spent_ns += len(reported) * LINE_NS
         if reported and self._omitted:
             words = f"{self._omitted} more connections or disconnections for {self._robot}"
             reported, self._omitted = [PresenceChange(words, Severity.WARNING), *reported], 0

@@ -10,7 +10,7 @@ from ground.station.bus_protocols import ReadableBus, Token
 from ground.station.history.decision_history import DecisionHistory
 from ground.station.history.inbox import Inbox, ReceivedFrame
 from ground.station.history.telemetry_history import TelemetryHistory
-from ground.station.link.presence_log import PresenceLog
+from ground.station.link.presence_log import LineBudget, PresenceLog
 from ground.station.link.restarts import RestartNotice, Restarts
 from ground.station.link.streams import Streams
 from ground.station.robot.mission_items import MissionItems
@@ -33,9 +33,18 @@ class RobotModel:
     """Everything that can be shown of a robot without sending anything to it."""
 
     def __init__(
-        self, bus: ReadableBus, robot: str, now_ns: int, add_line: AddLine, own: str = ""
+        self,
+        bus: ReadableBus,
+        robot: str,
+        now_ns: int,
+        epoch_ns: int,
+        add_line: AddLine,
+        own: str = "",
     ) -> None:
-        """Create a model; `own` is this station's identity on the bus."""
+        """Create a model; its history counts from `epoch_ns`, the start of the station.
+
+        `own` is this station's identity on the bus.
+        """
         self.robot = robot
         self.began_ns = self.gone_ns = now_ns
         self._inbox = Inbox()
@@ -43,7 +52,7 @@ class RobotModel:
         self.parameters = ParameterList()
         self.streams = Streams(TOPICS)
         self.decision_history = DecisionHistory()
-        self.figures = TelemetryHistory(self.telemetry, now_ns)
+        self.figures = TelemetryHistory(self.telemetry, epoch_ns)
         self.restart_notice = RestartNotice(robot)
         self.restarts = {
             Role.ROBOT: Restarts(MAX_LATE_TICKS),
@@ -51,6 +60,7 @@ class RobotModel:
         }
         self.tokens: dict[Role, str] = {}
         self.mission_items = MissionItems()
+        self._restart_lines = LineBudget()
         self._presence_log = PresenceLog(robot, own)
         self._texts = StatustextAssembler()
         self._add_line = add_line
@@ -112,7 +122,8 @@ class RobotModel:
 
     def _restarted(self, role: Role, now_ns: int) -> None:
         words = self.restart_notice.begin(role, self.restarts[role].count, now_ns)
-        self._add_line("ground", words, Severity.WARNING)
+        if self._restart_lines.take(1, now_ns):
+            self._add_line("ground", words, Severity.WARNING)
         if role is Role.ROBOT:
             self.figures.restart()
 

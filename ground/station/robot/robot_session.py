@@ -1,10 +1,8 @@
-"""Operate one robot: lease, heartbeat, link and e-stop."""
-
-from collections.abc import Callable
+"""Watch and operate one robot: link and e-stop; when selected, lease and heartbeat, too."""
 
 from ground.client.emergency_stop import EmergencyStop, outcome_words
 from ground.station.bus_protocols import LiveBus, MessagePublisher
-from ground.station.link.link_monitor import LinkMonitor
+from ground.station.link.link_monitor import HubState, LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
 from ground.station.robot.background_requests import JobResult, RequestWorker
@@ -17,31 +15,59 @@ from runtime.clock import Clock
 
 
 class RobotSession:
-    """An operator's session; only `poll` sends heartbeats, so a hanging app loses its lease."""
+    """An operator's session; only `poll` sends heartbeats, so a hanging app loses its lease.
+
+    A robot is watched, and can be stopped, from the start. All other operations need `select`.
+    """
 
     def __init__(
         self,
         bus: LiveBus,
         model: RobotModel,
         clock: Clock,
-        workers: Callable[[str], RequestWorker],
+        stop_worker: RequestWorker,
         add_line: AddLine,
+        hub_state: HubState,
     ) -> None:
         robot, now_ns = model.robot, clock.now_ns()
         self.holding = LeaseHolding(bus.operator or "")
-        self._workers = [workers(f"{robot} reads"), workers(f"{robot} e-stop")]
-        reader = Reader(bus, clock, robot, self._workers[0])
-        self.link_monitor = LinkMonitor(model, reader, now_ns, add_line)
+        self.reader = Reader(bus, clock, robot)
+        self.link_monitor = LinkMonitor(model, self.reader, now_ns, add_line, hub_state)
+        self._stop_worker = stop_worker
         self._bus = bus
         self._model = model
         self._clock = clock
         self._add_line = add_line
-        self._reader = reader
-        self._heartbeats: MessagePublisher[Heartbeat] = bus.publisher(OPERATOR, robot)
+        self._heartbeats: MessagePublisher[Heartbeat] | None = None
         self._stop_publisher: MessagePublisher[CommandRequest] = bus.publisher(STOP, robot)
         self._stop: EmergencyStop | None = None
         self._over = False
-        bus.announce(robot)
+
+    def select(self) -> None:
+        """Read everything of this robot, and announce this station as its operator's."""
+        self.reader.watches_only = False
+        self._operate()
+
+    def _operate(self) -> MessagePublisher[Heartbeat]:
+        """Return the publisher of heartbeats; announce this station with the first call."""
+        if self._heartbeats is None:
+            self._heartbeats = self._bus.publisher(OPERATOR, self._model.robot)
+            self._bus.announce(self._model.robot)
+        return self._heartbeats
+
+    def deselect(self) -> None:
+        """Only watch this robot from now on; a held lease is kept."""
+        self.reader.watches_only = True
+
+    @property
+    def can_end(self) -> bool:
+        """True if ending the session gives up neither a lease nor a pending stop."""
+        return not self.holding.ours and self._stop is None and self._heartbeats is None
+
+    @property
+    def is_busy(self) -> bool:
+        """True if the session must be polled at the full rate."""
+        return not self.reader.watches_only or self.holding.ours or self._stop is not None
 
     def poll(self, now_ns: int, restarted_roles: set[Role]) -> None:
         """Process lease, link and e-stop, and send a heartbeat."""
@@ -52,8 +78,10 @@ class RobotSession:
 
     def beat(self, now_ns: int) -> None:
         """Send a heartbeat if it is due."""
+        if not self.holding.ours:
+            return
         newest = self._model.telemetry.latest(STATUS)
-        self.holding.beat(self._heartbeats, now_ns, 0 if newest is None else newest[0].time_ns)
+        self.holding.beat(self._operate(), now_ns, 0 if newest is None else newest[0].time_ns)
 
     def refusal(self) -> str:
         """Return why a request that moves the robot is rejected; empty when it is allowed."""
@@ -68,7 +96,7 @@ class RobotSession:
     @property
     def parameters_words(self) -> str:
         """Number of parameters, or why they are missing."""
-        return self._model.parameters.words(self._reader.asked)
+        return self._model.parameters.words(self.reader.asked)
 
     def estop(self) -> None:
         """Send an e-stop at once and repeat it in a thread; a pending one is sent again."""
@@ -82,7 +110,7 @@ class RobotSession:
         )
         self._stop = stop
         stop.press()
-        self._workers[1].start(lambda: self._repeat(stop))
+        self._stop_worker.start(lambda: self._repeat(stop))
 
     def _repeat(self, stop: EmergencyStop) -> JobResult:
         outcome = stop.run(lambda: self._over)
@@ -96,7 +124,7 @@ class RobotSession:
     def _report_stop(self, now_ns: int) -> None:
         if self._stop is None:
             return
-        outcome = self._workers[1].done()
+        outcome = self._stop_worker.done()
         if outcome is not None:
             self._stop = None
             loss = self.link_monitor.loss()
@@ -116,7 +144,6 @@ class RobotSession:
             self._add_line("ground", f"{self._model.robot}: {lost}", Severity.WARNING)
 
     def close(self, deadline_s: float) -> None:
-        """End the threads before the deadline."""
+        """End the e-stop's thread before the deadline."""
         self._over = True
-        for worker in self._workers:
-            worker.close(deadline_s)
+        self._stop_worker.close(deadline_s)

@@ -7,7 +7,7 @@ from ground.client.operations import Operation
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome
-from ground.client.telemetry import AgedMessage, Telemetry
+from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.console.app_commands import AppCommand
 from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget
@@ -18,6 +18,7 @@ from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.lease_state import LeaseView
+from ground.station.roster import Attention, RosterEntry, by_attention
 from ground.station.station import Station
 from ground.station.world import WorldFacts
 from protocol.topics import (
@@ -35,6 +36,7 @@ from tests.support.air import Air
 
 MS = 1_000_000
 S = 1_000 * MS
+NOTHING = AgedMessage(None, None, Age.GONE)
 
 
 class FakeStation(Station):
@@ -60,6 +62,7 @@ class FakeStation(Station):
         self.items_now: tuple[MapTarget, ...] = ()
         self.robots_now = ["r1"]
         self.robot_now = "r1"
+        self.roster_now: list[RosterEntry] = []
         self.stopping_now = ""
         self.restarts_now: dict[Role, int] = {}
         self.restarted_now = self.cause_now = ""
@@ -79,6 +82,17 @@ class FakeStation(Station):
 
     def robots(self) -> list[str]:
         return self.robots_now
+
+    def roster(self) -> list[RosterEntry]:
+        """Return `roster_now`, and a quiet entry for each other robot of `robots_now`."""
+        given = {entry.robot: entry for entry in self.roster_now}
+        entries = [
+            given.get(robot, RosterEntry(robot, False, Attention.NONE, "ready", NOTHING))
+            for robot in self.robots_now
+        ]
+        return by_attention(
+            entry._replace(is_selected=entry.robot == self.robot_now) for entry in entries
+        )
 
     def select(self, robot: str) -> None:
         self.robot_now = robot
@@ -204,7 +218,7 @@ class FakeStation(Station):
     def last_command(self) -> str:
         return self.last_now
 
-    def estop(self) -> None:
+    def estop(self, robot: str = "") -> None:
         self.stops += 1
 
     @property

@@ -176,7 +176,7 @@ def test_return_requires_reading_again_and_is_logged(lost: Lost) -> None:
     play.revive()
     play.robot.lease.holder = ""
     asked = len(play.bus.asked)
-    waits = play.workers["r1 reads"]
+    waits = play.workers["selected reads"]
     waits.waits = True
     play.forward(1.2)
     assert play.station.loss() is None

@@ -120,12 +120,12 @@ def test_hang_needs_proof_of_the_link() -> None:
     play.robot.senses = False
     play.hang()
     play.forward(0.2)
-    play.workers["r1 reads"].waits = True  # the link is not checked
+    play.workers["selected reads"].waits = True  # the link is not checked
     play.forward(2.0)
     early = play.station.loss()
     assert early is None or early.kind is LossKind.SENSES_STALE
-    play.workers["r1 reads"].waits = False
-    play.workers["r1 reads"].work()
+    play.workers["selected reads"].waits = False
+    play.workers["selected reads"].work()
     play.forward(0.6)
     loss = play.station.loss()
     assert loss is not None

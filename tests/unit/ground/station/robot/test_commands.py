@@ -246,7 +246,7 @@ def test_lease_lost_before_sending_cancels_the_command() -> None:
     play, done = ready(), no_texts()
     play.station.submit("goal 9 7", job(done))
     play.station.poll()
-    own = play.station._sessions["r1"]
+    own = play.station._fleet.sessions["r1"]
     own.holding.release(play.clock.now_ns())
     play.forward(0.2)
     assert done == []

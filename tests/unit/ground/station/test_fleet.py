@@ -1,0 +1,211 @@
+"""Every robot that appears is watched, listed, and can be stopped."""
+
+from math import isfinite
+
+import pytest
+
+from ground.app.widgets.sparklines import FRESH_S
+from ground.station.fleet import KEPT_NS
+from ground.station.link.loss import LossKind
+from ground.station.roster import Attention
+from protocol.bus.network import MAX_ROBOTS
+from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.messages import Statustext
+from protocol.wire.statustext import pieces_of
+from tests.support.ground.station.play import Play
+from tests.support.ground.station.said import Robot
+
+S = 1_000_000_000
+
+
+def fleet(*others: Robot) -> Play:
+    """Return a play in which these robots have appeared besides r1, and have been received."""
+    play = Play()
+    for robot in others:
+        play.robots.append(robot)
+        play.bus.come(Role.ROBOT, robot.name)
+    return play.forward(1.0)
+
+
+def test_robot_that_is_not_selected_is_watched() -> None:
+    play = fleet(Robot("r2", x_m=3.0))
+    assert [entry.robot for entry in play.station.roster()] == ["r1", "r2"]
+    assert [other.name for other in play.station.scene().others] == ["r2"]
+    for piece in pieces_of("vehicle FAILSAFE", 7, 3):
+        play.bus.say(TEXT, piece, "r2")
+    play.forward(0.2)
+    assert ("r2", "vehicle FAILSAFE") in [(line.source, line.text) for line in play.station.log]
+
+
+def test_history_of_a_robot_begins_when_it_appears() -> None:
+    play = fleet(Robot("r2"))
+    play.forward(3.0)
+    play.station.select("r2")
+    play.forward(0.2)
+    series = play.station.history["speed"]
+    assert series.last is not None
+    assert play.station.time_s - series.last[0] <= FRESH_S
+    assert len(series.points(play.station.time_s - 3.0)) > 10
+
+
+def test_history_counts_from_the_start_of_the_station() -> None:
+    play = Play().forward(4.0)
+    play.robots.append(Robot("r2"))
+    play.bus.come(Role.ROBOT, "r2")
+    play.forward(1.0)
+    play.station.select("r2")
+    play.forward(0.1)
+    last = play.station.history["speed"].last
+    assert last is not None
+    assert isfinite(last[1])
+    assert play.station.time_s - last[0] <= FRESH_S
+
+
+def test_watched_robot_is_not_read() -> None:
+    play = fleet(Robot("r2"))
+    play.forward(10.0)
+    asked = [path for robot, path, _ in play.bus.asked if robot == "r2"]
+    assert 2 <= asked.count(PARAMETER.path) <= 3
+    assert set(asked) == {PARAMETER.path}
+    play.station.select("r2")
+    play.forward(1.0)
+    assert PARAMETERS.path in [path for robot, path, _ in play.bus.asked if robot == "r2"]
+    assert play.station.ready
+
+
+def test_station_announces_itself_only_for_selected_robots() -> None:
+    play = fleet(Robot("r2"))
+    assert not play.station.present.has("r2", Role.GROUND)
+    play.station.select("r2")
+    play.forward(0.1)
+    assert play.station.present.has("r2", Role.GROUND)
+
+
+def test_robot_not_selected_is_stopped_at_once() -> None:
+    play = fleet(Robot("r2"))
+    play.station.estop("r2")
+    assert len(play.bus.publisher(STOP, "r2").said) >= 1
+    assert not play.bus.publisher(STOP, "r1").said
+    play.forward(0.2)
+    assert "E-STOP acknowledged by r2 after 0 ms, 1 try" in play.texts("acknowledged")
+
+
+def test_attention_sorts_the_roster() -> None:
+    others = [
+        Robot("r2", goal=GoalState.DRIVING, goal_id=1),
+        Robot("r3", goal=GoalState.STUCK),
+        Robot("r4", vehicle=Vehicle.FAILSAFE),
+        Robot("r10"),
+        Robot("r5"),
+    ]
+    play = fleet(*others)
+    others[4].loop = False
+    play.forward(3.0)
+    found = [(entry.robot, entry.attention) for entry in play.station.roster()]
+    assert found == [
+        ("r4", Attention.STOPPED),
+        ("r3", Attention.STUCK),
+        ("r5", Attention.LOST),
+        ("r1", Attention.NONE),
+        ("r2", Attention.NONE),
+        ("r10", Attention.NONE),
+    ]
+    words = {entry.robot: (entry.words, entry.goal_distance_m) for entry in play.station.roster()}
+    assert words["r4"] == ("failsafe", None)
+    assert words["r2"] == ("driving", 4.0)
+    assert words["r5"] == ("hung", None)
+
+
+def test_death_of_a_watched_robot_is_reported() -> None:
+    other = Robot("r2")
+    play = fleet(other)
+    other.loop = False
+    play.bus.go(Role.ROBOT, "r2")
+    play.forward(3.0)
+    (entry,) = [entry for entry in play.station.roster() if entry.robot == "r2"]
+    assert entry.loss is not None
+    assert entry.loss.kind is LossKind.PROCESS_DEAD
+    assert play.texts("ROBOT DEAD r2")
+    assert play.station.loss() is None
+
+
+def test_other_operator_of_a_watched_robot_is_no_loss() -> None:
+    other = Robot("r2")
+    other.lease.holder, other.lease.name = "theirs", "ben"
+    play = fleet(other)
+    play.forward(2.0)
+    assert [entry.loss for entry in play.station.roster()] == [None, None]
+    play.station.select("r2")
+    play.forward(1.0)
+    assert play.station.loss() is not None
+    play.station.select("r1")
+    play.forward(2.0)
+    assert [entry.loss for entry in play.station.roster()] == [None, None]
+    assert not play.texts("is free again")
+
+
+def test_robot_that_flaps_neither_leaks_nor_floods() -> None:
+    play = fleet()
+    for number in range(600):
+        play.bus.come(Role.ROBOT, "r2", f"{number:x}")
+        play.forward(0.05)
+        play.bus.go(Role.ROBOT, "r2")
+        play.forward(0.05)
+    assert len(play.station.roster()) == 2
+    assert len([box for robot, box in play.bus._boxes if robot == "r2"]) <= 25
+    lines = [line for line in play.station.log if "r2" in line.text]
+    assert len(lines) <= 3 * (20 + 60)
+
+
+def test_names_that_flap_are_bounded() -> None:
+    play = fleet()
+    for number in range(400):
+        name = f"x{number}"
+        play.bus.come(Role.ROBOT, name)
+        play.forward(0.05)
+        play.bus.say(STATUS, Robot(name).status(), name)
+        play.bus.go(Role.ROBOT, name)
+        play.forward(0.05)
+    names = {entry.robot for entry in play.station.roster()}
+    assert len(names) == MAX_ROBOTS
+    assert "r1" in names
+    assert len({robot for robot, _ in play.bus._boxes}) == MAX_ROBOTS
+    assert len(play.station.log) < 600
+
+
+def test_crowd_is_reported_once_and_can_be_selected() -> None:
+    play = Play()
+    for number in range(MAX_ROBOTS + 9):
+        play.bus.come(Role.ROBOT, f"x{number}")
+    play.forward(2.0)
+    assert len(play.station.roster()) == MAX_ROBOTS
+    assert len(play.texts("too many robots")) == 1
+    assert len(play.station.robots()) == MAX_ROBOTS + 10
+    play.station.select("x9")
+    play.forward(0.2)
+    assert "x9" in [entry.robot for entry in play.station.roster()]
+
+
+def test_place_of_a_robot_long_gone_is_free() -> None:
+    play = Play()
+    for number in range(MAX_ROBOTS - 1):
+        play.bus.come(Role.ROBOT, f"x{number}")
+    play.forward(1.0)
+    play.bus.go(Role.ROBOT, "x3")
+    play.bus.come(Role.ROBOT, "new")
+    play.forward(1.0)
+    assert "new" not in [entry.robot for entry in play.station.roster()]
+    play.forward(KEPT_NS / S)
+    names = [entry.robot for entry in play.station.roster()]
+    assert "new" in names
+    assert "x3" not in names
+
+
+@pytest.mark.parametrize("text", ["\x1b[31mred", "a\nb"])
+def test_hostile_texts_of_watched_robots_are_printable(text: str) -> None:
+    play = fleet(Robot("r2"))
+    play.bus.say(TEXT, Statustext(severity=6, text=text, id=0, chunk_seq=0), "r2")
+    play.forward(0.3)
+    (line,) = [line for line in play.station.log if line.source == "r2"]
+    assert line.text.isprintable()
