@@ -127,16 +127,15 @@ class Bus:
     def publisher(self, topic: Topic[M], robot: str | None = None) -> Publisher[M]:
         """Return a publisher of a topic.
 
-        The key of an operator's publisher contains its identity. The samples of its streams carry
-        the robot's time, which is measured periodically from now on.
+        An operator's key contains its identity; samples of its streams carry the robot's time.
         """
         name = robot or self.robot
         key, time_ns = self.key(topic.path, robot), None
         if topic.of_operators and self.operator is not None:
             key = f"{key}/{self.operator}"
-        if topic.of_operators and topic.rate_hz and self.operator is not None:
-            time_ns = partial(self._requester.clocks.time_ns, name)
-            self._requester.clocks.follow(name)
+            if topic.rate_hz:
+                time_ns = partial(self._requester.clocks.time_ns, name)
+                self._requester.clocks.follow(name)
         return Publisher(self._session, topic, key, self._encoder(robot), time_ns)
 
     def mailbox(
