@@ -82,7 +82,7 @@ class CalibrationResult:
         for name, value in self.fit.value.items():
             old, unit = getattr(self.before, name), UNITS[name]
             found = f"{value:.6g} +- {self.fit.error[name]:.2g}{unit}"
-            decision = "set" if name in self.values else "not significantly different: kept"
+            decision = "set" if name in self.values else "difference not significant: kept"
             lines.append(f"{name:<12} {old:.6g} -> {found}: {decision}")
         return lines
 

@@ -7,6 +7,7 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from ground.app.commands.sharing import share_run
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
@@ -61,6 +62,7 @@ class RobotKeys:
             "help": self.help,
             "copy": self.copy,
             "shot": self.save_screenshot,
+            "share": self.share,
             "theme": self.next_theme,
             "quit": partial(app.exit, 0),
         }
@@ -156,6 +158,10 @@ class RobotKeys:
             self._app.note(f"{path}: {error.strerror}")
             return
         self._app.note(f"saved {path}")
+
+    def share(self) -> None:
+        """Put the run that is shown into one archive."""
+        share_run(self._app, self._app.player, self._app.recording)
 
     def next_theme(self) -> None:
         """Switch to the next theme."""

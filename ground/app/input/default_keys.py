@@ -199,6 +199,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("help", "? f1", "keys that are active now", "Help"),
         ("copy", "y", "copy the last action as a command line", ""),
         ("shot", "Y", "save the screen as an SVG", ""),
+        ("share", "Z", "put the run into one .zip", ""),
         ("theme", "T", "next theme", ""),
     ),
 )

@@ -20,6 +20,7 @@ class Player:
 
     def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
         """UserError when there is nothing to play."""
+        self.path = path
         self.bus = ReplayBus(path, clock, robot)
         self._world = world_in_recording(self.bus)
         self.station = self._station()
