@@ -1,5 +1,7 @@
 """Publish the robot's output: wheel command first, then odometry, status, decision and events."""
 
+from typing import Final
+
 from protocol.bus.bus import Bus
 from protocol.bus.mailbox import MAX_STAMP_NS
 from protocol.topics import (
@@ -24,6 +26,10 @@ from robot.core.perception.from_messages import now_ms_of
 from robot.core.values import Outputs
 from robot.vehicle import Vehicle
 from runtime.timing import UINT32
+from runtime.units import NS_PER_MS
+
+SIGN_OF_LIFE_NS: Final = 300 * NS_PER_MS
+"""Longest time between two heartbeats on the clock of the bus. Simulated time may be slower."""
 
 
 class Reports:
@@ -43,6 +49,8 @@ class Reports:
         self.text = bus.publisher(TEXT)
         self.commanded = bus.publisher(COMMANDED)
         self.answered = bus.publisher(ANSWERED)
+        self._now_ns = bus.now_ns
+        self._beat_ns = 0
         self._commands = 0
         self.recorded = 0
 
@@ -90,9 +98,7 @@ class Reports:
 
     def events(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
         """Publish what is independent of ticks: heartbeat, lease, mission and new texts."""
-        beat = vehicle.heartbeat(now_ns)
-        if beat is not None:
-            self.heartbeat.put(beat)
+        self._beat(vehicle, now_ns)
         lease = vehicle.lease_status(stamp_ns, now_ns)
         if lease is not None:
             self.lease.put(lease)
@@ -101,6 +107,15 @@ class Reports:
             self.mission.put(mission)
         for text in vehicle.texts():
             self.text.put(text)
+
+    def _beat(self, vehicle: Vehicle, now_ns: int) -> None:
+        """Publish a due heartbeat; with a slow or paused simulated time, also in wall time."""
+        beat, wall_ns = vehicle.heartbeat(now_ns), self._now_ns()
+        if beat is None and wall_ns - self._beat_ns >= SIGN_OF_LIFE_NS:
+            beat = telemetry.heartbeat(vehicle.state)
+        if beat is not None:
+            self._beat_ns = wall_ns
+            self.heartbeat.put(beat)
 
     def record(self, request: Message, answer: Message) -> None:
         """Publish a request with its answer, for recordings, and count it."""

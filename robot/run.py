@@ -130,7 +130,7 @@ def in_lockstep(
         process.idle()
 
     clock = LockstepClock(patience_s=IDLE_S, idle=between)
-    senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows)
+    senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows, clock=clock)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
     process = RobotProcess(vehicle, bus, clock, senses, meter, epoch)
     process.serve(nudge=clock.nudge)
@@ -145,7 +145,7 @@ def in_lockstep(
 
 
 def drive_clock(clock: LockstepClock, bus: Bus) -> None:
-    """Advance `clock` by the plant's clock frames; stop it when the plant restarts.
+    """Advance `clock` by the plant's clock frames.
 
     Frames that cannot be read are counted; the time then pauses, which is safe.
     """
@@ -156,12 +156,8 @@ def drive_clock(clock: LockstepClock, bus: Bus) -> None:
         if newest is None:
             return
         stamp_ns = newest[0].time_unix_usec * 1000
-        if stamp_ns >= MAX_STAMP_NS:
-            return
-        if stamp_ns < clock.now_ns():
-            log_line("robot: the plant was restarted, so this run is over")
-            clock.stop()
-        clock.advance_to(stamp_ns)
+        if stamp_ns < MAX_STAMP_NS:
+            clock.advance_to(stamp_ns)
 
     frames = bus.mailbox(CLOCK, notify=take)
     take(0)  # a frame that arrived before the mailbox existed

@@ -12,6 +12,7 @@ from robot.core.values import Inputs, Scan, Wheels
 from robot.operator_delays import DelayFilter
 from robot.vehicle import Vehicle
 from runtime.clock import Tick
+from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, order_of
 from runtime.timing import PERIOD_NS, UINT32
 
@@ -25,7 +26,8 @@ class Senses:
 
     `beat` receives the arrival time of each scan. `accept` returns whether an operator's frames
     count. The age of a sensor frame counts from its arrival; in lockstep from its stamp, because
-    there only clock frames advance the time. The age of an operator's frame counts from its sending
+    there only clock frames advance the time; `clock` detects a restart of the plant. The age of an
+    operator's frame counts from its sending
     time, so that a late frame extends nothing; in lockstep an accepted frame counts from now.
 
     `stamp_ns` and `sequence` belong to the last tick read. `ping_age_us` is the age of the oldest
@@ -40,8 +42,11 @@ class Senses:
         lockstep: bool,
         beat: Callable[[int], None] | None = None,
         accept: Callable[[str], bool] | None = None,
+        clock: LockstepClock | None = None,
     ) -> None:
         self.lockstep = lockstep
+        self._clock = clock or LockstepClock()
+        self._restarts = 0
         self._wheels = bus.mailbox(WHEELS, forward=not lockstep)
         self._sonar = bus.mailbox(SONAR, notify=beat, forward=not lockstep)
         self._operator = bus.mailbox(OPERATOR, accept=accept)
@@ -58,7 +63,7 @@ class Senses:
         """Return the inputs of this tick, with None for a missing or stale sensor."""
         self._receive_operator(vehicle, now_ns)
         arrived = self._wheels.latest()
-        if not self.lockstep and is_restarted(arrived, self._last_wheels):
+        if self._plant_has_restarted(arrived):
             vehicle.lose_position(now_ns)
         wheels = self._last_wheels = newer(arrived, self._last_wheels)
         newest = self._last_scan = newer(self._sonar.latest(), self._last_scan)
@@ -69,6 +74,16 @@ class Senses:
             self._scan_of(newest, now_ns),
             vehicle.operator_age_ms(now_ns),
         )
+
+    def _plant_has_restarted(self, arrived: tuple[WheelTicks, int] | None) -> bool:
+        """Return whether the plant has restarted; in lockstep, forget the frames of the former."""
+        if not self.lockstep:
+            return is_restarted(arrived, self._last_wheels)
+        before, self._restarts = self._restarts, self._clock.restarts
+        if before == self._restarts:
+            return False
+        self._last_wheels = self._last_scan = None
+        return True
 
     def _wheels_of(self, newest: tuple[WheelTicks, int] | None, now_ns: int) -> Wheels | None:
         if newest is None or self._age_ns(newest, now_ns) > WHEELS.stale_after_ns:
@@ -87,7 +102,9 @@ class Senses:
         return scan_of(newest[0], self.scan_age_ms)
 
     def _age_ns(self, newest: tuple[WheelTicks | SonarScan, int], now_ns: int) -> int:
-        return max(0, now_ns - (newest[0].time_ns if self.lockstep else newest[1]))
+        if self.lockstep:
+            return max(0, now_ns - self._clock.offset_ns - newest[0].time_ns)
+        return max(0, now_ns - newest[1])
 
     def _set_stamp(self, newest: tuple[SonarScan, int] | None, tick: Tick, now_ns: int) -> None:
         """Set the time of this tick: its scan's stamp plus the time since then.
@@ -95,7 +112,8 @@ class Senses:
         A late scan does not turn the time back; a restarted or paused plant does.
         """
         if self.lockstep:
-            self.stamp_ns, self.sequence = now_ns, now_ns // PERIOD_NS
+            self.stamp_ns = now_ns - self._clock.offset_ns
+            self.sequence = self.stamp_ns // PERIOD_NS
         elif newest is not None:
             scan, arrived_ns = newest
             stamp_ns = scan.time_ns + max(0, tick.due_ns - arrived_ns)

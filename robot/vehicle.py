@@ -296,7 +296,10 @@ def not_saved(answer: Answer) -> Answer:
 
 
 class ReportTimer:
-    """Decides when to publish a value: at once after a change, else every `period_ns`."""
+    """Decides when to publish a value: at once after a change, else every `period_ns`.
+
+    A late call does not delay the following ones, so that the mean rate is kept.
+    """
 
     def __init__(self, period_ns: int) -> None:
         self._period_ns = period_ns
@@ -307,6 +310,7 @@ class ReportTimer:
         """Return whether to publish `value` now, and note it if so."""
         if value == self._last and now_ns < self._due_ns:
             return False
+        is_on_grid = value == self._last and now_ns < self._due_ns + self._period_ns
         self._last = value
-        self._due_ns = now_ns + self._period_ns
+        self._due_ns = (self._due_ns if is_on_grid else now_ns) + self._period_ns
         return True

@@ -5,10 +5,14 @@ from collections.abc import Callable
 
 from runtime.arrivals import WakeUp
 from runtime.errors import ClockStoppedError
+from runtime.timing import PERIOD_NS
 
 
 class LockstepClock:
     """The time is the stamp of the newest sensor frames.
+
+    After a restart of the plant its stamps begin again, but the time goes on: it is the stamp plus
+    `offset_ns`, and `restarts` counts these restarts.
 
     `advance_to` and `stop` are thread-safe. If no stamp arrives for `patience_s` of wall time, a
     waiting thread raises ClockStoppedError. With `idle` it calls that instead, and also at each
@@ -21,27 +25,33 @@ class LockstepClock:
         patience_s: float | None = None,
         idle: Callable[[], None] | None = None,
     ) -> None:
-        self._stamp_ns: int | None = None
+        self._time_ns: int | None = None
         self._start_ns = start_ns
         self._patience_s = patience_s
         self._idle = idle
         self._nudged = False
         self._stopped = False
         self._change = WakeUp()
+        self.offset_ns = self.restarts = 0
 
     def now_ns(self) -> int:
-        """Return the newest stamp."""
-        stamp_ns = self._stamp_ns
-        return self._start_ns if stamp_ns is None else stamp_ns
+        """Return the time of the newest stamp."""
+        time_ns = self._time_ns
+        return self._start_ns if time_ns is None else time_ns
 
     def cpu_ns(self) -> int:
         """Return the CPU time of this thread."""
         return time.thread_time_ns()
 
     def advance_to(self, stamp_ns: int) -> None:
-        """Set the time to the stamp of the newest sensor frames; ignore an older one."""
-        if self._stamp_ns is None or stamp_ns > self._stamp_ns:
-            self._stamp_ns = stamp_ns
+        """Set the time to the stamp of the newest sensor frames; an older one is a restart."""
+        before_ns, time_ns = self._time_ns, stamp_ns + self.offset_ns
+        if before_ns is not None and time_ns < before_ns:
+            self.restarts += 1
+            self.offset_ns = before_ns + PERIOD_NS - stamp_ns
+            time_ns = stamp_ns + self.offset_ns
+        if before_ns is None or time_ns > before_ns:
+            self._time_ns = time_ns
             self._change.wake()
 
     def nudge(self) -> None:
@@ -69,4 +79,4 @@ class LockstepClock:
         self._idle()
 
     def _reached(self, deadline_ns: int) -> bool:
-        return self._stamp_ns is not None and self._stamp_ns >= deadline_ns
+        return self._time_ns is not None and self._time_ns >= deadline_ns

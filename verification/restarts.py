@@ -16,7 +16,7 @@ from ground.cli.run.up import connect, free_endpoint
 from ground.launch.child_command import command
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
-from ground.launch.scenario import scenario_of, world_facts, world_query
+from ground.launch.scenario import WALL, scenario_of, world_facts, world_query
 from protocol.bus.bus import Bus
 from protocol.bus.session import listens
 from protocol.topics import STATUS, TRUTH
@@ -97,11 +97,11 @@ def of(name: str, took: list[Recovery], most_s: float | None) -> list[Figure]:
 
 @contextmanager
 def running(
-    *, router: bool, policy: RestartPolicy = NO_PAUSE
+    *, router: bool, policy: RestartPolicy = NO_PAUSE, clock_name: str = WALL
 ) -> Iterator[tuple[Stack, ArrivalTimes, WallClock]]:
     """Run robot and plant at rest, supervised as by `up` but without a restart limit."""
     clock = WallClock()
-    words = ["up", "--clock", "wall", "--world", "open", *(["--router"] if router else [])]
+    words = ["up", "--clock", clock_name, "--world", "open", *(["--router"] if router else [])]
     options = parse(words)
     scenario = scenario_of(options, world_facts(command(world_query(options), os.getpid())))
     with Stack(options, scenario, free_endpoint(), clock, policy) as stack:

@@ -161,11 +161,11 @@ class GoalRun:
             self._lost(lambda: why)
 
     def _lost(self, why: Callable[[], str]) -> None:
-        """Raise NoOutcomeError, but allow time for a restart where processes are restarted."""
+        """Raise NoOutcomeError, but allow time for a restart."""
         now_ns = self.link.clock.now_ns()
         self._lost_ns = self._lost_ns or now_ns
         self._check()
-        if self._scenario.lockstep or now_ns - self._lost_ns > RESTART_WAIT_NS:
+        if now_ns - self._lost_ns > RESTART_WAIT_NS:
             raise NoOutcomeError(why())
 
     def line(self) -> list[Part]:

@@ -180,7 +180,7 @@ class Stack:
         self._supervisor = Supervisor(
             self._children,
             RestartSchedule(self._roles, self._policy),
-            None if self.scenario.lockstep else self._detector,
+            self._detector,
             self._arguments_of,
         )
 

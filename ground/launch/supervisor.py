@@ -34,7 +34,7 @@ class Supervisor:
         detector: HangDetector | None,
         arguments_of: Callable[[str, str], list[str]],
     ) -> None:
-        """Create a supervisor; in lockstep time may stop, so `detector` is None there."""
+        """Create a supervisor; without a `detector` it notices exits only."""
         self.schedule = schedule
         self._children = children
         self._detector = detector

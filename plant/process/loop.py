@@ -16,8 +16,12 @@ from runtime.units import NS_PER_S
 
 PERIOD_S: Final = PERIOD_NS / NS_PER_S
 POLL_S: Final = 0.01
-PATIENCE_S: Final = 1.0
-"""In lockstep, wall time after which simulated time advances without the answer of a robot."""
+REPEAT_S: Final = 0.5
+"""In lockstep, wall time after which a tick is published again: others see that the plant runs, and
+a robot that has just joined receives the tick."""
+PATIENCE_S: Final = 3.0
+"""In lockstep, wall time after which simulated time advances without the answer of a robot that is
+present. A supervisor kills a robot that hangs before."""
 
 
 class Wake:
@@ -45,12 +49,12 @@ def nothing() -> None:
     """Do nothing."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Process:
     """The plant with its links to the robots and its request queue.
 
     `look` is called once per period, for observers. `turn` is called in each iteration of the loop,
-    at least once a second, also while simulated time is paused.
+    at least every `REPEAT_S`, also while simulated time is paused.
     """
 
     plant: Plant
@@ -60,16 +64,19 @@ class Process:
     patience_s: float = PATIENCE_S
     look: Callable[[], None] = nothing
     turn: Callable[[], None] = nothing
+    _published_s: float = 0.0
 
     def publish(self) -> None:
         """Publish the data of this tick."""
+        self._published_s = monotonic()
         self.look()
         for link in self.links:
             link.publish(self.plant)
 
-    def answered(self) -> bool:
-        """Return whether all robots have answered this tick."""
-        return all(link.answered for link in self.links)
+    @property
+    def silent(self) -> list[RobotLink]:
+        """Robots that are expected to answer this tick and have not."""
+        return [link for link in self.links if link.expected and not link.answered]
 
     def advance(self) -> None:
         """Apply the wheel commands and advance one period."""
@@ -88,15 +95,20 @@ class Process:
             self.publish()
 
     def run_lockstep(self, speed: float = inf) -> None:
-        """Advance whenever every robot has answered, at most at `speed` x real time."""
+        """Advance whenever every expected robot has answered, at most at `speed` x real time.
+
+        Without one of the robots, time advances at most as fast as real time.
+        """
         self._await_robots()
         pace_s = 0.0 if speed == inf else PERIOD_S / speed
         due_s = monotonic()
         while not self.wake.stopping:
             self.publish()
-            self._await(self.answered)
+            self._await_answers()
             self._await_start()
-            due_s = max(due_s + pace_s, monotonic() - pace_s)
+            is_complete = all(link.expected for link in self.links)
+            period_s = pace_s if is_complete else max(pace_s, PERIOD_S)
+            due_s = max(due_s + period_s, monotonic() - period_s)
             self._await_due(due_s)
             self.advance()
 
@@ -106,7 +118,7 @@ class Process:
 
     def _await_due(self, due_s: float) -> None:
         while (remaining_s := due_s - monotonic()) > 0 and not self.wake.stopping:
-            self.wake.wait(min(remaining_s, self.patience_s))
+            self.wake.wait(min(remaining_s, REPEAT_S))
             self._serve()
 
     def _await_robots(self) -> None:
@@ -116,16 +128,30 @@ class Process:
             self.wake.wait(POLL_S)
             self._serve()
 
-    def _await(self, condition: Callable[[], bool]) -> None:
+    def _await_answers(self) -> None:
+        """Wait for the expected robots; after `patience_s` expect the silent ones no more."""
         deadline_s = monotonic() + self.patience_s
         while not self.wake.stopping:
             self._serve()
-            if condition():
+            silent = self.silent
+            if not silent:
                 return
-            if not self.wake.wait(deadline_s - monotonic()):
+            remaining_s = deadline_s - monotonic()
+            if remaining_s <= 0.0:
+                for link in silent:
+                    link.expect_no_more()
                 return
+            self._wait_or_repeat(remaining_s)
 
     def _await_start(self) -> None:
         while not (self.requests.running or self.wake.stopping):
-            self.wake.wait(self.patience_s)
+            self._wait_or_repeat(REPEAT_S)
             self._serve()
+
+    def _wait_or_repeat(self, timeout_s: float) -> None:
+        """Wait for an arrival, and publish this tick again `REPEAT_S` after the last time."""
+        remaining_s = self._published_s + REPEAT_S - monotonic()
+        if remaining_s <= 0.0:
+            self.publish()
+        else:
+            self.wake.wait(min(timeout_s, remaining_s))

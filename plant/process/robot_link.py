@@ -6,8 +6,9 @@ from typing import Any
 from plant.process.command_gate import CommandGate
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus
+from protocol.bus.presence import Presence
 from protocol.bus.publisher import Publisher
-from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS
+from protocol.topics import CLOCK, DRIVE, SONAR, TRUTH, WHEELS, Role
 from protocol.wire.messages import SystemTime
 from runtime.timing import PERIOD_NS, UINT32
 
@@ -29,6 +30,8 @@ class RobotLink:
         self._truth = bus.publisher(TRUTH, robot)
         self._clock = bus.publisher(CLOCK, robot) if lockstep else None
         self._gate = CommandGate()
+        self._sessions: frozenset[str] = frozenset()
+        self._is_gone = self._is_silent = False
         bus.mailbox(DRIVE, robot, notify, check=self._gate.receive)
 
     @property
@@ -69,6 +72,32 @@ class RobotLink:
     def answered(self) -> bool:
         """Return whether the robot has answered the sensor data of this tick."""
         return self._gate.answered
+
+    @property
+    def expected(self) -> bool:
+        """Whether a tick waits for this robot: it has not gone, and answered when last expected.
+
+        A silent robot is expected again as soon as it has answered a tick in time.
+        """
+        if self._is_silent and self.answered:
+            self._is_silent = False
+        return not (self._is_gone or self._is_silent)
+
+    def expect_no_more(self) -> None:
+        """Advance without the robot until it answers."""
+        self._is_silent = True
+
+    def note_presence(self, token: Presence, appeared: bool) -> None:
+        """Note a process that has appeared or disappeared; called by the bus.
+
+        A robot has gone when its last token has disappeared. One without tokens is never gone.
+        """
+        if (token.robot, token.role) != (self.robot, Role.ROBOT.value):
+            return
+        session = {token.zid}
+        self._sessions = self._sessions | session if appeared else self._sessions - session
+        self._is_gone = not self._sessions
+        self._is_silent = False
 
     def apply_command(self, plant: Plant) -> None:
         """Pass an admitted command to the motor driver, for its remaining time."""

@@ -15,6 +15,7 @@ from plant.world.to_json import as_json, run_json
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
 from protocol.bus.network import Network
+from protocol.bus.presence import Presence
 from protocol.topics import RUN, WORLD, Role
 from runtime.clock import WallClock
 from runtime.watchdog import Watchdog
@@ -70,8 +71,21 @@ def assemble(
         bus.serve(RUN, take, robot)
         bus.serve(WORLD, take, robot)
     claim(bus, robots)
+    if lockstep:
+        watch_robots(bus, wires, wake)
     look = RejectLog(lambda: bus.rejected, log_line).look
     return Process(plant, wires, desk, wake, look=look, turn=turn)
+
+
+def watch_robots(bus: Bus, links: list[RobotLink], wake: Wake) -> None:
+    """Tell each link which robots are present, so that no tick waits for one that has gone."""
+
+    def note(token: Presence, appeared: bool) -> None:
+        for link in links:
+            link.note_presence(token, appeared)
+        wake()
+
+    bus.watch(note)
 
 
 def log_line(line: str) -> None:

@@ -27,7 +27,7 @@ LISTS_BATCHES: Final = 16
 WAIT_BEFORE_DROP_US: Final = 1_000
 PATIENT_WAIT_US: Final = 500_000
 """Time after which a sample that a reader does not accept is dropped. The longer one is less than
-the second for which a plant in lockstep waits for its robot."""
+the time for which a plant in lockstep waits for its robot."""
 
 
 def congestion(prefix: str, *, patient: bool = False) -> dict[str, object]:

@@ -44,6 +44,7 @@ class PlayedBus:
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
+        self.now_ns = clock.now_ns
         self._boxes: list[tuple[str, Mailbox[Any]]] = []
         self._handlers: list[tuple[str, str, Handler]] = []
         self._handler_of: dict[Mailbox[Any], tuple[str, str, Handler]] = {}

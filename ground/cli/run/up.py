@@ -142,7 +142,7 @@ def run_headless(
             )
             try:
                 outcomes = fleet_run.run(
-                    lockstep=scenario.lockstep, launched=partial(supervise_in_wall_time, stack, bus)
+                    lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
                 )
                 close_records(stack, output, clock)
                 return outcomes
@@ -169,12 +169,6 @@ def run_with_app(
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
                 return run_app(options, goal_runs[0].link, stack.common, stack, recording)
-
-
-def supervise_in_wall_time(stack: Stack, bus: Bus) -> None:
-    """Restart processes that exit, except in lockstep, where the run must be repeatable."""
-    if not stack.scenario.lockstep:
-        stack.supervise(bus)
 
 
 def report_events(stack: Stack, output: Output) -> None:

@@ -70,7 +70,9 @@ class Driver:
 
 
 @contextmanager
-def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> Iterator[Driver]:
+def running(
+    lockstep: bool = True, paused: bool = False, speed: float = inf, patience_s: float = 0.05
+) -> Iterator[Driver]:
     hub = Network(mode="peer", listen=("tcp/127.0.0.1:0",))
     with open_bus(hub, Role.ROBOT, "r1") as robot:
         network = Network(mode="client", connect=(robot.locator(),))
@@ -78,7 +80,7 @@ def running(lockstep: bool = True, paused: bool = False, speed: float = inf) -> 
             world, wake = load("open"), Wake()
             plant = Plant(world, 0, noise_of(world, "none"))
             assembled = assemble(plant, bus, ["r1"], wake, lockstep=lockstep, paused=paused)
-            process = Process(plant, assembled.links, assembled.requests, wake, patience_s=0.05)
+            process = Process(plant, assembled.links, assembled.requests, wake, patience_s)
             driver = Driver(robot)
             loops = [
                 threading.Thread(target=process.run_lockstep, args=(speed,))
@@ -167,6 +169,32 @@ def test_a_robot_that_comes_back_is_obeyed_again() -> None:
         until(lambda: not drives(driver), what="the wheels stand")
         driver.silent = False
         until(lambda: drives(driver), what="the robot drives again")
+
+
+def test_silent_robot_delays_the_world_only_once() -> None:
+    with running(patience_s=1.0) as driver:
+        until(lambda: drives(driver), what="the robot drives")
+        driver.silent = True
+        until(lambda: not drives(driver), what="the wheels stand")
+        seq = driver.seen().seq
+        until(lambda: driver.seen().seq >= seq + 40, within_s=6.0, what="two seconds")
+
+
+def test_time_without_a_robot_is_not_faster_than_real_time() -> None:
+    with running(speed=inf) as driver:
+        driver.silent = True
+        until(lambda: not drives(driver), what="the wheels stand")
+        begun_ns, seq = WallClock().now_ns(), driver.seen().seq
+        until(lambda: driver.seen().seq >= seq + 20, what="a second")
+        assert WallClock().now_ns() - begun_ns > 0.8 * SECOND_NS
+
+
+def test_paused_plant_in_lockstep_shows_that_it_runs() -> None:
+    with running(paused=True) as driver:
+        until(lambda: driver.truth.latest() is not None, what="the first truth")
+        arrived = [driver.truth.latest()]
+        until(lambda: driver.truth.latest() is not arrived[0], within_s=3.0, what="another one")
+        assert driver.seen().seq == 0
 
 
 def test_speed_limits_the_rate_of_simulated_time() -> None:

@@ -15,6 +15,7 @@ from ground.launch.child_processes import ChildExitError
 from ground.launch.fleet_run import FleetRun
 from ground.launch.launcher import Stack
 from ground.launch.restart_policy import RestartPolicy
+from ground.launch.scenario import CLOCKS, WALL
 from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
@@ -107,18 +108,24 @@ class Stage:
 
 
 @contextmanager
-def stage_of(*, router: bool, policy: RestartPolicy = NO_PAUSE) -> Iterator[Stage]:
+def stage_of(
+    *, router: bool, policy: RestartPolicy = NO_PAUSE, clock_name: str = WALL
+) -> Iterator[Stage]:
     with ExitStack() as scope:
-        stack, ears, _ = scope.enter_context(running(router=router, policy=policy))
+        run = running(router=router, policy=policy, clock_name=clock_name)
+        stack, ears, _ = scope.enter_context(run)
         witness = scope.enter_context(Witness(stack.common.endpoint))
         witness.ready()
         yield Stage(stack, ears, witness)
 
 
+@pytest.mark.parametrize("clock_name", CLOCKS)
 @pytest.mark.parametrize("how", ["SIGKILL", "SIGSTOP", "holds the lock"])
-def test_robot_plant_and_router_come_back_one_after_the_other(how: str, sabotage: Sabotage) -> None:
+def test_robot_plant_and_router_come_back_one_after_the_other(
+    how: str, clock_name: str, sabotage: Sabotage
+) -> None:
     cause = KILLED if how == "SIGKILL" else HUNG
-    with stage_of(router=True) as stage:
+    with stage_of(router=True, clock_name=clock_name) as stage:
         the_robot_comes_back_disarmed(stage, how, cause, sabotage)
         without_its_plant_the_robot_stays_where_it_is(stage, how, cause, sabotage)
         the_others_find_the_router_again(stage, how, cause, sabotage)
@@ -128,6 +135,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     witness = stage.witness
     stage.drive()
     hurt_ns = stage.hurt("robot r1", how, sabotage)
+    stage.until(witness.standing, "standing")
     before_ns, still_ns = witness.stopped_at_ns(hurt_ns + 50 * MS)
     assert (still_ns - before_ns) / MS <= STOPPED_MS
     stage.until(lambda: stage.said("restarted: the previous run", cause), "the cause")
@@ -167,10 +175,11 @@ def the_others_find_the_router_again(
     assert stage.witness.status.vehicle == Vehicle.FAILSAFE
 
 
+@pytest.mark.parametrize("clock_name", CLOCKS)
 def test_hub_robot_restarts_and_its_exception_is_reported(
-    sabotage: Sabotage,
+    clock_name: str, sabotage: Sabotage
 ) -> None:
-    with stage_of(router=False) as stage:
+    with stage_of(router=False, clock_name=clock_name) as stage:
         sabotage.fail("robot")
         words = "ended by a core exception (ZeroDivisionError: as the test wants it"
         stage.until(lambda: stage.said("restarted: the previous run", words[:40]), "the cause")

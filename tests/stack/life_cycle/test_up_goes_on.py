@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.launch.scenario import CLOCKS
 from ground.recording.tlog import TlogReader
 from protocol.wire.codec import decode
 from protocol.wire.messages import Statustext
@@ -71,11 +72,9 @@ def words_of(pid: int) -> str:
 
 @contextmanager
 def under_way(*words: str) -> Iterator[Up]:
-    """Start `up` in wall time, headless; yield it once the robot drives."""
+    """Start `up` headless; yield it once the robot drives."""
     with Crew() as crew:
-        up = Up(
-            crew.start("up", "--headless", "--clock", "wall", "--world", "open", "--json", *words)
-        )
+        up = Up(crew.start("up", "--headless", "--world", "open", "--json", *words))
         up.says("driving")
         for pid in up.pids:
             real_time(pid)
@@ -104,7 +103,8 @@ def texts_in(log: Path) -> str:
 
 
 def test_without_its_router_the_robot_stops_by_itself_and_that_is_the_outcome() -> None:
-    with under_way("--router") as up:
+    """Use wall time: the paced simulation would wait for the router."""
+    with under_way("--router", "--clock", "wall") as up:
         up.kill("router")
         up.says("the router process was killed (signal SIGKILL); restarting")
         found = up.result()
@@ -141,8 +141,9 @@ def test_ctrl_c_while_one_is_started_again_leaves_nothing_behind(born: bool) -> 
 
 
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
-def test_app_shows_which_process_was_restarted_and_why(tmp_path: Path) -> None:
-    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", "wall", "--world", "open"]
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Path) -> None:
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", clock, "--world", "open"]
     words += ["--no-record"]
     with Tmux(tmp_path, words, (140, 30), {"COLUMNS": "140"}) as tmux:
         tmux.shows("read: ready", within_s=20.0)

@@ -14,6 +14,7 @@ from robot.senses import Senses, is_restarted, newer, sending_order
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock, Tick
+from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
 from runtime.timing import PERIOD_NS, UINT32
 from tests.support.robot.processes import ADA, BOB, ServedBus
@@ -38,12 +39,13 @@ def scan(seq: int, time_ns: int = 0) -> SonarScan:
 class SensesRig:
     """Sensor readers on a simulated bus, and the vehicle that receives operators' frames."""
 
-    def __init__(self, *, lockstep: bool = False) -> None:
+    def __init__(self, *, lockstep: bool = False, plant_clock: LockstepClock | None = None) -> None:
         self.clock = ManualClock(1_000 * S)
         self.bus = ServedBus(self.clock)
         self.vehicle = Vehicle(DEFAULTS, Store(None))
         accept = self.vehicle.lease.allows
-        self.senses = Senses(cast(Bus, self.bus), lockstep=lockstep, accept=accept)
+        bus = cast(Bus, self.bus)
+        self.senses = Senses(bus, lockstep=lockstep, accept=accept, clock=plant_clock)
 
     def read(self, after_ns: int = 0, due_ns: int | None = None) -> Inputs:
         """Read in a tick this long after now."""
@@ -203,6 +205,24 @@ def test_in_lockstep_the_tick_is_that_of_the_clock() -> None:
     rig.read(PERIOD_NS)
     assert rig.senses.stamp_ns == rig.clock.now_ns()
     assert rig.senses.sequence == rig.clock.now_ns() // PERIOD_NS
+
+
+def test_in_lockstep_a_restarted_plant_loses_the_position() -> None:
+    """The stamps begin again, even within the first second of the former plant."""
+    clock = LockstepClock()
+    rig = SensesRig(lockstep=True, plant_clock=clock)
+    seen = []
+    for number in (3, 4, 0):
+        rig.bus.say(WHEELS, wheels(number, number * PERIOD_NS))
+        rig.bus.say(SONAR, scan(number, number * PERIOD_NS))
+        clock.advance_to(number * PERIOD_NS)
+        inputs = rig.senses.read(Tick(0, 0, 0, 0), clock.now_ns(), rig.vehicle)
+        assert inputs.wheels is not None
+        assert inputs.scan is not None
+        said = any("position lost" in text.text for text in rig.vehicle.texts())
+        seen.append((rig.senses.sequence, rig.senses.scan_seq, rig.senses.scan_age_ms, said))
+    assert seen == [(3, 3, 0, False), (4, 4, 0, False), (0, 0, 0, True)]
+    assert clock.now_ns() == 5 * PERIOD_NS
 
 
 @pytest.mark.parametrize("lockstep", [False, True])

@@ -1,17 +1,24 @@
 """Wheel commands of the robot: their epoch, and the last command."""
 
+from collections.abc import Callable
 from time import time
 from typing import cast
 
 import pytest
 
 from protocol.bus.bus import Bus
-from protocol.topics import DRIVE
+from protocol.topics import DRIVE, HEARTBEAT
 from protocol.wire.messages import WheelCommand
+from robot.core.parameters import DEFAULTS
 from robot.reports import Reports
 from robot.run import epoch
+from robot.storage.files import Store
+from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
+from runtime.timing import PERIOD_NS
 from tests.support.played_bus import PlayedBus
+
+MS, SECOND = 1_000_000, 1_000_000_000
 
 
 def decoded(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
@@ -26,6 +33,31 @@ def decoded(epoch_s: int, stamp_ns: int, sense_seq: int) -> list[WheelCommand]:
     reports.brake(stamp_ns, sense_seq)
     read.append(box.latest())
     return [newest[0] for newest in read if newest is not None]
+
+
+def beats_in(seconds: float, *, factor: float, late_ms: Callable[[int], int]) -> int:
+    """Return the number of heartbeats in wall time with a tick every 50 ms of simulated time."""
+    clock, vehicle = ManualClock(10 * SECOND), Vehicle(DEFAULTS, Store(None))
+    bus = PlayedBus(clock)
+    reports = Reports(cast(Bus, bus))
+    beats = bus.publisher(HEARTBEAT).said
+    begun_ns = clock.now_ns()
+    for tick in range(round(seconds * factor * 20)):
+        due_ns = begun_ns + round(tick * PERIOD_NS / factor) + late_ms(tick) * MS
+        clock.advance(due_ns - clock.now_ns())
+        reports.events(vehicle, 0, tick * PERIOD_NS + late_ms(tick) * MS)
+    return len(beats)
+
+
+def test_heartbeats_keep_their_rate_although_ticks_jitter() -> None:
+    jitter = (0, 1, 0, 3, 2, 0, 1)
+    assert beats_in(30.0, factor=1.0, late_ms=lambda tick: jitter[tick % 7]) in (150, 151)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3])
+def test_heartbeats_go_on_when_simulated_time_is_slow(factor: float) -> None:
+    period_s = max(0.3, 0.05 / factor) + 0.05 / factor
+    assert beats_in(30.0, factor=factor, late_ms=lambda _: 0) >= 30.0 / period_s - 1
 
 
 def test_every_wheel_command_carries_the_epoch() -> None:

@@ -67,9 +67,24 @@ def test_lockstep_time_is_the_newest_stamp() -> None:
     clock = LockstepClock(start_ns=5)
     assert clock.now_ns() == 5
     clock.advance_to(100 * MS)
-    clock.advance_to(50 * MS)
+    clock.advance_to(100 * MS)
     assert clock.now_ns() == 100 * MS
+    assert (clock.restarts, clock.offset_ns) == (0, 0)
     assert clock.cpu_ns() > 0
+
+
+def test_lockstep_time_goes_on_after_a_restart_of_the_plant() -> None:
+    clock = LockstepClock()
+    grid = ticks(clock, 20.0)
+    ticked = []
+    for stamp_ns in (900 * MS, 950 * MS, 0, 50 * MS, 100 * MS):
+        clock.advance_to(stamp_ns)
+        ticked.append((next(grid).missed, clock.now_ns() // MS, clock.now_ns() - clock.offset_ns))
+    assert [(missed, now_ms) for missed, now_ms, _ in ticked[2:]] == [
+        (ticked[1][0], 1000), (ticked[1][0], 1050), (ticked[1][0], 1100)
+    ]  # fmt: skip
+    assert [stamp_ns for _, _, stamp_ns in ticked[2:]] == [0, 50 * MS, 100 * MS]
+    assert clock.restarts == 1
 
 
 def test_lockstep_waits_for_a_stamp_from_another_thread() -> None:

@@ -138,10 +138,3 @@ def test_run_waits_for_a_restart_of_a_silent_robot() -> None:
     stage.wait(3.0 + RESTART_WAIT_NS / SECOND)
     with pytest.raises(NoOutcomeError, match="no message from the robot for 3"):
         stage.wait(0.2)
-
-
-def test_lockstep_does_not_wait_for_restarts() -> None:
-    stage = Stage.begun(lockstep=True)
-    stage.receive(GoalState.ABORTED, ended_ns=2 * SECOND)
-    with pytest.raises(NoOutcomeError, match=SILENT):
-        stage.wait(0.1)

@@ -82,7 +82,7 @@ def test_silent_process_is_killed_as_hung() -> None:
     assert "hung (silent for 2.5 s)" in stage.supervisor.next_event()
 
 
-def test_lockstep_detects_no_hangs() -> None:
+def test_without_a_detector_no_hang_is_detected() -> None:
     stage = Stage(detector=False)
     stage.supervisor.round(100 * SECOND)
     assert stage.children.started == []

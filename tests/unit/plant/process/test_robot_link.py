@@ -10,7 +10,8 @@ from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from protocol.bus.bus import Bus
-from protocol.topics import CLOCK, DRIVE, SONAR, WHEELS
+from protocol.bus.presence import Presence
+from protocol.topics import CLOCK, DRIVE, SONAR, WHEELS, Role
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, SonarScan, SystemTime, WheelCommand, WheelTicks
 from runtime.clock import ManualClock
@@ -153,3 +154,34 @@ def test_link_reports_its_robot_and_whether_it_has_answered() -> None:
     assert not bench.link.answered, "it answered the tick before"
     bench.tick((2, 21, FAST))
     assert bench.link.answered
+
+
+def presence_of(robot: str, role: Role = Role.ROBOT, zid: str = "1") -> Presence:
+    return Presence(robot, role.value, zid)
+
+
+def test_robot_is_expected_until_its_last_token_disappears() -> None:
+    link = Bench().link
+    assert link.expected, "it may run without a token"
+    for token, appeared, expected in (
+        (presence_of("r1"), True, True),
+        (presence_of("r1", zid="2"), True, True),
+        (presence_of("r2"), False, True),
+        (presence_of("r1", Role.GROUND), False, True),
+        (presence_of("r1"), False, True),
+        (presence_of("r1", zid="2"), False, False),
+        (presence_of("r1", zid="3"), True, True),
+    ):
+        link.note_presence(token, appeared)
+        assert link.expected is expected, token
+
+
+def test_silent_robot_is_expected_again_when_it_answers() -> None:
+    bench = Bench()
+    bench.tick((1, 20, FAST))
+    bench.link.expect_no_more()
+    for _ in (21, 22):
+        bench.tick()
+        assert not bench.link.expected
+    bench.tick((2, 23, FAST))
+    assert bench.link.expected
