@@ -19,6 +19,8 @@ RUN: Final = re.compile(rb"\x00*([^\x00])(?:\1|\x00)*")
 Dot = tuple[int, int]
 Run = tuple[str, str]
 """A role ("" for blank cells) and the text drawn in this role."""
+ECHO_RANK: Final = RANK["seen"]
+"""Marks up to this rank are hidden by dots that were drawn later."""
 OFF_CANVAS: Final = (0, 0, 0, 0, 0, 1)
 """The result of `clip_line` for a line that misses the canvas."""
 
@@ -26,19 +28,24 @@ OFF_CANVAS: Final = (0, 0, 0, 0, 0, 1)
 class Canvas:
     """`columns` x `rows` cells, `width` x `height` dots."""
 
-    __slots__ = ("_bits", "_glyphs", "_ranks", "ascii_only", "columns", "height", "rows", "width")
+    __slots__ = (
+        *("_bits", "_glyphs", "_ranks", "ascii_only", "columns", "height"),
+        *("is_mono", "rows", "width"),
+    )
 
-    def __init__(self, columns: int, rows: int, ascii_only: bool = False) -> None:
+    def __init__(
+        self, columns: int, rows: int, ascii_only: bool = False, *, is_mono: bool = False
+    ) -> None:
         self.columns, self.rows = max(0, columns), max(0, rows)
         self.width, self.height = DOTS_WIDE * self.columns, DOTS_HIGH * self.rows
-        self.ascii_only = ascii_only
+        self.ascii_only, self.is_mono = ascii_only, is_mono
         self._bits = bytearray(self.columns * self.rows)
         self._ranks = bytearray(self.columns * self.rows)
         self._glyphs: list[dict[int, tuple[int, str]]] = [{} for _ in range(self.rows)]
 
     def copy(self) -> "Canvas":
         """Return an independent canvas with the same drawing."""
-        twin = Canvas(self.columns, self.rows, self.ascii_only)
+        twin = Canvas(self.columns, self.rows, self.ascii_only, is_mono=self.is_mono)
         twin._bits[:] = self._bits
         twin._ranks[:] = self._ranks
         twin._glyphs = [dict(row) for row in self._glyphs]
@@ -101,6 +108,11 @@ class Canvas:
         for offset, character in enumerate(words):
             self._put(column + offset, row, character, RANK[role])
 
+    def uncover(self, column: int, row: int, role: str) -> None:
+        """Remove the mark of a lower rank from a cell."""
+        if 0 <= row < self.rows and self._glyphs[row].get(column, (RANK[role],))[0] < RANK[role]:
+            del self._glyphs[row][column]
+
     def is_occupied(self, column: int, row: int, cells: int) -> bool:
         """Return whether a mark or text is in any of `cells` cells; True outside the canvas."""
         if not 0 <= row < self.rows:
@@ -145,7 +157,8 @@ class Canvas:
             return text, ranks
         characters = list(text)
         for column, (rank, character) in self._glyphs[row].items():
-            characters[column], ranks[column] = character, rank
+            if not ECHO_RANK >= rank < ranks[column]:
+                characters[column], ranks[column] = character, rank
         return "".join(characters), ranks
 
     def _put(self, column: int, row: int, character: str, rank: int) -> None:

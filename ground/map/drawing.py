@@ -8,6 +8,7 @@ from typing import Final
 
 from ground.map import moving_layers, static_layers
 from ground.map.canvas import Canvas
+from ground.map.legend import GAP, legend
 from ground.map.pen import Pen
 from ground.map.scene import LAYERS, MapScene
 from ground.map.view import MIN_LEGEND_ROWS, View
@@ -22,8 +23,6 @@ STATIC: Final[tuple[tuple[str, Layer], ...]] = (
 
 BAR_SHARE: Final = 6
 """The scale bar takes at most one of so many columns."""
-TRUTH: Final = "walls: simulation truth"
-NOT_LIVE: Final = "NOT LIVE"
 
 
 def draw_legend(pen: Pen, scene: MapScene) -> None:
@@ -39,18 +38,10 @@ def draw_legend(pen: Pen, scene: MapScene) -> None:
     canvas.mark(cells - 1, row, "bar right", "text")
     length = length_text(length_m)
     canvas.text(cells + 1, row, length, "text")
-    legend = legend_text(scene, canvas.columns - cells - len(length) - 3)
-    canvas.text(canvas.columns - len(legend), row, legend, "text")
-
-
-def legend_text(scene: MapScene, room: int) -> str:
-    """Return as many parts of the legend as fit into `room` columns, the most important first."""
-    walled = scene.truth and (scene.obstacles or scene.size_m)
-    legend = ""
-    for part in ("" if scene.live else NOT_LIVE, TRUTH if walled else "", scene.note):
-        longer = ", ".join(filter(None, (legend, part)))
-        legend = longer if len(longer) <= room else legend
-    return legend
+    column = cells + len(length) + 3
+    for words, role in legend(scene, canvas.columns - column, ascii_only=canvas.ascii_only):
+        canvas.text(column, row, words, role)
+        column += len(words) + len(GAP)
 
 
 def length_text(length_m: float) -> str:
@@ -74,6 +65,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
     ("virtual", moving_layers.draw_virtual),
     ("goal", moving_layers.draw_goal),
     ("others", moving_layers.draw_others),
+    ("truth", moving_layers.draw_true_robot),
     ("robot", moving_layers.draw_robot),
     ("cursor", moving_layers.draw_cursor),
     ("legend", draw_legend),

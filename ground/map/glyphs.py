@@ -11,6 +11,8 @@ BLANK: Final = " "
 UNKNOWN: Final = "?"
 
 MARKS: Final = {
+    "seen": ("▒", ":"),
+    "seen late": ("·", ","),
     "goal": ("◎", "O"),
     "virtual": ("◇", "o"),
     "cursor": ("✛", "+"),

@@ -14,6 +14,8 @@ CONE_SPACING: Final = 3
 LINE_SPACING: Final = 4
 NOSE_DOTS: Final = 5.0
 SOLID_DOTS: Final = 6.0
+FILLED_DOTS: Final = 60.0
+"""A robot with a greater radius than this is only an outline: it would fill the map."""
 NOT_DRAWN: Final = -1.0
 
 
@@ -92,12 +94,21 @@ def draw_others(pen: Pen, scene: MapScene) -> None:
         pen.mark((other.x_m, other.y_m), "other", "other", other.name)
 
 
+def draw_true_robot(pen: Pen, scene: MapScene) -> None:
+    """Draw the outline of the robot where the simulation has it."""
+    if scene.true_robot is not None:
+        _body(pen, scene.true_robot, "true robot")
+
+
 def draw_robot(pen: Pen, scene: MapScene) -> None:
-    """Draw the robot true to scale, and a mark that stays visible at any scale."""
+    """Draw the robot true to scale and filled, and a mark that stays visible at any scale."""
     robot = scene.robot
     if robot is None:
         return
     at, label = (robot.x_m, robot.y_m), robot.name if scene.others else ""
+    if robot.radius_m <= FILLED_DOTS * pen.view.m_per_dot:
+        pen.disc(at, robot.radius_m, "robot")
+        pen.uncover(at, robot.radius_m, "robot")
     _body(pen, robot, "robot")
     if scene.live:
         pen.heading(at, robot.heading_rad, "robot", label)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from math import atan2, ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
 from typing import Final
 
-from ground.map.canvas import DOTS_HIGH, Canvas, Dot
+from ground.map.canvas import DOTS_HIGH, DOTS_WIDE, Canvas, Dot
 from ground.map.scene import Disc, Shape
 from ground.map.view import Point, View
 
@@ -71,6 +71,16 @@ class Pen:
             for down in range(-floor(radius), floor(radius) + 1):
                 half = floor(sqrt(radius * radius - down * down))
                 self.canvas.line(x - half, y + down, x + half, y + down, role)
+
+    def uncover(self, centre: Point, radius_m: float, role: str) -> None:
+        """Remove marks of a lower rank from the cells of a filled circle."""
+        cell, radius = self.view.cell_of(*centre), radius_m * self._per_m
+        if cell is None or not 0.0 <= radius <= MAX_POINTS:
+            return
+        wide, high = floor(radius / DOTS_WIDE), floor(radius / DOTS_HIGH)
+        for row in range(cell[1] - high, cell[1] + high + 1):
+            for column in range(cell[0] - wide, cell[0] + wide + 1):
+                self.canvas.uncover(column, row, role)
 
     def arc(self, centre: Point, radius_m: float, ends_rad: Point, role: str) -> None:
         """Draw an arc, counter-clockwise from the first bearing to the second."""

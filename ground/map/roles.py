@@ -6,6 +6,8 @@ A cell has one role: the one drawn last, in the order given here.
 from typing import Final
 
 ROLES: Final = (
+    "seen old",
+    "seen late",
     "seen",
     "wall",
     "truth",
@@ -23,6 +25,7 @@ ROLES: Final = (
     "virtual",
     "goal",
     "other",
+    "true robot",
     "robot",
     "text",
     "cursor",

@@ -22,11 +22,13 @@ LAYERS: Final = (
     "virtual",
     "goal",
     "others",
+    "truth",
     "robot",
     "cursor",
     "legend",
 )
-"""Layers that can be hidden by name; `marks` are hit and leave points, `others` all that moves."""
+"""Layers that can be hidden by name; `marks` are hit and leave points, `others` all that moves,
+`truth` the robot in the simulation."""
 
 RADIUS_M: Final = 0.12
 BEAM_RAD: Final = 0.39269908169872414  # 22.5 degrees
@@ -88,19 +90,23 @@ class MapScene:
 
     `size_m` is the size of the floor, from 0 0; walls around the floor are ordinary obstacles.
     `truth`: the obstacles come from the simulation, not from the robot. `live` is False when the
-    robot is late; its mark is then a question mark. `ranges_m` are the ranges of the sonars from
-    right to left, measured from the robot's rim: inf for no echo, None for a missing sonar.
-    `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in m2. `current` is the index
-    of the mission item under way, `draft` a mission that the robot has not received, `note` a text
-    for the legend.
+    robot is late; its mark is then a question mark. `seen` are echoes of the last seconds,
+    `seen_late` and `seen_old` those before. `true_robot` is the pose in the simulation. `ranges_m`
+    are the ranges of the sonars from right to left, measured from the robot's rim: inf for no echo,
+    None for a missing sonar. `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in
+    m2. `current` is the index of the mission item under way, `draft` a mission that the robot has
+    not received, `note` a text for the legend.
     """
 
     size_m: Point | None = None
     obstacles: tuple[Shape, ...] = ()
     truth: bool = True
     seen: Sequence[Point] = ()
+    seen_late: Sequence[Point] = ()
+    seen_old: Sequence[Point] = ()
     trail: Sequence[Point] = ()
     robot: RobotMark | None = None
+    true_robot: RobotMark | None = None
     live: bool = True
     covariance: tuple[float, float, float] | None = None
     ranges_m: Sequence[float | None] = ()
@@ -135,7 +141,7 @@ class MapScene:
             shapes = (*self.obstacles, *((self.fence,) if self.fence else ()))
             for shape in shapes:
                 yield from _corners(shape)
-            yield from (*self.seen, *self.trail)
+            yield from (*self.seen, *self.seen_late, *self.seen_old, *self.trail)
         targets = (self.robot, self.goal, *self.mission, *self.draft)
         for place in (place for place in targets if place is not None):
             yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))

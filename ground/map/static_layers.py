@@ -25,8 +25,13 @@ def draw_walls(pen: Pen, scene: MapScene) -> None:
 
 
 def draw_seen(pen: Pen, scene: MapScene) -> None:
-    """Draw the points where the robot has seen obstacles."""
-    pen.dots(scene.seen, "seen")
+    """Draw where the robot has seen obstacles, by age; without colours, by characters, too."""
+    pen.dots(scene.seen_old, "seen old")
+    plain = pen.canvas.ascii_only or pen.canvas.is_mono
+    for points, role in ((scene.seen_late, "seen late"), (scene.seen, "seen")):
+        pen.dots(points, role)
+        for at in points if plain else ():
+            pen.mark(at, role, role)
 
 
 def draw_fence(pen: Pen, scene: MapScene) -> None:

@@ -40,13 +40,17 @@ def scene_of(
     scan = telemetry.live(SONAR, now_ns)
     running = telemetry.live(MISSION, now_ns)
     pose = None if odometry is None else odometry[0]
+    seen = figures.echoes_at(now_ns)
     return MapScene(
         size_m=None if world is None else world.size_m,
         obstacles=() if world is None else world.obstacles,
         movers=() if world is None else tuple(m.at(_time_s(model)) for m in world.movers),
-        seen=figures.echoes.points(),
+        seen=seen.newest,
+        seen_late=seen.late,
+        seen_old=seen.old,
         trail=figures.trail.points(),
         robot=None if pose is None else robot_of(pose, figures.radius_m),
+        true_robot=true_robot_of(model, now_ns),
         live=not lost and telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE,
         covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
         ranges_m=() if scan is None else tuple(ranges_m(scan)),
@@ -100,6 +104,14 @@ def status_of(model: RobotModel) -> NavigatorStatus | None:
 def robot_of(pose: PlanarOdometry, radius_m: float, name: str = "") -> RobotMark:
     """Return a pose as a robot on the map."""
     return RobotMark(pose.x_m, pose.y_m, pose.heading_rad, radius_m, name)
+
+
+def true_robot_of(model: RobotModel, now_ns: int) -> RobotMark | None:
+    """Return the true pose of a simulated robot; None without a live one."""
+    truth = model.telemetry.live(TRUTH, now_ns)
+    if truth is None:
+        return None
+    return RobotMark(truth.x_m, truth.y_m, truth.heading_rad, model.figures.radius_m)
 
 
 def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:

@@ -8,6 +8,7 @@ from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map.scene import MapScene, MapTarget
 from ground.station.fleet import Fleet
 from ground.station.history.decision_history import Moment
+from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
@@ -155,6 +156,11 @@ class StationView:
     def history(self) -> SeriesTable:
         """Series of values over time."""
         return self._model.figures.history
+
+    @property
+    def progress(self) -> GoalProgress:
+        """Progress to the goal, and the time left at the present rate."""
+        return self._model.figures.progress
 
     @property
     def worst_cycle(self) -> CycleReport | None:

@@ -20,6 +20,7 @@ from ground.map.view import Point, View
 
 WHEEL_FACTOR = 1.25
 BLANK = ""
+MONO = "mono"
 
 
 class MapWidget(Widget):
@@ -206,10 +207,11 @@ class MapWidget(Widget):
     def _draw(self) -> None:
         self._adjust_view()
         before, scene, view = self._canvas, self.scene, self._view
-        drawn = (view, self._shown, *static_parts(scene))
+        drawn = (view, self._shown, self._theme == MONO, *static_parts(scene))
         if drawn != self._drawn:
             self._drawn = drawn
-            self._ground = Canvas(view.columns, view.rows, self._ascii_only)
+            mono = self._theme == MONO
+            self._ground = Canvas(view.columns, view.rows, self._ascii_only, is_mono=mono)
             draw_static(scene, view, self._ground, self._shown)
         self._canvas = self._ground.copy()
         draw_moving(scene, view, self._canvas, self._shown)

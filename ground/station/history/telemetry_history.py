@@ -5,8 +5,9 @@ from math import inf, sqrt
 from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
+from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import SeriesTable
-from ground.station.history.trail import RADIUS_M, BoundaryMarks, DrivenPath, EchoGrid
+from ground.station.history.trail import RADIUS_M, AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
 from protocol.wire.messages import (
     AvoidanceDecision,
@@ -45,6 +46,7 @@ class TelemetryHistory:
         self.echoes = EchoGrid()
         self.marks = BoundaryMarks()
         self.worst_cycle = WorstCycle()
+        self.progress = GoalProgress()
 
     def poll(self, now_ns: int) -> None:
         """Add the newest message of each topic."""
@@ -67,6 +69,10 @@ class TelemetryHistory:
                 for name in SERIES_OF.get(topic.path, ()):
                     self.history[name].gap()
 
+    def echoes_at(self, now_ns: int) -> AgedEchoes:
+        """Return the echoes by their age at an instant of the station's clock."""
+        return self.echoes.by_age((now_ns - self._began_ns) / NS_PER_S)
+
     def _odometry(self, odometry: PlanarOdometry, time_s: float) -> None:
         self.trail.add(odometry.x_m, odometry.y_m)
         self.history["speed"].add(time_s, odometry.speed_m_s)
@@ -74,6 +80,7 @@ class TelemetryHistory:
 
     def _status(self, status: NavigatorStatus, time_s: float) -> None:
         self.history["goal_distance"].add(time_s, status.goal_distance_m)
+        self.progress.update(status, time_s)
         pose = self._telemetry.latest(ODOMETRY)
         if pose is not None:
             self.marks.update(status, pose[0])
@@ -92,7 +99,7 @@ class TelemetryHistory:
             return
         apart_s = abs((pose[1] - self._began_ns) / NS_PER_S - time_s)
         if apart_s <= MAX_APART_S:
-            self.echoes.scan(scan, pose[0], self.radius_m)
+            self.echoes.scan(scan, pose[0], self.radius_m, time_s)
 
 
 def uncertainty_m(odometry: PlanarOdometry) -> float:

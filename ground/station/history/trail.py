@@ -2,8 +2,8 @@
 
 from collections import deque
 from collections.abc import Iterator
-from math import cos, hypot, isfinite, pi, sin
-from typing import Final
+from math import cos, floor, hypot, isfinite, nan, pi, sin
+from typing import Final, NamedTuple
 
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry, SonarScan
@@ -12,6 +12,8 @@ STEP_M: Final = 0.03
 TRAIL: Final = 1000
 GRID_M: Final = 0.05
 ECHOES: Final = 1500
+NEWEST_S: Final = 5.0
+LATE_S: Final = 20.0
 MARKS: Final = 200
 BEARINGS: Final = tuple((sonar - 3.5) * pi / 8.0 for sonar in range(8))
 RADIUS_M: Final = 0.12
@@ -49,40 +51,56 @@ class DrivenPath:
         return self._model
 
 
+class AgedEchoes(NamedTuple):
+    """Positions of echoes by age: the newest, those of the last 20 s, all older ones."""
+
+    newest: tuple[Point, ...] = ()
+    late: tuple[Point, ...] = ()
+    old: tuple[Point, ...] = ()
+
+
 class EchoGrid:
     """Positions of echoes, one for each cell of a grid; the cell unseen for longest is dropped."""
 
     def __init__(self, size: int = ECHOES, grid_m: float = GRID_M) -> None:
         self._size = size
         self._grid_m = grid_m
-        self._cells: dict[tuple[int, int], Point] = {}
-        self._model: tuple[Point, ...] | None = None
+        self._cells: dict[tuple[int, int], tuple[Point, float]] = {}
+        self._aged = AgedEchoes()
+        self._aged_at_s = nan
 
-    def add(self, x_m: float, y_m: float) -> None:
-        """Add the position of an echo."""
+    def add(self, x_m: float, y_m: float, time_s: float) -> None:
+        """Add the position of an echo, received at `time_s`."""
         cell = round(x_m / self._grid_m), round(y_m / self._grid_m)
         known = self._cells.pop(cell, None)
-        self._cells[cell] = known or (x_m, y_m)
+        self._cells[cell] = (known[0] if known else (x_m, y_m)), time_s
         if known is None:
-            self._model = None
+            self._aged_at_s = nan
         if len(self._cells) > self._size:
             del self._cells[next(iter(self._cells))]
 
-    def scan(self, scan: SonarScan, pose: PlanarOdometry, radius_m: float) -> None:
-        """Add all echoes of a scan taken at this pose."""
+    def scan(self, scan: SonarScan, pose: PlanarOdometry, radius_m: float, time_s: float) -> None:
+        """Add all echoes of a scan taken at this pose and received at `time_s`."""
         if not all(map(isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
             return
         for bearing_rad, range_m in zip(BEARINGS, ranges_m(scan), strict=True):
             if range_m is not None and isfinite(range_m):
                 turn_rad = pose.heading_rad + bearing_rad
                 reach_m = radius_m + range_m
-                self.add(pose.x_m + reach_m * cos(turn_rad), pose.y_m + reach_m * sin(turn_rad))
+                x_m, y_m = reach_m * cos(turn_rad), reach_m * sin(turn_rad)
+                self.add(pose.x_m + x_m, pose.y_m + y_m, time_s)
 
-    def points(self) -> tuple[Point, ...]:
-        """Return the points; the same object until another cell is added."""
-        if self._model is None:
-            self._model = tuple(self._cells.values())
-        return self._model
+    def by_age(self, time_s: float) -> AgedEchoes:
+        """Return the points by age; the same object until another cell is added or for a second."""
+        moment_s = floor(time_s)
+        if moment_s != self._aged_at_s:
+            self._aged_at_s = moment_s
+            ages: tuple[list[Point], list[Point], list[Point]] = ([], [], [])
+            for point, seen_s in self._cells.values():
+                age_s = moment_s - seen_s
+                ages[0 if age_s < NEWEST_S else 1 if age_s < LATE_S else 2].append(point)
+            self._aged = AgedEchoes(*map(tuple, ages))
+        return self._aged
 
 
 def ranges_m(scan: SonarScan) -> Iterator[float | None]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw, draw_moving, draw_static, static_parts
 from ground.map.ellipse import ellipse
-from ground.map.scene import LAYERS, MapScene, RobotMark
+from ground.map.scene import LAYERS, MapScene, MapTarget, RobotMark
 from ground.map.view import View
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 from tests.support.ground.map.scenes import ANY, SCENES
@@ -29,7 +29,7 @@ def test_any_scene_can_be_drawn(scene: MapScene, columns: int, rows: int, plain:
 
 ROLES_OF = {
     "walls": {"truth"},
-    "seen": {"seen"},
+    "seen": {"seen", "seen late", "seen old"},
     "fence": {"fence"},
     "draft": {"draft"},
     "ghosts": {"ghost"},
@@ -42,9 +42,10 @@ ROLES_OF = {
     "virtual": {"virtual"},
     "goal": {"goal"},
     "others": {"truth", "other"},
+    "truth": {"true robot"},
     "robot": {"robot"},
     "cursor": {"cursor"},
-    "legend": {"text"},
+    "legend": {"text", "robot", "goal", "seen", "true robot", "truth"},
 }
 
 
@@ -55,6 +56,30 @@ def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     draw(scene, View.fit(scene.box(), 80, 24), canvas, (layer,))
     roles = {role for row in range(24) for role, _ in canvas.strip(row)}
     assert roles - {""} == ROLES_OF[layer]
+
+
+def test_robot_is_filled_and_covers_marks_below_it() -> None:
+    at = (1.9, 2.0)
+    scene = replace(ROOM, hits=(at,), mission=(MapTarget(*at),), true_robot=ROOM.robot)
+    canvas = Canvas(80, 24)
+    view = View.fit(scene.box(), 80, 24)
+    draw(scene, view, canvas)
+    column, row = view.cell_of(*at) or (0, 0)
+    assert canvas.to_rows()[row][column : column + 2] == "▶⣿"
+    assert "H" not in "".join(canvas.to_rows()[:-1])
+
+
+@pytest.mark.parametrize(("ascii_only", "marks"), [(False, "▒·"), (True, ":,")])
+def test_echoes_fade_by_roles_and_without_colours_by_characters(
+    ascii_only: bool, marks: str
+) -> None:
+    scene = MapScene(seen=((0.5, 0.0),), seen_late=((1.0, 0.0),), seen_old=((1.5, 0.0),))
+    view = View(40, 5, 1.0, 0.0, 0.05)
+    canvas = Canvas(40, 5, ascii_only, is_mono=True)
+    draw(scene, view, canvas, ("seen",))
+    runs = [run for row in range(5) for run in canvas.strip(row) if run[0]]
+    assert [role for role, _ in runs] == ["seen", "seen late", "seen old"]
+    assert [text.strip() for _, text in runs][:2] == list(marks)
 
 
 def test_static_and_moving_layers_make_the_whole_scene() -> None:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 
 from ground.map.canvas import Canvas
-from ground.map.drawing import NOT_LIVE, TRUTH, draw, legend_text, length_text
+from ground.map.drawing import draw, length_text
+from ground.map.legend import NOT_LIVE, legend
 from ground.map.scene import MapScene
 from ground.map.view import View
-from tests.support.ground.map.rooms import ROOM
+from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 
 @pytest.mark.parametrize(
@@ -27,18 +28,28 @@ def test_length_is_shown_in_a_fitting_unit(length_m: float, text: str) -> None:
     assert length_text(length_m) == text
 
 
+def words_of(scene: MapScene, room: int) -> list[str]:
+    return [words for words, _ in legend(scene, room)]
+
+
 def test_legend_keeps_the_most_important_parts() -> None:
     lost = replace(ROOM, live=False, note="replay")
-    assert legend_text(lost, 80) == f"{NOT_LIVE}, {TRUTH}, replay"
-    assert legend_text(lost, 20) == f"{NOT_LIVE}, replay"
-    assert legend_text(lost, 8) == NOT_LIVE
-    assert legend_text(lost, 3) == ""
+    assert words_of(lost, 80)[:3] == [NOT_LIVE, "replay", "◎ goal"]
+    assert words_of(lost, 20) == [NOT_LIVE, "replay"]
+    assert words_of(lost, 8) == [NOT_LIVE]
+    assert words_of(lost, 3) == []
 
 
-def test_legend_names_truth_only_with_walls_drawn() -> None:
-    assert legend_text(ROOM, 80) == TRUTH
-    assert legend_text(MapScene(), 80) == ""
-    assert legend_text(replace(ROOM, truth=False), 80) == ""
+def test_legend_names_what_is_on_the_map() -> None:
+    assert "─ truth" in words_of(ROOM, 80)
+    assert words_of(MapScene(), 80) == []
+    assert "─ truth" not in words_of(replace(ROOM, truth=False), 80)
+    assert "H/L hit/leave" in words_of(replace(ROOM, hits=((1.0, 1.0),)), 80)
+    assert "○ true robot" in words_of(replace(ROOM, true_robot=ROOM.robot), 80)
+
+
+def test_legend_in_ascii_is_ascii() -> None:
+    assert all(words.isascii() for words, _ in legend(EVERYTHING, 200, ascii_only=True))
 
 
 @pytest.mark.parametrize("m_per_dot", [1e-4, 0.0123, 0.05, 1.0, 1e6])

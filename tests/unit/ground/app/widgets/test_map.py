@@ -109,7 +109,7 @@ def test_partial_painting_equals_full_painting() -> None:
         app.map.colour(STYLES)
         await pilot.pause()
         assert screen(app) == painted
-        assert sum("▶" in row for row in painted) == 1
+        assert sum("▶" in row for row in painted[:-1]) == 1
 
     on_screen(story)
 

@@ -59,8 +59,8 @@ def test_trail_contains_finite_positions_only(
 
 def test_echoes_lie_in_the_direction_of_the_sonars() -> None:
     echoes = EchoGrid()
-    echoes.scan(Robot().scan(), pose(1.0, 1.0, pi / 2), radius_m=0.12)
-    points = echoes.points()
+    echoes.scan(Robot().scan(), pose(1.0, 1.0, pi / 2), radius_m=0.12, time_s=0.0)
+    points = echoes.by_age(0.0).newest
     assert len(points) == 4
     assert all(abs((x - 1.0) ** 2 + (y - 1.0) ** 2 - 1.12**2) < 1e-9 for x, y in points)
     assert points[0][0] > 1.9  # rightmost sonar of a robot that faces upwards
@@ -69,28 +69,38 @@ def test_echoes_lie_in_the_direction_of_the_sonars() -> None:
 def test_repeated_echoes_add_no_points() -> None:
     echoes = EchoGrid()
     for _ in range(50):
-        echoes.scan(Robot().scan(), pose(), radius_m=0.12)
-    shown = echoes.points()
-    echoes.scan(Robot().scan(), pose(0.001), radius_m=0.12)
+        echoes.scan(Robot().scan(), pose(), radius_m=0.12, time_s=0.0)
+    shown = echoes.by_age(0.0).newest
+    echoes.scan(Robot().scan(), pose(0.001), radius_m=0.12, time_s=0.0)
     assert len(shown) == 4
-    assert echoes.points() is shown
+    assert echoes.by_age(0.0).newest is shown
 
 
 def test_echoes_unseen_for_longest_are_dropped() -> None:
     echoes = EchoGrid(size=10)
     for step in range(100):
-        echoes.add(step * 1.0, 0.0)
-        echoes.add(0.0, 0.0)
-    points = echoes.points()
+        echoes.add(step * 1.0, 0.0, 0.0)
+        echoes.add(0.0, 0.0, 0.0)
+    points = echoes.by_age(0.0).newest
     assert len(points) == 10
     assert (0.0, 0.0) in points
     assert (99.0, 0.0) in points
 
 
+def test_echoes_age_and_are_renewed_when_seen_again() -> None:
+    echoes = EchoGrid()
+    for time_s in (0.0, 10.0, 26.0):
+        echoes.add(time_s, 0.0, time_s)
+    points = {time_s: (time_s, 0.0) for time_s in (0.0, 10.0, 26.0)}
+    assert echoes.by_age(29.0) == ((points[26.0],), (points[10.0],), (points[0.0],))
+    echoes.add(0.0, 0.0, 29.5)
+    assert echoes.by_age(30.0) == ((points[26.0], points[0.0]), (), (points[10.0],))
+
+
 def test_echo_without_a_pose_is_ignored() -> None:
     echoes = EchoGrid()
-    echoes.scan(Robot().scan(), pose(nan), radius_m=0.12)
-    assert echoes.points() == ()
+    echoes.scan(Robot().scan(), pose(nan), radius_m=0.12, time_s=0.0)
+    assert echoes.by_age(0.0).newest == ()
 
 
 def test_no_echo_is_infinite_and_no_measurement_missing() -> None:
