@@ -76,9 +76,10 @@ class StationView:
         """Return an entry for each watched robot, those that need attention first."""
         return roster_of(self._fleet, self._robot, self._now_ns)
 
-    def streams(self) -> list[StreamRow]:
-        """Return rate and loss of each topic."""
-        return self._model.streams.rows(self.telemetry, self._now_ns)
+    def streams(self, robot: str = "") -> list[StreamRow]:
+        """Return rate and loss of each topic of a robot, by default of the selected one."""
+        model = self._fleet.models[robot or self._robot]
+        return model.streams.rows(model.telemetry, self._now_ns)
 
     def restarts(self, role: Role) -> int:
         """Return how often the robot or its plant was restarted while watched."""

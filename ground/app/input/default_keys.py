@@ -197,7 +197,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("find", "/", "filter the list", "Filter"),
         ("palette", "ctrl+p", "command palette", "Palette"),
         ("help", "? f1", "keys that are active now", "Help"),
-        ("copy", "y", "copy the last action as a command line", ""),
+        ("copy", "y", "copy the last action as a command line, or the row of a list", ""),
         ("shot", "Y", "save the screen as an SVG", ""),
         ("share", "Z", "put the run into one .zip", ""),
         ("theme", "T", "next theme", ""),

@@ -4,7 +4,7 @@ from typing import Any
 
 from textual import events
 
-from ground.app.lists.table import Table
+from ground.app.lists.table import Heads
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import cut
 
@@ -12,16 +12,16 @@ from ground.app.widgets.rows import cut
 class ColumnHeads(Lines):
     """The heads of the columns in one row."""
 
-    def __init__(self, table: Table[Any], *, id: str | None = None) -> None:
+    def __init__(self, heads: Heads[Any], *, id: str | None = None) -> None:
         super().__init__(id=id)
-        self._table = table
+        self._heads = heads
 
     def draw(self) -> None:
         """Draw the heads."""
-        self.show([cut(self._table.heads(), self.size.width)])
+        self.show([cut(self._heads.heads(), self.size.width)])
 
     def on_click(self, event: events.Click) -> None:
         """Sort by the column that was clicked."""
         event.stop()
-        self._table.sort_by(self._table.column_at(event.x))
+        self._heads.sort_by(self._heads.column_at(event.x))
         self.draw()

@@ -19,7 +19,8 @@ class Column(Generic[T]):
     """A column: its head, its width in characters, and the text of a row in it.
 
     `order` is what rows are sorted by, else their text; None sorts last in both directions.
-    `numeric` columns are aligned to the right and sorted the largest first.
+    `short` is the head of a narrow column. `numeric` columns are aligned to the right, and sorted
+    the largest first.
     """
 
     name: str
@@ -29,11 +30,12 @@ class Column(Generic[T]):
     role: Callable[[T], str] = lambda _: "text"
     unit: str = ""
     numeric: bool = False
+    short: str = ""
 
     @property
     def title(self) -> str:
         """The head with the unit."""
-        return f"{self.name} {self.unit}".rstrip()
+        return f"{self.short or self.name} {self.unit}".rstrip()
 
     def fitted(self, text: str) -> str:
         """Return a text in the width of the column; a width of 0 has no end."""
@@ -43,55 +45,13 @@ class Column(Generic[T]):
         return f"{cell:>{self.width}}" if self.numeric else f"{cell:<{self.width}}"
 
 
-class Table(Generic[T]):
-    """The rows of a list that pass the filter, in order. `key` identifies a row for ever.
+class Heads(Generic[T]):
+    """The heads of columns, and the column that the rows are sorted by."""
 
-    `rows` are those of the last update; the choice stays on its row when the order changes.
-    """
-
-    def __init__(self, columns: Sequence[Column[T]], key: Callable[[T], Hashable]) -> None:
+    def __init__(self, columns: Sequence[Column[T]]) -> None:
         self.columns = tuple(columns)
-        self.names = tuple(column.name for column in columns)
-        self.filter = ListFilter()
-        self.rows: list[T] = []
-        self.total = 0
         self.sorted_by: int | None = None
         self.is_descending = False
-        self._key = key
-
-    # The rows.
-
-    def update(self, items: Iterable[T], words: str, at: int) -> int:
-        """Filter and sort the items; return where the row is now that was row `at`."""
-        if words != self.filter.words:
-            self.filter = ListFilter(words, self.names)
-        before = self.at(at)
-        every = list(items)
-        self.total = len(every)
-        self.rows = self._sorted([one for one in every if self.filter.passes(self.cells(one))])
-        if before is None:
-            return at
-        key = self._key(before)
-        return next((row for row, one in enumerate(self.rows) if self._key(one) == key), 0)
-
-    def cells(self, item: T) -> dict[str, str]:
-        """Return the texts of a row by column."""
-        return {column.name: column.text(item) for column in self.columns}
-
-    def at(self, row: int) -> T | None:
-        """Return the item in a row, if there is one."""
-        return self.rows[row] if 0 <= row < len(self.rows) else None
-
-    def _sorted(self, rows: list[T]) -> list[T]:
-        if self.sorted_by is None:
-            return rows
-        column = self.columns[self.sorted_by]
-        order: Callable[[T], Any] = column.order or (lambda one: column.text(one).casefold())
-        known = [one for one in rows if order(one) is not None]
-        unknown = [one for one in rows if order(one) is None]
-        return [*sorted(known, key=order, reverse=self.is_descending), *unknown]
-
-    # The order.
 
     def sort_by_next(self) -> None:
         """Sort by the next column; after the last one, as the list came."""
@@ -111,12 +71,20 @@ class Table(Generic[T]):
         else:
             self.sorted_by, self.is_descending = column, self.columns[column].numeric
 
+    def sorted(self, rows: list[T]) -> list[T]:
+        """Return the rows in order; rows without a value come last in both directions."""
+        if self.sorted_by is None:
+            return rows
+        column = self.columns[self.sorted_by]
+        order: Callable[[T], Any] = column.order or (lambda one: column.text(one).casefold())
+        known = [one for one in rows if order(one) is not None]
+        unknown = [one for one in rows if order(one) is None]
+        return [*sorted(known, key=order, reverse=self.is_descending), *unknown]
+
     def column_at(self, x: int) -> int:
         """Return the column at a position in a row."""
         ends = accumulate(column.width + 1 for column in self.columns[:-1])
         return sum(x >= 1 + end for end in ends)
-
-    # The picture.
 
     def heads(self) -> Row:
         """Return the row of heads; the column that the list is sorted by has a mark."""
@@ -127,6 +95,42 @@ class Table(Generic[T]):
             title = f"{mark}{column.title}" if column.numeric else f"{column.title}{mark}"
             spans.append(Span(f"{column.fitted(title)} ", "accent" if is_chosen else "head"))
         return tuple(spans)
+
+
+class Table(Heads[T]):
+    """The rows of a list that pass the filter, in order. `key` identifies a row for ever.
+
+    `rows` are those of the last update; the choice stays on its row when the order changes.
+    """
+
+    def __init__(self, columns: Sequence[Column[T]], key: Callable[[T], Hashable]) -> None:
+        super().__init__(columns)
+        self.names = tuple(column.name for column in columns)
+        self.filter = ListFilter()
+        self.rows: list[T] = []
+        self.total = 0
+        self._key = key
+
+    def update(self, items: Iterable[T], words: str, at: int) -> int:
+        """Filter and sort the items; return where the row is now that was row `at`."""
+        if words != self.filter.words:
+            self.filter = ListFilter(words, self.names)
+        before = self.at(at)
+        every = list(items)
+        self.total = len(every)
+        self.rows = self.sorted([one for one in every if self.filter.passes(self.cells(one))])
+        if before is None:
+            return at
+        key = self._key(before)
+        return next((row for row, one in enumerate(self.rows) if self._key(one) == key), 0)
+
+    def cells(self, item: T) -> dict[str, str]:
+        """Return the texts of a row by column."""
+        return {column.name: column.text(item) for column in self.columns}
+
+    def at(self, row: int) -> T | None:
+        """Return the item in a row, if there is one."""
+        return self.rows[row] if 0 <= row < len(self.rows) else None
 
     def paint(self, item: T, chosen: bool) -> Row:
         """Return the row of an item; the first cell of the chosen row is marked."""

@@ -14,12 +14,15 @@ MOST_LATELY: Final = 3
 
 
 def log_rows(
-    line: LogLine, width: int, *, found: bool = False, most: int | None = None
+    line: LogLine, width: int, *, found: bool = False, most: int | None = None, source: int = 0
 ) -> list[Row]:
-    """Wrap a line to at most `most` rows; further rows are indented to where the text begins."""
-    lead = lead_of(line)
+    """Wrap a line to at most `most` rows; further rows are indented to where the text begins.
+
+    `source` is the least width of the column of sources.
+    """
+    lead = lead_of(line, source)
     role = "reverse" if found else ROLES[line.letter]
-    pieces = pieces_of(line, width, most)
+    pieces = pieces_of(line, width, most, source)
     indent = " " * width_of(lead)
     return [
         row(*(lead if number == 0 else (Span(indent),)), Span(piece, role))
@@ -27,18 +30,18 @@ def log_rows(
     ]
 
 
-def lead_of(line: LogLine) -> Row:
+def lead_of(line: LogLine, source: int = 0) -> Row:
     """Return time, severity and source of a line."""
     return row(
         faint(f"{line.time_s:8.1f} "),
         Span(line.letter, ROLES[line.letter]),
-        head(f" {line.source} "),
+        head(f" {line.source:<{source}} "),
     )
 
 
-def pieces_of(line: LogLine, width: int, most: int | None = None) -> list[str]:
+def pieces_of(line: LogLine, width: int, most: int | None = None, source: int = 0) -> list[str]:
     """Wrap the text of a line, only if needed: there may be ten thousand lines."""
-    room = max(LEAST, width - width_of(lead_of(line)))
+    room = max(LEAST, width - width_of(lead_of(line, source)))
     if len(line.text) <= room:
         return [line.text]
     pieces = wrap(line.text, room, break_on_hyphens=False, max_lines=most, placeholder="…")

@@ -3,7 +3,7 @@
 from typing import Final
 
 from ground.app.panels.aged import MISSING, number
-from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.widgets.rows import Row, Span, head, row
 from ground.client.telemetry import Age
 from ground.station.link.streams import StreamRow
 from ground.station.station import Station
@@ -46,25 +46,3 @@ def age(line: StreamRow) -> str:
     if not line.topic.rate_hz:
         return f"{line.age_ns / NS_PER_S:.0f} s"
     return "live" if line.age is Age.LIVE else f"{line.age_ns / NS_PER_S:.1f} s"
-
-
-def long_head() -> Span:
-    """Return the column names of `long`."""
-    first = f"{'stream':<16}{'expect':>6}{'Hz':>7}{'age':>9}"
-    return head(f"{first}{'frames':>9}{'lost':>7}{'lost%':>7}  refused")
-
-
-def long(line: StreamRow) -> Row:
-    """Return the row of a topic for the Links screen, with expected rate, counts and rejections."""
-    expected = f"{line.topic.rate_hz:g}" if line.topic.rate_hz else MISSING
-    rejected = f"{line.rejected} {line.last_rejection}" if line.rejected else "0"
-    return row(
-        head(f"{line.topic.path:<16}"),
-        faint(f"{expected:>6}"),
-        Span(f"{rate(line):>7}", ROLES[line.age]),
-        Span(f"{age(line):>9}", ROLES[line.age]),
-        Span(f"{line.received:>9}"),
-        Span(f"{line.lost:>7}", "caution" if line.lost else "faint"),
-        Span(f"{line.lost_percent:>6.1f}%", "caution" if line.lost_percent >= 1.0 else "faint"),
-        Span(f"  {rejected}", "caution" if line.rejected else "faint"),
-    )

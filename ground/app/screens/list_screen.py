@@ -17,7 +17,7 @@ from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.list_view import ListView
 from ground.app.widgets.log_view import LogView
-from ground.app.widgets.rows import Row
+from ground.app.widgets.rows import Row, Span
 
 T = TypeVar("T")
 ALL_ROWS: Final = 1_000_000
@@ -65,6 +65,7 @@ class ScrolledScreen(AppScreen):
             **super().actions(),
             **clear,
             "find": self.begin_filter,
+            "copy": self.copy_row,
             "filter-drop": self.clear_filter,
             **dict.fromkeys(("row-up", "filter-up"), partial(move, -1)),
             **dict.fromkeys(("row-down", "filter-down"), partial(move, 1)),
@@ -73,6 +74,17 @@ class ScrolledScreen(AppScreen):
             "row-first": partial(move, -ALL_ROWS),
             "row-last": partial(move, ALL_ROWS),
         }
+
+    def row_text(self) -> str:
+        """Return the chosen row as text for the clipboard; empty without one."""
+        return ""
+
+    def copy_row(self) -> None:
+        """Copy the chosen row to the clipboard."""
+        text = self.row_text()
+        if text:
+            self.app.copy_to_clipboard(text)
+        self.interface.note(f"copied: {text}" if text else "no row to copy")
 
     # The filter.
 
@@ -141,14 +153,26 @@ class ListScreen(ScrolledScreen, Generic[T]):
             "sort-turn": self.table.turn,
         }
 
+    def row_text(self) -> str:
+        """Return the cells of the chosen row."""
+        one = self.chosen
+        return "" if one is None else "  ".join(filter(None, self.table.cells(one).values()))
+
     def draw_rows(self, items: Sequence[T], about: Row) -> None:
         """Draw the heading with the filter, the heads, and the rows that pass."""
         view = self.list_view
         view.at = self.table.update(items, self.words, view.at)
         counts = self.filter_spans(len(self.table.rows), self.table.total)
-        self.lines("heading").show([(*about, *counts)])
         self.query_one(ColumnHeads).draw()
         if self.table.rows or not self.table.total or not self.words:
             view.window(self.table.rows, self.table.paint)
         else:
+            view.window((), self.table.paint)
             view.show([nothing_row(self.words)])
+        self.lines("heading").show([(*about, *counts, *hidden_spans(*view.hidden))])
+
+
+def hidden_spans(above: int, below: int) -> Row:
+    """Return how many rows are out of sight, for the heading; empty when all are in sight."""
+    signs = [f"▲ {above} above"] * bool(above) + [f"▼ {below} below"] * bool(below)
+    return (Span(f"   {'  '.join(signs)}", "key"),) if signs else ()

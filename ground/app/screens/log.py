@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar, Final
 
+from textual import events
 from textual.app import ComposeResult
 
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.default_keys import Layer
+from ground.app.lists.column_heads import ColumnHeads
 from ground.app.lists.list_filter import nothing_row
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
@@ -23,6 +25,8 @@ WORST: Final = (
     (Severity.WARNING, "warnings and errors"),
     (Severity.ERROR, "errors"),
 )
+
+SCROLLING: Final = ("page-up", "page-down", "row-first", "row-last")
 
 
 class LogScreen(ScrolledScreen):
@@ -41,6 +45,7 @@ class LogScreen(ScrolledScreen):
     def compose_content(self) -> ComposeResult:
         """Compose heading and lines."""
         yield Lines(id="heading")
+        yield ColumnHeads(self.filtered.heads, id="columns")
         yield LogView(id="lines")
 
     @property
@@ -52,6 +57,7 @@ class LogScreen(ScrolledScreen):
         """Draw the lines in sight."""
         self.filter_log()
         self.lines("heading").show([self.heading()])
+        self.query_one(ColumnHeads).draw()
         if self.filtered.lines or not self.words:
             self.list_view.window(
                 self.filtered.parts, lambda part: self.filtered.paint(part, self._at)
@@ -76,16 +82,53 @@ class LogScreen(ScrolledScreen):
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""
+        above = super().actions()
         return {
-            **super().actions(),
+            **above,
+            **{id: partial(self.scroll, above[id]) for id in SCROLLING},
+            **dict.fromkeys(("row-up", "filter-up"), partial(self.choose_beside, -1)),
+            **dict.fromkeys(("row-down", "filter-down"), partial(self.choose_beside, 1)),
+            "sort": self.filtered.heads.sort_by_next,
+            "sort-turn": self.filtered.heads.turn,
             "log-follow": self.follow,
             "log-severity": self.next_severity,
             "find-next": partial(self.step, 1),
             "find-before": partial(self.step, -1),
         }
 
+    def scroll(self, move: Action) -> None:
+        """Scroll; no line is chosen any more."""
+        self._at = None
+        move()
+
+    def choose_beside(self, step: int) -> None:
+        """Choose the line after (1) or before (-1) the chosen one; the last one is followed."""
+        parts, view = self.filtered.parts, self.list_view
+        if self._at is None and not view.following and parts:
+            edge = view.line_at(0 if step > 0 else view.size.height - 1)
+            self._at = parts[min(edge, len(parts) - 1)].line
+        self._at = self.filtered.beside(self._at, step)
+        if self._at is None or (step > 0 and self._at is self.filtered.lines[-1]):
+            self._at, self.list_view.following = None, True
+        else:
+            self.list_view.reveal(self.filtered.row_of(self._at))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose the line that was clicked."""
+        if event.widget is self.list_view:
+            row = self.list_view.line_at(event.y)
+            if row < len(self.filtered.parts):
+                self._at, self.list_view.following = self.filtered.parts[row].line, False
+                self.redraw()
+
+    def row_text(self) -> str:
+        """Return the chosen line, else the newest one."""
+        line = self._at or (self.filtered.lines[-1] if self.filtered.lines else None)
+        return "" if line is None else f"{line.time_s:.1f} {line.letter} {line.source} {line.text}"
+
     def follow(self) -> None:
         """Follow the newest line, or pause."""
+        self._at = None
         self.list_view.following = not self.list_view.following
 
     def next_severity(self) -> None:

@@ -64,6 +64,11 @@ class ParamsScreen(ListScreen[Parameter]):
         if value:
             self.interface.commands.run_line(f"set {name} {value}")
 
+    def row_text(self) -> str:
+        """Return the command that sets the chosen parameter to its present value."""
+        one = self.chosen
+        return "" if one is None else f"param set {one.name} {shown(one.value)}"
+
     def reset(self) -> None:
         """Let the operator confirm the default of the chosen parameter."""
         one = self.chosen

@@ -31,6 +31,11 @@ class ListView(Lines, can_focus=True):
         width = self.size.width
         self.show(cut(paint(item, number == self.at), width) for number, item in shown)
 
+    @property
+    def hidden(self) -> tuple[int, int]:
+        """The numbers of rows above and below those in sight."""
+        return self._top, max(0, self._count - self._top - max(1, self.size.height))
+
     def move(self, rows: int) -> None:
         """Move the choice by rows, up to the ends."""
         self.at = max(0, min(self._count - 1, self.at + rows))

@@ -41,6 +41,15 @@ class LogView(Lines, can_focus=True):
         self._top = max(0, line - self.size.height // 2)
         self.following = False
 
+    def reveal(self, line: int) -> None:
+        """Scroll as little as possible so that this line is in sight."""
+        self._top = max(min(self._top, line), line - self.size.height + 1)
+        self.following = False
+
+    def line_at(self, y: int) -> int:
+        """Return the line that is drawn in a row."""
+        return self._top + y
+
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         """Scroll up."""
         event.stop()

@@ -120,8 +120,9 @@ class FakeStation(Station):
     def present(self) -> PresentProcesses:
         return PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant"), ("r1", "ground")}))
 
-    def streams(self) -> list[StreamRow]:
-        return self.streams_now
+    def streams(self, robot: str = "") -> list[StreamRow]:
+        """Return `streams_now` for the selected robot; the others have no streams."""
+        return self.streams_now if robot in ("", self.robot_now) else []
 
     def restarts(self, role: Role) -> int:
         return self.restarts_now.get(role, 0)

@@ -11,9 +11,10 @@ from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
 from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
+from ground.station.roster import Attention, RosterEntry
 from protocol.topics import Role
 from runtime.errors import UserError
-from tests.support.tui.fakes import FakeCommandSink, FakeStation
+from tests.support.tui.fakes import NOTHING, FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.plant_side import FakeStack, on
 from tests.support.tui.underway import driving, parameter
@@ -107,10 +108,10 @@ def test_links_show_processes_and_streams() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
-            words = stage.words("lines")
-            assert "robot   ● present" in words
-            assert "100.0 % of the robot's frames" in words
-            assert "tlm/status" in words
+            assert "robot ● present" in stage.words("about")
+            assert "100.0 % delivered   round trip 12 ms" in stage.words("about")
+            assert "tlm/status" in stage.words("rows")
+            assert "1 robot, 5 streams" in stage.words("heading")
 
     play(story)
 
@@ -119,13 +120,13 @@ def test_links_show_restarts_and_their_cause() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
-            assert "restarted" not in stage.words("lines")
+            assert "restarted" not in stage.words("about")
             stage.station.restarts_now = {Role.ROBOT: 1, Role.PLANT: 2}
             stage.station.cause_now = "the one before was killed (signal SIGKILL)"
             await stage.redraw()
-            rows = stage.words("lines").splitlines()
-            assert rows[0].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
-            assert rows[1].endswith("restarted 2 times")
+            rows = stage.words("about").splitlines()
+            assert rows[1].endswith("restarted 1 time; the one before was killed (signal SIGKILL)")
+            assert rows[2].endswith("restarted 2 times")
 
     play(story)
 
@@ -134,29 +135,65 @@ def test_columns_of_links_are_below_their_names() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
-            rows = stage.words("lines").splitlines()
-            first = next(at for at, one in enumerate(rows) if one.startswith(" stream"))
-            for name, value in (
-                ("Hz", "20"),
-                ("age", "live"),
-                ("frames", "178"),
-                ("lost%", "0.0%"),
-            ):
-                ends = rows[first].index(name) + len(name)
-                assert rows[first + 2][:ends].endswith(value), name
+            heads, rows = stage.words("columns"), stage.words("rows").splitlines()
+            for name, value in (("got Hz", "20"), ("age", "live"), ("loss %", "0.0")):
+                ends = heads.index(name) + len(name)
+                assert rows[2][:ends].endswith(value), name
 
     play(story)
 
 
-def test_links_scroll_on_a_low_screen() -> None:
+def lossy() -> FakeStation:
+    """Return a station with two robots, of which the streams of r1 lose frames."""
+    station = driving(FakeStation())
+    station.robots_now = ["r1", "r2"]
+    station.roster_now = [
+        RosterEntry("r2", False, Attention.NONE, "ready", NOTHING, round_trip_ms=31.0)
+    ]
+    station.streams_now = [
+        row._replace(lost=number, lost_percent=float(number))
+        for number, row in enumerate(station.streams_now)
+    ]
+    return station
+
+
+def test_links_show_every_robot() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=lossy()) as stage:
+            await stage.press("5")
+            assert "2 robots, 5 streams" in stage.words("heading")
+            last = stage.words("rows").splitlines()[-1].split()
+            assert (last[0], last[-1]) == ("r2", "31")
+
+    play(story)
+
+
+def test_links_are_sorted_by_loss_with_a_click_on_its_head() -> None:
+    async def story() -> None:
+        async with staged((110, 30), station=lossy()) as stage:
+            await stage.press("5")
+            at = stage.words("columns").index("loss %")
+            await stage.pilot.click("#columns", offset=(at, 0))
+            await stage.redraw()
+            assert "▼loss %" in stage.words("columns")
+            assert stage.words("rows").splitlines()[0].split()[1] == "tlm/cycle"
+            await stage.press("O")
+            assert "▲loss %" in stage.words("columns")
+            assert stage.words("rows").splitlines()[0].split()[1] == "tlm/heartbeat"
+
+    play(story)
+
+
+def test_links_show_how_many_rows_are_out_of_sight() -> None:
     async def story() -> None:
         async with staged((80, 12)) as stage:
             await stage.press("5")
-            assert "silent" not in stage.words("lines")
+            assert "▼" in stage.words("heading")
+            assert "tlm/cycle" not in stage.words("rows")
             await stage.press("end")
-            assert "silent" in stage.words("lines")
-            await stage.press("home")
-            assert "robot   ● present" in stage.words("lines")
+            assert "▲" in stage.words("heading")
+            assert "▼" not in stage.words("heading")
+            assert "tlm/cycle" in stage.words("rows")
 
     play(story)
 
