@@ -2,9 +2,10 @@
 
 There are two phases. In the first one all that computes runs: static checks, and tests that own
 their time; meanwhile the tests are compiled, and the images for those with containers are built.
-The second one measures wall time: tests with processes, then tests with containers. Nothing runs
-beside it, so that robots are not late. Every step is run, so that one call shows all there is to
-mend. The exit code is 1 when a step failed, and the last line names it.
+The second one measures wall time: tests with processes, tests with containers, and first drives
+beside busy processes. Nothing runs beside it, so that robots are not late. Every step is run, so
+that one call shows all there is to mend. The exit code is 1 when a step failed, and the last line
+names it.
 """
 
 import argparse
@@ -59,9 +60,11 @@ def real_time(extra: Sequence[str]) -> list[Step]:
     # A file runs on one worker, as its tests share processes; in the order of the folders.
     workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
     processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
+    drives = (*PYTHON, "verification.first_drives", "--drives", "3", "--parallel", "3")
     return [
         Step("tests with processes", processes),
         Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
+        Step("first drives beside busy processes", drives),
     ]
 
 

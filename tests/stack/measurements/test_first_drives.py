@@ -1,0 +1,50 @@
+"""First drives beside busy processes arrive with the digest of the trial, and leave nothing."""
+
+import os
+import signal
+import sys
+
+import pytest
+
+from tests.support.stack.process_table import alive, children_of, cmdline
+from tests.support.stack.processes import Crew, Running
+from tests.support.until import until
+
+pytestmark = pytest.mark.stack
+
+TOOL = (sys.executable, "-m", "verification.first_drives")
+DRIVES_S = 120.0
+
+
+def busy_processes(running: Running) -> list[int]:
+    found = []
+    for pid in children_of(running.process.pid):
+        try:
+            found += [pid] if "verification.first_drives.busy" in cmdline(pid) else []
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+    return found
+
+
+def test_first_drives_arrive_with_the_digest_of_the_trial() -> None:
+    """Use two busy processes: other tests run beside it. The gate runs it with eight."""
+    words = ("--drives", "2", "--busy", "2", "--parallel", "2", "--worlds", "box")
+    with Crew() as crew:
+        drives = crew.execute(*TOOL, *words)
+        assert drives.ends(DRIVES_S) == 0, drives.said
+        head, _, *rows = drives.said.splitlines()[-5:]
+        assert head.startswith("2 first drives beside 2 busy processes on ")
+        assert [row.split()[:2] for row in rows[:2]] == [["box", "app"], ["box", "headless"]]
+        assert all("1 of 1" in row and "equal" in row for row in rows[:2])
+        assert "2 of 2" in rows[2]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_busy_processes_end_with_the_tool(number: signal.Signals) -> None:
+    with Crew() as crew:
+        drives = crew.execute(*TOOL, "--drives", "1", "--busy", "2")
+        until(lambda: len(busy_processes(drives)) == 2, 20.0, "busy processes")
+        started = children_of(drives.process.pid)
+        os.kill(drives.process.pid, number)
+        drives.ends()
+        until(lambda: not [pid for pid in started if alive(pid)], 10.0, "the end of all")

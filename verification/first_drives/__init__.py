@@ -1,0 +1,1 @@
+"""First drives of a new user beside busy processes."""
