@@ -7,7 +7,7 @@ other end of its pty; an observer on the bus records the robot's reaction.
 import argparse
 from typing import Final
 
-from benchmarks.ground_station import cost, first_paint, key_latency, long_run
+from benchmarks.ground_station import cost, first_paint, fleet, key_latency, long_run
 from verification.harness.figures import Figure, Report
 
 PARTS: Final = {
@@ -15,12 +15,14 @@ PARTS: Final = {
     "cost": cost.cost_figures,
     "keys": key_latency.key_figures,
     "crowd": long_run.long_run_figures,
+    "fleet": fleet.fleet_figures,
 }
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
     parser.add_argument("--parts", nargs="+", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--robots", type=int, default=12, help="of the part `fleet`")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each reading of the cost")
     parser.add_argument("--settle", type=float, default=3.0, help="seconds before each reading")
     parser.add_argument("--slow-presses", type=int, default=10, help="of a key on a slow line")

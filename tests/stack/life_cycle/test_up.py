@@ -95,9 +95,10 @@ def test_robots_that_do_not_all_arrive_end_with_1() -> None:
 
 
 def test_without_room_for_all_robots_nothing_is_started(tmp_path: Path) -> None:
-    done = sidestep("up", "--robots", "20", "--record", str(tmp_path / "log"))
+    words = ("up", "--world", "corridor", "--robots", "20")
+    done = sidestep(*words, "--record", str(tmp_path / "log"))
     assert done.returncode == 2
-    assert "box has room for 7 beside its start, not for 20" in done.stderr
+    assert "corridor has room for 9 beside its start, not for 20" in done.stderr
     assert not (tmp_path / "log").exists()
 
 

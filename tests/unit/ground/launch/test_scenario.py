@@ -193,8 +193,8 @@ def test_tiny_negative_goal_is_parsed() -> None:
 
 
 def test_too_many_robots_are_rejected() -> None:
-    words = world_query(parse(["up", "--robots", "20"]))
-    with pytest.raises(UserError, match="has room for 7 beside its start, not for 20"):
+    words = world_query(parse(["up", "--world", "corridor", "--robots", "20"]))
+    with pytest.raises(UserError, match="has room for 9 beside its start, not for 20"):
         world_facts(command(words, os.getpid()))
 
 

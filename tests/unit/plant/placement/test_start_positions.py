@@ -31,9 +31,15 @@ def test_start_places_in_walls_and_obstacles_are_skipped() -> None:
     assert [round(place[1], 3) for place in places] == [0.5, 1.7, 2.9]
 
 
+def test_full_rank_is_followed_by_one_behind_and_one_ahead() -> None:
+    places = starts(room(start=(1.0, 2.0, 0.0)), Body(), 21)
+    assert [round(x_m, 3) for x_m, _, _ in places] == [1.0] * 7 + [0.4] * 7 + [1.6] * 7
+    assert min(dist(a[:2], b[:2]) for a, b in combinations(places, 2)) > 0.59
+
+
 def test_too_many_robots_are_rejected_with_the_number_that_fits() -> None:
-    with pytest.raises(ValueError, match=r"^robots: room has room for 7 beside .* not for 12"):
-        starts(room(), Body(), 12)
+    with pytest.raises(ValueError, match=r"^robots: room has room for 35 beside .* not for 99"):
+        starts(room(), Body(), 99)
 
 
 def test_zero_robots_are_rejected() -> None:
