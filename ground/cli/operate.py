@@ -21,7 +21,7 @@ def run(words: Words, output: Output) -> int:
         return follow(common_of(words, output))
     operation = words.operation()
     if isinstance(operation, Offline):
-        return print_outcome(output, words, "", operation.run(output))
+        return run_offline(operation, words, output)
     if isinstance(operation, FromFile):
         operation = operation.read()
     common = common_of(words, output)
@@ -31,11 +31,21 @@ def run(words: Words, output: Output) -> int:
                 output, words, link.robot, operation.perform(Session(link, output))
             )
     except UnansweredError as error:
+        if (instead := words.without_robot()) is not None:
+            output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
+            return run_offline(instead, words, output)
         if not isinstance(operation, Diagnose):
             raise
         return print_outcome(
             output, words, common.robot, operation.not_connected(error, common.endpoint)
         )
+
+
+def run_offline(operation: Offline, words: Words, output: Output) -> int:
+    """Carry out an operation on files; print which file was chosen if none was named."""
+    if words.chosen:
+        output.note(words.chosen)
+    return print_outcome(output, words, "", operation.run(output))
 
 
 def print_outcome(output: Output, words: Words, robot: str, outcome: Outcome) -> int:

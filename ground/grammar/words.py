@@ -22,6 +22,8 @@ class Words:
 
     verb: str
     action: str
+    chosen: str = ""
+    """The file that was chosen because none was named; it is printed."""
     connect: str | None
     id: str | None
     config: str | None
@@ -39,6 +41,10 @@ class Words:
     def operation(self) -> Operation[Outcome]:
         """Return the operation for the parsed arguments; UserError for a value out of range."""
         raise NotImplementedError
+
+    def without_robot(self) -> "Offline | None":
+        """Return what is done instead when no robot was named and none answers, if anything."""
+        return None
 
     @property
     def title(self) -> str:

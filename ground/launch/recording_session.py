@@ -14,12 +14,11 @@ from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
 from ground.recording.log_reader import robot_in
 from ground.recording.retention import Retention, size_in, size_of
-from ground.user.folders import state_folder
+from ground.user.folders import recordings_folder
 from runtime.clock import Clock
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
-RECORDINGS: Final = "recordings"
 WRITING: Final = "REC"
 STALLED: Final = "REC!"
 ROLE: Final = "recorder"
@@ -32,7 +31,9 @@ DEFAULT_KEEP: Final = "2GB"
 def add_recording(parser: argparse.ArgumentParser) -> None:
     """Add `--record` and `--no-record`, for verbs that open the app."""
     group = parser.add_mutually_exclusive_group()
-    summary = f"write a .tlog and an .mcap of every frame there (on a terminal {default_folder()})"
+    summary = (
+        f"write a .tlog and an .mcap of every frame there (on a terminal {recordings_folder()})"
+    )
     group.add_argument("--record", metavar="DIR", help=summary)
     group.add_argument("--no-record", action="store_true", help="write no recording")
     add_keep(parser)
@@ -40,17 +41,12 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
 
 def add_keep(parser: argparse.ArgumentParser) -> None:
     """Add `--keep`, the limit on the size of older recordings."""
-    size = f"{DEFAULT_KEEP} in {default_folder()}; elsewhere all are kept"
+    size = f"{DEFAULT_KEEP} in {recordings_folder()}; elsewhere all are kept"
     parser.add_argument(
         "--keep",
         metavar="SIZE",
         help=f"delete the oldest recordings there beyond this size ({size})",
     )
-
-
-def default_folder() -> Path:
-    """Return the user's folder for recordings."""
-    return state_folder() / RECORDINGS
 
 
 def byte_limit(folder: Path, keep: str | None) -> int | None:
@@ -59,7 +55,7 @@ def byte_limit(folder: Path, keep: str | None) -> int | None:
     Outside the default folder nothing is deleted unless `keep` asks for it. Raises UserError for a
     malformed size.
     """
-    default = DEFAULT_KEEP if folder.resolve() == default_folder().resolve() else None
+    default = DEFAULT_KEEP if folder.resolve() == recordings_folder().resolve() else None
     wanted = keep or default
     return None if wanted is None else size_in(wanted)
 
@@ -75,7 +71,7 @@ def folder_of(options: RecordOptions) -> Path | None:
     """Return the folder for the recording, or None when recording is disabled."""
     if options.no_record:
         return None
-    return Path(options.record) if options.record else default_folder()
+    return Path(options.record) if options.record else recordings_folder()
 
 
 class RecordingSession:

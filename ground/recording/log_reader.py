@@ -19,6 +19,7 @@ from runtime.units import NS_PER_US
 MCAP_BEGINS: Final = b"\x89MCAP"
 NAMED: Final = re.compile(rf"\d{{8}}T\d{{6}}Z-(?P<robot>{NAME})(\.\d{{1,3}})?\Z")
 USUAL_ROBOT: Final = "r1"
+SUFFIXES: Final = (".mcap", ".tlog")
 
 
 class LoggedFrame(NamedTuple):
@@ -118,9 +119,18 @@ def open_log(path: Path, robot: str | None = None) -> Log:
             begin = source.read(len(MCAP_BEGINS))
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
+    if path.suffix not in SUFFIXES and begin != MCAP_BEGINS and not begins_with_record(path):
+        raise UserError(f"{path}: is not a recording, which is a .mcap or a .tlog")
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
         return McapLog(path, robot or McapFile(path).robot_in_header() or robot_in(path))
     return TlogLog(path, robot or robot_in(path))
+
+
+def begins_with_record(path: Path) -> bool:
+    """Return whether the file begins like a .tlog, whatever its name."""
+    with path.open("rb") as source:
+        reader = TlogReader(source)
+        return next(iter(reader), None) is not None and not reader.lost_bytes
 
 
 def sibling_facts(path: Path) -> dict[str, str]:

@@ -12,10 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.recording.log_reader import NAMED
+from ground.recording.log_reader import NAMED, SUFFIXES
 from runtime.errors import UserError
 
-SUFFIXES: Final = (".tlog", ".mcap")
 UNITS: Final = {"MB": 10**6, "GB": 10**9}
 SIZE: Final = re.compile(r"(?P<number>\d+(\.\d+)?) ?(?P<unit>[MG]B)\Z", re.IGNORECASE)
 LOW_BYTES: Final = 10**9

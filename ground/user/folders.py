@@ -12,6 +12,11 @@ def state_folder() -> Path:
     return _base("XDG_STATE_HOME", Path(".local", "state")) / NAME
 
 
+def recordings_folder() -> Path:
+    """Return the default folder of recordings."""
+    return state_folder() / "recordings"
+
+
 def runs_folder() -> Path:
     """Return the folder of the runtime files of `up`.
 

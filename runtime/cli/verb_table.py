@@ -20,13 +20,14 @@ MORE: Final = "groups"
 GROUPS: Final[Mapping[str, str]] = MappingProxyType(
     {
         RUN: "one process: plant, robot, router, container, health, bridge",
-        REC: "recordings: start, mark, export, plot, reexecute",
+        REC: "recordings: start, list, mark, export, plot, reexecute",
     }
 )
 """Verbs of these sections are below their group, as in `sidestep rec plot`."""
 COMMANDS: Final = "ground.grammar.commands"
 DRIVING: Final = "ground.grammar.driving"
 LOOKING: Final = "ground.grammar.looking"
+OF_RECORDINGS: Final = "ground.grammar.recordings"
 RECORDINGS: Final = (".tlog", ".mcap")
 MISSIONS: Final = (".toml", ".plan", ".waypoints")
 
@@ -141,7 +142,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             LOOK,
             "show why the robot turns, live or in a recording",
             "explain drive.mcap --at 12.5",
-            LOOKING,
+            OF_RECORDINGS,
             words="ExplainWords",
             suffixes=RECORDINGS,
         ),
@@ -166,7 +167,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             LOOK,
             "put a recording, its plot and its explanation into one .zip",
             "share drive.mcap --out drive.zip",
-            LOOKING,
+            OF_RECORDINGS,
             words="ShareWords",
             suffixes=RECORDINGS,
         ),
@@ -245,6 +246,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             name="start",
             run="run",
         ),
+        "recordings": Verb(
+            REC,
+            "list the recordings, the newest first",
+            "rec list --json",
+            OF_RECORDINGS,
+            words="ListWords",
+            name="list",
+        ),
         "mark": Verb(
             REC,
             "add a remark to the recording",
@@ -256,7 +265,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             REC,
             "convert a recording to a CSV or Parquet table",
             "rec export drive.mcap --out drive.csv",
-            LOOKING,
+            OF_RECORDINGS,
             words="ExportWords",
             suffixes=RECORDINGS,
         ),
@@ -264,7 +273,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             REC,
             "draw a recorded run as a picture",
             "rec plot drive.mcap --out drive.svg",
-            LOOKING,
+            OF_RECORDINGS,
             words="PlotWords",
             suffixes=RECORDINGS,
         ),

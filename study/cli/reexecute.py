@@ -9,6 +9,7 @@ from pathlib import Path
 from struct import pack
 from typing import Any
 
+from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.log_reader import open_log
 from ground.recording.tables.message_fields import shortest_single
 from protocol.wire.goal import rounded_heading_rad
@@ -27,6 +28,7 @@ from study.trial.trial import NAVIGATORS
 def main(argv: Sequence[str]) -> int:
     """Return 0 without a difference, 1 with differing or missing data, 2 if impossible."""
     options = parser().parse_args(argv)
+    options.file = str(recording_named(options.file))
     recorded = RecordedDrive(open_log(Path(options.file), options.id))
     refuse_unless_whole(recorded)
     params = params_of(recorded)
@@ -48,7 +50,7 @@ def main(argv: Sequence[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_parser("reexecute", allow_abbrev=True)
-    made.add_argument("file", metavar="FILE", help="an .mcap, or a .tlog beside its .mcap")
+    made.add_argument("file", nargs="?", metavar="FILE", help=FILE_HELP)
     made.add_argument("--id", metavar="NAME", help="robot, if the file name does not contain it")
     made.add_argument("--navigator", choices=NAVIGATORS, help="compare another navigator")
     made.add_argument("--json", action="store_true", help="one JSON object on standard output")

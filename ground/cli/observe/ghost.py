@@ -1,7 +1,6 @@
 """`ghost`: simulate what another navigator would do from here on, live or from a recording."""
 
 import argparse
-from pathlib import Path
 from typing import Final
 
 from ground.cli.options import common_of
@@ -16,6 +15,7 @@ from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import GhostRecording, changed_in, side_of
 from ground.grammar.looking import moment
 from ground.grammar.words import add_common, seconds
+from ground.recording.catalogue import recording_named
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import open_log
 from ground.reports.explain import instant_ns
@@ -44,7 +44,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="one or several, or all",
     )
     parser.add_argument(
-        "--from", dest="file", metavar="LOG", help="a recording; without it a running simulation"
+        "--from",
+        dest="file",
+        metavar="LOG",
+        help="a recording (-1 the newest); without it a running simulation",
     )
     parser.add_argument(
         "--at", type=moment, metavar="S", help="second of the recording (when its goal was set)"
@@ -93,7 +96,7 @@ def check_options(options: argparse.Namespace) -> None:
 
 def run_from_recording(options: argparse.Namespace, output: Output) -> int:
     """Run the ghosts from an instant of a recording; return 1 if one of them failed."""
-    log = LogIndex(open_log(Path(options.file), options.id))
+    log = LogIndex(open_log(recording_named(options.file), options.id))
     if log.damage:
         output.note(f"{options.file}: DAMAGED: {log.damage}")
     recording = GhostRecording(log)

@@ -16,6 +16,7 @@ from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS
 from ground.grammar.words import add_json, positive
 from ground.launch.child_command import command
+from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
 from ground.text.status_parts import in_words
@@ -35,7 +36,7 @@ REEXECUTE: Final = "reexecute"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `replay`."""
-    parser.add_argument("file", metavar="FILE", help="a .tlog or .mcap")
+    parser.add_argument("file", nargs="?", metavar="FILE", help=FILE_HELP)
     text = "the robot, if the name of the file does not contain it"
     parser.add_argument("--id", metavar="NAME", help=text)
     parser.add_argument("--plain", action="store_true", help="one line per second of the run")
@@ -54,6 +55,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Replay; return 0, or 1 if results differ or part of the file is damaged."""
+    named, options.file = options.file, str(recording_named(options.file))
+    if options.file != named:
+        output.note(options.file)
     if options.again:
         return reexecute(options)
     if options.navigator is not None:

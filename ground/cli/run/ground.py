@@ -14,10 +14,10 @@ from ground.grammar.words import add_common
 from ground.launch.recording_session import (
     RecordingSession,
     add_recording,
-    default_folder,
     folder_of,
 )
 from ground.text.output import Output
+from ground.user.folders import recordings_folder
 
 
 def ground_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,7 +58,7 @@ def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
 def run_recorded(options: argparse.Namespace, link: Link) -> int:
     """Run the app, with a recorder beside it unless --no-record is given."""
     common, folder = link.common, folder_of(options)
-    where = folder or default_folder()
+    where = folder or recordings_folder()
     with RecordingSession(where, common, link.clock, common.config, options.keep) as recording:
         if folder is not None:
             recording.begin()

@@ -24,7 +24,6 @@ from ground.launch.launcher import Stack
 from ground.launch.recording_session import (
     RecordingSession,
     add_recording,
-    default_folder,
     folder_of,
 )
 from ground.launch.run_announcement import announced
@@ -39,6 +38,7 @@ from ground.launch.scenario import (
 from ground.launch.tls_configs import ground_file
 from ground.text.output import Output
 from ground.text.status_parts import Part
+from ground.user.folders import recordings_folder
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import finite, whole
@@ -163,7 +163,7 @@ def run_with_app(
                 lockstep=scenario.lockstep
             )
             stack.supervise(bus)
-            folder = Path(scenario.record or default_folder())
+            folder = Path(scenario.record or recordings_folder())
             config = ground_file(scenario.locks)
             with RecordingSession(folder, stack.common, clock, config, options.keep) as recording:
                 if scenario.record is not None:

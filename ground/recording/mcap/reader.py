@@ -6,7 +6,6 @@ does not, the key precedes the frame in a separate channel. Older recordings hol
 one JSON text.
 """
 
-import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -43,6 +42,8 @@ MAX_UNPACKED: Final = 1 << 24
 MAX_RATIO: Final = 200
 """Largest ratio of unpacked to packed size; own chunks unpack to ten times their size."""
 SLACK: Final = 1 << 16
+FIRST_CHUNKS: Final = 2
+LAST_CHUNKS: Final = 3
 
 
 class Raw(msgspec.Struct, frozen=True, gc=False):
@@ -103,19 +104,36 @@ class McapFile:
                 return str(Metadata.read(ReadDataStream(BytesIO(content))).metadata["robot"])
         return ""
 
+    def last_frames(self) -> Iterator[bytes]:
+        """Yield the frames of the last chunks, and skip everything else."""
+        with self._path.open("rb") as source:
+            places = [place for opcode, *place in self._places_in(source) if opcode == Opcode.CHUNK]
+            # The first chunks hold the channels, without which the last ones cannot be read.
+            begin, end = places[:FIRST_CHUNKS], places[FIRST_CHUNKS:][-LAST_CHUNKS:]
+            for at, length in [*begin, *end]:
+                source.seek(at)
+                for _, raw in self._chunk(source.read(length)):
+                    yield raw.frame
+
     def _metadata(self) -> Iterator[bytes]:
         with self._path.open("rb") as source:
-            size = self._path.stat().st_size
-            if source.read(len(MAGIC)) != MAGIC:
-                return
-            while len(head := source.read(RECORD.size)) == RECORD.size:
-                opcode, length = RECORD.unpack(head)
-                if opcode == Opcode.DATA_END or length > size - source.tell():
-                    return
+            for opcode, at, length in self._places_in(source):
                 if opcode == Opcode.METADATA:
+                    source.seek(at)
                     yield source.read(length)
-                else:
-                    source.seek(length, os.SEEK_CUR)
+
+    def _places_in(self, source: BinaryIO) -> Iterator[tuple[int, int, int]]:
+        """Yield opcode, position and length of the content of each whole record."""
+        size = self._path.stat().st_size
+        if source.read(len(MAGIC)) != MAGIC:
+            return
+        while len(head := source.read(RECORD.size)) == RECORD.size:
+            opcode, length = RECORD.unpack(head)
+            at = source.tell()
+            if opcode == Opcode.DATA_END or length > size - at:
+                return
+            yield opcode, at, length
+            source.seek(at + length)
 
     def _records(self, source: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
         """Yield opcode and content of each whole record."""

@@ -157,10 +157,13 @@ def test_damage_is_reported_and_the_rest_explained(
     assert said.out.startswith("at 1.00 s it drives straight on")
 
 
-def test_time_and_turns_need_a_recording(capsys: pytest.CaptureFixture[str]) -> None:
+def test_time_and_turns_need_a_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     for words in (["--at", "3"], ["--turns"]):
         assert main(["explain", *words]) == 2
-        assert "name its FILE" in capsys.readouterr().err
+        assert "name a FILE" in capsys.readouterr().err
 
 
 def test_recordings_of_this_test_begin_when_recordings_can(run: Recording) -> None:

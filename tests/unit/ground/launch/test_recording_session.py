@@ -10,7 +10,8 @@ import pytest
 
 from ground.cli.main import parse
 from ground.client.connection import Common
-from ground.launch.recording_session import RecordingSession, default_folder, folder_of
+from ground.launch.recording_session import RecordingSession, folder_of
+from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
@@ -103,9 +104,9 @@ def test_no_recorder_means_no_messages(session: Session) -> None:
 
 def test_recording_is_on_by_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert default_folder() == tmp_path / "sidestep" / "recordings"
+    assert recordings_folder() == tmp_path / "sidestep" / "recordings"
     for verb in ("up", "ground"):
-        assert folder_of(options(verb)) == default_folder()
+        assert folder_of(options(verb)) == recordings_folder()
         assert folder_of(options(verb, "--record", "here")) == Path("here")
         assert folder_of(options(verb, "--no-record")) is None
         with pytest.raises(SystemExit):

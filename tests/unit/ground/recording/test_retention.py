@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from ground.launch.recording_session import DEFAULT_KEEP, byte_limit, default_folder
+from ground.launch.recording_session import DEFAULT_KEEP, byte_limit
 from ground.recording.log_writer import new_log
 from ground.recording.retention import LOW_BYTES, Retention, size_in, size_text
+from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 
 KB = 1000
@@ -135,8 +136,8 @@ def test_warning_estimates_the_remaining_hours(
 def test_only_the_default_folder_has_a_limit(tmp_path: Path) -> None:
     assert byte_limit(tmp_path, None) is None
     assert byte_limit(tmp_path, "3GB") == 3 * 10**9
-    default_folder().mkdir(parents=True, exist_ok=True)
-    assert byte_limit(default_folder(), None) == size_in(DEFAULT_KEEP)
+    recordings_folder().mkdir(parents=True, exist_ok=True)
+    assert byte_limit(recordings_folder(), None) == size_in(DEFAULT_KEEP)
     other = tmp_path / "link"
-    os.symlink(default_folder(), other)
+    os.symlink(recordings_folder(), other)
     assert byte_limit(other, None) == size_in(DEFAULT_KEEP)

@@ -1,0 +1,68 @@
+"""Find recordings: those in a folder, the newest first, and the one that a user names."""
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from ground.recording.log_reader import NAMED, SUFFIXES
+from ground.user.folders import recordings_folder
+from runtime.errors import UserError
+
+BACK: Final = re.compile(r"-(?P<number>[1-9]\d{0,3})\Z")
+STAMP: Final = "%Y%m%dT%H%M%SZ"
+STAMP_CHARS: Final = 16
+FILE_HELP: Final = (
+    "a .tlog or .mcap, or a folder: its newest one (default the newest of `sidestep rec list`;"
+    " -2 is the one before)"
+)
+
+
+def recordings_in(folder: Path, *, below: bool = False) -> list[Path]:
+    """Return each recording once, its .mcap if there is one, the newest first.
+
+    `below`: also those one level below the folder. An unreadable folder has none.
+    """
+    found: dict[Path, Path] = {}
+    try:
+        for pattern in ("*", "*/*") if below else ("*",):
+            for path in sorted(folder.glob(pattern), reverse=True):  # .tlog before .mcap
+                if path.suffix in SUFFIXES and path.is_file():
+                    found[path.with_suffix("")] = path
+        return sorted(found.values(), key=lambda path: (began(path), path.stem), reverse=True)
+    except OSError:
+        return []
+
+
+def began(path: Path) -> datetime:
+    """Return when a recording began: by its name, else by the time of its file, in UTC."""
+    if NAMED.match(path.stem):
+        try:
+            return datetime.strptime(path.stem[:STAMP_CHARS], STAMP).replace(tzinfo=UTC)
+        except ValueError:
+            pass
+    return datetime.fromtimestamp(path.stat().st_mtime, UTC)
+
+
+def recording_named(text: str | None) -> Path:
+    """Return the recording for an argument FILE.
+
+    None is the newest one of the user, `-2` the one before, and a folder its newest one. Raises
+    UserError if there is none.
+    """
+    back = BACK.match(text or "-1")
+    if text is not None and (back is None or Path(text).exists()):
+        path = Path(text)
+        return newest(path, 1) if path.is_dir() else path
+    assert back is not None, "the default matches"
+    return newest(recordings_folder(), int(back["number"]))
+
+
+def newest(folder: Path, number: int) -> Path:
+    """Return the newest recording of a folder, or with 2 the one before."""
+    found = recordings_in(folder)
+    if not found:
+        raise UserError(f"{folder}: there is no recording; `sidestep up` makes one, or name a FILE")
+    if number > len(found):
+        raise UserError(f"-{number}: there are only {len(found)} recordings in {folder}")
+    return found[number - 1]

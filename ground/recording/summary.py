@@ -1,0 +1,108 @@
+"""Summarise a recording without reading all of it: its begin, its end and its facts."""
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from ground.recording.catalogue import began
+from ground.recording.log_reader import SUFFIXES, open_log, robot_in, sibling_facts
+from ground.recording.mcap.reader import McapFile
+from ground.recording.retention import size_of
+from ground.recording.tlog import TlogReader
+from ground.recording.world_metadata import facts_of
+from protocol.outcome import ENDS
+from protocol.wire.codec import decode
+from protocol.wire.enums import GoalState, Navigator
+from protocol.wire.messages import NavigatorStatus
+from runtime.errors import RemoteError, UserError
+from runtime.units import NS_PER_S
+
+TAIL_BYTES: Final = 1 << 18
+"""This much of the end of a .tlog holds several seconds of a robot."""
+FIRST_FRAMES: Final = 20_000
+DRIVING: Final = "driving"
+NO_GOAL: Final = "no goal"
+
+
+class Summary(NamedTuple):
+    """A recording at a glance; what is not known is None or empty.
+
+    `length_s` is the robot's time between its first and its last status. `size` counts both files.
+    """
+
+    path: Path
+    began: datetime
+    robot: str
+    length_s: float | None
+    world: str
+    navigator: str
+    outcome: str
+    size: int
+
+
+def summary_of(path: Path) -> Summary:
+    """Return the summary of a recording; a damaged one has less."""
+    first = last = None
+    facts: dict[str, str] = {}
+    with suppress(OSError, UserError):
+        facts = sibling_facts(path)
+        first = next(statuses(frame for frame in beginning(path)), None)
+        for last in statuses(ending(path)):  # noqa: B007 - the last one counts
+            pass
+    length_s = None
+    if first is not None and last is not None:
+        length_s = max(0, last.time_ns - first.time_ns) / NS_PER_S
+    return Summary(
+        path=path,
+        began=began(path),
+        robot=robot_in(path),
+        length_s=length_s,
+        world=str(facts_of(facts.get("world", "")).get("name", "")),
+        navigator="" if last is None else navigator_of(last),
+        outcome="" if last is None else outcome_of(last),
+        size=sum(size_of(path.with_suffix(suffix)) for suffix in SUFFIXES),
+    )
+
+
+def beginning(path: Path) -> Iterator[bytes]:
+    """Yield the first frames of a recording."""
+    for number, one in enumerate(open_log(path)):
+        if number == FIRST_FRAMES:
+            return
+        yield one.frame
+
+
+def ending(path: Path) -> Iterable[bytes]:
+    """Return the last frames of a recording."""
+    tlog = path.with_suffix(".tlog")
+    if not tlog.exists():
+        return McapFile(path).last_frames()
+    with tlog.open("rb") as source:
+        source.seek(max(0, size_of(tlog) - TAIL_BYTES), os.SEEK_SET)
+        return [record.frame for record in TlogReader(source)]
+
+
+def statuses(frames: Iterable[bytes]) -> Iterator[NavigatorStatus]:
+    """Yield the robot's statuses among the frames."""
+    for frame in frames:
+        with suppress(RemoteError):
+            message = decode(frame).message
+            if isinstance(message, NavigatorStatus):
+                yield message
+
+
+def navigator_of(status: NavigatorStatus) -> str:
+    """Return the name of the navigator, or its number if it is unknown."""
+    with suppress(ValueError):
+        return Navigator(status.navigator).name.lower()
+    return str(status.navigator)
+
+
+def outcome_of(status: NavigatorStatus) -> str:
+    """Return how the last goal ended; a goal that has not ended is `driving`."""
+    if status.goal in ENDS:
+        return ENDS[GoalState(status.goal)]
+    return NO_GOAL if status.goal == GoalState.NONE else DRIVING

@@ -1,0 +1,79 @@
+"""`rec list`: the recordings of a folder, each with what it holds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar, Final
+
+from ground.client.operations import Progress, Session
+from ground.recording.catalogue import recordings_in
+from ground.recording.retention import size_text
+from ground.recording.summary import Summary, summary_of
+from ground.reports.report import Report
+from ground.user.folders import recordings_folder
+
+HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")
+UNKNOWN: Final = "--"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ListRecordings:
+    """List the recordings of a folder, by default that of the user, the newest first."""
+
+    verb: ClassVar[str] = "recordings"
+    moves: ClassVar[bool] = False
+    folder: str | None = None
+
+    def run(self, progress: Progress) -> Report:
+        """List them without a robot."""
+        folder = recordings_folder() if self.folder is None else Path(self.folder)
+        found = [summary_of(path) for path in recordings_in(folder)]
+        row: dict[str, object] = {
+            "ok": True,
+            "folder": str(folder),
+            "recordings": [as_json(one) for one in found],
+        }
+        none = f"{folder}: there is no recording; `sidestep up` makes one"
+        return Report(True, "\n".join(table(found)) if found else none, row)
+
+    def perform(self, session: Session) -> Report:
+        """List them without using the session's robot."""
+        return self.run(session.progress)
+
+
+def as_json(one: Summary) -> dict[str, object]:
+    """Return a recording as a row."""
+    return {
+        "file": str(one.path),
+        "began": one.began.isoformat(timespec="seconds"),
+        "robot": one.robot,
+        "length_s": one.length_s,
+        "world": one.world or None,
+        "navigator": one.navigator or None,
+        "outcome": one.outcome or None,
+        "bytes": one.size,
+    }
+
+
+def table(found: Sequence[Summary]) -> list[str]:
+    """Return a head and a line per recording; -1 is the newest."""
+    rows = [HEADS, *(cells(number, one) for number, one in enumerate(found, 1))]
+    *widths, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
+    return [
+        "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[-1]])
+        for row in rows
+    ]
+
+
+def cells(number: int, one: Summary) -> tuple[str, ...]:
+    """Return the cells of a recording; `number` is how verbs name it."""
+    return (
+        f"-{number}",
+        f"{one.began.astimezone():%Y-%m-%d %H:%M:%S}",
+        UNKNOWN if one.length_s is None else f"{one.length_s:.1f} s",
+        one.world or UNKNOWN,
+        one.navigator or UNKNOWN,
+        one.outcome or UNKNOWN,
+        size_text(one.size),
+        one.path.name,
+    )
