@@ -37,7 +37,7 @@ def words_for(line: str) -> list[str]:
         ("re", ["rec", "replay", "resume"]),
         ("--v", ["--version"]),
         ("--traceback wat", ["watch"]),
-        ("rec ", ["start", "mark", "export", "plot", "reexecute"]),
+        ("rec ", ["start", "list", "mark", "export", "plot", "reexecute"]),
         ("run c", ["container"]),
         ("rec plot d", ["drive.mcap", "dir/"]),
         ("plot d", ["drive.mcap", "dir/"]),
