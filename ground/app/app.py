@@ -14,6 +14,7 @@ from textual.command import Provider
 from textual.driver import Driver
 from textual.filter import LineFilter
 from textual.timer import Timer
+from textual.widgets import Input
 
 from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
@@ -22,7 +23,7 @@ from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.default_keys import KeyBinding, Layer
-from ground.app.input.keymap import Keymap
+from ground.app.input.keymap import Keymap, shown
 from ground.app.input.textual_bindings import bindings_of
 from ground.app.panels.status import SessionInfo
 from ground.app.screens import SCREENS, screen_of
@@ -247,8 +248,10 @@ class GroundApp(App[int]):
     def key_layers(self) -> tuple[Layer, ...]:
         """Return the layers of keys that are active now."""
         sheet = self.screen
-        own = sheet.key_layers() if isinstance(sheet, AppScreen) else ()
-        return (Layer.ALWAYS, *own)
+        if isinstance(sheet, AppScreen):
+            return (Layer.ALWAYS, *sheet.key_layers())
+        typing = isinstance(sheet.focused, Input)
+        return (Layer.ALWAYS,) if typing else (Layer.ALWAYS, Layer.STOP)
 
     def keys_now(self) -> list[KeyBinding]:
         """Return the keys of the base screen, for the help and the palette above it."""
@@ -256,6 +259,11 @@ class GroundApp(App[int]):
         layers = () if sheet is None else sheet.key_layers()
         keys = self._keymap_in_force.of(Layer.ALWAYS, *layers)
         return [key for key in keys if key.id in doable]
+
+    def key_shown(self, id: str) -> str:
+        """Return the first key of an action as it is shown; without one, its command."""
+        keys = self._keymap_in_force[id].keys
+        return shown(keys[:1]) if keys else f":{id}"
 
     def begin_line(self, text: str) -> None:
         """Let the operator continue typing a command."""

@@ -124,6 +124,11 @@ class EmergencyStop:
         """The id that all repetitions of this press have in common."""
         return self._request.request_id
 
+    @property
+    def pressed_ns(self) -> int:
+        """The time of the press."""
+        return self._pressed_ns
+
     def press(self) -> None:
         """Send the stop once, without blocking."""
         self.tries += 1

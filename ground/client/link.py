@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
@@ -72,11 +73,16 @@ class Link:
         self.bus = bus
         self.common = common
         self.robot = common.robot
+        self._common = common
         self.clock = clock
         self.ids = RequestIds()
         self.pulse = Pulse()
         self.endpoint = common.endpoint
         self._heartbeat: Publisher[Heartbeat] | None = None
+
+    def to(self, robot: str) -> "Link":
+        """Return a link to another robot on the same bus."""
+        return Link(self.bus, replace(self._common, robot=robot), self.clock)
 
     def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
         """Return a command with an id of its own."""

@@ -2,7 +2,15 @@
 
 from math import degrees
 
-from ground.client.operations import Goto, Operation, SetMode, SetNavigator, SetParameter
+from ground.client.operations import (
+    ClearAll,
+    Goto,
+    Operation,
+    SetMode,
+    SetNavigator,
+    SetParameter,
+    StopAll,
+)
 from ground.client.results import Outcome
 from ground.client.vocabulary import SIDES
 from ground.console.app_commands import AppCommand, SetTheme
@@ -18,6 +26,8 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
         case Goto(goal=goal):
             heading = () if goal.heading_rad is None else (degrees(goal.heading_rad),)
             return f"goal {numbers(goal.x_m, goal.y_m, *heading)}"
+        case StopAll() | ClearAll():
+            return f"{operation.verb} --all"
         case SetMode(mode=mode):
             return f"mode {mode.name.lower()}"
         case SetNavigator(navigator=navigator, side=side):

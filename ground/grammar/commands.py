@@ -12,11 +12,13 @@ from ground.client.results import Outcome
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.grammar.words import Words, add_common, seconds
 from protocol.wire.enums import LeaseAction, Mode
+from runtime.errors import UserError
 
 PLAIN: Final[Mapping[str, type[PlainCommand]]] = MappingProxyType(
     {command.verb: command for command in operations.COMMANDS}
 )
 LEASE_ACTIONS: Final = ("take", "release", "seize", "show")
+ALL: Final = "all"
 
 
 class CommandWords(Words):
@@ -83,7 +85,45 @@ class NavigatorWords(CommandWords):
         return operations.SetNavigator(navigator=navigator, side=side, timeout_s=self.timeout)
 
 
-class StopWords(Words):
+class AllWords(Words):
+    """The arguments of a verb that acts on one robot or on all of them."""
+
+    everyone: str | None
+    all: bool
+
+    @property
+    def is_for_all(self) -> bool:
+        """True with `all` or `--all`; UserError if a robot is named as well."""
+        everyone = self.all or self.everyone is not None
+        if everyone and self.id is not None:
+            raise UserError("--all cannot be combined with --id: leave out one of them")
+        return everyone
+
+
+def add_all(parser: argparse.ArgumentParser) -> None:
+    """Declare `all` and `--all`."""
+    help = "every robot that is present"
+    parser.add_argument("everyone", nargs="?", choices=[ALL], metavar=ALL, help=help)
+    parser.add_argument("--all", action="store_true", help=help)
+
+
+class ClearWords(CommandWords, AllWords):
+    """The arguments of `clear-estop`."""
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
+        add_all(parser)
+        super().declare(parser)
+
+    def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
+        if self.is_for_all:
+            return operations.ClearAll(timeout_s=self.timeout)
+        return super().operation()
+
+
+class StopWords(AllWords):
     """The arguments of `estop`."""
 
     timeout: float | None
@@ -91,13 +131,17 @@ class StopWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
+        add_all(parser)
         add_common(parser)
         help = f"repeat until the robot's status shows it, for at most ({STOP_S:g})"
         parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
 
-    def operation(self) -> operations.StopNow:
+    def operation(self) -> operations.StopNow | operations.StopAll:
         """Return the operation for the parsed arguments."""
-        return operations.StopNow(timeout_s=STOP_S if self.timeout is None else self.timeout)
+        timeout_s = STOP_S if self.timeout is None else self.timeout
+        if self.is_for_all:
+            return operations.StopAll(timeout_s=timeout_s)
+        return operations.StopNow(timeout_s=timeout_s)
 
 
 class LeaseWords(Words):

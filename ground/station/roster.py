@@ -82,7 +82,7 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
     model, session = fleet.models[robot], fleet.sessions.get(robot)
     status = model.telemetry.seen(STATUS, now_ns)
     loss = None if session is None else session.link_monitor.loss()
-    stopping = "" if session is None else session.stopping
+    stopping = "" if session is None else session.stop.words
     trip_ns = None if session is None else session.link_monitor.round_trip_ns
     lease_seen = model.telemetry.seen(LEASE, now_ns)
     lease_known = session is not None and lease_seen.age is not Age.GONE

@@ -181,12 +181,27 @@ class Station(StationView):
             return
         if robot not in self._fleet.models:
             self._add(robot)
-        self._fleet.sessions[robot].estop()
+        stop = self._fleet.sessions[robot].stop
+        stop.press()
+        stop.repeat()
 
-    @property
-    def stopping(self) -> str:
-        """State of an unacknowledged e-stop in words; empty without one."""
-        return "" if self._session is None else self._session.stopping
+    def estop_all(self) -> None:
+        """Stop every robot that is present or was seen, each as with `estop`.
+
+        All stops are sent before any acknowledgement is awaited, robots already watched first.
+        """
+        if not self.live:
+            self.note(REPLAYED, Severity.WARNING)
+            return
+        sessions = self._fleet.sessions
+        unknown = set(present_processes(self._bus.present()).robots()).difference(sessions)
+        for robot in [*sessions, *sorted(unknown)[:MAX_ROBOTS]]:
+            if robot not in sessions:
+                self._add(robot)
+            sessions[robot].stop.press()
+        for session in sessions.values():
+            session.stop.repeat()
+        self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
 
     def take_lease(self, *, seize: bool = False) -> None:
         """Become the robot's operator; `seize` takes the lease from another operator."""

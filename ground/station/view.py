@@ -15,10 +15,11 @@ from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import UNKNOWN, LeaseView, lease_from
 from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
+from ground.station.robot.robot_stop import StopRecord
 from ground.station.roster import RosterEntry, roster_of
 from ground.station.scene import scene_of
 from ground.station.world import WorldFacts
-from protocol.topics import LEASE, Role, Topic
+from protocol.topics import LEASE, STATUS, Role, Topic
 from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus
 from runtime.units import NS_PER_S
 
@@ -66,6 +67,23 @@ class StationView:
     def seen(self, topic: Topic[Any]) -> AgedMessage:
         """Return the newest message with its age, by which it is shown, dimmed or hidden."""
         return self.telemetry.seen(topic, self._now_ns)
+
+    def status_of(self, robot: str) -> AgedMessage:
+        """Return the newest status of any robot with its age."""
+        model = self._fleet.models.get(robot)
+        if model is None:
+            return AgedMessage(None, None, Age.GONE)
+        return model.telemetry.seen(STATUS, self._now_ns)
+
+    @property
+    def stopping(self) -> str:
+        """State of an unacknowledged e-stop in words; empty without one."""
+        return "" if self._session is None else self._session.stop.words
+
+    def last_stop(self, robot: str) -> StopRecord | None:
+        """Return the last e-stop that this station sent to a robot."""
+        session = self._fleet.sessions.get(robot)
+        return None if session is None else session.stop.record
 
     @property
     def present(self) -> PresentProcesses:

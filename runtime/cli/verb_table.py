@@ -104,11 +104,9 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "disarm": Verb(
             DRIVE, "do not let the wheels turn", "disarm", COMMANDS, words="CommandWords"
         ),
-        "estop": Verb(
-            DRIVE, "emergency stop, latched", "estop --id r2", COMMANDS, words="StopWords"
-        ),
+        "estop": Verb(DRIVE, "emergency stop, latched", "estop --all", COMMANDS, words="StopWords"),
         "clear-estop": Verb(
-            DRIVE, "release the emergency stop", "clear-estop", COMMANDS, words="CommandWords"
+            DRIVE, "release the emergency stop", "clear-estop --all", COMMANDS, words="ClearWords"
         ),
         "mode": Verb(DRIVE, "choose the mode", "mode auto", COMMANDS, words="ModeWords"),
         "navigator": Verb(

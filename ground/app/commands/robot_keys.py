@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping
 from functools import partial
 from itertools import count
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from ground.app.commands.sharing import share_run
+from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
@@ -22,7 +22,6 @@ from protocol.wire.enums import Mode
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
-AGAIN_S: Final = 2.0
 PLAIN: Final[tuple[Operation[Outcome], ...]] = (
     operations.Hold(),
     operations.Resume(),
@@ -39,7 +38,7 @@ class RobotKeys:
 
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
-        self._clear_asked_s = -inf
+        self._stop_keys = StopKeys(app)
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions by id."""
@@ -47,9 +46,8 @@ class RobotKeys:
         screens = {f"screen-{number}": partial(self.go, name) for name, number in SCREENS.items()}
         return {
             **{one.verb: partial(app.commands.perform, one) for one in PLAIN},
-            **dict.fromkeys(("estop", "estop-here"), app.station.estop),
+            **self._stop_keys.actions(),
             **screens,
-            "clear-estop": self.clear_estop,
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
@@ -66,16 +64,6 @@ class RobotKeys:
             "theme": self.next_theme,
             "quit": partial(app.exit, 0),
         }
-
-    def clear_estop(self) -> None:
-        """Release the emergency stop at the second press within two seconds."""
-        now_s = self._app.station.time_s
-        if now_s - self._clear_asked_s <= AGAIN_S:
-            self._clear_asked_s = -inf
-            self._app.commands.perform(operations.ClearEmergencyStop())
-            return
-        self._clear_asked_s = now_s
-        self._app.note("press again to release the emergency stop")
 
     def choose_mode(self) -> None:
         """Let the operator choose the mode."""

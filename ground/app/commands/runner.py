@@ -8,7 +8,7 @@ from typing import Final
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopNow
+from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopAll, StopNow
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
 from ground.console.aliases import expanded
@@ -81,6 +81,8 @@ class CommandRunner:
         match command:
             case StopNow():
                 self._station.estop()
+            case StopAll():
+                self._station.estop_all()
             case ChangeLease(action=LeaseAction.RELEASE):
                 self._station.release_lease()
             case ChangeLease(action=action):

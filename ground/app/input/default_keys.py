@@ -46,10 +46,14 @@ def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[KeyBinding, .
 KEYS: Final[tuple[KeyBinding, ...]] = (
     *_keys(
         Layer.ALWAYS,
-        ("estop", "f12 ctrl+space", "emergency stop, until it is acknowledged", ""),
+        ("estop", "f12 ctrl+space", "emergency stop; twice within 1 s: of all robots", ""),
         ("quit", "ctrl+q", "leave the ground station", ""),
     ),
-    *_keys(Layer.STOP, ("estop-here", "space", "emergency stop", "E-STOP")),
+    *_keys(
+        Layer.STOP,
+        ("estop-here", "space", "emergency stop; twice within 1 s: of all robots", "E-STOP"),
+        ("estop-all", "S", "emergency stop of all robots", ""),
+    ),
     *_keys(
         Layer.TELEOP,
         ("teleop-forward", "up w", "drive forward", "Forward"),
@@ -57,7 +61,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("teleop-left", "left a", "turn left", "Left"),
         ("teleop-right", "right d", "turn right", "Right"),
         ("teleop-forward-slow", "shift+up W", "forward, slowly", "Slowly"),
-        ("teleop-back-slow", "shift+down S", "back, slowly", ""),
+        ("teleop-back-slow", "shift+down", "back, slowly", ""),
         ("teleop-left-slow", "shift+left A", "left, slowly", ""),
         ("teleop-right-slow", "shift+right D", "right, slowly", ""),
     ),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 from ground.app.commands.command_sink import CommandSink
 from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
-from ground.client.operations import Abort, Disarm, Hold, Operation, StopNow
+from ground.client.operations import Abort, Disarm, Hold, Operation, StopAll, StopNow
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
 from ground.map.scene import MapTarget
@@ -37,7 +37,7 @@ class ReadOnlyCommands:
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
         """Perform a command for the screen, or one that stops the robot; refuse all others."""
-        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopNow):
+        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopAll | StopNow):
             self._commands.perform(command)
         else:
             self._note(REFUSED)

@@ -12,14 +12,13 @@ from ground.app.widgets.rows import Row, Span, faint, row
 
 
 class ChoiceScreen(ModalScreen[str]):
-    """A dialog that returns the choice, or "" after Escape. Space is the e-stop here, too."""
+    """A dialog that returns the choice, or "" after Escape. The stop keys work here, too."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "move(-1)"),
         Binding("down,j", "move(1)"),
         Binding("enter", "take"),
         Binding("escape,q", "dismiss('')"),
-        Binding("space", "app.do('estop')"),
     ]
     AUTO_FOCUS = ""
 

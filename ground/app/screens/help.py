@@ -16,7 +16,7 @@ WIDTH: Final = 72
 
 
 class HelpScreen(ModalScreen[None]):
-    """A dialog that scrolls by arrows; Escape, q, ?, F1 and Enter close it. Space is the e-stop."""
+    """A dialog that scrolls by arrows; Escape, q, ?, F1 and Enter close it. The stop keys work."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "move(-1)"),
@@ -24,7 +24,6 @@ class HelpScreen(ModalScreen[None]):
         Binding("pageup", "move(-10)"),
         Binding("pagedown", "move(10)"),
         Binding("escape,q,question_mark,f1,enter", "dismiss"),
-        Binding("space", "app.do('estop')"),
     ]
     AUTO_FOCUS = ""
 

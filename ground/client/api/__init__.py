@@ -15,6 +15,7 @@ from ground.client.api.robot import Robot, connect
 from ground.client.api.streams import Stream
 from ground.client.link import UnansweredError
 from ground.client.operations import (
+    AllAnswered,
     DriveEnded,
     GoalEnded,
     MissionEnded,
@@ -31,6 +32,7 @@ from runtime.errors import ConfigError, RemoteError, UserError
 
 __all__ = [
     "Accepted",
+    "AllAnswered",
     "Circle",
     "ConfigError",
     "DriveEnded",

@@ -30,6 +30,7 @@ from ground.client.goal import HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, dest
 from ground.client.link import ALIVE, Link, open_link
 from ground.client.operations import (
     Abort,
+    AllAnswered,
     Arm,
     ClearEmergencyStop,
     Disarm,
@@ -45,6 +46,7 @@ from ground.client.operations import (
     Session,
     SetMode,
     SetNavigator,
+    StopAll,
     Stopped,
 )
 from ground.client.operations.commands import STOP_S
@@ -330,6 +332,17 @@ class Robot(Telemetry):
         self._stopping.add(repeating)
         repeating.add_done_callback(self._stopping.discard)
         return Stopped(await asyncio.shield(repeating), self.name)
+
+    async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
+        """Stop every robot that is present: all are sent the stop before any is awaited.
+
+        A cancellation does not end the repetition. Needs no lease. UnansweredError if no robot is present.
+        """
+        session = self.session()
+        stopping = threads.in_own_thread(
+            lambda: StopAll(timeout_s=timeout_s).perform(session), "emergency stop of all"
+        )
+        return await asyncio.shield(stopping)
 
     async def clear_emergency_stop(self) -> Answer:
         """Release the emergency stop; the robot stays disarmed."""

@@ -6,6 +6,7 @@ operation can move the robot or change how it moves.
 
 from typing import Protocol, TypeVar
 
+from ground.client.operations.all_robots import AllAnswered, ClearAll, StopAll
 from ground.client.operations.commands import (
     COMMANDS,
     Abort,
@@ -78,8 +79,10 @@ class Operation(Protocol[O_co]):
 __all__ = [
     "COMMANDS",
     "Abort",
+    "AllAnswered",
     "Arm",
     "ChangeLease",
+    "ClearAll",
     "ClearEmergencyStop",
     "ClearFence",
     "ClearMission",
@@ -122,6 +125,7 @@ __all__ = [
     "ShowMissionStatus",
     "ShowParameters",
     "StartMission",
+    "StopAll",
     "StopNow",
     "Stopped",
     "TransferOutcome",

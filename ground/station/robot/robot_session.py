@@ -1,16 +1,16 @@
 """Watch and operate one robot: link and e-stop; when selected, lease and heartbeat, too."""
 
-from ground.client.emergency_stop import EmergencyStop, outcome_words
 from ground.station.bus_protocols import LiveBus, MessagePublisher
 from ground.station.link.link_monitor import HubState, LinkMonitor
 from ground.station.link.loss import Loss, LossKind
 from ground.station.reader import Reader
-from ground.station.robot.background_requests import JobResult, RequestWorker
+from ground.station.robot.background_requests import RequestWorker
 from ground.station.robot.lease_holding import LeaseHolding
 from ground.station.robot.robot_model import AddLine, RobotModel
-from protocol.topics import LEASE, OPERATOR, STATUS, STOP, Role
+from ground.station.robot.robot_stop import RobotStop
+from protocol.topics import LEASE, OPERATOR, STATUS, Role
 from protocol.wire.enums import Severity
-from protocol.wire.messages import CommandRequest, Heartbeat
+from protocol.wire.messages import Heartbeat
 from runtime.clock import Clock
 
 
@@ -33,15 +33,11 @@ class RobotSession:
         self.holding = LeaseHolding(bus.operator or "")
         self.reader = Reader(bus, clock, robot)
         self.link_monitor = LinkMonitor(model, self.reader, now_ns, add_line, hub_state)
-        self._stop_worker = stop_worker
+        self.stop = RobotStop(bus, model, clock, stop_worker, add_line)
         self._bus = bus
         self._model = model
-        self._clock = clock
         self._add_line = add_line
         self._heartbeats: MessagePublisher[Heartbeat] | None = None
-        self._stop_publisher: MessagePublisher[CommandRequest] = bus.publisher(STOP, robot)
-        self._stop: EmergencyStop | None = None
-        self._over = False
 
     def select(self) -> None:
         """Read everything of this robot, and announce this station as its operator's."""
@@ -62,19 +58,20 @@ class RobotSession:
     @property
     def can_end(self) -> bool:
         """True if ending the session gives up neither a lease nor a pending stop."""
-        return not self.holding.ours and self._stop is None and self._heartbeats is None
+        return not self.holding.ours and not self.stop.is_pending and self._heartbeats is None
 
     @property
     def is_busy(self) -> bool:
         """True if the session must be polled at the full rate."""
-        return not self.reader.watches_only or self.holding.ours or self._stop is not None
+        return not self.reader.watches_only or self.holding.ours or self.stop.is_pending
 
     def poll(self, now_ns: int, restarted_roles: set[Role]) -> None:
         """Process lease, link and e-stop, and send a heartbeat."""
         self._update_lease(now_ns)
         self.link_monitor.poll(now_ns, restarted_roles, self.holding.lease)
         self.beat(now_ns)
-        self._report_stop(now_ns)
+        loss = self.link_monitor.loss()
+        self.stop.report(now_ns, "" if loss is None else loss.response)
 
     def beat(self, now_ns: int) -> None:
         """Send a heartbeat if it is due."""
@@ -98,43 +95,6 @@ class RobotSession:
         """Number of parameters, or why they are missing."""
         return self._model.parameters.words(self.reader.asked)
 
-    def estop(self) -> None:
-        """Send an e-stop at once and repeat it in a thread; a pending one is sent again."""
-        if self._stop is not None:
-            self._stop.press()
-            self._add_line("ground", self._stop.words(self._clock.now_ns()), Severity.CRITICAL)
-            return
-        robot, telemetry = self._model.robot, self._model.telemetry
-        stop = EmergencyStop(
-            self._bus, self._stop_publisher, robot, self._clock, lambda: telemetry.latest(STATUS)
-        )
-        self._stop = stop
-        stop.press()
-        self._stop_worker.start(lambda: self._repeat(stop))
-
-    def _repeat(self, stop: EmergencyStop) -> JobResult:
-        outcome = stop.run(lambda: self._over)
-        return JobResult(outcome.acknowledged, outcome_words(outcome, stop.robot))
-
-    @property
-    def stopping(self) -> str:
-        """State of the pending e-stop in words; empty without one."""
-        return "" if self._stop is None else self._stop.words(self._clock.now_ns())
-
-    def _report_stop(self, now_ns: int) -> None:
-        if self._stop is None:
-            return
-        outcome = self._stop_worker.done()
-        if outcome is not None:
-            self._stop = None
-            loss = self.link_monitor.loss()
-            text = (
-                outcome.text if outcome.ok or loss is None else f"{outcome.text}; {loss.response}"
-            )
-            self._add_line("ground", text, Severity.WARNING if outcome.ok else Severity.EMERGENCY)
-        elif words := self._stop.due(now_ns):
-            self._add_line("ground", words, Severity.CRITICAL)
-
     def _update_lease(self, now_ns: int) -> None:
         newest = self._model.telemetry.latest(LEASE)
         if newest is None:
@@ -145,5 +105,4 @@ class RobotSession:
 
     def close(self, deadline_s: float) -> None:
         """End the e-stop's thread before the deadline."""
-        self._over = True
-        self._stop_worker.close(deadline_s)
+        self.stop.close(deadline_s)

@@ -50,6 +50,7 @@ class FakeStation(Station):
         self._figures, self.log = SeriesTable(), EventLog()
         self.polls = 0
         self.stops = 0
+        self.stops_of_all = 0
         self.asked: list[str] = []
         self.world_now: WorldFacts | None = None
         self.scene_now = MapScene()
@@ -221,6 +222,9 @@ class FakeStation(Station):
 
     def estop(self, robot: str = "") -> None:
         self.stops += 1
+
+    def estop_all(self) -> None:
+        self.stops_of_all += 1
 
     @property
     def stopping(self) -> str:

@@ -60,6 +60,9 @@ def test_stop_bypasses_the_request_queue() -> None:
     runner.run_line("estop")
     runner.run_line("stop")
     assert (station.stops, station.asked) == (2, [])
+    for line in ("estop all", "estop --all", "stop all"):
+        runner.run_line(line)
+    assert (station.stops, station.stops_of_all, station.asked) == (2, 3, [])
 
 
 def test_unknown_word_gets_a_hint() -> None:

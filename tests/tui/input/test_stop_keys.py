@@ -11,6 +11,12 @@ from tests.support.tui.underway import driving
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
 
 
+def later(stage: Stage, seconds: float = 2.0) -> Stage:
+    """Let time pass, so that the next press of the stop is a first one."""
+    stage.station.clock.advance(round(seconds * 1e9))
+    return stage
+
+
 def drive_of(stage: Stage) -> DriveScreen:
     assert isinstance(stage.app.screen, DriveScreen)
     return stage.app.screen
@@ -23,10 +29,12 @@ def test_stop_keys_work_on_every_screen(name: str) -> None:
             await stage.press(SCREEN_KEYS[name])
             assert type(stage.app.screen).__name__ == f"{name.capitalize()}Screen"
             await stage.press("f12")
-            await stage.press("space")
-            stage.app.post_message(events.Key("ctrl+@", "\x00"))
+            await later(stage).press("space")
+            later(stage).app.post_message(events.Key("ctrl+@", "\x00"))
             await stage.redraw()
             assert stage.station.stops == 3
+            await stage.press("S")
+            assert (stage.station.stops, stage.station.stops_of_all) == (3, 1)
 
     play(story)
 
@@ -41,9 +49,11 @@ def test_stop_keys_work_in_dialogs_and_command_lines(name: str, opening: str) ->
             await stage.press(SCREEN_KEYS[name])
             await stage.press(opening)
             await stage.press("f12")
-            stage.app.post_message(events.Key("ctrl+@", "\x00"))
+            later(stage).app.post_message(events.Key("ctrl+@", "\x00"))
             await stage.redraw()
             assert stage.station.stops == 2
+            await stage.press("f12")
+            assert stage.station.stops_of_all == 1
 
     play(story)
 
@@ -54,6 +64,36 @@ def test_space_stops_the_robot_in_dialogs(opening: str) -> None:
         async with staged() as stage:
             await stage.press(opening, "space")
             assert stage.station.stops == 1
+            await stage.press("space")
+            assert stage.station.stops_of_all == 1
+            await later(stage).press("S")
+            assert stage.station.stops_of_all == 2
+
+    play(story)
+
+
+@pytest.mark.parametrize("second", ["space", "f12"])
+@pytest.mark.parametrize("first", ["space", "f12"])
+def test_second_press_within_a_second_stops_all_robots(first: str, second: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(first)
+            await later(stage, 1.1).press(second)
+            assert (stage.station.stops, stage.station.stops_of_all) == (2, 0)
+            await later(stage, 0.9).press(first)
+            assert (stage.station.stops, stage.station.stops_of_all) == (2, 1)
+            await later(stage, 0.1).press(second)
+            assert (stage.station.stops, stage.station.stops_of_all) == (3, 1)
+
+    play(story)
+
+
+def test_stop_keys_that_type_a_letter_are_text_in_a_command() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("colon")
+            await stage.type("S ")
+            assert stage.station.stops == stage.station.stops_of_all == 0
 
     play(story)
 
@@ -63,8 +103,8 @@ def test_stop_is_released_by_two_presses_only() -> None:
         async with staged() as stage:
             await stage.press("D")
             assert stage.commands.given == []
-            stage.station.clock.advance(3_000_000_000)
-            await stage.press("D")
+            assert "press D again within 2 s to clear E-STOP of r1" in stage.log()
+            await later(stage, 3.0).press("D")
             assert stage.commands.given == []
             await stage.press("D")
             assert stage.commands.given == ["clear-estop"]

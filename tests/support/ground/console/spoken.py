@@ -11,6 +11,8 @@ SPOKEN: list[tuple[str, list[str]]] = [
     ("abort", ["abort"]),
     ("estop", ["estop"]),
     ("stop", ["estop"]),
+    ("estop all", ["estop", "--all"]),
+    ("clear-estop all", ["clear-estop", "--all"]),
     ("clear-estop", ["clear-estop"]),
     ("arm", ["arm"]),
     ("disarm", ["disarm"]),

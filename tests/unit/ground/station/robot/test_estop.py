@@ -1,7 +1,13 @@
 """The station repeats an emergency stop until acknowledged, and reports its state."""
 
+from functools import partial
+
+from ground.station.robot.background_requests import Job
+from protocol.topics import STOP, Role
 from protocol.wire.enums import Severity
-from tests.support.ground.station.play import Play
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest
+from tests.support.ground.station.play import Inline, Play
 
 
 def pressed() -> Play:
@@ -62,3 +68,72 @@ def test_each_robot_has_its_own_estop() -> None:
     assert play.texts("E-STOP acknowledged by r2")
     play.station.select("r1")
     assert "E-STOP of r1 not acknowledged" in play.station.stopping
+
+
+def test_stop_of_all_reaches_robots_that_were_never_selected() -> None:
+    play = Play().forward(1.0)
+    play.bus.come(Role.ROBOT, "r2")
+    play.station.estop_all()
+    play.forward(0.1)
+    stopped = {text.split()[3] for text in play.texts("acknowledged by")}
+    assert stopped == {"r1", "r2"}
+    assert play.texts("E-STOP of all robots: r1 r2")
+
+
+def test_stop_of_all_is_sent_to_each_before_any_is_awaited() -> None:
+    order: list[str] = []
+    play = Play(workers=lambda name: Recorded(name, order)).forward(0.5)
+    for name in ("r2", "r3"):
+        play.station.select(name)
+    for name in ("r1", "r2", "r3"):
+        play.bus.publisher(STOP, name).heard = partial(noted, order, f"{name} sent")
+    order.clear()
+    play.station.estop_all()
+    assert order[:3] == ["r1 sent", "r2 sent", "r3 sent"]
+    assert sorted(order[3:6]) == ["r1 e-stop", "r2 e-stop", "r3 e-stop"]
+
+
+def test_hung_robot_does_not_delay_the_stop_of_another() -> None:
+    play = Play().forward(1.0)
+    play.station.select("r2")
+    play.workers["r1 e-stop"].waits = True
+    play.station.estop_all()
+    play.forward(0.1)
+    assert play.texts("E-STOP acknowledged by r2")
+    assert not play.texts("E-STOP acknowledged by r1")
+
+
+def test_stop_of_all_repeats_a_pending_stop_under_its_id() -> None:
+    play = pressed()
+    play.station.estop_all()
+    sent = play.bus.publisher(STOP, "r1").said
+    assert len(sent) == 2
+    ids = {message.request_id for message in sent if isinstance(message, CommandRequest)}
+    assert len(ids) == 1
+
+
+def test_last_stop_has_the_time_of_its_acknowledgement() -> None:
+    play = Play().forward(1.0)
+    assert play.station.last_stop("r1") is None
+    play.station.estop()
+    play.forward(0.1)
+    stop = play.station.last_stop("r1")
+    assert stop is not None
+    assert (stop.request_id, stop.took_ns) == (play.commands[0].request_id, 0)
+    assert play.station.last_stop("r9") is None
+
+
+def noted(order: list[str], what: str, _: Message) -> None:
+    order.append(what)
+
+
+class Recorded(Inline):
+    """A lane that notes when it is asked to work, and never does."""
+
+    def __init__(self, name: str, order: list[str]) -> None:
+        super().__init__(waits=True)
+        self._name, self._order = name, order
+
+    def start(self, job: Job) -> bool:
+        self._order.append(self._name)
+        return super().start(job)

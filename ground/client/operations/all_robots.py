@@ -1,0 +1,157 @@
+"""The emergency stop of all robots, and its release: one outcome for each robot."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import ClassVar, Final, TypeVar
+
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.link import Link, UnansweredError
+from ground.client.operations.commands import STOP_S, ClearEmergencyStop, Stopped
+from ground.client.operations.session import Session
+from ground.client.presence import present_processes
+from ground.client.results import Answer
+from ground.client.telemetry import Telemetry
+from protocol.topics import STATUS, STOP
+from protocol.wire.messages import NavigatorStatus
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_S
+
+T = TypeVar("T")
+Out = TypeVar("Out")
+MAX_THREADS: Final = 64
+NO_ROBOT: Final = "no robot is present at {}: `sidestep doctor` explains why"
+
+
+@dataclass(frozen=True, slots=True)
+class Unanswered:
+    """A robot that did not answer."""
+
+    text: str
+
+    @property
+    def ok(self) -> bool:
+        """False."""
+        return False
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return the failure as a row; `reason_code` is None."""
+        return {"verb": verb, "robot": robot, "ok": False, "reason": self.text, "reason_code": None}
+
+
+@dataclass(frozen=True, slots=True)
+class AllAnswered:
+    """The outcomes of all robots by name; `ok` only if each one succeeded."""
+
+    of: tuple[tuple[str, Stopped | Answer | Unanswered], ...]
+
+    @property
+    def ok(self) -> bool:
+        """True if all robots did it."""
+        return all(outcome.ok for _, outcome in self.of)
+
+    @property
+    def text(self) -> str:
+        """One line for each robot."""
+        return "\n".join(f"{robot}: {outcome.text}" for robot, outcome in self.of)
+
+    def as_json(self, verb: str, robot: str) -> dict[str, object]:
+        """Return a row for each robot."""
+        rows = [outcome.as_json(verb, name) for name, outcome in self.of]
+        return {"verb": verb, "ok": self.ok, "robots": rows}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopAll:
+    """Stop all robots: send to each at once, then repeat each until its status shows the stop.
+
+    Needs no lease, waits for no other request, and no robot refuses it.
+    """
+
+    verb: ClassVar[str] = "estop"
+    moves: ClassVar[bool] = False
+    timeout_s: float = STOP_S
+
+    def perform(self, session: Session) -> AllAnswered:
+        """Stop the robots that are present; UnansweredError if none is."""
+        link = session.link
+        robots = present_robots(link)
+        newest = NewestStatuses(link)
+        stops = [
+            EmergencyStop(
+                link.bus, link.bus.publisher(STOP, robot), robot, link.clock, newest.of(robot)
+            )
+            for robot in robots
+        ]
+        for stop in stops:
+            stop.press()
+        give_up_ns = round(self.timeout_s * NS_PER_S)
+
+        def repeat(stop: EmergencyStop) -> Stopped:
+            return Stopped(stop.run(give_up_ns=give_up_ns), stop.robot)
+
+        with newest.subscribed(robots):
+            return AllAnswered(tuple(zip(robots, at_once(repeat, stops), strict=True)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClearAll:
+    """Release the emergency stop of all robots; each is then disarmed."""
+
+    verb: ClassVar[str] = "clear-estop"
+    moves: ClassVar[bool] = True
+    timeout_s: float | None = None
+
+    def perform(self, session: Session) -> AllAnswered:
+        """Ask every robot that is present; UnansweredError if none is."""
+        links = [session.link.to(robot) for robot in present_robots(session.link)]
+
+        def clear(link: Link) -> Answer | Unanswered:
+            try:
+                operation = ClearEmergencyStop(timeout_s=self.timeout_s)
+                return operation.perform(Session(link, attended=session.attended))
+            except RemoteError as error:
+                return Unanswered(str(error))
+
+        robots = [link.robot for link in links]
+        return AllAnswered(tuple(zip(robots, at_once(clear, links), strict=True)))
+
+
+class NewestStatuses:
+    """The newest status of each robot, from the moment it is subscribed to."""
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._telemetry: dict[str, Telemetry] = {}
+
+    def of(self, robot: str) -> Callable[[], tuple[NavigatorStatus, int] | None]:
+        """Return a function that returns the newest status of a robot and its arrival time."""
+
+        def newest() -> tuple[NavigatorStatus, int] | None:
+            telemetry = self._telemetry.get(robot)
+            return None if telemetry is None else telemetry.latest(STATUS)
+
+        return newest
+
+    def subscribed(self, robots: Sequence[str]) -> ExitStack:
+        """Subscribe to the robots for the duration of the context."""
+        with ExitStack() as opened:
+            for robot in robots:
+                subscription = self._link.to(robot).subscribed(STATUS)
+                self._telemetry[robot] = opened.enter_context(subscription)
+            return opened.pop_all()
+
+
+def present_robots(link: Link) -> list[str]:
+    """Return the names of the robots that are present; UnansweredError if there is none."""
+    robots = present_processes(link.bus.present()).robots()
+    if not robots:
+        raise UnansweredError(NO_ROBOT.format(link.endpoint))
+    return robots
+
+
+def at_once(job: Callable[[T], Out], items: Sequence[T]) -> list[Out]:
+    """Run a job for each item in a thread of its own; return the results in order."""
+    with ThreadPoolExecutor(min(len(items), MAX_THREADS)) as pool:
+        return list(pool.map(job, items))
