@@ -336,7 +336,9 @@ class Robot(Telemetry):
     async def emergency_stop_all(self, *, timeout_s: float = STOP_S) -> AllAnswered:
         """Stop every robot that is present: all are sent the stop before any is awaited.
 
-        A cancellation does not end the repetition. Needs no lease. UnansweredError if no robot is present.
+        A cancellation does not end the repetition. Needs no lease.
+
+        Raises UnansweredError if no robot is present.
         """
         session = self.session()
         stopping = threads.in_own_thread(
