@@ -24,7 +24,8 @@ from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 
-READY_NS: Final = 15 * NS_PER_S
+READY_NS: Final = 60 * NS_PER_S
+"""A busy computer needs many seconds to start the processes; one that ends is noticed at once."""
 RETRY_NS: Final = 20_000_000
 REQUEST_TIMEOUT_S: Final = 2.0
 RESTART_WAIT_NS: Final = 5 * NS_PER_S

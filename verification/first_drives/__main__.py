@@ -56,7 +56,7 @@ def main(arguments: Sequence[str]) -> int:
         drive = driven(job, stopping)
         verdict = "same digest" if drive.digest == trials[job.world] else "OTHER DIGEST"
         print(
-            f"{job.world:<14}{job.way:<10}{drive.outcome:<10}{verdict:<14}"
+            f"{job.world:<14}{job.way:<10}{drive.outcome:<10} {verdict:<14}"
             f"{drive.factor:5.2f}x{drive.wall_s:7.1f} s  load {machine_load():.1f}",
             flush=True,
         )

@@ -9,14 +9,17 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from ground.launch.child_command import die_with_parent
 
 
 def use_normal_priority() -> None:
-    """Leave the idle and batch scheduling classes, as far as this user may."""
+    """Leave the idle and batch scheduling classes and a nice session, as far as this user may."""
     with suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with suppress(OSError):
+        Path("/proc/self/autogroup").write_text("0")
 
 
 @contextmanager

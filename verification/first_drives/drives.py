@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -13,12 +15,12 @@ from typing import Final, NamedTuple
 
 from ground.launch.child_command import command
 from ground.user.runs import Run, read_runs
-from protocol.bus.bus import open_bus
+from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network
 from protocol.topics import RUN, STATUS, Role
 from protocol.wire.enums import GoalState, RunAction
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
-from runtime.errors import RemoteError
+from runtime.errors import LocalError, NoAnswerError, RemoteError
 from runtime.units import NS_PER_S
 from verification.harness.terminal import Terminal
 
@@ -59,13 +61,15 @@ class Drive(NamedTuple):
 
 
 def driven(job: Job, stopping: Event) -> Drive:
-    """Do one drive in a folder of its own."""
+    """Do one drive in a folder of its own, which is kept when the drive has no outcome."""
     way = {"headless": headless, "app": with_app}[job.way]
-    with tempfile.TemporaryDirectory(prefix="first-drive-") as folder:
-        try:
-            return way(job, Path(folder), stopping)
-        except (RemoteError, RuntimeError) as error:
-            return Drive(job, f"no outcome: {error}")
+    folder = Path(tempfile.mkdtemp(prefix="first-drive-"))
+    try:
+        drive = way(job, folder, stopping)
+    except (LocalError, RemoteError, RuntimeError) as error:
+        return Drive(job, f"no outcome: {error}; see {folder}")
+    shutil.rmtree(folder)
+    return drive
 
 
 def headless(job: Job, folder: Path, stopping: Event) -> Drive:
@@ -90,10 +94,14 @@ def headless(job: Job, folder: Path, stopping: Event) -> Drive:
 def with_app(job: Job, folder: Path, stopping: Event) -> Drive:
     """Drive with the app on a terminal; ask the plant for the score as a second client."""
     environment = {"XDG_STATE_HOME": str(folder)}
-    with Terminal(("up", "--world", job.world), SIZE, environment):
+    with Terminal(("up", "--world", job.world), SIZE, environment) as terminal:
         runs = folder / "sidestep" / "run"
-        await_condition(partial(has_run, runs), START_S, "a runtime file", stopping)
-        return observed(job, read_runs(runs).found[0].run, stopping)
+        try:
+            await_condition(partial(has_run, runs), START_S, "a runtime file", stopping)
+            return observed(job, read_runs(runs).found[0].run, stopping)
+        except Exception:
+            (folder / "screen").write_text(terminal.text(), encoding="utf-8")
+            raise
 
 
 def has_run(folder: Path) -> bool:
@@ -122,15 +130,22 @@ def observed(job: Job, run: Run, stopping: Event) -> Drive:
         seen = statuses.latest()
         assert seen is not None
         status, arrived_ns = seen
-        request = RunRequest(until_ns=status.goal_ended_ns, action=RunAction.SCORE)
-        score = bus.ask(RUN, request, ASK_S)
-        if not isinstance(score, RunScore):
-            raise RemoteError("the plant did not return a score")
+        scores: list[RunScore] = []
+        ask = partial(ask_score, bus, status.goal_ended_ns, scores)
+        await_condition(ask, START_S, "the plant's score", stopping)
     simulated_ns, wall_ns = status.time_ns - first[0][0], arrived_ns - first[0][1]
     return Drive(
-        job, GoalState(status.goal).name.lower(), bytes(score.digest).hex(),
+        job, GoalState(status.goal).name.lower(), bytes(scores[0].digest).hex(),
         simulated_ns / NS_PER_S, wall_ns / NS_PER_S,
     )  # fmt: skip
+
+
+def ask_score(bus: Bus, until_ns: int, scores: list[RunScore]) -> bool:
+    """Ask the plant for the score; return whether it is now in `scores`."""
+    with suppress(NoAnswerError):
+        answer = bus.ask(RUN, RunRequest(until_ns=until_ns, action=RunAction.SCORE), ASK_S)
+        scores += [answer] if isinstance(answer, RunScore) else []
+    return bool(scores)
 
 
 def await_condition(

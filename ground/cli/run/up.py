@@ -50,7 +50,7 @@ from runtime.units import NS_PER_S
 
 TIMEOUT_S: Final = 300.0
 NOISES: Final = ("none", "default", "lossy", "harsh")
-OPEN_NS: Final = 10 * NS_PER_S
+OPEN_NS: Final = 30 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S
 RECORDERS_NS: Final = 3 * NS_PER_S
 POLL_NS: Final = NS_PER_S // 50
