@@ -6,7 +6,8 @@ import os
 import signal
 import sys
 import termios
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread, Timer
@@ -66,9 +67,24 @@ def run(
     try:
         with capture_output(state_folder() / "ground.log") as terminal:
             app.limit_frame_rate(terminal)
-            return run_app(app)
+            code = run_app(app)
+        print_summary(station.last_drives(), None if recording is None else recording.file)
+        return code
     finally:
         run_with_timeout(station.close)
+
+
+def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
+    """Print how the last drive of each robot ended, and where its recording is."""
+    if in_browser(os.environ):
+        return  # standard output belongs to the browser
+    with suppress(OSError):  # the terminal may have gone
+        for robot, words in drives.items():
+            print(f"{robot}: {words}")
+        if recorded is not None:
+            mcap = recorded.with_suffix(".mcap")
+            print(f"recording: {mcap if mcap.exists() else recorded} (sidestep replay)")
+        sys.stdout.flush()
 
 
 def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) -> int:

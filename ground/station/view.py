@@ -181,6 +181,11 @@ class StationView:
         """Progress to the goal, and the time left at the present rate."""
         return self._model.figures.progress
 
+    def last_drives(self) -> dict[str, str]:
+        """Return outcome, time and distance of the last goal of each watched robot, in words."""
+        models = sorted(self._fleet.models.items())
+        return {robot: model.figures.last_drive.text() for robot, model in models}
+
     @property
     def worst_cycle(self) -> CycleReport | None:
         """Most expensive control cycle of the last second."""

@@ -224,6 +224,8 @@ def close_records(stack: Stack, output: Output, clock: Clock) -> None:
         await_complete_records(scenario.record, stack.logs_before, clock)
     if not stack.end_recorders():
         output.note(f"the recording in {scenario.record} is incomplete: its recorder is too slow")
+    for log in sorted(set(Path(scenario.record).glob("*.tlog")) - stack.logs_before):
+        output.note(f"recording: {log.with_suffix('.mcap')}")
 
 
 def await_complete_records(folder: str, before: set[Path], clock: Clock) -> None:

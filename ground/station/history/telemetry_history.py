@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.goal_progress import GoalProgress
+from ground.station.history.last_drive import LastDrive
 from ground.station.history.time_series import SeriesTable
 from ground.station.history.trail import RADIUS_M, AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
@@ -47,6 +48,7 @@ class TelemetryHistory:
         self.marks = BoundaryMarks()
         self.worst_cycle = WorstCycle()
         self.progress = GoalProgress()
+        self.last_drive = LastDrive()
 
     def poll(self, now_ns: int) -> None:
         """Add the newest message of each topic."""
@@ -75,12 +77,14 @@ class TelemetryHistory:
 
     def _odometry(self, odometry: PlanarOdometry, time_s: float) -> None:
         self.trail.add(odometry.x_m, odometry.y_m)
+        self.last_drive.moved(odometry)
         self.history["speed"].add(time_s, odometry.speed_m_s)
         self.history["uncertainty_m"].add(time_s, uncertainty_m(odometry))
 
     def _status(self, status: NavigatorStatus, time_s: float) -> None:
         self.history["goal_distance"].add(time_s, status.goal_distance_m)
         self.progress.update(status, time_s)
+        self.last_drive.update(status)
         pose = self._telemetry.latest(ODOMETRY)
         if pose is not None:
             self.marks.update(status, pose[0])

@@ -3,13 +3,15 @@
 import json
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
 
 from ground.user.runs import read_runs
-from tests.support.stack.process_table import alive
+from tests.support.stack.process_table import ROOT, alive
 from tests.support.stack.processes import Crew
+from tests.support.stack.tmux import Tmux
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -52,6 +54,17 @@ def test_two_runs_are_told_apart_and_a_killed_one_is_forgotten() -> None:
         ups[0].send(signal.SIGKILL)
         ups[0].ends()
         assert [one.run.pid for one in read_runs().found] == [ups[1].process.pid]
+
+
+def test_the_app_prints_outcome_and_recording_when_it_is_left(tmp_path: Path) -> None:
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open"]
+    with Tmux(tmp_path, words, (110, 30)) as tmux:
+        tmux.shows("pose", "AUTO")
+        tmux.press("C-q")
+        assert tmux.ends() == 0
+        screen = tmux.shows("recording:", "sidestep replay")
+        assert "endpoint tcp/127.0.0.1:" in screen
+        assert "r1: was driving to (5.400, 2.000)" in screen
 
 
 def test_a_restarted_robot_has_its_new_process_in_the_list() -> None:
