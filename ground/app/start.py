@@ -14,6 +14,7 @@ from threading import Thread, Timer
 from typing import TYPE_CHECKING, Final
 
 from ground.app.appearance import AppOptions, appearance_of, in_browser
+from ground.app.input.key_hints import key_hints
 from ground.app.input.keymap import Keymap, load
 from ground.client.connection import Common
 from ground.client.link import Link
@@ -62,6 +63,7 @@ def run(
     common = replace(common, robot=link.robot)
     history = History(state_folder() / "history")
     commands = CommandRunner(lambda: station, link.bus, common, clock, history)
+    commands.hints = key_hints(keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     commands.local = LocalCommands(app).do_command
     try:

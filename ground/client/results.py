@@ -1,5 +1,6 @@
 """Outcomes that several operations share: the robot accepted a request, or refused it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -81,7 +82,12 @@ class Refused:
     @property
     def text(self) -> str:
         """The reason, as in `refused: not armed: arm first`."""
-        return f"refused: {self.words}"
+        return self.in_words()
+
+    def in_words(self, hints: Mapping[int, str] = HINTS) -> str:
+        """Return the reason with a remedy of `hints`: commands, or the keys of the app."""
+        words = refusal_words(reason_text(self.reason), self.reason, self.holder, hints)
+        return f"refused: {words}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the refusal as a row."""
@@ -97,10 +103,12 @@ def agreed(outcome: Outcome) -> None:
         raise RefusedError(outcome.text)
 
 
-def refusal_words(text: str, reason: int, holder: str) -> str:
+def refusal_words(
+    text: str, reason: int, holder: str, hints: Mapping[int, str] = HINTS
+) -> str:
     """Return why a request was refused, with the lease holder and the remedy."""
     words = f"{text}: {holder}" if holder else text
-    hint = HINTS.get(reason)
+    hint = hints.get(reason)
     return f"{words} ({hint})" if hint else words
 
 

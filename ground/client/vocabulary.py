@@ -24,3 +24,4 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
+GOAL_HINT: Final = "`goto X Y` sets a goal"

@@ -10,7 +10,8 @@ from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopAll, StopNow
 from ground.client.operations.teleop import TeleopSender
-from ground.client.results import Outcome
+from ground.client.results import Outcome, Refused
+from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
 from ground.console.app_commands import AppCommand, ShowHelp
 from ground.console.completion import complete
@@ -37,7 +38,8 @@ MAX_SHOWN: Final = 40
 class CommandRunner:
     """Runs commands of keys and typed lines.
 
-    `local` performs commands for the screen and returns their message.
+    `local` performs commands for the screen and returns their message. `hints` are the remedies of
+    refusals by reason.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class CommandRunner:
         self._history = history
         self._stick: TeleopSender | None = None
         self.local: Callable[[AppCommand], str] = refuse
+        self.hints = HINTS
         self.draft = Draft()
         self.last = ""
 
@@ -149,7 +152,8 @@ class CommandRunner:
         It has its own link, so that request ids are unique.
         """
         outcome = operation.perform(Session(self._link(), attended=True))
-        return JobResult(outcome.ok, outcome.text)
+        text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
+        return JobResult(outcome.ok, text)
 
     def _locally(self, command: AppCommand) -> None:
         severity = Severity.INFO

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.client.operations.resuming import go_on
 from ground.client.operations.session import Session, patience_ns
 from ground.client.requests import GaveUp
-from ground.client.results import Answer, answer_row
+from ground.client.results import Answer, Refused, answer_row
 from protocol.topics import MARK, STATUS, STOP
 from protocol.wire.enums import Command, Mode, Navigator, Severity
 from protocol.wire.reasons import Reason
@@ -57,10 +58,17 @@ class Hold(PlainCommand):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resume(PlainCommand):
-    """Continue to the goal."""
+    """Continue to the goal, also to one that a failsafe, an emergency stop or an abort ended."""
 
     verb = "resume"
     parts = Parts(Command.DO_PAUSE_CONTINUE, 1.0)
+
+    def perform(self, session: Session) -> Answer:
+        """Continue a kept goal; else drive on to the one that the robot's status shows as lost."""
+        answer = super(Resume, self).perform(session)
+        if isinstance(answer, Refused) and answer.reason == Reason.NO_GOAL:
+            return go_on(session, answer)
+        return answer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,11 +66,13 @@ class Session:
             return answer
         return replace(answer, holder=refusing_holder(self.link, answer.reason))
 
-    def ask_until_accepted(self, request: Callable[[], R], *, beats: bool) -> tuple[Answer, R]:
+    def ask_until_accepted(
+        self, request: Callable[[], R], *, beats: bool, arms: bool = True
+    ) -> tuple[Answer, R]:
         """Repeat a request after each remedy; return the last answer and its request.
 
-        Arms a robot in standby, but never one in a failsafe or an emergency stop. With `beats`,
-        sends the operator's heartbeat if the robot misses it.
+        With `arms`, arms a robot in standby, but never one in a failsafe or an emergency stop. With
+        `beats`, sends the operator's heartbeat if the robot misses it.
         """
         deadline_ns = self.link.clock.now_ns() + RETRY_NS
         while True:
@@ -79,7 +81,7 @@ class Session:
             if isinstance(answer, Accepted):
                 return answer, sent
             is_late = self.link.clock.now_ns() > deadline_ns
-            if is_late or not self._remedied(answer.reason, beats=beats):
+            if is_late or not self._remedied(answer.reason, beats=beats, arms=arms):
                 return self.with_holder(answer), sent
 
     def arm_if_standing_by(self) -> bool:
@@ -92,9 +94,9 @@ class Session:
         self.progress.note("armed" if answer.ok else f"arming was {answer.text}")
         return answer.ok
 
-    def _remedied(self, reason: int, *, beats: bool) -> bool:
+    def _remedied(self, reason: int, *, beats: bool, arms: bool) -> bool:
         """Remove the cause of a refusal if possible; return whether to send the request again."""
-        if reason == Reason.NOT_ARMED:
+        if reason == Reason.NOT_ARMED and arms:
             return self.arm_if_standing_by()
         if reason == Reason.NO_OPERATOR and beats:
             self.link.beat()

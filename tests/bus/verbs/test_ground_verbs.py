@@ -61,6 +61,28 @@ def test_estop_is_acknowledged_by_the_status_alone(robot: PlayedRobot, say: Say)
     assert (found["ok"], found["reason_code"]) == (False, None)
 
 
+def test_estop_of_all_has_a_line_and_a_row_for_each_robot(robot: PlayedRobot, say: Say) -> None:
+    code, out, err = say("estop", "--all")
+    assert (code, err) == (0, "")
+    assert out.startswith("r1: E-STOP acknowledged by r1 after ")
+    code, out, _ = say("clear-estop", "--all", "--json")
+    found = json.loads(out)
+    assert (code, found["verb"], found["ok"]) == (0, "clear-estop", True)
+    assert [one["robot"] for one in found["robots"]] == ["r1"]
+    robot.deaf = True
+    robot.vehicle = Vehicle.ACTIVE
+    code, out, _ = say("estop", "all", "--timeout", "0.3", "--json")
+    found = json.loads(out)
+    assert (code, found["ok"], found["robots"][0]["ok"]) == (1, False, False)
+
+
+def test_all_robots_and_one_robot_exclude_each_other(robot: PlayedRobot, say: Say) -> None:
+    code, _, err = say("estop", "--all", "--id", "r1")
+    assert code == 2
+    assert "--all cannot be combined with --id" in err
+    assert robot.asked == []
+
+
 def test_a_refusal_gives_the_reason_and_what_to_do(robot: PlayedRobot, say: Say) -> None:
     robot.answers = [Reason.EMERGENCY_STOPPED]
     code, out, _ = say("arm", "--json")

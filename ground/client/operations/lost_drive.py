@@ -1,0 +1,96 @@
+"""The drive that a stop has ended, and how to continue it: goal, mission or way home."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees, isfinite
+from typing import Final, Protocol, TypeAlias
+
+from ground.client.goal import Destination
+from protocol.wire.enums import GoalState, MissionState, Mode
+from protocol.wire.messages import MissionStatus, NavigatorStatus
+from protocol.wire.reasons import Reason
+
+SAME_M: Final = 0.002
+"""Positions closer than this are the same: the wire rounds to millimetres."""
+ENDED_GOALS: Final = (GoalState.ABORTED, GoalState.REACHED)
+
+
+class Place(Protocol):
+    """An item of a mission."""
+
+    @property
+    def x_m(self) -> float:
+        """Position in the world."""
+
+    @property
+    def y_m(self) -> float:
+        """Position in the world."""
+
+
+@dataclass(frozen=True, slots=True)
+class LostGoal:
+    """A goal that ended as ABORTED; `is_auto`: it was driven to without an operator."""
+
+    goal: Destination
+    is_auto: bool
+
+    def __str__(self) -> str:
+        turn = self.goal.heading_rad
+        heading = "" if turn is None else f" {round(degrees(turn)) + 0}"
+        return f"{self.goal.x_m:.2f} {self.goal.y_m:.2f}{heading}"
+
+
+@dataclass(frozen=True, slots=True)
+class LostMission:
+    """A mission that failed on the way to item `current`, counted from 0."""
+
+    current: int
+    count: int
+
+    def __str__(self) -> str:
+        return f"mission item {self.current + 1} of {self.count}"
+
+
+@dataclass(frozen=True, slots=True)
+class LostReturn:
+    """A return along the robot's own trail."""
+
+    def __str__(self) -> str:
+        return "the start, along the trail"
+
+
+LostDrive: TypeAlias = LostGoal | LostMission | LostReturn
+
+
+def lost_drive(
+    status: NavigatorStatus, mission: MissionStatus | None, items: Sequence[Place]
+) -> LostDrive | None:
+    """Return the drive that has been lost, as the robot reports it; None if there is none.
+
+    A failed mission counts only while the robot's last goal is the mission's current item:
+    otherwise another goal came later.
+    """
+    if mission is not None and has_failed(mission) and is_at(status, items, mission.current):
+        return LostMission(mission.current, mission.count)
+    x_m, y_m, heading_rad = status.goal_x_m, status.goal_y_m, status.goal_heading_rad
+    if status.goal != GoalState.ABORTED or not (isfinite(x_m) and isfinite(y_m)):
+        return None
+    if status.mode == Mode.SMART_RTL:
+        return LostReturn()
+    goal = Destination(x_m=x_m, y_m=y_m, heading_rad=heading_rad if isfinite(heading_rad) else None)
+    return LostGoal(goal, is_auto=status.mode == Mode.AUTO)
+
+
+def has_failed(mission: MissionStatus) -> bool:
+    """Return whether a mission ended early, and not because a new goal replaced it."""
+    return mission.state == MissionState.FAILED and mission.reason != Reason.REPLACED
+
+
+def is_at(status: NavigatorStatus, items: Sequence[Place], current: int) -> bool:
+    """Return whether the robot's last goal, now ended, is this item."""
+    if status.goal not in ENDED_GOALS or not 0 <= current < len(items):
+        return False
+    item = items[current]
+    return (
+        abs(item.x_m - status.goal_x_m) <= SAME_M and abs(item.y_m - status.goal_y_m) <= SAME_M
+    )
