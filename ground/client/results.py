@@ -103,9 +103,7 @@ def agreed(outcome: Outcome) -> None:
         raise RefusedError(outcome.text)
 
 
-def refusal_words(
-    text: str, reason: int, holder: str, hints: Mapping[int, str] = HINTS
-) -> str:
+def refusal_words(text: str, reason: int, holder: str, hints: Mapping[int, str] = HINTS) -> str:
     """Return why a request was refused, with the lease holder and the remedy."""
     words = f"{text}: {holder}" if holder else text
     hint = hints.get(reason)

@@ -91,6 +91,4 @@ def is_at(status: NavigatorStatus, items: Sequence[Place], current: int) -> bool
     if status.goal not in ENDED_GOALS or not 0 <= current < len(items):
         return False
     item = items[current]
-    return (
-        abs(item.x_m - status.goal_x_m) <= SAME_M and abs(item.y_m - status.goal_y_m) <= SAME_M
-    )
+    return abs(item.x_m - status.goal_x_m) <= SAME_M and abs(item.y_m - status.goal_y_m) <= SAME_M

@@ -82,9 +82,7 @@ def go_on(session: Session, refusal: Refused) -> Answer:
     return Resumed(answer.took_ns, drive) if isinstance(answer, Accepted) else answer
 
 
-def find_drive(
-    session: Session, telemetry: Telemetry, status: NavigatorStatus
-) -> LostDrive | None:
+def find_drive(session: Session, telemetry: Telemetry, status: NavigatorStatus) -> LostDrive | None:
     """Return the lost drive; download the mission only if the mission failed."""
     link = session.link
     link.wait(lambda: telemetry.latest(MISSION) is not None, MISSION_NS)
