@@ -31,8 +31,9 @@ from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
+from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
-from protocol.topics import HEARTBEAT
+from protocol.topics import HEARTBEAT, TRUTH
 from protocol.wire.enums import Severity
 from runtime.clock import WallClock
 
@@ -87,6 +88,7 @@ class GroundApp(App[int]):
         self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
         self._frame_rate = FrameRate(self.appearance.hz)
+        self._time_factor = TimeFactor(None if stack is None else stack.scenario.pace)
         self._settling: Timer | None = None
         self._printable = Printable()
         self._unread = UnreadWarnings()
@@ -120,9 +122,11 @@ class GroundApp(App[int]):
         """The kind of session (simulation, real robot or replay) and its recording."""
         if self._station is None:
             return SessionInfo(kind="REPLAY")
-        kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
-        return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
+        if self._station.world is None:
+            return SessionInfo(recording=words)
+        factor, now_ns = self._time_factor, self._station.now_ns
+        return SessionInfo(factor.words(now_ns), words, factor.hint(now_ns))
 
     @property
     def unread_warnings(self) -> int:
@@ -189,7 +193,7 @@ class GroundApp(App[int]):
         """Poll all sources, and redraw when a frame is due."""
         if self._station is not None:
             self._station.poll()
-            self._frame_rate.measure_time_factor(self._station)
+            self._measure_time_factor(self._station)
         if self.player is not None:
             self.player.poll()
         self._poll_recording()
@@ -200,6 +204,12 @@ class GroundApp(App[int]):
             self.base_screen.poll()
         if self._frame_rate.due(monotonic_ns()):
             self.redraw()
+
+    def _measure_time_factor(self, station: Station) -> None:
+        """Compare the stamps of the plant with our clock."""
+        truth = station.telemetry.latest(TRUTH)
+        if truth is not None:
+            self._time_factor.take(truth[0].time_ns, truth[1])
 
     def _poll_recording(self) -> None:
         """Log what the recorder reports."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
+from ground.client.time_factor import chosen_speed
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings
 from protocol.wire.goal import start_arguments
@@ -69,6 +70,11 @@ class Scenario:
     def lockstep(self) -> bool:
         """True for a run in lockstep, which is repeatable."""
         return self.clock != WALL
+
+    @property
+    def pace(self) -> float:
+        """Simulated time over real time, at most."""
+        return chosen_speed(self.speed)
 
     @property
     def robots(self) -> tuple[str, ...]:
