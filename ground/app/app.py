@@ -26,6 +26,7 @@ from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import Keymap, shown
 from ground.app.input.textual_bindings import bindings_of
 from ground.app.panels.status import SessionInfo
+from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.textual_themes import THEMES
@@ -35,7 +36,6 @@ from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
 from protocol.topics import HEARTBEAT, TRUTH
 from protocol.wire.enums import Severity
-from runtime.clock import WallClock
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
@@ -87,6 +87,7 @@ class GroundApp(App[int]):
         self.stack = stack
         self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
+        self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)
         self._time_factor = TimeFactor(None if stack is None else stack.scenario.pace)
         self._settling: Timer | None = None
@@ -154,11 +155,13 @@ class GroundApp(App[int]):
         self.push_screen(ChoiceScreen(title, choices), take)
 
     def open_replay(self, path: Path) -> None:
-        """Show a recording. Raise UserError when it cannot be played."""
-        from ground.app.playback.player import Player  # rarely needed, so imported late
-
-        self.player = Player(path, WallClock())
+        """Read a recording in the background, and show it. Raise UserError if there is none."""
+        self.reader.begin(path, self._show_replay)
         self.switch_mode("replay")
+
+    def _show_replay(self, player: "Player") -> None:
+        self.player = player
+        self.redraw()
 
     @property
     def defect(self) -> Exception | None:

@@ -89,9 +89,9 @@ class RecordHere:
 
 @dataclass(frozen=True, slots=True)
 class OpenReplay:
-    """Show a log as if it were live."""
+    """Show a recording; `file` as for `recording_named`."""
 
-    file: Path
+    file: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,9 +252,9 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
         ),
         "replay": LocalVerb(
             "show a log as if it were live",
-            lambda arguments: OpenReplay(arguments.file),
+            lambda arguments: OpenReplay(None if arguments.file is None else str(arguments.file)),
             lambda parser: parser.add_argument(
-                "file", type=Path, metavar="FILE", help="a .tlog or .mcap"
+                "file", nargs="?", metavar="FILE", help="a .tlog or .mcap (default the newest)"
             ),
         ),
         "ghost": LocalVerb(
