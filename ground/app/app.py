@@ -296,6 +296,11 @@ class GroundApp(App[int]):
         known = self._keymap_in_force[str(id)]
         return known.layer in self.key_layers() and known.id in self.doable()
 
+    def action_select_robot(self, robot: str) -> None:
+        """Select a robot of the roster, and redraw."""
+        self.station.select(robot)
+        self.redraw()
+
     def action_do(self, id: str) -> None:
         """Run the action with this id, and redraw."""
         self.doable()[id]()

@@ -36,6 +36,7 @@ def entries(scene: MapScene, form: int) -> list[Entry]:
         (scene.virtual_goal is not None, f"{MARKS['virtual'][form]} virtual", "virtual"),
         (bool(scene.hits or scene.leaves), "H/L hit/leave", "hit"),
         (bool(scene.mission), f"{MARKS['waypoint'][form]} mission", "mission"),
+        (bool(scene.others), f"{MARKS['other'][form]} other robots", "other"),
         (bool(scene.movers), f"{MARKS['mover'][form]} moving", "truth"),
         (scene.fence is not None, f"{'⠒-'[form]} fence", "fence"),
         (bool(scene.ghosts), f"{MARKS['ended'][form]} ghost", "ghost"),

@@ -56,13 +56,18 @@ Shape: TypeAlias = Outline | Disc
 
 @dataclass(frozen=True, slots=True)
 class RobotMark:
-    """The pose of a robot; the name is shown when there are several."""
+    """The pose of a robot; the name is shown when there are several.
+
+    `trail` and `live` describe robots other than the selected one.
+    """
 
     x_m: float
     y_m: float
     heading_rad: float
     radius_m: float = RADIUS_M
     name: str = ""
+    live: bool = True
+    trail: Sequence[Point] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +147,7 @@ class MapScene:
             for shape in shapes:
                 yield from _corners(shape)
             yield from (*self.seen, *self.seen_late, *self.seen_old, *self.trail)
-        targets = (self.robot, self.goal, *self.mission, *self.draft)
+        targets = (self.robot, self.goal, *self.others, *self.mission, *self.draft)
         for place in (place for place in targets if place is not None):
             yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
 

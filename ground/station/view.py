@@ -1,5 +1,6 @@
 """Show the state of the selected robot at the last poll."""
 
+from dataclasses import replace
 from typing import Any
 
 from ground.client.parameter import Parameter
@@ -17,7 +18,7 @@ from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.roster import RosterEntry, roster_of
-from ground.station.scene import scene_of
+from ground.station.scene import others_of, scene_of
 from ground.station.world import WorldFacts
 from protocol.topics import LEASE, STATUS, Role, Topic
 from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus
@@ -201,10 +202,11 @@ class StationView:
 
     def scene(self) -> MapScene:
         """Return everything the map shows, except ghosts and cursor."""
-        return scene_of(
+        scene = scene_of(
             self._model,
             self.world,
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
-            others=[one for name, one in self._fleet.models.items() if name != self._robot],
         )
+        others = [one for name, one in self._fleet.models.items() if name != self._robot]
+        return replace(scene, others=others_of(others, self._now_ns))

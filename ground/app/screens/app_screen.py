@@ -9,8 +9,9 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.chrome.button_row import ButtonRow
+from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons
+from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
 from ground.app.input.default_keys import Layer
 from ground.app.panels.status import status_row
@@ -26,6 +27,7 @@ HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
 """The style classes of a screen, with the least columns and rows of each."""
 MOST_ROWS: Final = 2
 LEAST_ROWS_FOR_TABS: Final = 10
+LEAST_ROWS_FOR_ROSTER: Final = 12
 
 
 class AppScreen(Screen[None]):
@@ -49,6 +51,7 @@ class AppScreen(Screen[None]):
         """Compose status, tabs, alarm, content, command line and key bar."""
         yield Lines(id="status")
         yield ButtonRow(id="tabs")
+        yield ButtonRow(id="roster")
         yield Lines(id="alarm")
         with Container(id="middle"):
             yield from self.compose_content()
@@ -96,11 +99,18 @@ class AppScreen(Screen[None]):
         self.buttons("keybar").show_buttons(*key_buttons(self.interface.keys_now(), width))
 
     def draw_tabs(self) -> None:
-        """Draw the tab bar, unless the terminal is too low for it."""
-        tabs, width = self.buttons("tabs"), self.size.width
+        """Draw the tab bar with the roster, unless the terminal is too low for them."""
+        tabs, roster, width = self.buttons("tabs"), self.buttons("roster"), self.size.width
         tabs.display = self.size.height >= LEAST_ROWS_FOR_TABS
         unread, ascii_only = self.interface.unread_warnings, self.interface.ascii_only
-        tabs.show_buttons(tab_buttons(self.name_of(), unread, width, ascii_only=ascii_only))
+        left = tab_buttons(self.name_of(), unread, width, ascii_only=ascii_only)
+        entries, room = self.interface.station.roster(), width - buttons_width(left)
+        beside = fits_beside(entries, room)
+        robots = roster_buttons(entries, room if beside else width, ascii_only=ascii_only)
+        tabs.show_buttons(left, robots if beside else ())
+        high = self.size.height >= LEAST_ROWS_FOR_ROSTER
+        roster.display = bool(robots) and high and not beside
+        roster.show_buttons(robots)
 
     def name_of(self) -> str:
         """Return the name of this screen."""
