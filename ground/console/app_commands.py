@@ -155,7 +155,7 @@ def _declare_draft(parser: argparse.ArgumentParser) -> None:
     adding = actions.add_parser("add", help="append a waypoint to the draft")
     adding.add_argument("x", type=finite, metavar="X", help="metres")
     adding.add_argument("y", type=finite, metavar="Y", help="metres")
-    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG")
+    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG", help="degrees")
     adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
     removing = actions.add_parser("remove", help="remove a waypoint from the draft")
     removing.add_argument("item", type=whole(1, MAX_WAYPOINTS), metavar="ITEM")
