@@ -13,7 +13,7 @@ from ground.client.time_factor import chosen_speed
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings
 from protocol.wire.goal import start_arguments
-from runtime.calibration import settings_of
+from runtime.calibration import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
@@ -234,6 +234,7 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     if scenario.lockstep:
         found.append("--lockstep")
     found += ["--start", *start_arguments(*scenario_robot.start)]
+    found += totals_arguments(scenario.facts["robot"])
     settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]

@@ -6,6 +6,7 @@ from ground.map.glyphs import MARKS
 from ground.map.scene import MapScene
 
 NOT_LIVE: Final = "NOT LIVE"
+NO_PLACE: Final = "PLACE UNKNOWN"
 GAP: Final = "  "
 Entry = tuple[str, str]
 """Some words and their role."""
@@ -27,6 +28,7 @@ def entries(scene: MapScene, form: int) -> list[Entry]:
     walled = scene.obstacles or scene.size_m
     table = (
         (not scene.live, NOT_LIVE, "text"),
+        (not scene.placed, NO_PLACE, "text"),
         (bool(scene.note), scene.note, "text"),
         (scene.robot is not None and scene.live, f"{'▶>'[form]} robot", "robot"),
         (scene.goal is not None, f"{MARKS['goal'][form]} goal", "goal"),

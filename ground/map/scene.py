@@ -95,12 +95,13 @@ class MapScene:
 
     `size_m` is the size of the floor, from 0 0; walls around the floor are ordinary obstacles.
     `truth`: the obstacles come from the simulation, not from the robot. `live` is False when the
-    robot is late; its mark is then a question mark. `seen` are echoes of the last seconds,
-    `seen_late` and `seen_old` those before. `true_robot` is the pose in the simulation. `ranges_m`
-    are the ranges of the sonars from right to left, measured from the robot's rim: inf for no echo,
-    None for a missing sonar. `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in
-    m2. `current` is the index of the mission item under way, `draft` a mission that the robot has
-    not received, `note` a text for the legend.
+    robot is late; its mark is then a question mark. `placed` is False when the robot does not know
+    its place; it has no mark then. `seen` are echoes of the last seconds, `seen_late` and
+    `seen_old` those before. `true_robot` is the pose in the simulation. `ranges_m` are the ranges
+    of the sonars from right to left, measured from the robot's rim: inf for no echo, None for a
+    missing sonar. `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in m2.
+    `current` is the index of the mission item under way, `draft` a mission that the robot has not
+    received, `note` a text for the legend.
     """
 
     size_m: Point | None = None
@@ -113,6 +114,7 @@ class MapScene:
     robot: RobotMark | None = None
     true_robot: RobotMark | None = None
     live: bool = True
+    placed: bool = True
     covariance: tuple[float, float, float] | None = None
     ranges_m: Sequence[float | None] = ()
     zone_m: float | None = None

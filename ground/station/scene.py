@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import isfinite, sqrt
 from typing import Final
 
+from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, age_of
 from ground.map.ellipse import CHI2_2
 from ground.map.scene import MapScene, MapTarget, RobotMark
@@ -66,6 +67,11 @@ def others_of(models: Iterable[RobotModel], now_ns: int) -> tuple[RobotMark, ...
     return tuple(mark for mark in marks if mark is not None)
 
 
+def without_place(scene: MapScene) -> MapScene:
+    """Return the scene of a robot that does not know its place, without what refers to it."""
+    return replace(scene, placed=False, robot=None, goal=None, virtual_goal=None)
+
+
 def preview_of(world: WorldFacts) -> MapScene:
     """Return the scene of a world without a run: its robot at the start."""
     x_m, y_m, heading_rad = world.start
@@ -115,9 +121,9 @@ def true_robot_of(model: RobotModel, now_ns: int) -> RobotMark | None:
 
 
 def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
-    """Return another robot on the map with its trail; None before its first pose."""
+    """Return another robot on the map with its trail; None without a pose, or without a place."""
     newest = model.telemetry.latest(ODOMETRY)
-    if newest is None:
+    if newest is None or not knows_place(newest[0]):
         return None
     mark = robot_of(newest[0], model.figures.radius_m, model.robot)
     is_live = age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE

@@ -305,6 +305,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="FenceWords",
             subcommands=subcommand_table.FENCE,
         ),
+        "pose": Verb(
+            MORE,
+            "set the pose of a robot that has lost its place",
+            "pose set 2 1.5 90",
+            "ground.grammar.places",
+            words="PoseWords",
+            subcommands=subcommand_table.POSE,
+        ),
         "lease": Verb(
             MORE,
             "take or give back control of the robot, or show who has it",

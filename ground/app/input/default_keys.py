@@ -178,6 +178,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("side", "b", "choose the side to pass obstacles on", ""),
         ("rtl", "R", "return along the robot's trail", "RTL"),
         ("lease", "L", "take or give back control", ""),
+        ("place", "i", "set the pose of the robot", ""),
     ),
     *_keys(
         Layer.FLEET,

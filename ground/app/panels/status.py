@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
-from ground.client.status_line import name_of
+from ground.client.status_line import PLACE_UNKNOWN, name_of
 from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
@@ -61,6 +61,7 @@ def parts_of(station: Station, session: SessionInfo, crumb: str) -> list[Row]:
     kind = kind_part(session)
     return [
         row(presence(station), Span(f" {station.robot}", "accent"), *state_spans(status, crumb)),
+        row(Span(PLACE_UNKNOWN if station.place_remedy else "", "danger")),
         row(aged(status, navigator_words)) if live(status) else (),
         kind if session.hint else (),
         link_part(station),

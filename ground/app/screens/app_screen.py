@@ -26,6 +26,7 @@ from ground.app.widgets.command_line import (
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.station.station import Station
+from ground.station.view import PLACE_BY_HAND
 
 Action = Callable[[], object]
 WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
@@ -163,11 +164,18 @@ class AppScreen(Screen[None]):
             "leave-line": self.close_completion_or_line,
             "command": lambda: self.ask("", "", self.interface.commands.run_line),
             "goal": lambda: self.ask("", "goal ", self.interface.commands.run_line),
+            "place": self.ask_place,
             "next-panel": self.focus_next,
             "panel-before": self.focus_previous,
         }
 
     # The command line.
+
+    def ask_place(self) -> None:
+        """Let the operator set the pose of the robot; in a simulation offer the true one."""
+        remedy = self.interface.station.place_remedy
+        text = "pose set " if remedy in ("", PLACE_BY_HAND) else remedy
+        self.ask("", text, self.interface.commands.run_line)
 
     def ask(
         self, prompt: str, text: str, then: Callable[[str], None], assist: Assist | None = None
@@ -267,7 +275,13 @@ def alarm_rows(station: Station, width: int) -> list[Row]:
     if station.live and not station.ready:
         words = f"reading {station.waiting_for}, commands are refused until then"
         return across(words, "caution", width)
-    return across(station.restarted, "caution", width) if station.restarted else []
+    words = station.restarted
+    if station.place_remedy:
+        place = (
+            f"PLACE UNKNOWN of {station.robot}: it refuses goals. i, then `{station.place_remedy}`"
+        )
+        words = f"{place}; {words}" if words else place
+    return across(words, "caution", width) if words else []
 
 
 def across(words: str, role: str, width: int) -> list[Row]:
