@@ -10,7 +10,6 @@ from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
-from ground.console.completion import Assistance
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
@@ -112,13 +111,9 @@ class NoCommands:
         """Return False: no line is local."""
         return False
 
-    def assist(self, text: str) -> Assistance:
+    def complete(self, text: str) -> list[str]:
         """Return no completions."""
-        return Assistance()
-
-    def search(self, words: str) -> Assistance:
-        """Return no earlier lines."""
-        return Assistance()
+        return []
 
     def recall(self, text: str, step: int) -> str:
         """Return the text unchanged."""

@@ -26,16 +26,17 @@ from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import Keymap, shown
 from ground.app.input.textual_bindings import bindings_of
 from ground.app.panels.status import SessionInfo
-from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
+from ground.app.stops.alerts import Alerts
+from ground.app.stops.band import Band, BandKeys, stop_band
 from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
-from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
-from protocol.topics import HEARTBEAT, TRUTH
+from protocol.topics import HEARTBEAT
 from protocol.wire.enums import Severity
+from runtime.clock import WallClock
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
@@ -87,13 +88,12 @@ class GroundApp(App[int]):
         self.stack = stack
         self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
-        self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)
-        self._time_factor = TimeFactor(None if stack is None else stack.scenario.pace)
         self._settling: Timer | None = None
         self._printable = Printable()
         self._unread = UnreadWarnings()
         self._robot_keys = RobotKeys(self)
+        self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = self.appearance.theme
@@ -123,17 +123,29 @@ class GroundApp(App[int]):
         """The kind of session (simulation, real robot or replay) and its recording."""
         if self._station is None:
             return SessionInfo(kind="REPLAY")
+        kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
-        if self._station.world is None:
-            return SessionInfo(recording=words)
-        factor, now_ns = self._time_factor, self._station.now_ns
-        return SessionInfo(factor.words(now_ns), words, factor.hint(now_ns))
+        return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
 
     @property
     def unread_warnings(self) -> int:
         """The number of warnings and errors since the log screen was last shown."""
         self._unread.look(self.station.log, reading=self.current_mode == LOG)
         return self._unread.count
+
+    def stop_band(self, width: int, height: int) -> Band:
+        """Return the band about robots that have stopped, in plain words and with the next keys."""
+        station = self.station
+        since_ns = self._alerts.watch.since_ns(station.robot)
+        return stop_band(station, since_ns, self._band_keys(), width, height)
+
+    def _band_keys(self) -> BandKeys:
+        """Return the keys of the band, and the way to where they are active."""
+        if any(key.id == "arm" for key in self.keys_now()):
+            return BandKeys(self.key_shown)
+        on_drive = self.current_mode == self.DEFAULT_MODE
+        where = self.key_shown("leave-line") if on_drive else f"{self.key_shown('screen-1')} Drive"
+        return BandKeys(self.key_shown, where)
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread; `done` gets its result in this thread."""
@@ -155,13 +167,11 @@ class GroundApp(App[int]):
         self.push_screen(ChoiceScreen(title, choices), take)
 
     def open_replay(self, path: Path) -> None:
-        """Read a recording in the background, and show it. Raise UserError if there is none."""
-        self.reader.begin(path, self._show_replay)
-        self.switch_mode("replay")
+        """Show a recording. Raise UserError when it cannot be played."""
+        from ground.app.playback.player import Player  # rarely needed, so imported late
 
-    def _show_replay(self, player: "Player") -> None:
-        self.player = player
-        self.redraw()
+        self.player = Player(path, WallClock())
+        self.switch_mode("replay")
 
     @property
     def defect(self) -> Exception | None:
@@ -196,9 +206,10 @@ class GroundApp(App[int]):
         """Poll all sources, and redraw when a frame is due."""
         if self._station is not None:
             self._station.poll()
-            self._measure_time_factor(self._station)
+            self._frame_rate.measure_time_factor(self._station)
         if self.player is not None:
             self.player.poll()
+        self._alerts.poll()
         self._poll_recording()
         self._jobs.poll()
         if self.stack is not None and (news := self.stack.next_event()):
@@ -207,12 +218,6 @@ class GroundApp(App[int]):
             self.base_screen.poll()
         if self._frame_rate.due(monotonic_ns()):
             self.redraw()
-
-    def _measure_time_factor(self, station: Station) -> None:
-        """Compare the stamps of the plant with our clock."""
-        truth = station.telemetry.latest(TRUTH)
-        if truth is not None:
-            self._time_factor.take(truth[0].time_ns, truth[1])
 
     def _poll_recording(self) -> None:
         """Log what the recorder reports."""
@@ -295,11 +300,6 @@ class GroundApp(App[int]):
         (id,) = parameters
         known = self._keymap_in_force[str(id)]
         return known.layer in self.key_layers() and known.id in self.doable()
-
-    def action_select_robot(self, robot: str) -> None:
-        """Select a robot of the roster, and redraw."""
-        self.station.select(robot)
-        self.redraw()
 
     def action_do(self, id: str) -> None:
         """Run the action with this id, and redraw."""

@@ -18,11 +18,12 @@ RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """Theme, character set and frame rate; with `hz` 0 there is no timer (for tests)."""
+    """Theme, character set, frame rate and bell; with `hz` 0 there is no timer (for tests)."""
 
     theme: str = "dark"
     ascii_only: bool = False
     hz: float = 10.0
+    quiet_bell: bool = False
 
 
 class AppOptions(Protocol):
@@ -32,6 +33,7 @@ class AppOptions(Protocol):
     ascii: bool
     hz: float
     keys: Path | None
+    quiet_bell: bool
 
 
 def add_appearance_options(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +44,9 @@ def add_appearance_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--hz", type=float, choices=RATES_HZ, default=10.0, help="frames per second (10)"
     )
+    group.add_argument(
+        "--quiet-bell", action="store_true", help="no bell when a robot stops or arrives"
+    )
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file that changes keys")
 
 
@@ -51,6 +56,7 @@ def appearance_of(options: AppOptions, environment: Mapping[str, str] = os.envir
         theme=options.theme or default_theme(environment),
         ascii_only=options.ascii or is_ascii_terminal(environment),
         hz=options.hz,
+        quiet_bell=options.quiet_bell,
     )
 
 

@@ -13,7 +13,6 @@ ROLES: Final = (
     "truth",
     "fence",
     "ghost",
-    "other trail",
     "trail",
     "ellipse",
     "zone",

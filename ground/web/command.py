@@ -14,7 +14,7 @@ from ground.web.address import DEFAULT_HOST, DEFAULT_PORT, Address, address_of, 
 from runtime.errors import UserError
 
 PASSED_ON: Final = ("connect", "run", "id", "config", "record", "theme", "hz", "keys")
-SWITCHES: Final = ("no_record", "ascii")
+SWITCHES: Final = ("no_record", "ascii", "quiet_bell")
 LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
 
@@ -51,6 +51,7 @@ class WebOptions(Protocol):
     no_record: bool
     theme: str | None
     ascii: bool
+    quiet_bell: bool
     hz: float
     keys: Path | None
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 from ground.app.commands.command_sink import CommandSink
 from ground.app.input.default_keys import KeyBinding
 from ground.app.panels.status import SessionInfo
+from ground.app.stops.band import Band
 from ground.station.station import Station
 
 if TYPE_CHECKING:
@@ -35,6 +36,12 @@ class AppInterface(Protocol):
     @property
     def unread_warnings(self) -> int:
         """The number of warnings and errors since the log screen was last shown."""
+
+    def stop_band(self, width: int, height: int) -> Band:
+        """Return the band about robots that have stopped."""
+
+    def key_shown(self, id: str) -> str:
+        """Return the first key of an action as it is shown."""
 
     @property
     def ascii_only(self) -> bool:

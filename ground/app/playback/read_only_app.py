@@ -24,8 +24,8 @@ class ReadOnlyCommands:
 
     def __init__(self, commands: CommandSink, note: Callable[[str], None]) -> None:
         self._commands = commands
-        self.is_local, self.assist = commands.is_local, commands.assist
-        self.recall, self.search = commands.recall, commands.search
+        self.is_local, self.complete = commands.is_local, commands.complete
+        self.recall = commands.recall
         self._note = note
 
     def run_line(self, line: str) -> None:
@@ -72,6 +72,7 @@ class ReadOnlyApp:
         self.commands = ReadOnlyCommands(app.commands, self.note)
         self.ascii_only, self.stack = app.ascii_only, app.stack
         self.keys_now, self.choose = app.keys_now, app.choose
+        self.stop_band, self.key_shown = app.stop_band, app.key_shown
         self.run_in_background = app.run_in_background
 
     @property

@@ -9,7 +9,6 @@ from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.console.app_commands import AppCommand
-from ground.console.completion import Assistance, Candidate, assist
 from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
@@ -19,6 +18,7 @@ from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.lease_state import LeaseView
+from ground.station.robot.robot_stop import StopRecord
 from ground.station.roster import Attention, RosterEntry, by_attention
 from ground.station.station import Station
 from ground.station.world import WorldFacts
@@ -52,6 +52,7 @@ class FakeStation(Station):
         self.polls = 0
         self.stops = 0
         self.stops_of_all = 0
+        self.last_stop_now: StopRecord | None = None
         self.asked: list[str] = []
         self.world_now: WorldFacts | None = None
         self.scene_now = MapScene()
@@ -227,6 +228,9 @@ class FakeStation(Station):
     def estop_all(self) -> None:
         self.stops_of_all += 1
 
+    def last_stop(self, robot: str) -> StopRecord | None:
+        return self.last_stop_now
+
     @property
     def stopping(self) -> str:
         return self.stopping_now
@@ -263,12 +267,9 @@ class FakeCommandSink:
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")
 
-    def assist(self, text: str) -> Assistance:
-        return assist(text) if text else Assistance()
-
-    def search(self, words: str) -> Assistance:
-        found = (line for line in reversed(self.given) if words in line)
-        return Assistance(tuple(Candidate(line, line) for line in found))
+    def complete(self, text: str) -> list[str]:
+        words = ("goal ", "hold", "help")
+        return [word for word in words if text and word.startswith(text)]
 
     def begin_teleop(self) -> bool:
         self.teleop = True

@@ -1,0 +1,117 @@
+"""Notice that a robot stops or arrives: each event once, for all watched robots."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final, NamedTuple
+
+from ground.client.telemetry import Age
+from ground.station.station import Station
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.messages import NavigatorStatus
+from protocol.wire.reasons import reason_text
+from runtime.units import NS_PER_MS
+
+ARRIVED_NS: Final = 500 * NS_PER_MS
+"""A goal that is reached for this long was the last one: a mission sets its next goal at once."""
+
+
+class EventKind(Enum):
+    """The events that an operator is called for."""
+
+    EMERGENCY_STOP = "EMERGENCY STOP"
+    FAILSAFE = "FAILSAFE"
+    REACHED = "goal reached"
+
+
+STOPPED: Final = {
+    Vehicle.EMERGENCY_STOP: EventKind.EMERGENCY_STOP,
+    Vehicle.FAILSAFE: EventKind.FAILSAFE,
+}
+
+
+class StopEvent(NamedTuple):
+    """A robot has stopped or arrived; `cause` is empty without a reason."""
+
+    robot: str
+    kind: EventKind
+    cause: str = ""
+
+
+class GoalKey(NamedTuple):
+    """What tells one goal of a robot from the next."""
+
+    goal_id: int
+    started_ns: int
+
+
+@dataclass(slots=True)
+class Watched:
+    """What was seen of one robot; `since_ns` is when its vehicle state began to be seen."""
+
+    vehicle: int
+    since_ns: int
+    under_way: GoalKey | None = None
+    reached_ns: int | None = None
+
+
+class StopWatch:
+    """Compares the status of each robot with the one before.
+
+    A robot that disappears keeps its state, so that its return is no new event.
+    """
+
+    def __init__(self) -> None:
+        self._station: Station | None = None
+        self._robots: dict[str, Watched] = {}
+
+    def look(self, station: Station) -> list[StopEvent]:
+        """Note the present states and return what has happened since the last look."""
+        if station is not self._station:
+            self._station, self._robots = station, {}
+        events: list[StopEvent] = []
+        for entry in station.roster():
+            status = entry.status.message
+            if isinstance(status, NavigatorStatus) and entry.status.age is not Age.GONE:
+                events += self._compare(entry.robot, status, station.now_ns)
+        return events
+
+    def since_ns(self, robot: str) -> int | None:
+        """Return when the present vehicle state of a robot was first seen."""
+        watched = self._robots.get(robot)
+        return None if watched is None else watched.since_ns
+
+    def _compare(self, robot: str, status: NavigatorStatus, now_ns: int) -> list[StopEvent]:
+        before = self._robots.get(robot)
+        watched = before or self._robots.setdefault(robot, Watched(status.vehicle, now_ns))
+        events: list[StopEvent] = []
+        if before is None or watched.vehicle != status.vehicle:
+            watched.vehicle, watched.since_ns = status.vehicle, now_ns
+            kind = STOPPED.get(Vehicle(status.vehicle)) if is_known(status.vehicle) else None
+            if kind is not None:
+                cause = reason_text(status.vehicle_reason) if status.vehicle_reason else ""
+                events.append(StopEvent(robot, kind, cause))
+        if has_arrived(watched, status, now_ns):
+            events.append(StopEvent(robot, EventKind.REACHED))
+        return events
+
+
+def is_known(vehicle: int) -> bool:
+    """Return whether this station knows a vehicle state."""
+    return vehicle in list(Vehicle)
+
+
+def has_arrived(watched: Watched, status: NavigatorStatus, now_ns: int) -> bool:
+    """Note the state of the goal; return True once, when a goal that was under way is reached."""
+    key = GoalKey(status.goal_id, status.goal_started_ns)
+    if GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING:
+        watched.under_way, watched.reached_ns = key, None
+        return False
+    if status.goal != GoalState.REACHED or watched.under_way != key:
+        watched.under_way = None
+        return False
+    if watched.reached_ns is None:
+        watched.reached_ns = now_ns
+    if now_ns - watched.reached_ns < ARRIVED_NS:
+        return False
+    watched.under_way = None
+    return True

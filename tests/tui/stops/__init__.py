@@ -1,0 +1,1 @@
+"""Test the band, the bell and the confirmations around a stop."""

@@ -1,0 +1,156 @@
+"""The bell rings once for each stop and arrival of any robot, on any screen."""
+
+from msgspec.structs import replace
+
+from ground.app.app import GroundApp
+from ground.app.appearance import Appearance
+from ground.client.telemetry import Age
+from protocol.wire.enums import GoalState, Vehicle
+from protocol.wire.messages import NavigatorStatus
+from tests.support.tui.fakes import FakeCommandSink, FakeStation
+from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.stopped import entry, stopped_status
+from tests.support.tui.underway import driving, status
+
+
+class Ear:
+    """Counts the bell and keeps the messages of an app."""
+
+    def __init__(self, app: GroundApp) -> None:
+        self.rings = 0
+        self.messages: list[str] = []
+        app.bell = self.ring  # type: ignore[method-assign]
+        app.notify = self.keep  # type: ignore[method-assign]
+
+    def ring(self) -> None:
+        self.rings += 1
+
+    def keep(self, message: str, **_: object) -> None:
+        self.messages.append(message)
+
+
+def show(stage: Stage, robot: str, shown: NavigatorStatus, age: Age = Age.LIVE) -> None:
+    """Let the app see a status of a robot, several times."""
+    stage.station.robots_now = sorted({*stage.station.robots_now, robot})
+    others = [one for one in stage.station.roster_now if one.robot != robot]
+    stage.station.roster_now = [*others, entry(robot, shown, age)]
+    for _ in range(3):
+        stage.app.sample()
+
+
+def test_bell_rings_once_for_each_stop() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear, now_ns = Ear(stage.app), stage.station.now_ns
+            show(stage, "r1", status(now_ns))
+            assert ear.rings == 0
+            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, now_ns))
+            assert ear.rings == 1
+            show(stage, "r1", stopped_status(Vehicle.EMERGENCY_STOP, now_ns))
+            again = replace(stopped_status(Vehicle.EMERGENCY_STOP, now_ns), stop_id=99)
+            show(stage, "r1", again)
+            assert ear.rings == 2
+            show(stage, "r1", stopped_status(Vehicle.STANDBY, now_ns))
+            assert ear.rings == 2
+            assert ear.messages == [
+                "r1 FAILSAFE: control loop too slow (computer busy)",
+                "r1 EMERGENCY STOP: by the operator",
+            ]
+
+    play(story)
+
+
+def test_stop_of_a_robot_that_is_not_selected_rings_on_every_screen() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear = Ear(stage.app)
+            await stage.press("5")
+            show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
+            assert ear.rings == 1
+            assert ear.messages == ["r2 FAILSAFE: control loop too slow (computer busy)"]
+
+    play(story)
+
+
+def test_robot_that_comes_and_goes_in_failsafe_rings_once() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear = Ear(stage.app)
+            failed = stopped_status(Vehicle.FAILSAFE, stage.station.now_ns)
+            for _ in range(10):
+                show(stage, "r2", failed)
+                show(stage, "r2", failed, Age.GONE)
+                stage.station.roster_now, stage.station.robots_now = [], ["r1"]
+                stage.app.sample()
+            assert ear.rings == 1
+
+    play(story)
+
+
+def test_goal_rings_when_it_stays_reached() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear, station = Ear(stage.app), stage.station
+            under_way = status(station.now_ns)
+            reached = replace(under_way, goal=GoalState.REACHED)
+            show(stage, "r1", reached)
+            station.clock.advance(1_000_000_000)
+            show(stage, "r1", reached)
+            assert ear.rings == 0  # it was reached before the app looked
+            show(stage, "r1", under_way)
+            show(stage, "r1", reached)
+            assert ear.rings == 0
+            station.clock.advance(600_000_000)
+            show(stage, "r1", reached)
+            assert (ear.rings, ear.messages) == (1, ["r1 goal reached"])
+
+    play(story)
+
+
+def test_waypoint_that_is_left_at_once_does_not_ring() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear, station = Ear(stage.app), stage.station
+            first = status(station.now_ns)
+            show(stage, "r1", first)
+            show(stage, "r1", replace(first, goal=GoalState.REACHED))
+            show(stage, "r1", replace(first, goal_started_ns=station.now_ns))
+            station.clock.advance(1_000_000_000)
+            show(stage, "r1", replace(first, goal_started_ns=station.now_ns))
+            assert ear.rings == 0
+
+    play(story)
+
+
+def test_quiet_bell_shows_the_message_only() -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        app = GroundApp(station, FakeCommandSink(), None, Appearance(quiet_bell=True, hz=0.0))
+        async with app.run_test(size=(80, 24)) as pilot:
+            stage, ear = Stage(app, pilot, station, FakeCommandSink()), Ear(app)
+            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, station.now_ns))
+            assert ear.rings == 0
+            assert len(ear.messages) == 1
+
+    play(story)
+
+
+def test_small_terminal_rings_without_a_message() -> None:
+    async def story() -> None:
+        async with staged((40, 12)) as stage:
+            ear = Ear(stage.app)
+            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
+            assert (ear.rings, ear.messages) == (1, [])
+
+    play(story)
+
+
+def test_recording_rings_no_bell() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear = Ear(stage.app)
+            stage.station.live_now = False
+            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
+            assert (ear.rings, ear.messages) == (0, [])
+
+    play(story)
