@@ -1,7 +1,7 @@
 """Watch every robot that appears, and replace robots that are long gone when there are too many."""
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
 from ground.station.bus_protocols import LiveBus, ReadableBus, Token
@@ -46,6 +46,8 @@ class Fleet:
         self._selected_reads = workers("selected reads")
         self._watched_reads = workers("watched reads")
         self._polls = 0
+        self._present: tuple[Token, ...] = ()
+        self._tokens: Mapping[str, tuple[Token, ...]] = {}
 
     def add(self, robot: str) -> None:
         """Watch a robot; the number of robots is not limited here."""
@@ -99,19 +101,27 @@ class Fleet:
 
     def poll(self, present: Iterable[Token], selected: str, now_ns: int) -> None:
         """Process what is new of the robots that are due, and send the next requests."""
-        tokens: defaultdict[str, list[Token]] = defaultdict(list)
-        for token in present:
-            tokens[token.robot].append(token)
+        tokens = self._by_robot(tuple(present))
         self._polls += 1
         for number, (robot, model) in enumerate(self.models.items()):
             session = self.sessions.get(robot)
             is_busy = robot == selected or (session is not None and session.is_busy)
             if not is_busy and (number + self._polls) % EVERY:
                 continue
-            restarted_roles = model.poll(now_ns, tokens[robot])
+            restarted_roles = model.poll(now_ns, tokens.get(robot, ()))
             if session is not None:
                 session.poll(now_ns, restarted_roles)
         self._read(selected, now_ns)
+
+    def _by_robot(self, present: tuple[Token, ...]) -> Mapping[str, tuple[Token, ...]]:
+        """Return the tokens of each robot; the same objects until a token has changed."""
+        if present != self._present:
+            self._present = present
+            by_robot: defaultdict[str, tuple[Token, ...]] = defaultdict(tuple)
+            for token in present:
+                by_robot[token.robot] += (token,)
+            self._tokens = by_robot
+        return self._tokens
 
     def _read(self, selected: str, now_ns: int) -> None:
         """Send the next request to the selected robot, and one to the others in turn."""

@@ -39,7 +39,8 @@ class RosterEntry(NamedTuple):
     """One robot: its state in words, its status with age, its loss and its link.
 
     `stopping` describes a stop that is not acknowledged. `goal_distance_m` is None without a goal
-    or a live status. `round_trip_ms` is measured each 5 s of robots that are not selected.
+    or a live status. `link_percent` is None unless it was asked for. `round_trip_ms` is measured
+    each 5 s of robots that are not selected.
     """
 
     robot: str
@@ -60,9 +61,19 @@ class RosterEntry(NamedTuple):
         return self.attention is not Attention.NONE
 
 
-def roster_of(fleet: Fleet, selected: str, now_ns: int) -> list[RosterEntry]:
-    """Return an entry for each watched robot, the most urgent first, then by name."""
+def roster_of(
+    fleet: Fleet, selected: str, now_ns: int, *, links: bool = False
+) -> list[RosterEntry]:
+    """Return an entry for each watched robot, the most urgent first, then by name.
+
+    With `links`, the share of delivered frames is computed, too.
+    """
     entries = [_entry(fleet, robot, robot == selected, now_ns) for robot in fleet.models]
+    if links:
+        entries = [
+            entry._replace(link_percent=fleet.models[entry.robot].streams.percent(now_ns))
+            for entry in entries
+        ]
     return by_attention(entries)
 
 
@@ -95,7 +106,6 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
         goal_distance_m=distance_m(status),
         loss=loss,
         stopping=stopping,
-        link_percent=model.streams.percent(now_ns),
         round_trip_ms=None if trip_ns is None else trip_ns / 1e6,
         lease=session.holding.lease if session is not None and lease_known else UNKNOWN,
     )

@@ -90,9 +90,12 @@ class StationView:
         """Processes that are present."""
         return self._present
 
-    def roster(self) -> list[RosterEntry]:
-        """Return an entry for each watched robot, those that need attention first."""
-        return roster_of(self._fleet, self._robot, self._now_ns)
+    def roster(self, *, links: bool = False) -> list[RosterEntry]:
+        """Return an entry for each watched robot, those that need attention first.
+
+        With `links`, the share of delivered frames is computed, too.
+        """
+        return roster_of(self._fleet, self._robot, self._now_ns, links=links)
 
     def streams(self, robot: str = "") -> list[StreamRow]:
         """Return rate and loss of each topic of a robot, by default of the selected one."""

@@ -47,7 +47,7 @@ class LinkRow(NamedTuple):
 def link_rows(station: Station) -> list[LinkRow]:
     """Return a row for each robot and each of its streams, those without a frame last."""
     rows: list[LinkRow] = []
-    for entry in sorted(station.roster(), key=lambda entry: not entry.is_selected):
+    for entry in sorted(station.roster(links=True), key=lambda entry: not entry.is_selected):
         streams = station.streams(entry.robot)
         rows.append(LinkRow(entry))
         rows += [LinkRow(entry, one) for one in streams if one.received]

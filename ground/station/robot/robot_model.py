@@ -62,14 +62,21 @@ class RobotModel:
         self.mission_items = MissionItems()
         self._restart_lines = LineBudget()
         self._presence_log = PresenceLog(robot, own)
+        self._present: Collection[Token] | None = None
         self._texts = StatustextAssembler()
         self._add_line = add_line
 
     def poll(self, now_ns: int, present: Collection[Token]) -> set[Role]:
-        """Process everything new; return the roles that were restarted since the last call."""
-        for change in self._presence_log.update(present, now_ns):
-            self._add_line("ground", change.text, change.severity)
-        restarted_roles = self._restarts_by_token(present, now_ns) | self._restarts_by_counter()
+        """Process everything new; return the roles that were restarted since the last call.
+
+        `present` is the same object as long as no token of this robot has changed.
+        """
+        restarted_roles = self._restarts_by_counter()
+        if present is not self._present:
+            self._present = present
+            for change in self._presence_log.update(present, now_ns):
+                self._add_line("ground", change.text, change.severity)
+            restarted_roles |= self._restarts_by_token(present, now_ns)
         for role in restarted_roles:
             self._restarted(role, now_ns)
         arrivals, overflowed = self._inbox.drain()

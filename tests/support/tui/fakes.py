@@ -86,7 +86,7 @@ class FakeStation(Station):
     def robots(self) -> list[str]:
         return self.robots_now
 
-    def roster(self) -> list[RosterEntry]:
+    def roster(self, *, links: bool = False) -> list[RosterEntry]:
         """Return `roster_now`, and a quiet entry for each other robot of `robots_now`."""
         given = {entry.robot: entry for entry in self.roster_now}
         entries = [
