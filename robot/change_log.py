@@ -29,6 +29,7 @@ class ChangeLog:
         self._progress = (mission.number, mission.state, mission.current)
         self._vehicle = (machine.vehicle, machine.vehicle_reason)
         self._mode = machine.mode
+        self._placed = machine.placed
         self._goal = (machine.serial, machine.goal_state, machine.goal_reason)
         self._text_id = 0
 
@@ -48,7 +49,11 @@ class ChangeLog:
             texts += self.text(severity, change_text("vehicle", name.name, machine.vehicle_reason))
         if machine.mode != self._mode:
             texts += self.text(Severity.INFO, f"mode {Mode(machine.mode).name}")
+        if self._placed and not machine.placed:
+            words = f"PLACE UNKNOWN: {reason_text(reasons.PLACE_UNKNOWN)}"
+            texts += self.text(Severity.ERROR, words)
         self._goal, self._vehicle, self._mode = goal, vehicle, machine.mode
+        self._placed = machine.placed
         return texts + self._mission_texts()
 
     def _mission_texts(self) -> list[Statustext]:

@@ -62,14 +62,7 @@ def parser() -> argparse.ArgumentParser:
     parser = new_parser("robot")
     add_network_options(parser)
     parser.add_argument("--id", metavar="NAME", help="the robot's name (r1)")
-    parser.add_argument(
-        "--start",
-        metavar=("X", "Y", "DEG"),
-        nargs=3,
-        type=finite,
-        default=(0.0, 0.0, 0.0),
-        help="start pose in the world frame, so that goals are in it too (0 0 0)",
-    )
+    add_start_options(parser)
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument(
         "--state",
@@ -93,6 +86,27 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
+def add_start_options(parser: argparse.ArgumentParser) -> None:
+    """Declare `--start` and `--encoders`."""
+    parser.add_argument(
+        "--start",
+        metavar=("X", "Y", "DEG"),
+        nargs=3,
+        type=finite,
+        default=(0.0, 0.0, 0.0),
+        help="start pose in the world frame, so that goals are in it too (0 0 0)",
+    )
+    parser.add_argument(
+        "--encoders",
+        metavar=("LEFT", "RIGHT"),
+        nargs=2,
+        type=int,
+        default=(0, 0),
+        help="encoder totals at the start pose: with other totals at its start, the robot does not "
+        "know its place (0 0)",
+    )
+
+
 def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) -> Vehicle:
     """Return a vehicle with the parameters of all sources.
 
@@ -104,7 +118,8 @@ def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) 
     params, warnings = store.load(configured, configured)
     params = adjusted(params, dict(arguments.param), "--param")
     x_m, y_m, heading_deg = arguments.start
-    vehicle = Vehicle(params, store, Pose(x_m, y_m, radians(heading_deg)), configured)
+    start, totals = Pose(x_m, y_m, radians(heading_deg)), tuple(arguments.encoders)
+    vehicle = Vehicle(params, store, start, configured, totals)
     for warning in warnings:
         vehicle.announce(Severity.WARNING, warning)
     return vehicle

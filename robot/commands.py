@@ -10,9 +10,10 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.packing import wire_of
-from robot.core import modes, reasons
+from robot.core import modes, place, reasons
 from robot.core.perception.from_messages import goal_of
 from robot.core.state import State
+from robot.core.values import Pose
 from robot.mission.mission import Mission
 
 MAX_OPERATORS: Final = 64
@@ -68,7 +69,7 @@ class Commands:
             return reasons.UNKNOWN_COMMAND
         if not all(isfinite(getattr(request, name)) for name in row.uses):
             return reasons.PARAMETER_OUT_OF_RANGE
-        return row.handler(self, request.param1, request.param2, now_ms)
+        return row.handler(self, request, now_ms)
 
     def _goto(self, request: GoalRequest, now_ms: int) -> int:
         goal = goal_of(
@@ -79,41 +80,48 @@ class Commands:
             request.position_tolerance_mm,
             request.heading_tolerance_urad,
         )
-        return modes.goto(self._machine, goal, request.mode, now_ms)
+        return modes.goto(self._machine, goal, request.mode, now_ms, request.from_robot != 0)
 
-    def _arm_disarm(self, arm: float, _: float, now_ms: int) -> int:
-        return modes.arm(self._machine) if arm else modes.disarm(self._machine, now_ms)
+    def _arm_disarm(self, request: CommandRequest, now_ms: int) -> int:
+        return modes.arm(self._machine) if request.param1 else modes.disarm(self._machine, now_ms)
 
-    def _set_mode(self, _: float, mode: float, now_ms: int) -> int:
-        return modes.set_mode(self._machine, self._state.trail, int(mode), now_ms)
+    def _set_mode(self, request: CommandRequest, now_ms: int) -> int:
+        return modes.set_mode(self._machine, self._state.trail, int(request.param2), now_ms)
 
-    def _pause_continue(self, go_on: float, _: float, now_ms: int) -> int:
-        if not go_on:
+    def _pause_continue(self, request: CommandRequest, now_ms: int) -> int:
+        if not request.param1:
             return modes.hold(self._machine)
         return self._mission.resume() if self._mission.active else modes.resume(self._machine)
 
-    def _estop(self, _: float, __: float, now_ms: int) -> int:
+    def _estop(self, _: CommandRequest, now_ms: int) -> int:
         return modes.estop(self._machine, now_ms)
 
-    def _clear_estop(self, _: float, __: float, now_ms: int) -> int:
+    def _clear_estop(self, _: CommandRequest, now_ms: int) -> int:
         return modes.clear_estop(self._machine)
 
-    def _abort(self, _: float, __: float, now_ms: int) -> int:
+    def _abort(self, _: CommandRequest, now_ms: int) -> int:
         if self._mission.active:
             return self._mission.abort(now_ms)
         return modes.abort(self._machine, now_ms)
 
-    def _rtl(self, _: float, __: float, now_ms: int) -> int:
+    def _rtl(self, _: CommandRequest, now_ms: int) -> int:
         return modes.rtl(self._machine, self._state.trail, now_ms)
 
-    def _set_navigator(self, navigator: float, side: float, now_ms: int) -> int:
-        return modes.set_navigator(self._machine, int(navigator), int(side) or self._machine.side)
+    def _set_navigator(self, request: CommandRequest, now_ms: int) -> int:
+        side = int(request.param2) or self._machine.side
+        return modes.set_navigator(self._machine, int(request.param1), side)
 
-    def _start_mission(self, first: float, _: float, now_ms: int) -> int:
-        return self._mission.start(int(first), now_ms)
+    def _set_pose(self, request: CommandRequest, now_ms: int) -> int:
+        if self._mission.active:
+            return reasons.DRIVING
+        pose = Pose(request.param1, request.param2, request.param3)
+        return place.set_pose(self._state, pose)
 
-    def _jump(self, item: float, _: float, now_ms: int) -> int:
-        return self._mission.jump(int(item), now_ms)
+    def _start_mission(self, request: CommandRequest, now_ms: int) -> int:
+        return self._mission.start(int(request.param1), now_ms)
+
+    def _jump(self, request: CommandRequest, now_ms: int) -> int:
+        return self._mission.jump(int(request.param1), now_ms)
 
 
 class AnswerCache:
@@ -187,7 +195,7 @@ def result_of(reason: int) -> int:
     return AckResult.UNSUPPORTED if reason == reasons.UNKNOWN_COMMAND else AckResult.DENIED
 
 
-Handler = Callable[[Commands, float, float, int], int]
+Handler = Callable[[Commands, CommandRequest, int], int]
 
 
 class CommandRow(NamedTuple):
@@ -210,6 +218,7 @@ HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
         Command.MISSION_START: CommandRow(Commands._start_mission, ("param1",)),
         Command.DO_SET_MISSION_CURRENT: CommandRow(Commands._jump, ("param1",)),
         Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._set_navigator, ("param1", "param2")),
+        Command.SIDESTEP_SET_POSE: CommandRow(Commands._set_pose, ("param1", "param2")),
         Command.SIDESTEP_ABORT_GOAL: CommandRow(Commands._abort),
         Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._clear_estop),
     }

@@ -30,7 +30,6 @@ from runtime.timing import CONTROL_HZ, PERIOD_NS, UINT32
 from runtime.watchdog import Watchdog
 
 IDLE_S: Final = 0.2
-PLACE_UNKNOWN: Final = "position assumed to be the start position; the true one is unknown"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,13 +83,12 @@ def run(
 
 
 def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, after: str) -> None:
-    """Report how the previous run ended, if abnormally, and that the position is lost."""
+    """Report how the previous run ended, if abnormally."""
     before = previous.begin(after)
     if before:
         words = f"restarted: the previous run {before}"
-        for line in (words, PLACE_UNKNOWN):
-            vehicle.announce(Severity.WARNING, line)
-            log_line(f"robot {robot}: {line}")
+        vehicle.announce(Severity.WARNING, words)
+        log_line(f"robot {robot}: {words}")
 
 
 def summary_of(error: Exception) -> str:

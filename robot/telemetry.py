@@ -28,6 +28,8 @@ from runtime.timing import UINT32
 from runtime.units import NS_PER_MS
 
 NEVER: Final = 0xFFFFFFFF
+UNKNOWN_SPREAD: Final = (nan,) * 6
+"""The covariance of a robot that does not know its place."""
 
 SYSTEM_STATUS: Final = {
     states.BOOT: SystemState.BOOT,
@@ -53,8 +55,18 @@ def heartbeat(state: State) -> Heartbeat:
 
 
 def odometry(state: State, time_ns: int) -> PlanarOdometry:
-    """Return pose, speeds and covariance."""
+    """Return pose, speeds and covariance; its values are NaN while the place is unknown."""
     odometry = state.odometry
+    spread = UNKNOWN_SPREAD
+    if state.machine.placed:
+        spread = (
+            odometry.pxx,
+            odometry.pxy,
+            odometry.pxh,
+            odometry.pyy,
+            odometry.pyh,
+            odometry.phh,
+        )
     return PlanarOdometry(
         time_ns=time_ns,
         x_m=odometry.pose.x_m,
@@ -62,12 +74,12 @@ def odometry(state: State, time_ns: int) -> PlanarOdometry:
         heading_rad=odometry.pose.heading_rad,
         speed_m_s=odometry.speed_m_s,
         yaw_rate_rad_s=odometry.yaw_rate_rad_s,
-        cov_xx_m2=odometry.pxx,
-        cov_xy_m2=odometry.pxy,
-        cov_xh_m_rad=odometry.pxh,
-        cov_yy_m2=odometry.pyy,
-        cov_yh_m_rad=odometry.pyh,
-        cov_hh_rad2=odometry.phh,
+        cov_xx_m2=spread[0],
+        cov_xy_m2=spread[1],
+        cov_xh_m_rad=spread[2],
+        cov_yy_m2=spread[3],
+        cov_yh_m_rad=spread[4],
+        cov_hh_rad2=spread[5],
     )
 
 

@@ -1,11 +1,11 @@
 """The robot without clock and sockets: core, operators, missions and texts."""
 
-from math import nan
+from math import degrees, nan
 from typing import Final, TypeAlias
 
 import msgspec
 
-from protocol.wire.enums import Severity
+from protocol.wire.enums import Command, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -67,7 +67,8 @@ class Vehicle:
     """Sans-I/O: takes requests and sensor data, returns answers, wheel speeds and texts.
 
     Time is passed in. `configured` bounds the safety parameters; by default the initial parameters
-    do.
+    do. `totals` are the encoder counters at the start pose: a robot whose wheels have turned since
+    does not know its place.
     """
 
     def __init__(
@@ -76,9 +77,12 @@ class Vehicle:
         store: Store,
         start: Pose = ORIGIN,
         configured: Params | None = None,
+        totals: tuple[int, int] = (0, 0),
     ) -> None:
         self.state = State(params)
-        self.state.odometry.pose = start
+        odometry = self.state.odometry
+        odometry.pose = start
+        odometry.left, odometry.right = totals
         self.lease = Lease()
         self.teleop = TeleopInput()
         self.mission = Mission(self.state.machine)
@@ -219,6 +223,7 @@ class Vehicle:
     def lose_position(self, now_ns: int) -> None:
         """Stop, because restarted sensors count from another start and the position is lost."""
         self.announce(Severity.ERROR, "position lost: sensor stream restarted")
+        self.state.machine.placed = False
         self.stop(reasons.TICKS_LOST, now_ns)
 
     def announce(self, severity: int, words: str) -> None:
@@ -259,6 +264,11 @@ class Vehicle:
         machine = self.state.machine
         was_armed = machine.vehicle == states.ACTIVE
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
+        self.parameters.adopt_navigator()
+        if answer.command == Command.SIDESTEP_SET_POSE and answer.result_param2 == reasons.OK:
+            x_m, y_m, heading_rad = self.state.odometry.pose
+            words = f"place set: {x_m:.2f} {y_m:.2f} m, {degrees(heading_rad):.0f} deg"
+            self.announce(Severity.NOTICE, words)
         if machine.vehicle == states.ACTIVE and not was_armed:
             changes = self.parameters.safety_changes()
             if changes:

@@ -48,8 +48,7 @@ def settings_of(
 def parameters_of(robot: Mapping[str, bool | int | float | str]) -> dict[str, float]:
     """Return the parameters that a world's `[robot]` changes.
 
-    Properties that the robot cannot know, such as motor lag, brake and initial counters, are left
-    out.
+    Properties that the robot cannot know, such as motor lag and brake, are left out.
     """
     values: dict[str, float] = {}
     for key, setting in robot.items():
@@ -60,3 +59,14 @@ def parameters_of(robot: Mapping[str, bool | int | float | str]) -> dict[str, fl
         elif key == "ticks_per_m":
             values["m_per_tick"] = 1.0 / float(setting)
     return values
+
+
+def start_totals(robot: Mapping[str, bool | int | float | str]) -> tuple[int, int]:
+    """Return the left and right encoder totals at the start pose, from a world's `[robot]`."""
+    return int(robot.get("left_start_ticks", 0)), int(robot.get("right_start_ticks", 0))
+
+
+def totals_arguments(robot: Mapping[str, bool | int | float | str]) -> tuple[str, ...]:
+    """Return the arguments of `sidestep run robot` for these totals; none if they are zero."""
+    totals = start_totals(robot)
+    return ("--encoders", *map(str, totals)) if any(totals) else ()

@@ -10,6 +10,7 @@ from textual.pilot import Pilot
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
+from ground.console.completion import Assistance
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox, Sample
@@ -111,9 +112,13 @@ class NoCommands:
         """Return False: no line is local."""
         return False
 
-    def complete(self, text: str) -> list[str]:
+    def assist(self, text: str) -> Assistance:
         """Return no completions."""
-        return []
+        return Assistance()
+
+    def search(self, words: str) -> Assistance:
+        """Return no earlier lines."""
+        return Assistance()
 
     def recall(self, text: str, step: int) -> str:
         """Return the text unchanged."""

@@ -26,6 +26,7 @@ from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import Keymap, shown
 from ground.app.input.textual_bindings import bindings_of
 from ground.app.panels.status import SessionInfo
+from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
@@ -33,10 +34,10 @@ from ground.app.stops.band import Band, BandKeys, stop_band
 from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
+from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
-from protocol.topics import HEARTBEAT
+from protocol.topics import HEARTBEAT, TRUTH
 from protocol.wire.enums import Severity
-from runtime.clock import WallClock
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
@@ -88,7 +89,9 @@ class GroundApp(App[int]):
         self.stack = stack
         self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
+        self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)
+        self._time_factor = TimeFactor(None if stack is None else stack.scenario.pace)
         self._settling: Timer | None = None
         self._printable = Printable()
         self._unread = UnreadWarnings()
@@ -123,9 +126,11 @@ class GroundApp(App[int]):
         """The kind of session (simulation, real robot or replay) and its recording."""
         if self._station is None:
             return SessionInfo(kind="REPLAY")
-        kind = "SIM" if self._station.world is not None else "REAL"
         words = "" if self.recording is None else self.recording.words
-        return SessionInfo(kind=kind, factor=self._frame_rate.factor, recording=words)
+        if self._station.world is None:
+            return SessionInfo(recording=words)
+        factor, now_ns = self._time_factor, self._station.now_ns
+        return SessionInfo(factor.words(now_ns), words, factor.hint(now_ns))
 
     @property
     def unread_warnings(self) -> int:
@@ -167,11 +172,13 @@ class GroundApp(App[int]):
         self.push_screen(ChoiceScreen(title, choices), take)
 
     def open_replay(self, path: Path) -> None:
-        """Show a recording. Raise UserError when it cannot be played."""
-        from ground.app.playback.player import Player  # rarely needed, so imported late
-
-        self.player = Player(path, WallClock())
+        """Read a recording in the background, and show it. Raise UserError if there is none."""
+        self.reader.begin(path, self._show_replay)
         self.switch_mode("replay")
+
+    def _show_replay(self, player: "Player") -> None:
+        self.player = player
+        self.redraw()
 
     @property
     def defect(self) -> Exception | None:
@@ -206,7 +213,7 @@ class GroundApp(App[int]):
         """Poll all sources, and redraw when a frame is due."""
         if self._station is not None:
             self._station.poll()
-            self._frame_rate.measure_time_factor(self._station)
+            self._measure_time_factor(self._station)
         if self.player is not None:
             self.player.poll()
         self._alerts.poll()
@@ -218,6 +225,12 @@ class GroundApp(App[int]):
             self.base_screen.poll()
         if self._frame_rate.due(monotonic_ns()):
             self.redraw()
+
+    def _measure_time_factor(self, station: Station) -> None:
+        """Compare the stamps of the plant with our clock."""
+        truth = station.telemetry.latest(TRUTH)
+        if truth is not None:
+            self._time_factor.take(truth[0].time_ns, truth[1])
 
     def _poll_recording(self) -> None:
         """Log what the recorder reports."""
@@ -300,6 +313,11 @@ class GroundApp(App[int]):
         (id,) = parameters
         known = self._keymap_in_force[str(id)]
         return known.layer in self.key_layers() and known.id in self.doable()
+
+    def action_select_robot(self, robot: str) -> None:
+        """Select a robot of the roster, and redraw."""
+        self.station.select(robot)
+        self.redraw()
 
     def action_do(self, id: str) -> None:
         """Run the action with this id, and redraw."""

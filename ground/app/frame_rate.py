@@ -1,9 +1,7 @@
-"""Choose how often the screen is drawn, and measure how fast simulated time runs."""
+"""Choose how often the screen is drawn."""
 
 from typing import Final, Protocol
 
-from ground.station.station import Station
-from protocol.topics import STATUS
 from runtime.units import NS_PER_S
 
 SLOW_HZ: Final = 2.0
@@ -11,7 +9,6 @@ MAX_DIVISOR: Final = 16
 """Ten frames a second become at least one in 1.6 s."""
 RECOVERY_NS: Final = 20 * NS_PER_S
 """After this time without a late frame, the rate is doubled."""
-WINDOW_NS: Final = 2 * NS_PER_S
 SLACK_NS: Final = 25_000_000
 
 
@@ -34,12 +31,10 @@ class FrameRate:
         self.hz = hz
         self.focused = True
         self.terminal: Drawable | None = None
-        self.factor: float | None = None
         self.divisor = 1
         self._changed_ns = 0
         self._late = False
         self._drawn_ns: int | None = None
-        self._mark: tuple[int, int] | None = None
 
     @property
     def period_ns(self) -> int:
@@ -69,15 +64,3 @@ class FrameRate:
         if not self._late:
             self._late, self._changed_ns = True, now_ns
             self.divisor = min(2 * self.divisor, MAX_DIVISOR)
-
-    def measure_time_factor(self, station: Station) -> None:
-        """Compare the robot's time stamps with our clock, over two seconds."""
-        newest = station.telemetry.latest(STATUS)
-        if newest is None:
-            return
-        stamp_ns, arrived_ns = newest[0].time_ns, newest[1]
-        if self._mark is None or stamp_ns < self._mark[0]:
-            self._mark = (stamp_ns, arrived_ns)
-        elif arrived_ns - self._mark[1] >= WINDOW_NS:
-            self.factor = (stamp_ns - self._mark[0]) / (arrived_ns - self._mark[1])
-            self._mark = (stamp_ns, arrived_ns)

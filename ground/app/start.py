@@ -89,8 +89,17 @@ def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
         sys.stdout.flush()
 
 
-def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) -> int:
-    """Run the app over a recording, without commands. Raise UserError when it cannot be played."""
+def run_replay(
+    options: AppOptions,
+    path: Path,
+    robot: str | None,
+    at_s: float,
+    progress: Callable[[float], None],
+) -> int:
+    """Run the app over a recording, without commands. Raise UserError when it cannot be played.
+
+    `progress` receives the share of the file that was read, before the app opens.
+    """
     keymap, appearance = keymap_of(options), appearance_of(options)
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
@@ -100,7 +109,7 @@ def run_replay(options: AppOptions, path: Path, robot: str | None, at_s: float) 
     from ground.console.history import History
 
     clock = WallClock()
-    player = Player(path, clock, robot)
+    player = Player(path, clock, robot, progress)
     player.seek(at_s)
     common = Common(network=Network(), robot=player.bus.robot)
     history = History(state_folder() / "history")

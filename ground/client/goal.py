@@ -76,6 +76,10 @@ def from_robot(where: Destination, x_m: float, y_m: float, heading_rad: float) -
     )
 
 
-def goal_request(goal: WireGoal, request_id: int, mode: Mode) -> GoalRequest:
-    """Build the request for a goal in a mode."""
-    return GoalRequest(request_id=request_id, mode=mode, **goal._asdict())
+def goal_request(
+    goal: WireGoal, request_id: int, mode: Mode, *, from_robot: bool = False
+) -> GoalRequest:
+    """Build the request for a goal in a mode; `from_robot`: it was given relative to the robot."""
+    return GoalRequest(
+        request_id=request_id, mode=mode, from_robot=int(from_robot), **goal._asdict()
+    )

@@ -84,10 +84,16 @@ class Link:
         """Return a link to another robot on the same bus."""
         return Link(self.bus, replace(self._common, robot=robot), self.clock)
 
-    def command(self, command: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
+    def command(
+        self, command: Command, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
+    ) -> CommandRequest:
         """Return a command with an id of its own."""
         return CommandRequest(
-            request_id=self.ids.next(), param1=param1, param2=param2, command=command
+            request_id=self.ids.next(),
+            param1=param1,
+            param2=param2,
+            command=command,
+            param3=param3,
         )
 
     def ask(

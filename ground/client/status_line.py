@@ -15,6 +15,7 @@ from protocol.wire.reasons import Reason, reason_text
 from runtime.units import NS_PER_S
 
 NONE: Final = "--"
+PLACE_UNKNOWN: Final = "PLACE UNKNOWN"
 SILENT_NS: Final = 700_000_000
 
 M = TypeVar("M", bound=Message)
@@ -126,10 +127,17 @@ def reason_of(status: NavigatorStatus) -> str:
 
 def pose_of(odometry: PlanarOdometry) -> str:
     """Return position (m) and heading (degrees) in words."""
+    if not knows_place(odometry):
+        return PLACE_UNKNOWN
     x_m, y_m = odometry.x_m, odometry.y_m
     heading_rad = odometry.heading_rad
     heading = f"{round(degrees(heading_rad))}" if isfinite(heading_rad) else NONE
     return f"pose {x_m:.2f} {y_m:.2f} {heading} deg"
+
+
+def knows_place(odometry: PlanarOdometry) -> bool:
+    """Return whether the robot knows where it is; without a place it has no covariance."""
+    return isfinite(odometry.cov_xx_m2 + odometry.cov_yy_m2 + odometry.cov_hh_rad2)
 
 
 def metres(value: float) -> str:

@@ -89,9 +89,9 @@ class RecordHere:
 
 @dataclass(frozen=True, slots=True)
 class OpenReplay:
-    """Show a log as if it were live."""
+    """Show a recording; `file` as for `recording_named`."""
 
-    file: Path
+    file: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +155,7 @@ def _declare_draft(parser: argparse.ArgumentParser) -> None:
     adding = actions.add_parser("add", help="append a waypoint to the draft")
     adding.add_argument("x", type=finite, metavar="X", help="metres")
     adding.add_argument("y", type=finite, metavar="Y", help="metres")
-    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG")
+    adding.add_argument("heading", type=finite, nargs="?", metavar="DEG", help="degrees")
     adding.add_argument("--hold", type=finite, default=0.0, metavar="S", help="wait there")
     removing = actions.add_parser("remove", help="remove a waypoint from the draft")
     removing.add_argument("item", type=whole(1, MAX_WAYPOINTS), metavar="ITEM")
@@ -252,9 +252,9 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
         ),
         "replay": LocalVerb(
             "show a log as if it were live",
-            lambda arguments: OpenReplay(arguments.file),
+            lambda arguments: OpenReplay(None if arguments.file is None else str(arguments.file)),
             lambda parser: parser.add_argument(
-                "file", type=Path, metavar="FILE", help="a .tlog or .mcap"
+                "file", nargs="?", metavar="FILE", help="a .tlog or .mcap (default the newest)"
             ),
         ),
         "ghost": LocalVerb(

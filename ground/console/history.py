@@ -1,6 +1,8 @@
 """The lines typed before: bounded, without repetitions, and kept in a file if there is one."""
 
 import os
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -49,6 +51,16 @@ class History:
                 return self.lines[at]
         self._at = len(self.lines)
         return self._begun
+
+    def search(self, words: str) -> list[str]:
+        """Return the lines that contain all these words, the newest first, each once."""
+        wanted = words.casefold().split()
+        found = dict.fromkeys(reversed(self.lines))
+        return [line for line in found if all(word in line.casefold() for word in wanted)]
+
+    def uses(self) -> Mapping[str, int]:
+        """Return how often each word begins a line."""
+        return Counter(line.split(maxsplit=1)[0] for line in self.lines)
 
     def _read(self) -> list[str]:
         if self._path is None:

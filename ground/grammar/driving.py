@@ -26,7 +26,11 @@ class GotoWords(Words):
         parser.add_argument("x", type=finite, metavar="X", help="metres")
         parser.add_argument("y", type=finite, metavar="Y", help="metres")
         parser.add_argument(
-            "heading", type=finite, nargs="?", metavar="DEG", help="final heading; without it any"
+            "heading",
+            type=finite,
+            nargs="?",
+            metavar="DEG",
+            help="degrees: final heading; without it any",
         )
         parser.add_argument(
             "--tolerance",

@@ -82,9 +82,14 @@ class FleetRun:
         return [goal_run.outcome for goal_run in self._goal_runs if goal_run.outcome is not None]
 
     def _line(self) -> list[Part]:
+        first = self._goal_runs[0]
         if len(self._goal_runs) == 1:
-            return self._goal_runs[0].line()
-        return [*(goal_run.short_line() for goal_run in self._goal_runs), self._goal_runs[0].time()]
+            return [*first.line(), first.pace()]
+        return [
+            *(goal_run.short_line() for goal_run in self._goal_runs),
+            first.time(),
+            first.pace(),
+        ]
 
 
 def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:

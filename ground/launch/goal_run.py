@@ -11,12 +11,13 @@ from ground.client.requests import GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, short_line
 from ground.client.telemetry import Telemetry
+from ground.client.time_factor import TimeFactor
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
 from protocol.outcome import Outcome, RunEnd, evaluated
-from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS
+from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
 from protocol.wire.enums import Command, GoalState, Mode, RunAction
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
@@ -59,12 +60,13 @@ class GoalRun:
         self.telemetry = Telemetry(
             link.bus,
             link.robot,
-            (STATUS, ODOMETRY, DECISION, CYCLE),
+            (STATUS, ODOMETRY, DECISION, CYCLE, TRUTH),
             taker=lambda path: self._keep_pose if path == ODOMETRY.path else None,
         )
         self.outcome: Outcome | None = None
         self.void_reason = ""
         self._waiting = ""
+        self._time_factor = TimeFactor(scenario.pace)
         self._scenario = scenario
         self._goal = scenario_robot.goal
         self._check = check
@@ -140,6 +142,9 @@ class GoalRun:
         """Check whether the goal has ended; NoOutcomeError when the robot is lost."""
         if self.is_over or self._watch is None:
             return
+        truth = self.telemetry.latest(TRUTH)
+        if truth is not None:
+            self._time_factor.take(truth[0].time_ns, truth[1])
         void = self._void()
         if void is not None:
             self._waiting = void.why
@@ -189,6 +194,12 @@ class GoalRun:
         if newest is None or not newest[0].goal_id:
             return Part("")
         return Part(f"{(newest[0].time_ns - newest[0].goal_started_ns) / NS_PER_S:.0f} s")
+
+    def pace(self) -> Part:
+        """Return how slowly simulated time runs; empty when it is as fast as chosen."""
+        now_ns = self.link.clock.now_ns()
+        hint, words = self._time_factor.hint(now_ns), self._time_factor.words(now_ns)
+        return Part(f"{words}, {hint}", words) if hint else Part("")
 
     def _end(self, status: NavigatorStatus) -> None:
         wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S

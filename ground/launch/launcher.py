@@ -36,9 +36,9 @@ from runtime.units import NS_PER_S
 
 PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
     {
-        "hang": (signal.SIGSTOP, "is suspended as if it hung; its link stays open"),
-        "wake": (signal.SIGCONT, "runs again"),
-        "end": (signal.SIGKILL, "is killed"),
+        "hang": (signal.SIGSTOP, "is frozen (SIGSTOP); its link stays open"),
+        "wake": (signal.SIGCONT, "runs again (SIGCONT)"),
+        "end": (signal.SIGKILL, "is killed (SIGKILL)"),
     }
 )
 """Signal and effect of each fault that can be injected into a process."""

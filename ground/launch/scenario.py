@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
+from ground.client.time_factor import chosen_speed
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings
 from protocol.wire.goal import start_arguments
-from runtime.calibration import settings_of
+from runtime.calibration import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
@@ -69,6 +70,11 @@ class Scenario:
     def lockstep(self) -> bool:
         """True for a run in lockstep, which is repeatable."""
         return self.clock != WALL
+
+    @property
+    def pace(self) -> float:
+        """Simulated time over real time, at most."""
+        return chosen_speed(self.speed)
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -228,6 +234,7 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     if scenario.lockstep:
         found.append("--lockstep")
     found += ["--start", *start_arguments(*scenario_robot.start)]
+    found += totals_arguments(scenario.facts["robot"])
     settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)
     for parameter, value in settings.items():
         found += ["--param", f"{parameter}={value!r}"]

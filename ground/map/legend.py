@@ -6,6 +6,7 @@ from ground.map.glyphs import MARKS
 from ground.map.scene import MapScene
 
 NOT_LIVE: Final = "NOT LIVE"
+NO_PLACE: Final = "PLACE UNKNOWN"
 GAP: Final = "  "
 Entry = tuple[str, str]
 """Some words and their role."""
@@ -27,6 +28,7 @@ def entries(scene: MapScene, form: int) -> list[Entry]:
     walled = scene.obstacles or scene.size_m
     table = (
         (not scene.live, NOT_LIVE, "text"),
+        (not scene.placed, NO_PLACE, "text"),
         (bool(scene.note), scene.note, "text"),
         (scene.robot is not None and scene.live, f"{'▶>'[form]} robot", "robot"),
         (scene.goal is not None, f"{MARKS['goal'][form]} goal", "goal"),
@@ -36,6 +38,7 @@ def entries(scene: MapScene, form: int) -> list[Entry]:
         (scene.virtual_goal is not None, f"{MARKS['virtual'][form]} virtual", "virtual"),
         (bool(scene.hits or scene.leaves), "H/L hit/leave", "hit"),
         (bool(scene.mission), f"{MARKS['waypoint'][form]} mission", "mission"),
+        (bool(scene.others), f"{MARKS['other'][form]} other robots", "other"),
         (bool(scene.movers), f"{MARKS['mover'][form]} moving", "truth"),
         (scene.fence is not None, f"{'⠒-'[form]} fence", "fence"),
         (bool(scene.ghosts), f"{MARKS['ended'][form]} ghost", "ghost"),

@@ -20,7 +20,9 @@ NOT_DRAWN: Final = -1.0
 
 
 def draw_trail(pen: Pen, scene: MapScene) -> None:
-    """Draw the way that the robot has driven."""
+    """Draw the way that the robot has driven, above those of other robots."""
+    for other in scene.others:
+        pen.path(other.trail, "other trail")
     pen.path(scene.trail, "trail")
 
 
@@ -91,7 +93,8 @@ def draw_others(pen: Pen, scene: MapScene) -> None:
         pen.mark((mover.x_m, mover.y_m), "mover", "truth")
     for other in scene.others:
         _body(pen, other, "other")
-        pen.mark((other.x_m, other.y_m), "other", "other", other.name)
+        mark = "other" if other.live else "lost"
+        pen.mark((other.x_m, other.y_m), mark, "other", other.name)
 
 
 def draw_true_robot(pen: Pen, scene: MapScene) -> None:

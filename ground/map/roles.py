@@ -13,6 +13,7 @@ ROLES: Final = (
     "truth",
     "fence",
     "ghost",
+    "other trail",
     "trail",
     "ellipse",
     "zone",

@@ -56,13 +56,18 @@ Shape: TypeAlias = Outline | Disc
 
 @dataclass(frozen=True, slots=True)
 class RobotMark:
-    """The pose of a robot; the name is shown when there are several."""
+    """The pose of a robot; the name is shown when there are several.
+
+    `trail` and `live` describe robots other than the selected one.
+    """
 
     x_m: float
     y_m: float
     heading_rad: float
     radius_m: float = RADIUS_M
     name: str = ""
+    live: bool = True
+    trail: Sequence[Point] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +95,13 @@ class MapScene:
 
     `size_m` is the size of the floor, from 0 0; walls around the floor are ordinary obstacles.
     `truth`: the obstacles come from the simulation, not from the robot. `live` is False when the
-    robot is late; its mark is then a question mark. `seen` are echoes of the last seconds,
-    `seen_late` and `seen_old` those before. `true_robot` is the pose in the simulation. `ranges_m`
-    are the ranges of the sonars from right to left, measured from the robot's rim: inf for no echo,
-    None for a missing sonar. `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in
-    m2. `current` is the index of the mission item under way, `draft` a mission that the robot has
-    not received, `note` a text for the legend.
+    robot is late; its mark is then a question mark. `placed` is False when the robot does not know
+    its place; it has no mark then. `seen` are echoes of the last seconds, `seen_late` and
+    `seen_old` those before. `true_robot` is the pose in the simulation. `ranges_m` are the ranges
+    of the sonars from right to left, measured from the robot's rim: inf for no echo, None for a
+    missing sonar. `zone_m` is measured from the rim, too. `covariance` is xx, xy, yy in m2.
+    `current` is the index of the mission item under way, `draft` a mission that the robot has not
+    received, `note` a text for the legend.
     """
 
     size_m: Point | None = None
@@ -108,6 +114,7 @@ class MapScene:
     robot: RobotMark | None = None
     true_robot: RobotMark | None = None
     live: bool = True
+    placed: bool = True
     covariance: tuple[float, float, float] | None = None
     ranges_m: Sequence[float | None] = ()
     zone_m: float | None = None
@@ -142,7 +149,7 @@ class MapScene:
             for shape in shapes:
                 yield from _corners(shape)
             yield from (*self.seen, *self.seen_late, *self.seen_old, *self.trail)
-        targets = (self.robot, self.goal, *self.mission, *self.draft)
+        targets = (self.robot, self.goal, *self.others, *self.mission, *self.draft)
         for place in (place for place in targets if place is not None):
             yield from _corners(Disc(place.x_m, place.y_m, RADIUS_M))
 

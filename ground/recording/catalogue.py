@@ -1,6 +1,7 @@
 """Find recordings: those in a folder, the newest first, and the one that a user names."""
 
 import re
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -29,9 +30,14 @@ def recordings_in(folder: Path, *, below: bool = False) -> list[Path]:
             for path in sorted(folder.glob(pattern), reverse=True):  # .tlog before .mcap
                 if path.suffix in SUFFIXES and path.is_file():
                     found[path.with_suffix("")] = path
-        return sorted(found.values(), key=lambda path: (began(path), path.stem), reverse=True)
+        return newest_first(found.values())
     except OSError:
         return []
+
+
+def newest_first(paths: Iterable[Path]) -> list[Path]:
+    """Return the recordings in order, the newest first; OSError if one has gone."""
+    return sorted(paths, key=lambda path: (began(path), path.stem), reverse=True)
 
 
 def began(path: Path) -> datetime:

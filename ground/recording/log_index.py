@@ -6,7 +6,7 @@ runs as fast as the machine can, it is the stamp of the plant's clock.
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from typing import Final, NamedTuple
 
@@ -18,6 +18,8 @@ from protocol.wire.messages import SystemTime
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_US
 
+REPORT_EVERY: Final = 1000
+"""Number of frames between two reports of progress."""
 MAX_TIME_NS: Final = 1 << 62
 """Upper limit for a damaged time."""
 
@@ -33,7 +35,8 @@ class IndexedFrame(NamedTuple):
 class LogIndex:
     """Frames in order, with an index by key."""
 
-    def __init__(self, log: Log) -> None:
+    def __init__(self, log: Log, progress: Callable[[float], None] = lambda _: None) -> None:
+        """Read the log; `progress` receives the share of the file that was read."""
         self._keys: list[str] = []
         self._key_of = array("I")
         self._times_ns = array("q")
@@ -42,17 +45,19 @@ class LogIndex:
         self._places: dict[str, array[int]] = {}
         self.start_ns = 0
         """Time of arrival of the first frame, in UTC."""
-        self._fill(log)
+        self._fill(log, progress)
         self.robot = log.robot
         self.facts = dict(log.facts)
         self.damage = log.damage()
 
-    def _fill(self, log: Iterable[LoggedFrame]) -> None:
+    def _fill(self, log: Log, progress: Callable[[float], None]) -> None:
         numbers: dict[str, int] = {}
         plant = PlantClock()
         stamps_ns = array("q")
         arrived_ns = 0
         for place, one in enumerate(log):
+            if place % REPORT_EVERY == 0:
+                progress(log.share)
             self.start_ns = self.start_ns or one.time_ns
             arrived_ns = min(max(arrived_ns, one.time_ns - self.start_ns), MAX_TIME_NS)
             self._times_ns.append(arrived_ns)

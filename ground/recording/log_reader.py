@@ -49,6 +49,11 @@ class Log(Protocol):
         ...
 
     @property
+    def share(self) -> float:
+        """Share of the file that was read, 0 to 1."""
+        ...
+
+    @property
     def lost_bytes(self) -> int:
         """Number of bytes lost so far."""
         ...
@@ -70,11 +75,14 @@ class TlogLog:
         self.facts = sibling_facts(path)
         self._path = path
         self._reader: TlogReader | None = None
+        self.share = 0.0
 
     def __iter__(self) -> Iterator[LoggedFrame]:
+        size = max(1, self._path.stat().st_size)
         with self._path.open("rb") as source:
             self._reader = TlogReader(source)
             for time_us, frame in self._reader:
+                self.share = source.tell() / size
                 yield LoggedFrame(time_us * NS_PER_US, key_of(frame, self.robot), frame)
 
     @property

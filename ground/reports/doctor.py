@@ -15,7 +15,17 @@ from ground.reports.report import Report
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.tls.certificate import own_certificate
 from protocol.bus.tls.role_grants import denial
-from protocol.topics import COMMAND, CYCLE, PARAMETERS, STATUS, TOPICS, WORLD, Role, Service
+from protocol.topics import (
+    COMMAND,
+    CYCLE,
+    ODOMETRY,
+    PARAMETERS,
+    STATUS,
+    TOPICS,
+    WORLD,
+    Role,
+    Service,
+)
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
@@ -72,6 +82,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
     now_ns = link.clock.now_ns()
     processes = present_processes(link.bus.present())
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
+    odometry = telemetry.latest(ODOMETRY)
     return Observed(
         robot=link.robot,
         endpoint=link.endpoint,
@@ -79,6 +90,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         listened_ns=listen_ns,
         streams=tuple(stream_of(box, now_ns) for box in telemetry.boxes().values()),
         status=None if status is None else status[0],
+        odometry=None if odometry is None else odometry[0],
         cycle=None if cycle is None else cycle[0],
         answers=tuple(
             (service.path, why)

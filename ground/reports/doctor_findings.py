@@ -8,12 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from ground.client.presence import PresentProcesses, explain_silence
+from ground.client.status_line import knows_place
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW, remedy
 from protocol.bus.tls.role_grants import ALL, denial, grant_of
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
-from protocol.wire.messages import CycleReport, NavigatorStatus
+from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
 from runtime.cli.packages import Conflict
 from runtime.units import NS_PER_MS, NS_PER_S
@@ -52,6 +53,7 @@ class Observed:
     processes: PresentProcesses
     streams: tuple[Stream, ...]
     status: NavigatorStatus | None = None
+    odometry: PlanarOdometry | None = None
     cycle: CycleReport | None = None
     answers: tuple[tuple[str, str], ...] = ()
     listened_ns: int = 1000 * NS_PER_MS
@@ -91,6 +93,7 @@ def examine(seen: Observed) -> Report:
             *streams(seen),
             *services(seen),
             *state(seen.status),
+            *place(seen.odometry),
             *pace(seen.cycle),
         ]
     )
@@ -196,6 +199,13 @@ def state(status: NavigatorStatus | None) -> Iterator[Finding]:
         yield Finding(f"emergency stop: {reason}", do, bad=False)
     elif status.vehicle_reason != Reason.NONE:
         yield Finding(f"vehicle: {reason}", "sidestep watch", bad=False)
+
+
+def place(odometry: PlanarOdometry | None) -> Iterator[Finding]:
+    """Yield that the robot does not know its place."""
+    if odometry is not None and not knows_place(odometry):
+        do = "sidestep pose set X Y DEG, or sidestep pose truth in a simulation"
+        yield Finding("the robot does not know where it is", do, bad=False)
 
 
 def pace(cycle: CycleReport | None) -> Iterator[Finding]:

@@ -1,13 +1,15 @@
 """Compose the map of one robot and its surroundings."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import isfinite, sqrt
 from typing import Final
 
+from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, age_of
 from ground.map.ellipse import CHI2_2
 from ground.map.scene import MapScene, MapTarget, RobotMark
-from ground.station.history.trail import ranges_m
+from ground.station.history.trail import Point, ranges_m
 from ground.station.robot.robot_model import RobotModel
 from ground.station.world import WorldFacts
 from protocol.topics import DECISION, MISSION, ODOMETRY, SONAR, STATUS, TRUTH
@@ -19,17 +21,11 @@ from runtime.units import NS_PER_S
 STOPPED_S: Final = OPERATOR_LOST_MS / 1000 + 0.5
 """Time after which a robot without operator has stopped; braking takes up to half a second."""
 FARTHEST_S: Final = 30.0
+TRAIL_POINTS: Final = 128
 
 
-def scene_of(
-    model: RobotModel,
-    world: WorldFacts | None,
-    now_ns: int,
-    *,
-    lost: bool,
-    others: Iterable[RobotModel] = (),
-) -> MapScene:
-    """Return the scene; stale data are left out, except the pose.
+def scene_of(model: RobotModel, world: WorldFacts | None, now_ns: int, *, lost: bool) -> MapScene:
+    """Return the scene of one robot; stale data are left out, except the pose.
 
     The map marks a pose that is not live; its `covariance` grows with what may have been driven.
     """
@@ -49,7 +45,7 @@ def scene_of(
         seen_late=seen.late,
         seen_old=seen.old,
         trail=figures.trail.points(),
-        robot=None if pose is None else robot_of(pose, figures.radius_m),
+        robot=None if pose is None else robot_of(pose, figures.radius_m, model.robot),
         true_robot=true_robot_of(model, now_ns),
         live=not lost and telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE,
         covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
@@ -62,8 +58,18 @@ def scene_of(
         fence=model.mission_items.fence,
         mission=model.mission_items.mission,
         current=running.current if running is not None and running.count else None,
-        others=tuple(found for other in others if (found := other_of(other, now_ns)) is not None),
     )
+
+
+def others_of(models: Iterable[RobotModel], now_ns: int) -> tuple[RobotMark, ...]:
+    """Return other robots on the map."""
+    marks = (other_of(model, now_ns) for model in models)
+    return tuple(mark for mark in marks if mark is not None)
+
+
+def without_place(scene: MapScene) -> MapScene:
+    """Return the scene of a robot that does not know its place, without what refers to it."""
+    return replace(scene, placed=False, robot=None, goal=None, virtual_goal=None)
 
 
 def preview_of(world: WorldFacts) -> MapScene:
@@ -115,9 +121,24 @@ def true_robot_of(model: RobotModel, now_ns: int) -> RobotMark | None:
 
 
 def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
-    """Return another robot on the map; None without a live pose."""
-    pose = model.telemetry.live(ODOMETRY, now_ns)
-    return None if pose is None else robot_of(pose, model.figures.radius_m, model.robot)
+    """Return another robot on the map with its trail; None without a pose, or without a place."""
+    newest = model.telemetry.latest(ODOMETRY)
+    if newest is None or not knows_place(newest[0]):
+        return None
+    mark = robot_of(newest[0], model.figures.radius_m, model.robot)
+    is_live = age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
+    return replace(mark, live=is_live, trail=thinned(model.figures.trail.points()))
+
+
+def thinned(points: Sequence[Point]) -> Sequence[Point]:
+    """Return at most `TRAIL_POINTS` points of a path; they stay the same while it grows a little.
+
+    The path of each of many robots is drawn anew for each frame.
+    """
+    stride = 1
+    while len(points) > TRAIL_POINTS * stride:
+        stride *= 2
+    return (*points[::stride], *points[-1:]) if stride > 1 else points
 
 
 def goal_of(status: NavigatorStatus) -> MapTarget | None:

@@ -1,9 +1,11 @@
 """Show the state of the selected robot at the last poll."""
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, Final
 
 from ground.client.parameter import Parameter
 from ground.client.presence import PresentProcesses
+from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map.scene import MapScene, MapTarget
 from ground.station.fleet import Fleet
@@ -17,13 +19,20 @@ from ground.station.robot.robot_model import RobotModel
 from ground.station.robot.robot_session import RobotSession
 from ground.station.robot.robot_stop import StopRecord
 from ground.station.roster import RosterEntry, roster_of
-from ground.station.scene import scene_of
+from ground.station.scene import others_of, scene_of, without_place
 from ground.station.world import WorldFacts
-from protocol.topics import LEASE, STATUS, Role, Topic
-from protocol.wire.messages import AvoidanceDecision, CycleReport, LeaseStatus
+from protocol.topics import LEASE, ODOMETRY, STATUS, TRUTH, Role, Topic
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    CycleReport,
+    LeaseStatus,
+    PlanarOdometry,
+)
 from runtime.units import NS_PER_S
 
 Point = tuple[float, float]
+PLACE_BY_HAND: Final = "pose set X Y DEG"
+PLACE_FROM_TRUTH: Final = "pose truth"
 
 
 class StationView:
@@ -142,6 +151,16 @@ class StationView:
         return "" if self._session is None else self._session.link_monitor.waiting_for
 
     @property
+    def place_remedy(self) -> str:
+        """The command that gives the robot its place; empty while it knows its place."""
+        seen = self.seen(ODOMETRY)
+        odometry = None if seen.age is Age.GONE else seen.message
+        if not isinstance(odometry, PlanarOdometry) or knows_place(odometry):
+            return ""
+        is_simulated = self.seen(TRUTH).age is not Age.GONE
+        return PLACE_FROM_TRUTH if is_simulated else PLACE_BY_HAND
+
+    @property
     def lease(self) -> LeaseView:
         """The lease, if its status is recent."""
         seen = self.seen(LEASE)
@@ -204,10 +223,12 @@ class StationView:
 
     def scene(self) -> MapScene:
         """Return everything the map shows, except ghosts and cursor."""
-        return scene_of(
+        scene = scene_of(
             self._model,
             self.world,
             self._now_ns,
             lost=self.loss() is not None and not self.lease.others,
-            others=[one for name, one in self._fleet.models.items() if name != self._robot],
         )
+        others = [one for name, one in self._fleet.models.items() if name != self._robot]
+        scene = without_place(scene) if self.place_remedy else scene
+        return replace(scene, others=others_of(others, self._now_ns))

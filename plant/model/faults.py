@@ -23,7 +23,7 @@ class Kind(NamedTuple):
 
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
     {
-        "sonar_dead": Kind(SONAR_TARGETS, 0, 0, "", "does not measure: its valid bit is 0"),
+        "sonar_dead": Kind(SONAR_TARGETS, 0, 0, "", "gives no readings"),
         "sonar_frozen": Kind(SONAR_TARGETS, 0, 0, "", "repeats its last measurement"),
         "sonar_fixed": Kind(SONAR_TARGETS, 0, 60, "m", "always measures this range"),
         "sonar_offset": Kind(SONAR_TARGETS, -60, 60, "m", "measures this much too far"),
@@ -34,7 +34,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
         "wheel_stuck": Kind(WHEEL_TARGETS, 0, 0, "", "does not turn"),
         "ticks_stopped": Kind(NO_TARGETS, 0, 0, "", "no wheel ticks are published"),
         "scan_stopped": Kind(NO_TARGETS, 0, 0, "", "no sonar scan is published"),
-        "bumper_stuck": Kind(NO_TARGETS, 1, 7, "", "these sectors are pressed (sum of 1, 2, 4)"),
+        "bumper_stuck": Kind(NO_TARGETS, 1, 7, "", "reads pressed: 1 left + 2 front + 4 right"),
     }
 )
 

@@ -120,6 +120,8 @@ class Command(IntEnum):
     # Mission item: drive to a pose and wait there. x and y are metres times 10000, frame
     # MAV_FRAME_LOCAL_FLU.
     SIDESTEP_NAV_POSE = 54103
+    # Set the pose of the robot in the odometry frame. Refused while a goal or mission is active.
+    SIDESTEP_SET_POSE = 54104
 
 
 class AckResult(IntEnum):

@@ -20,6 +20,8 @@ class GoalRequest(Message, frozen=True, kw_only=True):
         heading_tolerance_urad: The heading is reached within this angle, microradians.
         heading_free: 1: any final heading is accepted.
         mode: GUIDED (needs an operator) or AUTO. [Mode]
+        from_robot: 1: the goal was given relative to the robot, which may therefore accept it
+            without knowing its place.
     """
 
     request_id: int
@@ -30,6 +32,7 @@ class GoalRequest(Message, frozen=True, kw_only=True):
     heading_tolerance_urad: int
     heading_free: int
     mode: int
+    from_robot: int = 0
 
 
 class CommandRequest(Message, frozen=True, kw_only=True):
@@ -42,12 +45,14 @@ class CommandRequest(Message, frozen=True, kw_only=True):
         param1: First parameter of the command.
         param2: Second parameter of the command.
         command: Command. [Command]
+        param3: Third parameter of the command.
     """
 
     request_id: int
     param1: float
     param2: float
     command: int
+    param3: float = 0.0
 
 
 class LeaseRequest(Message, frozen=True, kw_only=True):

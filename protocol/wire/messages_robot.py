@@ -79,6 +79,9 @@ class WheelCommand(Message, frozen=True, kw_only=True):
 class PlanarOdometry(Message, frozen=True, kw_only=True):
     """Estimated pose in the odometry frame, with the upper triangle of its covariance.
 
+    A covariance of NaN means that the robot does not know its place; the pose then counts from an
+    unknown start.
+
     Attributes:
         time_ns: Stamp, clock of the robot. [ns]
         x_m: Position. [m]

@@ -56,6 +56,7 @@ class Reason(IntEnum):
     CORE_EXCEPTION = 40
     FENCE_BREACHED = 41
     NAME_TAKEN = 42
+    FENCE_UNCHECKED = 43
     BLOCKED = 60
     NO_PROGRESS = 61
     UNREACHABLE = 62
@@ -70,6 +71,7 @@ class Reason(IntEnum):
     NOT_WHILE_ARMED = 101
     LESS_SAFE_THAN_CONFIGURED = 102
     NO_IDENTITY = 103
+    PLACE_UNKNOWN = 104
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -87,7 +89,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     11: "there is no goal to act on",
     12: "there is no trail to follow back",
     13: "this mode needs an operator heartbeat and none arrives",
-    14: "not possible while the robot drives",
+    14: "not possible while a goal or mission is active: abort it first",
     15: "the change is in force but could not be saved",
     16: "the frame is malformed",
     17: "another operator commands the robot",
@@ -116,6 +118,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     40: "the control core failed",
     41: "the robot is outside of its fence: lift the fence to drive it back",
     42: "another robot of the same name is on the bus",
+    43: "the place is unknown, so the fence cannot be checked: set the place or lift the fence",
     60: "has not moved although it tries to",
     61: "has come no closer for too long",
     62: "went all the way round: unreachable",
@@ -130,6 +133,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     101: "a safety parameter changes only while the robot is disarmed",
     102: "less safe than the configuration allows",
     103: "the request does not name its operator",
+    104: "the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation",
 }
 
 

@@ -1,6 +1,7 @@
 """One control cycle: sense, check, decide, act. No clock, no I/O, no randomness."""
 
 from robot.core import machine as machines
+from robot.core import place as places
 from robot.core import pursuit, reasons, states
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
 from robot.core.geometry import wrap
@@ -50,6 +51,8 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
     now_ms, wheels, scan = inputs.now_ms, inputs.wheels, inputs.scan
     odometry, machine = state.odometry, state.machine
     heading_rad = odometry.pose.heading_rad
+    if wheels is not None and not odometry.latched and not places.is_at_start(odometry, wheels):
+        machine.placed = False
     odometries.update(odometry, wheels, params)
     turned_rad = wrap(odometry.pose.heading_rad - heading_rad)
     rings.update(state.ring, scan, now_ms, params)

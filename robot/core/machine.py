@@ -13,6 +13,7 @@ class Machine:
     if fresh sensor data and a fresh operator heartbeat were present in the last step.
     `replaced_serial` is the last goal ended by a newer one (ABORTED, REPLACED). `fence` is the area
     that the robot must not leave, or None; `fence_unreadable` means that a saved fence is lost.
+    `placed` means that the robot knows its place in the world (see `place`).
     `pursuits` counts fresh starts of driving: a new goal, or the same goal with another navigator.
     """
 
@@ -29,6 +30,7 @@ class Machine:
         "mode",
         "navigator",
         "operator",
+        "placed",
         "pursuits",
         "replaced_serial",
         "resume_mode",
@@ -56,6 +58,7 @@ class Machine:
         self.goal_max_m: float = params.goal_max_m
         self.fence: Fence | None = None
         self.fence_unreadable = False
+        self.placed = True
         self.senses = False
         self.operator = False
         self.cause: int = reasons.OK

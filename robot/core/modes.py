@@ -98,9 +98,14 @@ def abort(machine: Machine, now_ms: int) -> int:
     return reasons.OK
 
 
-def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
-    """Drive to a pose in AUTO or GUIDED and replace an active goal; a refusal changes neither."""
+def goto(machine: Machine, goal: Goal, mode: int, now_ms: int, from_robot: bool = False) -> int:
+    """Drive to a pose in AUTO or GUIDED and replace an active goal; a refusal changes neither.
+
+    `from_robot`: the goal was given relative to the robot, so its place may be unknown.
+    """
     refusal = refusal_of(machine, goal, mode)
+    if not (machine.placed or from_robot):
+        refusal = reasons.PLACE_UNKNOWN
     if refusal == reasons.OK:
         machines.start_goal(machine, goal, mode, now_ms)
     elif not machines.goal_is_active(machine):
@@ -111,6 +116,8 @@ def goto(machine: Machine, goal: Goal, mode: int, now_ms: int) -> int:
 
 def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
     """Drive back to the start along the recorded trail."""
+    if not machine.placed:
+        return reasons.PLACE_UNKNOWN
     refusal = may_drive(machine, states.SMART_RTL)
     if refusal != reasons.OK:
         return refusal
@@ -144,14 +151,18 @@ def set_mode(machine: Machine, trail: Trail, mode: int, now_ms: int) -> int:
 def set_fence(machine: Machine, fence: "Fence | None", pose: Pose) -> int:
     """Set a fence, or with None remove it; it must contain the robot and an active goal.
 
-    Before the first sensor data the fence may exclude the robot: arming is refused then.
+    Before the first sensor data the fence may exclude the robot: arming is refused then. After them
+    the robot must know its place.
     """
     if fence is not None:
         refusal = fences.refusal_of(fence)
         if refusal != reasons.OK:
             return refusal
-        if machine.vehicle != states.BOOT and not fences.inside(fence, pose.x_m, pose.y_m):
-            return reasons.FENCE_LEAVES_ROBOT_OUT
+        if machine.vehicle != states.BOOT:
+            if not machine.placed:
+                return reasons.PLACE_UNKNOWN
+            if not fences.inside(fence, pose.x_m, pose.y_m):
+                return reasons.FENCE_LEAVES_ROBOT_OUT
         goal = machine.goal
         kept = goal is None or fences.inside(fence, goal.x_m, goal.y_m)
         if machines.goal_is_active(machine) and not kept:

@@ -19,7 +19,7 @@ PARAMETER_OUT_OF_RANGE: Final = 10  # parameter value is not finite or out of it
 NO_GOAL: Final = 11  # there is no goal to act on
 NO_TRAIL: Final = 12  # there is no trail to follow back
 NO_OPERATOR: Final = 13  # this mode needs an operator heartbeat and none arrives
-DRIVING: Final = 14  # not possible while the robot drives
+DRIVING: Final = 14  # not possible while a goal or mission is active: abort it first
 NOT_SAVED: Final = 15  # the change is in force but could not be saved
 MALFORMED: Final = 16  # the frame is malformed
 LEASE_HELD: Final = 17  # another operator commands the robot
@@ -48,6 +48,8 @@ BUDGET: Final = 39  # control loop too slow (computer busy)
 CORE_EXCEPTION: Final = 40  # the control core failed
 FENCE_BREACHED: Final = 41  # the robot is outside of its fence: lift the fence to drive it back
 NAME_TAKEN: Final = 42  # another robot of the same name is on the bus
+# the place is unknown, so the fence cannot be checked: set the place or lift the fence
+FENCE_UNCHECKED: Final = 43
 BLOCKED: Final = 60  # has not moved although it tries to
 NO_PROGRESS: Final = 61  # has come no closer for too long
 UNREACHABLE: Final = 62  # went all the way round: unreachable
@@ -62,3 +64,5 @@ FENCE_UNREADABLE: Final = 100  # the saved fence cannot be read: clear the fence
 NOT_WHILE_ARMED: Final = 101  # a safety parameter changes only while the robot is disarmed
 LESS_SAFE_THAN_CONFIGURED: Final = 102  # less safe than the configuration allows
 NO_IDENTITY: Final = 103  # the request does not name its operator
+# the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation
+PLACE_UNKNOWN: Final = 104

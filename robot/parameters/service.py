@@ -18,6 +18,7 @@ from robot.parameters.table import (
     is_less_safe,
     safety_changes,
     with_value,
+    with_values,
 )
 from robot.storage.files import Store
 
@@ -74,6 +75,18 @@ class ParameterService:
             return ack(NO_COMMAND, reason)
         self._store.save(request.param_id, float(getattr(params, request.param_id)))
         return self._value(request.param_id)
+
+    def adopt_navigator(self) -> None:
+        """Adopt navigator and side of the mode machine, which a command may have chosen.
+
+        The choice is not saved; `param set navigator` saves it.
+        """
+        machine, params = self._machine, self.params
+        if (machine.navigator, machine.side) == (params.navigator, params.side):
+            return
+        values = {"navigator": float(machine.navigator), "side": float(machine.side)}
+        self.params = with_values(params, values)
+        self.forget_text()
 
     def read(self, request: ParamRequestRead) -> Answer:
         """Return a parameter by name or index, or a refusal."""

@@ -49,6 +49,12 @@ FENCE: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "show": Subcommand("show the robot's fence", "fence show --json"),
     }
 )
+POSE: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "set": Subcommand("set the pose of the robot to X Y [DEG]", "pose set 2 1.5 90"),
+        "truth": Subcommand("set the pose of a simulated robot to the true one", "pose truth"),
+    }
+)
 PARAM: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("all parameters, with unit, range, default and meaning", "param list"),

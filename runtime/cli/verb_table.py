@@ -100,10 +100,8 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         "rtl": Verb(
             DRIVE, "drive back along the robot's own trail", "rtl", COMMANDS, words="CommandWords"
         ),
-        "arm": Verb(DRIVE, "let the wheels turn", "arm", COMMANDS, words="CommandWords"),
-        "disarm": Verb(
-            DRIVE, "do not let the wheels turn", "disarm", COMMANDS, words="CommandWords"
-        ),
+        "arm": Verb(DRIVE, "arm the motors", "arm", COMMANDS, words="CommandWords"),
+        "disarm": Verb(DRIVE, "disarm the motors", "disarm", COMMANDS, words="CommandWords"),
         "estop": Verb(DRIVE, "emergency stop, latched", "estop --all", COMMANDS, words="StopWords"),
         "clear-estop": Verb(
             DRIVE, "release the emergency stop", "clear-estop --all", COMMANDS, words="ClearWords"
@@ -307,9 +305,17 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             words="FenceWords",
             subcommands=subcommand_table.FENCE,
         ),
+        "pose": Verb(
+            MORE,
+            "set the pose of a robot that has lost its place",
+            "pose set 2 1.5 90",
+            "ground.grammar.places",
+            words="PoseWords",
+            subcommands=subcommand_table.POSE,
+        ),
         "lease": Verb(
             MORE,
-            "exclusive command of the robot: take, release, show",
+            "take or give back control of the robot, or show who has it",
             "lease take --for 60",
             COMMANDS,
             words="LeaseWords",

@@ -17,6 +17,7 @@ from protocol.wire.messages import PlanarOdometry
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
 from robot.parameters.table import adjusted
+from runtime.calibration import start_totals
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from runtime.json_reader import value_in
@@ -36,7 +37,8 @@ def main(argv: Sequence[str]) -> int:
     if other:
         params = params._replace(navigator=NAVIGATORS[options.navigator])
     start, exact = start_of(recorded)
-    result = reexecute(recorded, params, start, other=other)
+    totals = totals_in(recorded.facts.get("world", ""))
+    result = reexecute(recorded, params, start, totals, other=other)
     values = as_json(options, recorded, result)
     words = other_in_words(options.navigator, result) if other else in_words(result)
     for note in notes(recorded, result, exact=exact):
@@ -105,6 +107,14 @@ def starts_in(world: str) -> list[dict[str, Any]]:
         return [*facts.get("starts", ()), facts["start"]]
     except (ValueError, KeyError, AttributeError, TypeError):
         return []
+
+
+def totals_in(world: str) -> tuple[int, int]:
+    """Return the encoder totals at the start in the recorded description of a world."""
+    try:
+        return start_totals(value_in(world).get("robot", {}))
+    except (ValueError, AttributeError, TypeError):
+        return 0, 0
 
 
 def same_single(a: float, b: float) -> bool:

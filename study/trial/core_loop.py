@@ -21,11 +21,16 @@ class CoreLoop:
 
     __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "params", "state")
 
-    def __init__(self, params: Params, start: Pose) -> None:
-        """Create the core; `start` is the pose that the robot is given, in the world frame."""
+    def __init__(self, params: Params, start: Pose, totals: tuple[int, int] = (0, 0)) -> None:
+        """Create the core; `start` is the pose that the robot is given, in the world frame.
+
+        `totals` are the encoder counters at that pose.
+        """
         self.params = params
         self.state = brain.State(params)
-        self.state.odometry.pose = start
+        odometry = self.state.odometry
+        odometry.pose = start
+        odometry.left, odometry.right = totals
         self.now_ms = 0
         self._wheels: Wheels | None = None
         self._scan: SonarScan | None = None

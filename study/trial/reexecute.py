@@ -76,12 +76,18 @@ class Reexecution:
     """The robot of this build, driven by the inputs of a recording."""
 
     def __init__(
-        self, recorded: RecordedDrive, params: Params, start: Pose, *, other: bool
+        self,
+        recorded: RecordedDrive,
+        params: Params,
+        start: Pose,
+        totals: tuple[int, int],
+        *,
+        other: bool,
     ) -> None:
         """Create the robot; with `other`, requests that choose a navigator are skipped."""
         self._recorded = recorded
         self._other = other
-        self._vehicle = Vehicle(params, Store(None), start)
+        self._vehicle = Vehicle(params, Store(None), start, totals=totals)
         self._vehicle.parameters.configured = None  # refusals that depend on it are skipped
         if recorded.fence_lost:
             modes.lose_fence(self._vehicle.state.machine)
@@ -146,14 +152,20 @@ def chooses_navigator(request: Message) -> bool:
 
 
 def reexecute(
-    recorded: RecordedDrive, params: Params, start: Pose, *, other: bool = False
+    recorded: RecordedDrive,
+    params: Params,
+    start: Pose,
+    totals: tuple[int, int] = (0, 0),
+    *,
+    other: bool = False,
 ) -> ReexecutionResult:
     """Re-execute all ticks, up to the first with missing inputs, and compare the outputs.
 
     With `other` only wheel commands are compared, and the run continues after the first difference.
-    Raises UserError when the robot had moved before the recording begins.
+    `totals` are the encoder counters at the start pose. Raises UserError when the robot had moved
+    before the recording begins.
     """
-    robot = Reexecution(recorded, params, start, other=other)
+    robot = Reexecution(recorded, params, start, totals, other=other)
     result = ReexecutionResult(len(recorded.ticks))
     kinds = COMPARED[:1] if other else COMPARED
     for place, (inputs, sequence) in enumerate(recorded.ticks):

@@ -18,7 +18,7 @@ from robot.core.machine import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
 from robot.parameters.table import with_values
-from runtime.calibration import settings_of
+from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
 from study.trial.core_loop import CoreLoop
@@ -76,7 +76,8 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
-    onboard = CoreLoop(params_of(trial), start_of(trial.world))
+    totals = start_totals(trial.world.robot)
+    onboard = CoreLoop(params_of(trial), start_of(trial.world), totals)
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)

@@ -17,6 +17,7 @@ from plant.world.file import SHIPPED_DIR, load
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.goal import start_arguments
+from runtime.calibration import totals_arguments
 from runtime.units import NS_PER_S
 from verification.faults_matrix.actions import (
     Act,
@@ -53,7 +54,8 @@ RUNS_OUT_S: Final = 0.5
 LONGEST_S: Final = {True: 15.0, False: 300.0}
 SAVED_S: Final = 20.0
 """Time until the newest changes are saved on a slow disk."""
-WRAPS_AFTER: Final = 2500
+WRAPPING: Final = dict.fromkeys(("left_start_ticks", "right_start_ticks"), 2**31 - 2500)
+"""Encoders that are about to wrap."""
 ATTEMPTS: Final = 3
 ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED)
 
@@ -106,7 +108,9 @@ class WallTimeDrill:
         processes, start = self._processes, load(self._world).start
         processes.start("router", "router", "--listen", processes.router)
         processes.await_output("router", "router at")
-        place = start_arguments(start.x_m, start.y_m, start.heading_rad)
+        place = [*start_arguments(start.x_m, start.y_m, start.heading_rad)]
+        if self._fault.act is PlainAct.WRAP_ENCODERS:
+            place += totals_arguments(WRAPPING)
         state = ("--state", str(processes.folder / "state"))
         processes.start_behind_proxy("robot", "robot", "--start", *place, *state)
         options = ("--noise", "default", "--seed", str(self._number))
@@ -132,10 +136,9 @@ class WallTimeDrill:
         if self._fault.act is not PlainAct.WRAP_ENCODERS:
             return self._world
         text = (SHIPPED_DIR / f"{self._world}.toml").read_text(encoding="utf-8")
-        ticks = 2**31 - WRAPS_AFTER
         path = self._processes.folder / f"{self._world}.toml"
-        wrapping = f"\n[robot]\nleft_start_ticks = {ticks}\nright_start_ticks = {ticks}\n"
-        path.write_text(text + wrapping, encoding="utf-8")
+        wrapping = "".join(f"{name} = {ticks}\n" for name, ticks in WRAPPING.items())
+        path.write_text(f"{text}\n[robot]\n{wrapping}", encoding="utf-8")
         return str(path)
 
     def _set_off(self) -> None:

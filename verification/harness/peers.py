@@ -40,6 +40,7 @@ from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
+from runtime.calibration import start_totals
 from runtime.clock import ManualClock
 from runtime.timing import PERIOD_NS
 from verification.harness.bus_calls import await_subscribers
@@ -133,7 +134,10 @@ class Peers:
         bus = self._open("robot", Role.ROBOT)
         start = self.world.start
         self.vehicle = Vehicle(
-            self._params, Store(None), Pose(start.x_m, start.y_m, start.heading_rad)
+            self._params,
+            Store(None),
+            Pose(start.x_m, start.y_m, start.heading_rad),
+            totals=start_totals(self.world.robot),
         )
         senses = self._senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
         meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=self._enforced)

@@ -17,6 +17,7 @@ from protocol.wire.goal import start_arguments
 from protocol.wire.message import Message
 from protocol.wire.messages import NavigatorStatus, RunRequest, RunScore
 from robot.core.parameters import DEFAULTS
+from runtime.calibration import totals_arguments
 from study.trial.trial import Trial, params_of, wire_goal_of
 from verification.harness.bus_calls import arm_request, ask_until_accepted, auto_goal_request
 from verification.harness.processes import ROBOT, free_port, sidestep
@@ -70,6 +71,7 @@ def robot_words(trial: Trial) -> Iterator[str]:
     start = trial.world.start
     yield from ("robot", "--id", ROBOT, "--lockstep")
     yield from ("--start", *start_arguments(start.x_m, start.y_m, start.heading_rad))
+    yield from totals_arguments(trial.world.robot)
     params = params_of(trial)
     for name in params._fields:
         value = getattr(params, name)

@@ -8,8 +8,8 @@ import time
 from itertools import groupby
 
 from verification.mode_model.diagram import document
-from verification.mode_model.events import parts
 from verification.mode_model.explorer import Exploration, endless, explore
+from verification.mode_model.parts import parts
 
 
 def main(arguments: list[str]) -> int:

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterable
 from typing import Final, NamedTuple
 
 from protocol.wire.enums import MissionState, Mode, Vehicle
-from verification.mode_model.events import ModelPart
 from verification.mode_model.explorer import Edge, Exploration
 from verification.mode_model.facts import Abstract
 from verification.mode_model.invariants import INVARIANTS, rule_of
+from verification.mode_model.parts import ModelPart
 from verification.mode_model.requests import STOPS
 from verification.mode_model.world import ADA, BOB, STRANGER
 

@@ -12,7 +12,6 @@ from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandRequest,
-    LeaseRequest,
     MissionCount,
     MissionItemInt,
 )
@@ -22,20 +21,14 @@ from robot.core.safety.failsafe import ROWS
 from robot.core.values import Outputs, Pose
 from robot.process import SERVICES
 from verification.mode_model.requests import (
-    ARM,
-    CLEAR,
     REQUESTS,
-    STOPS,
+    SET_POSE,
     TRANSFERS,
-    VARIANTS,
     command,
 )
 from verification.mode_model.world import (
-    ADA,
-    BOB,
     FAR,
     HERE,
-    STRANGER,
     CoreFaultError,
     ModelWorld,
     reason_of,
@@ -68,103 +61,16 @@ class ModelEvent(NamedTuple):
         return self.group == "request"
 
     @property
+    def keeps_perception(self) -> bool:
+        """True for a request that changes nothing that is sensed."""
+        return self.is_request and self.name != SET_POSE
+
+    @property
     def by(self) -> str:
         """The name with the operator."""
         if self.operator is None:
             return self.name
         return f"{self.operator.partition('/')[0] or 'a stranger'}: {self.name}"
-
-
-class ModelPart(NamedTuple):
-    """A part of the model, small enough to be explored as a whole."""
-
-    name: str
-    events: tuple[ModelEvent, ...]
-
-
-MODES: Final = (
-    *(name for name, *_ in VARIANTS[Command.COMPONENT_ARM_DISARM]),
-    *(name for name, *_ in VARIANTS[Command.DO_SET_MODE]),
-    *(name for name, *_ in VARIANTS[Command.DO_PAUSE_CONTINUE]),
-    *STOPS,
-    "abort",
-    CLEAR,
-    "goto in AUTO",
-    "goto in GUIDED",
-)
-BASE: Final = (ARM, "disarm", "mode HOLD", "stop", "abort", CLEAR, "goto in AUTO")
-LEASE: Final = (*REQUESTS[LeaseRequest], ARM, "mode MANUAL", "mode HOLD", "stop", CLEAR)
-
-
-def parts() -> tuple[ModelPart, ...]:
-    """Return the parts of the model; each includes the states that they share."""
-    return (*parts_of_driving(), *parts_of_the_lease())
-
-
-def parts_of_driving() -> tuple[ModelPart, ...]:
-    """Return the parts about modes, missions, fence and settings."""
-    missions = (*BASE, "mode AUTO", "mode GUIDED", "mode MANUAL", "pause", "continue")
-    about_missions = [name for name in REQUESTS[CommandRequest] if "mission" in name]
-    of_mission = (*about_missions, "jump to item 2", "jump to no item", "clear mission")
-    lease = {*REQUESTS[LeaseRequest]}
-    return (
-        part(
-            "modes",
-            requests(ADA, {*MODES, "return", "goto in MANUAL", "goto too far", "command unknown"}),
-            stop_with_used_id(ADA),
-            requests(STRANGER, STOPS),
-            presence(ADA),
-            steering(ADA),
-            ticks(),
-            ends_of_goals(),
-            failsafe_causes(),
-        ),
-        part(
-            "missions",
-            requests(ADA, {*missions, *of_mission, "goto in GUIDED"}),
-            transfers(ADA, ("upload mission",)),
-            presence(ADA),
-            ticks(),
-            ends_of_goals(),
-            failsafe_causes(reasons.BUMPER),
-        ),
-        part(
-            "fence and settings",
-            requests(ADA, {*BASE, "return"} | every_request() - {*MODES, *of_mission, *lease}),
-            transfers(ADA, TRANSFERS),
-            lost_fence(),
-            displacement(),
-            ticks(),
-            ends_of_goals(),
-        ),
-    )
-
-
-def parts_of_the_lease() -> tuple[ModelPart, ...]:
-    """Return the parts about the lease."""
-    return (
-        part(
-            "lease",
-            *(requests(one, LEASE) for one in (ADA, BOB, STRANGER)),
-            *(presence(one) for one in (ADA, BOB)),
-            *(steering(one, at_once=False) for one in (ADA, BOB)),
-            ticks(),
-        ),
-        part(
-            "requests without the lease",
-            requests(ADA, {*BASE, "take", "upload mission"}),
-            transfers(ADA, ("upload mission",)),
-            presence(ADA),
-            *(while_held(requests(one, every_request())) for one in (BOB, STRANGER)),
-            *(while_held(transfers(one, TRANSFERS)) for one in (BOB, STRANGER)),
-            ticks(),
-        ),
-    )
-
-
-def part(name: str, *events: Iterable[ModelEvent]) -> ModelPart:
-    """Return a part with all these events."""
-    return ModelPart(name, tuple(event for some in events for event in some))
 
 
 def every_request() -> set[str]:
@@ -202,7 +108,11 @@ def asking(make: Callable[[int], Message], operator: str) -> Callable[[ModelWorl
     """Return an event that sends a request."""
 
     def act(world: ModelWorld) -> EventOutcome:
-        return EventOutcome(reason_of(world.request(make(world.next_id()), operator)))
+        request = make(world.next_id())
+        reason = reason_of(world.request(request, operator))
+        if isinstance(request, CommandRequest) and request.command == Command.SIDESTEP_SET_POSE:
+            world.here = HERE if reason == reasons.OK else world.here
+        return EventOutcome(reason)
 
     return act
 
@@ -291,6 +201,21 @@ def lost_fence() -> Iterator[ModelEvent]:
         return world.ticks == 0
 
     yield ModelEvent("fence cannot be read", lose, enabled=begins)
+
+
+def lost_place() -> Iterator[ModelEvent]:
+    """Yield a start after the wheels have turned, and a restart of the plant."""
+
+    def turn(world: ModelWorld) -> EventOutcome:
+        world.left = world.right = 500.0
+        return EventOutcome(outputs=world.tick())
+
+    def restart(world: ModelWorld) -> EventOutcome:
+        world.vehicle.lose_position(world.now_ns)
+        return EventOutcome()
+
+    yield ModelEvent("starts elsewhere", turn, enabled=lambda world: world.ticks == 0, group="tick")
+    yield ModelEvent("the plant restarts", restart, enabled=lambda world: world.ticks > 0)
 
 
 def displacement() -> Iterator[ModelEvent]:

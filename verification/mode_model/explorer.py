@@ -81,7 +81,7 @@ def successors(
         step = Transition(before, event, event.act(world), facts(world))
         if record(found, step):
             yield step.after, capture(world)
-        restore(memento, perception=not event.is_request)
+        restore(memento, perception=not event.keeps_perception)
 
 
 def record(found: Exploration, step: Transition) -> bool:

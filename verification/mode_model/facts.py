@@ -29,6 +29,7 @@ class Abstract(NamedTuple):
     leg: str
     fence: tuple[float, float] | None
     fence_lost: bool
+    placed: bool
     is_far: bool
     holder: str
     present: frozenset[str]
@@ -68,6 +69,7 @@ def abstract(world: ModelWorld) -> Abstract:
         leg=leg_of(machine, mission),
         fence=None if fence is None else (fence.xs_m[0], fence.radius_m),
         fence_lost=machine.fence_unreadable,
+        placed=machine.placed,
         is_far=world.here == FAR,
         holder=STRANGER if holder is None else holder.operator,
         present=world.present,

@@ -8,7 +8,7 @@ from robot.core import reasons
 from robot.core.safety.failsafe import ROWS
 from verification.mode_model.events import EventOutcome, ModelEvent
 from verification.mode_model.facts import LIVE, StateFacts
-from verification.mode_model.requests import ARM, CLEAR, LOOKS, SEIZE, STOPS
+from verification.mode_model.requests import ARM, CLEAR, LOOKS, SEIZE, STOPS, WORLD
 from verification.mode_model.world import PARAMS, STRANGER
 
 DRIVING_MODES: Final = ("AUTO", "GUIDED", "SMART_RTL")
@@ -78,6 +78,17 @@ def only_arming_arms(step: Transition) -> bool:
 def lost_fence_prevents_arming(step: Transition) -> bool:
     """Check that a robot with an unreadable fence arms only after a new or cleared fence."""
     return not (step.after.abstract.fence_lost and step.after.abstract.vehicle == "ACTIVE")
+
+
+def world_needs_a_place(step: Transition) -> bool:
+    """Check that without its place a robot accepts no goal, mission or way back in the world."""
+    return step.before.abstract.placed or not (step.accepted and step.event.name in WORLD)
+
+
+def fence_needs_a_place(step: Transition) -> bool:
+    """Check that a tick ends with no armed robot that has a fence but does not know its place."""
+    now, ticked = step.after.abstract, step.outcome.outputs is not None
+    return not ticked or now.placed or now.fence is None or now.vehicle != "ACTIVE"
 
 
 def only_clear_ends_an_emergency_stop(step: Transition) -> bool:
@@ -171,6 +182,8 @@ INVARIANTS: Final[tuple[Callable[[Transition], bool], ...]] = (
     only_requests_change_the_mode,
     only_arming_arms,
     lost_fence_prevents_arming,
+    world_needs_a_place,
+    fence_needs_a_place,
     only_clear_ends_an_emergency_stop,
     stop_takes_effect_at_once,
     failsafe_stops_at_once,

@@ -33,6 +33,8 @@ from robot.commands import HANDLERS
 from verification.harness.bus_calls import command_request
 
 UNKNOWN: Final = 99
+SET_POSE: Final = "set pose"
+FROM_ROBOT: Final = "goto from the robot"
 VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingProxyType(
     {
         Command.COMPONENT_ARM_DISARM: (("arm", 1, 0), ("disarm", 0, 0)),
@@ -54,6 +56,7 @@ VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingPro
             ("navigator bug2", Navigator.BUG2, 0),
             ("navigator unknown", UNKNOWN, 0),
         ),
+        Command.SIDESTEP_SET_POSE: ((SET_POSE, 0, 0), ("set pose nowhere", nan, 0)),
         Command.SIDESTEP_ABORT_GOAL: (("abort", 0, 0),),
         Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (("clear", 0, 0),),
     }
@@ -71,10 +74,12 @@ def command(number: int, param1: float = 0.0, param2: float = 0.0) -> Callable[[
     return lambda request_id: command_request(request_id, number, param1, param2)
 
 
-def goal(x_mm: int, mode: int) -> Callable[[int], Message]:
+def goal(x_mm: int, mode: int, from_robot: int = 0) -> Callable[[int], Message]:
     """Return a factory of a goal."""
     place = wire_goal(x_mm / 1000, 0.0, None, 0.05, 0.05236)._asdict()
-    return lambda request_id: GoalRequest(request_id=request_id, mode=mode, **place)
+    return lambda request_id: GoalRequest(
+        request_id=request_id, mode=mode, from_robot=from_robot, **place
+    )
 
 
 def lease(action: int) -> Callable[[int], Message]:
@@ -118,6 +123,7 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
             "goto in GUIDED": goal(2000, Mode.GUIDED),
             "goto in MANUAL": goal(2000, Mode.MANUAL),
             "goto too far": goal(10**6, Mode.AUTO),
+            FROM_ROBOT: goal(2000, Mode.AUTO, from_robot=1),
         },
         CommandRequest: {
             name: command(number, param1, param2)
@@ -153,6 +159,17 @@ REQUESTS: Final[Mapping[type[Message], Mapping[str, Callable[[int], Message]]]] 
     }
 )
 """The contents of each kind of request."""
+WORLD: Final = frozenset(
+    {
+        "goto in AUTO",
+        "goto in GUIDED",
+        "return",
+        "mode SMART_RTL",
+        "start mission",
+        "go on with mission",
+    }
+)
+"""The requests that need the place of the robot in the world."""
 TRANSFERS: Final[Mapping[str, tuple[MissionItemInt, ...]]] = MappingProxyType(
     {
         "upload mission": MISSION,

@@ -72,7 +72,7 @@ class GoalSender:
             y_m=pose.y_m + STEP_M * sin(heading_rad),
             heading_rad=None,
         )
-        return goal_request(there.on_the_wire(), self._ids.next(), Mode.AUTO)
+        return goal_request(there.on_the_wire(), self._ids.next(), Mode.AUTO, from_robot=True)
 
     def _ask(self, request: Message) -> bool:
         """Send a request and return whether it was accepted."""

@@ -5,6 +5,7 @@ from typing import Protocol
 from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.console.app_commands import AppCommand
+from ground.console.completion import Assistance
 from ground.map.scene import MapTarget
 
 
@@ -28,8 +29,11 @@ class CommandSink(Protocol):
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""
 
-    def complete(self, text: str) -> list[str]:
-        """Return completions of the line."""
+    def assist(self, text: str) -> Assistance:
+        """Return the completions of a line, and a hint on its arguments."""
+
+    def search(self, words: str) -> Assistance:
+        """Return the earlier lines that contain these words, the newest first."""
 
     def recall(self, text: str, step: int) -> str:
         """Return an earlier (step -1) or later (1) command line."""

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 from ground.console import app_commands
 from ground.map.scene import LAYERS
+from ground.recording.catalogue import recording_named
 from ground.text.theme_names import THEMES
 from runtime.errors import UserError
 
@@ -43,7 +44,7 @@ class LocalCommands:
             case app_commands.SelectRobot(robot):
                 self._app.station.select(robot)
             case app_commands.OpenReplay(file):
-                self._app.open_replay(file)
+                self._app.open_replay(recording_named(file))
             case app_commands.RecordHere(begin):
                 return self.record(begin=begin)
             case app_commands.ShowGhost(navigator):

@@ -14,7 +14,7 @@ from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
 from ground.console.app_commands import AppCommand, ShowHelp
-from ground.console.completion import complete
+from ground.console.completion import Assistance, Candidate, assist
 from ground.console.help import help_text
 from ground.console.history import History
 from ground.console.parser import COMMANDS, read
@@ -107,10 +107,13 @@ class CommandRunner:
         """The waypoints of the mission draft."""
         return tuple(map(target_of, self.draft.mission.waypoints))
 
-    def complete(self, text: str) -> list[str]:
-        """Return completions of a line."""
-        names = [parameter.name for parameter in self._station.parameters or ()]
-        return complete(text, names)
+    def assist(self, text: str) -> Assistance:
+        """Return the completions of a line, verbs that were used often first, and a hint."""
+        return assist(text, self._station.parameters or (), self._history.uses())
+
+    def search(self, words: str) -> Assistance:
+        """Return the earlier lines that contain these words, the newest first."""
+        return Assistance(tuple(Candidate(line, line) for line in self._history.search(words)))
 
     def recall(self, text: str, step: int) -> str:
         """Return an earlier (step -1) or later (1) line."""

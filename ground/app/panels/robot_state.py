@@ -6,7 +6,7 @@ from typing import Final
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.bars import EIGHTHS, bar
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
-from ground.client.status_line import doing
+from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
 from ground.client.telemetry import AgedMessage
 from ground.station.station import Station
 from ground.text.state_roles import present_reason, state_role
@@ -51,10 +51,12 @@ def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
 def place_rows(station: Station) -> list[Row]:
     """Return pose, goal, distance, speed, state and the reason for it."""
     odometry, status = station.seen(ODOMETRY), station.seen(STATUS)
-    pose = aged(odometry, pose_words)
+    remedy = station.place_remedy
+    pose = aged(odometry, pose_words, "danger" if remedy else "text")
     why = why_words(live(status))
     return [
         row(head("pose  "), pose),
+        *([row(head("      "), Span(f":{remedy}", "caution"))] if remedy else []),
         row(head("goal  "), aged(status, goal_words, "goal")),
         row(
             head("dist  "), aged(status, distance_words), head("  v "), aged(odometry, speed_words)
@@ -66,6 +68,8 @@ def place_rows(station: Station) -> list[Row]:
 
 def pose_words(odometry: PlanarOdometry) -> str:
     """Return x, y and heading as text."""
+    if not knows_place(odometry):
+        return PLACE_UNKNOWN
     deg = whole(degrees(odometry.heading_rad))
     return f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}  {number(deg, '4.0f')}°"
 

@@ -4,7 +4,7 @@ from typing import Final, NamedTuple
 
 from ground.app.panels.aged import MISSING, aged, live, number, role_of
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row, width_of
-from ground.client.status_line import name_of
+from ground.client.status_line import PLACE_UNKNOWN, name_of
 from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
@@ -14,6 +14,7 @@ from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from runtime.units import NS_PER_S
 
+SIMULATION: Final = "SIM"
 GAP: Final = Span("  ", "text")
 TIGHT: Final = Span(" ", "text")
 CRUMB: Final = " ▸ "
@@ -27,8 +28,9 @@ class SessionInfo(NamedTuple):
     """The facts that the status line shows besides the robot's state."""
 
     kind: str = "REAL"
-    factor: float | None = None
     recording: str = ""
+    hint: str = ""
+    """Why simulated time is slower than chosen; empty while it is not."""
 
 
 def status_row(station: Station, session: SessionInfo, width: int) -> Row:
@@ -56,12 +58,15 @@ def parts_of(station: Station, session: SessionInfo, crumb: str) -> list[Row]:
     The first is the path from the robot to its state, with `crumb` between the steps.
     """
     status = station.seen(STATUS)
+    kind = kind_part(session)
     return [
         row(presence(station), Span(f" {station.robot}", "accent"), *state_spans(status, crumb)),
+        row(Span(PLACE_UNKNOWN if station.place_remedy else "", "danger")),
         row(aged(status, navigator_words)) if live(status) else (),
+        kind if session.hint else (),
         link_part(station),
         row(head("t+ "), aged(status, driven_words)) if live(status) else (),
-        kind_part(session),
+        () if session.hint else kind,
         row(Span(session.recording, "danger" if session.recording.endswith("!") else "ok")),
         lease_part(station),
     ]
@@ -135,7 +140,7 @@ def driven_words(status: NavigatorStatus) -> str:
 
 def kind_part(session: SessionInfo) -> Row:
     """Return simulation, real or replay as a word, not only as a colour."""
-    if session.kind == "SIM":
-        factor = "" if session.factor is None else f" {session.factor:.1f}x"
-        return row(Span(f"SIM{factor}", "accent"))
-    return row(Span(session.kind, "caution"))
+    if not session.kind.startswith(SIMULATION):
+        return row(Span(session.kind, "caution"))
+    hint = f", {session.hint}" if session.hint else ""
+    return row(Span(session.kind, "accent"), Span(hint, "caution"))

@@ -1,5 +1,6 @@
 """Play a recording to a station: it plays, steps and seeks, also backwards."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,10 +19,16 @@ class Player:
     Seeking backwards replaces `station`, because the old one already knows the future.
     """
 
-    def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
-        """UserError when there is nothing to play."""
+    def __init__(
+        self,
+        path: Path,
+        clock: Clock,
+        robot: str | None = None,
+        progress: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """UserError when there is nothing to play; `progress` receives the share that was read."""
         self.path = path
-        self.bus = ReplayBus(path, clock, robot)
+        self.bus = ReplayBus(path, clock, robot, progress)
         self._world = world_in_recording(self.bus)
         self.station = self._station()
         self.note(f"{path.name}: {self.duration_s:.1f} s of {self.bus.robot}")

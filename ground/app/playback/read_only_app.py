@@ -24,8 +24,8 @@ class ReadOnlyCommands:
 
     def __init__(self, commands: CommandSink, note: Callable[[str], None]) -> None:
         self._commands = commands
-        self.is_local, self.complete = commands.is_local, commands.complete
-        self.recall = commands.recall
+        self.is_local, self.assist = commands.is_local, commands.assist
+        self.recall, self.search = commands.recall, commands.search
         self._note = note
 
     def run_line(self, line: str) -> None:

@@ -1,6 +1,7 @@
 """Define what all screens share: status, tabs, alarm, command line and key bar."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from textwrap import wrap
 from typing import ClassVar, Final
 
@@ -9,16 +10,23 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
-from ground.app.chrome.button_row import ButtonRow
+from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons
+from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
 from ground.app.input.default_keys import Layer
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface
-from ground.app.widgets.command_line import CommandLine
+from ground.app.widgets.command_line import (
+    Assist,
+    CommandLine,
+    candidate_rows,
+    no_assistance,
+)
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.station.station import Station
+from ground.station.view import PLACE_BY_HAND
 from protocol.wire.enums import Vehicle
 
 Action = Callable[[], object]
@@ -26,7 +34,9 @@ WIDTHS: Final = ((0, "-tiny"), (60, "-narrow"), (110, "-wide"), (160, "-huge"))
 HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
 """The style classes of a screen, with the least columns and rows of each."""
 MOST_ROWS: Final = 2
+HISTORY: Final = "search the history"
 LEAST_ROWS_FOR_TABS: Final = 10
+LEAST_ROWS_FOR_ROSTER: Final = 12
 
 
 class AppScreen(Screen[None]):
@@ -50,12 +60,14 @@ class AppScreen(Screen[None]):
         """Compose status, tabs, alarm, content, command line and key bar."""
         yield Lines(id="status")
         yield ButtonRow(id="tabs")
+        yield ButtonRow(id="roster")
         yield Lines(id="alarm")
         with Container(id="middle"):
             yield from self.compose_content()
+            yield Lines(id="candidates")
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
-            yield CommandLine(self.interface.commands.complete)
+            yield CommandLine(self.interface.commands.assist)
         yield ButtonRow(id="keybar")
 
     def compose_content(self) -> ComposeResult:
@@ -91,6 +103,7 @@ class AppScreen(Screen[None]):
         self.draw_alarm()
         self.draw()
         self.draw_prompt()
+        self.draw_candidates()
         self.buttons("keybar").show_buttons(*key_buttons(self.interface.keys_now(), width))
 
     def draw_alarm(self) -> None:
@@ -103,11 +116,18 @@ class AppScreen(Screen[None]):
         self.set_class(band.stopped is Vehicle.FAILSAFE, "-failsafe")
 
     def draw_tabs(self) -> None:
-        """Draw the tab bar, unless the terminal is too low for it."""
-        tabs, width = self.buttons("tabs"), self.size.width
+        """Draw the tab bar with the roster, unless the terminal is too low for them."""
+        tabs, roster, width = self.buttons("tabs"), self.buttons("roster"), self.size.width
         tabs.display = self.size.height >= LEAST_ROWS_FOR_TABS
         unread, ascii_only = self.interface.unread_warnings, self.interface.ascii_only
-        tabs.show_buttons(tab_buttons(self.name_of(), unread, width, ascii_only=ascii_only))
+        left = tab_buttons(self.name_of(), unread, width, ascii_only=ascii_only)
+        entries, room = self.interface.station.roster(), width - buttons_width(left)
+        beside = fits_beside(entries, room)
+        robots = roster_buttons(entries, room if beside else width, ascii_only=ascii_only)
+        tabs.show_buttons(left, robots if beside else ())
+        high = self.size.height >= LEAST_ROWS_FOR_ROSTER
+        roster.display = bool(robots) and high and not beside
+        roster.show_buttons(robots)
 
     def name_of(self) -> str:
         """Return the name of this screen."""
@@ -144,21 +164,74 @@ class AppScreen(Screen[None]):
         line = self.command_line
         return {
             "complete": line.complete,
-            "history-back": lambda: line.begin(self.interface.commands.recall(line.value, -1)),
-            "history-on": lambda: line.begin(self.interface.commands.recall(line.value, 1)),
-            "leave-line": self.leave_line,
+            "complete-before": partial(line.complete, -1),
+            "history-back": partial(self.recall, -1),
+            "history-on": partial(self.recall, 1),
+            "history-search": self.search_history,
+            "leave-line": self.close_completion_or_line,
             "command": lambda: self.ask("", "", self.interface.commands.run_line),
             "goal": lambda: self.ask("", "goal ", self.interface.commands.run_line),
+            "place": self.ask_place,
             "next-panel": self.focus_next,
             "panel-before": self.focus_previous,
         }
 
     # The command line.
 
-    def ask(self, prompt: str, text: str, then: Callable[[str], None]) -> None:
-        """Let the operator type a line that begins with `text`; `then` gets it."""
+    def ask_place(self) -> None:
+        """Let the operator set the pose of the robot; in a simulation offer the true one."""
+        remedy = self.interface.station.place_remedy
+        text = "pose set " if remedy in ("", PLACE_BY_HAND) else remedy
+        self.ask("", text, self.interface.commands.run_line)
+
+    def ask(
+        self, prompt: str, text: str, then: Callable[[str], None], assist: Assist | None = None
+    ) -> None:
+        """Let the operator type a line that begins with `text`; `then` gets it.
+
+        `assist` completes the line; a line without a prompt is a command.
+        """
         self.prompt(prompt, then)
-        self.command_line.begin(text)
+        usual = no_assistance if prompt else self.interface.commands.assist
+        self.command_line.begin(text, assist or usual)
+
+    def draw_candidates(self) -> None:
+        """Draw the completions above the command line."""
+        panel, line = self.lines("candidates"), self.command_line
+        room = self.query_one("#middle").size.height
+        rows = candidate_rows(line.candidates, line.chosen, self.size.width, room)
+        panel.display = bool(rows) and self.typing
+        if panel.display:
+            panel.styles.height = len(rows)
+            panel.show(rows)
+
+    def recall(self, step: int) -> None:
+        """Go through the completions while one is chosen, else through the earlier lines.
+
+        After the newest line, the completions follow.
+        """
+        line = self.command_line
+        if line.chosen is not None:
+            line.complete(step)
+            return
+        found = self.interface.commands.recall(line.value, step)
+        if step > 0 and found == line.value:
+            line.complete()
+        else:
+            line.begin(found)
+
+    def search_history(self) -> None:
+        """Let the operator search the earlier lines; Enter takes one to the command line."""
+        search = self.interface.commands.search
+
+        def take(words: str) -> None:
+            found = search(words).candidates
+            line = (
+                words if any(words == one.line for one in found) else found[0].line if found else ""
+            )
+            self.ask("", line or words, self.interface.commands.run_line)
+
+        self.ask(HISTORY, self.command_line.value, take, search)
 
     def prompt(self, words: str, then: Callable[[str], None]) -> None:
         """Show what to type; without `words`, the robot that gets the command."""
@@ -172,11 +245,21 @@ class AppScreen(Screen[None]):
         panel.show([row(Span(f"{shown}:", "accent"))])
         panel.styles.width = len(shown) + 2
 
+    def close_completion_or_line(self) -> None:
+        """Drop the chosen completion; without one, leave the command line."""
+        if not self.command_line.drop_choice():
+            self.leave_line()
+
     def leave_line(self) -> None:
         """Clear the command line and focus the content."""
         self.command_line.value = ""
         self.prompt("", self.interface.commands.run_line)
         self.home()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Show the completions of the new text."""
+        event.stop()
+        self.draw_candidates()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Pass on the line that was typed."""
@@ -199,7 +282,13 @@ def alarm_rows(station: Station, width: int) -> list[Row]:
     if station.live and not station.ready:
         words = f"reading {station.waiting_for}, commands are refused until then"
         return across(words, "caution", width)
-    return across(station.restarted, "caution", width) if station.restarted else []
+    words = station.restarted
+    if station.place_remedy:
+        place = (
+            f"PLACE UNKNOWN of {station.robot}: it refuses goals. i, then `{station.place_remedy}`"
+        )
+        words = f"{place}; {words}" if words else place
+    return across(words, "caution", width) if words else []
 
 
 def across(words: str, role: str, width: int) -> list[Row]:

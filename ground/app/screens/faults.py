@@ -11,6 +11,7 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.app.worlds import query_worlds
+from ground.console.completion import Assistance, Candidate
 from ground.launch.launcher import PROCESS_FAULTS
 from ground.launch.scenario import Scenario
 from runtime.errors import UserError
@@ -65,9 +66,10 @@ def about_rows(one: InjectableFault | None) -> list[Row]:
     if one.role:
         return [first, row(faint(" s injects it now"))]
     targets = ", ".join(one.targets) or "no target"
+    value = (head("   value in "), Span(one.unit)) if one.unit else ()
     return [
         first,
-        row(head(" targets "), targets, head("   value in "), one.unit or "no unit"),
+        row(head(" targets "), targets, *value),
         row(faint(f" s asks for {HOW} and restarts the world with the fault")),
     ]
 
@@ -128,7 +130,7 @@ class FaultsScreen(ListScreen[InjectableFault]):
         elif one.role:
             self.interface.note(self.interface.stack.inject_fault(one.role, one.name.split()[0]))
         else:
-            self.ask(f"{one.kind} {HOW}", f"{one.targets[0]} ".lstrip(), partial(self.begin, one))
+            self.ask(one.kind, one.targets[0], partial(self.begin, one), partial(assisted, one))
 
     def begin(self, one: InjectableFault, words: str) -> None:
         """Read the same world with this fault, to start it."""
@@ -149,6 +151,17 @@ class FaultsScreen(ListScreen[InjectableFault]):
         if self.interface.stack is not None:
             self.interface.note(f"{scenario.name}: restarting with the fault")
             self.interface.stack.restarted(scenario)
+
+
+def assisted(one: InjectableFault, text: str) -> Assistance:
+    """Return the targets that fit, and the values that may follow."""
+    words = text.split(" ")
+    if len(words) == 1 and one.targets != ("",):
+        fitting = [target for target in one.targets if target.startswith(text) and target != text]
+        return Assistance(tuple(Candidate(target, target) for target in fitting))
+    given = len(words) - (one.targets != ("",))
+    value = f"[VALUE {one.unit}]" if one.unit else "[VALUE]"
+    return Assistance(hint=" ".join([value, "[FROM_S]"][max(0, given - 1) :]))
 
 
 def fault_of(one: InjectableFault, words: list[str]) -> dict[str, object]:

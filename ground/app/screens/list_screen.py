@@ -110,7 +110,7 @@ class ScrolledScreen(AppScreen):
 
     def on_input_changed(self, event: Input.Changed) -> None:
         """Apply the filter at each letter."""
-        event.stop()
+        super().on_input_changed(event)
         if self.filtering:
             self.redraw()
 

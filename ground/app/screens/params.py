@@ -13,6 +13,7 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.parameter import Parameter
+from ground.console.completion import Assistance
 from ground.station.station import Station
 
 ABOUT_ROWS: Final = 3
@@ -57,7 +58,9 @@ class ParamsScreen(ListScreen[Parameter]):
         """Let the operator type a value for the chosen parameter."""
         one = self.chosen
         if one is not None:
-            self.ask(f"set {one.name}", "", partial(self.set, one.name))
+            hint = f"{range_words(one)} {one.unit}".strip()
+            assist = partial(hinted, f"{hint}, now {shown(one.value)}")
+            self.ask(f"set {one.name}", "", partial(self.set, one.name), assist)
 
     def set(self, name: str, value: str) -> None:
         """Set a parameter to the value that was typed."""
@@ -73,7 +76,13 @@ class ParamsScreen(ListScreen[Parameter]):
         """Let the operator confirm the default of the chosen parameter."""
         one = self.chosen
         if one is not None and one.default is not None:
-            self.ask(f"set {one.name}", shown(one.default), partial(self.set, one.name))
+            default = shown(one.default)
+            self.ask(f"set {one.name}", default, partial(self.set, one.name))
+
+
+def hinted(hint: str, text: str) -> Assistance:
+    """Return a hint for an empty line."""
+    return Assistance(hint="" if text else hint)
 
 
 def heading_row(station: Station, only_different: bool) -> Row:

@@ -15,6 +15,9 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.recording.bookmarks import Mark
+from ground.recording.catalogue import newest_first, recordings_in
+from ground.recording.summary import Summary, summary_of
+from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -22,7 +25,6 @@ if TYPE_CHECKING:
 
 FAR_S: Final = 10.0
 NO_RECORDING: Final = " no recording is open: press o to choose one, or type: replay FILE"
-ENDS: Final = (".mcap", ".tlog")
 MAX_LISTED: Final = 18
 
 
@@ -49,7 +51,9 @@ class ReplayScreen(DriveScreen):
         """Draw the Drive screen and the timeline."""
         super().draw()
         panel = self.lines("timeline")
-        if self.player is None:
+        if reading := self._app_below.reader.words:
+            panel.show([row(Span(f" {reading}", "accent"))])
+        elif self.player is None:
             panel.show([row(faint(NO_RECORDING))])
         else:
             panel.show(timeline_rows(self.player, panel.size.width))
@@ -87,35 +91,36 @@ class ReplayScreen(DriveScreen):
             self.interface.note(self.player.to_mark())
 
     def choose_recording(self) -> None:
-        """Let the operator choose a recording."""
-        found = recordings(Path())
-        if found:
-            self.interface.choose("recording", found, self.open)
-        else:
-            self.interface.note("no .mcap or .tlog in this folder or below; type: replay FILE")
+        """Let the operator choose a recording of the user's folder or of this one."""
+        self.interface.run_in_background(newest_recordings, self._choose)
 
-    def open(self, name: str) -> None:
+    def _choose(self, found: Sequence[Summary]) -> None:
+        lines = {in_one_line(one): one.path for one in found}
+        if lines:
+            self.interface.choose("recording", list(lines), lambda line: self.open(lines[line]))
+        else:
+            self.interface.note(f"no recording in {recordings_folder()} or here: replay FILE")
+
+    def open(self, path: Path) -> None:
         """Open a recording; an error goes to the log."""
         try:
-            self._app_below.open_replay(Path(name))
+            self._app_below.open_replay(path)
         except UserError as error:
             self.interface.note(str(error))
 
 
-def recordings(folder: Path) -> list[str]:
-    """Return the newest recordings in a folder and one level below, each once."""
-    found = [
-        path
-        for pattern in ("*", "*/*")
-        for path in folder.glob(pattern)
-        if path.suffix in ENDS and path.is_file()
-    ]
-    whole = [path for path in found if path.suffix == ENDS[0]]
-    names = {path.with_suffix("") for path in whole}
-    every = [*whole, *(path for path in found if path.with_suffix("") not in names)]
-    return [
-        str(path) for path in sorted(every, key=lambda path: -path.stat().st_mtime)[:MAX_LISTED]
-    ]
+def newest_recordings() -> list[Summary]:
+    """Return the newest recordings of the user, of this folder and of those below it."""
+    found = [*recordings_in(recordings_folder()), *recordings_in(Path(), below=True)]
+    once = {path.resolve(): path for path in reversed(found)}
+    return [summary_of(path) for path in newest_first(once.values())[:MAX_LISTED]]
+
+
+def in_one_line(one: Summary) -> str:
+    """Return time, world, outcome and length of a recording, and its file."""
+    length = "--" if one.length_s is None else f"{one.length_s:.0f} s"
+    facts = f"{one.world or '--':<12} {one.outcome or '--':<8} {length:>6}"
+    return f"{one.began.astimezone():%m-%d %H:%M:%S}  {facts}  {one.path.name}"
 
 
 def timeline_rows(player: Player, width: int) -> list[Row]:

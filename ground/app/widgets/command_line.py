@@ -1,50 +1,105 @@
 """Define the command line: it completes words, and takes pasted text as plain text."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
 
 from textual import events
 from textual.suggester import Suggester
 from textual.widgets import Input
 
+from ground.app.widgets.rows import Row, Span, cut, faint, row
+from ground.console.completion import Assistance, Candidate
 
-class Completion(Suggester):
-    """Suggests the first completion, shown faintly behind the cursor."""
+Assist: TypeAlias = Callable[[str], Assistance]
+MAX_ROWS: Final = 8
+LEAST_WORD: Final = 12
+MOST_WORD: Final = 40
 
-    def __init__(self, complete: Callable[[str], list[str]]) -> None:
+
+def no_assistance(_: str) -> Assistance:
+    """Return nothing, for lines that are no commands."""
+    return Assistance()
+
+
+class Ghost(Suggester):
+    """Suggests the first completion, else the missing arguments, faintly behind the cursor."""
+
+    def __init__(self, line: "CommandLine") -> None:
         super().__init__(use_cache=False, case_sensitive=True)
-        self._complete = complete
+        self._line = line
 
     async def get_suggestion(self, value: str) -> str | None:
-        """Return the first completion, unless it is the text itself."""
-        found = self._complete(value)
-        return found[0] if found and found[0] != value else None
+        """Return the text with what may follow it."""
+        found = self._line.assistance(value)
+        first = found.candidates[0].line if found.candidates else ""
+        if first.startswith(value) and first != value:
+            return first
+        return f"{value}{'' if value.endswith(' ') else ' '}{found.hint}" if found.hint else None
 
 
 class CommandLine(Input):
     """A line of input; it sends `Submitted` when Enter is pressed."""
 
-    def __init__(self, complete: Callable[[str], list[str]]) -> None:
-        super().__init__(
-            id="command", select_on_focus=False, compact=True, suggester=Completion(complete)
-        )
-        self._complete = complete
-        self._found: list[str] = []
+    def __init__(self, assist: Assist) -> None:
+        super().__init__(id="command", select_on_focus=False, compact=True, suggester=Ghost(self))
+        self._assist = assist
+        self._known: tuple[str, Assistance] | None = None
+        self._offered: Sequence[Candidate] = ()
+        self._typed = ""
 
-    def begin(self, text: str) -> None:
+    def begin(self, text: str, assist: Assist | None = None) -> None:
         """Start with this text, the cursor behind it, and take the focus."""
+        if assist is not None:
+            self._assist, self._known, self._offered = assist, None, ()
+        self.placeholder = self.assistance("").hint
         self.value = text
         self.cursor_position = len(text)
         self.screen.set_focus(self)
 
-    def complete(self) -> None:
-        """Insert the next completion; further calls go through all of them."""
-        if self.value in self._found:
-            after = self._found.index(self.value) + 1
-            self.value = self._found[after % len(self._found)]
-        else:
-            self._found = self._complete(self.value)
-            self.value = self._found[0] if self._found else self.value
+    def assistance(self, text: str) -> Assistance:
+        """Return what helps to continue a text."""
+        if self._known is None or self._known[0] != text:
+            self._known = text, self._assist(text)
+        return self._known[1]
+
+    @property
+    def chosen(self) -> int | None:
+        """The index of the completion that was inserted; None when none was."""
+        lines = [one.line for one in self._offered]
+        return lines.index(self.value) if self.value in lines else None
+
+    @property
+    def candidates(self) -> Sequence[Candidate]:
+        """The completions to choose from."""
+        if self.chosen is not None:
+            return self._offered
+        return self.assistance(self.value).candidates
+
+    def complete(self, step: int = 1) -> None:
+        """Insert the next (1) or previous (-1) completion; further calls go through all."""
+        at = self.chosen
+        if at is None:
+            self._offered, self._typed = self.assistance(self.value).candidates, self.value
+            at = -1 if step > 0 else 0
+        if self._offered:
+            self.value = self._offered[(at + step) % len(self._offered)].line
         self.cursor_position = len(self.value)
+
+    def drop_choice(self) -> bool:
+        """Return to the text that was typed; return False when no completion was inserted."""
+        if self.chosen is None:
+            return False
+        self._offered = ()
+        self.begin(self._typed)
+        return True
+
+    def action_cursor_right(self, select: bool = False) -> None:
+        """Move the cursor right; at the end, accept a completion but no hint."""
+        first = next(iter(self.candidates), None)
+        is_hint = first is None or not first.line.startswith(self.value)
+        if self.cursor_at_end and is_hint and not select:
+            return
+        super().action_cursor_right(select)
 
     def _on_paste(self, event: events.Paste) -> None:
         """Insert one line of pasted text without control characters."""
@@ -58,3 +113,31 @@ def printable(text: str) -> str:
     lines = (line.strip() for line in text.splitlines())
     line = next((line for line in lines if line), "")
     return "".join(mark for mark in line if mark.isprintable())[:400]
+
+
+def candidate_rows(
+    candidates: Sequence[Candidate], chosen: int | None, width: int, height: int
+) -> list[Row]:
+    """Return the completions with their meaning, the chosen one in sight.
+
+    With more than fit, the last row says how many there are.
+    """
+    room = max(0, min(MAX_ROWS, height))
+    if len(candidates) <= room:
+        first, shown = 0, candidates
+    else:
+        room = max(0, room - 1)
+        first = max(0, min((chosen or 0) - room // 2, len(candidates) - room))
+        shown = candidates[first : first + room]
+    longest = max([LEAST_WORD, *(len(one.word) for one in shown)])
+    wide = min(MOST_WORD, longest) if any(one.description for one in shown) else longest
+    rows = [
+        row(
+            Span(f" {one.word:<{wide}} ", "reverse" if at == chosen else "text"),
+            faint(f" {one.description}"),
+        )
+        for at, one in enumerate(shown, start=first)
+    ]
+    if len(shown) < len(candidates) and height > 0:
+        rows.append(row(faint(f" {len(candidates)} in all: type to narrow, Tab chooses")))
+    return [cut(one, width) for one in rows]

@@ -43,6 +43,7 @@ PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "seen old": ("#6f7a86",       "#8a949e",        "#909090",        "bright_black",  "dim"),
         "trail":    ("#56cfd2",       "#007a80",        "#00ffff",        "cyan",          "none"),
         "robot":    ("bold #ffffff",  "bold #000000",   "bold #ffffff",   "bold",          "bold"),
+        "other trail": ("#2f7477",    "#8fc3c6",        "#80c8c8",        "bright_black",  "dim"),
         "true robot": ("#b8a1e8",     "#5b3fb5",        "#cc99ff",        "magenta",       "none"),
         "ellipse":  ("#d68ad6",       "#97309b",        "#ff80ff",        "magenta",       "none"),
         "goal":     ("bold #7fd88f",  "bold #176f2c",   "bold #00ff66",   "bold green",    "bold"),

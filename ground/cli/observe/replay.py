@@ -4,7 +4,7 @@ import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -19,7 +19,7 @@ from ground.launch.child_command import command
 from ground.recording.catalogue import FILE_HELP, recording_named
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
-from ground.text.status_parts import in_words
+from ground.text.status_parts import Part, in_words
 from ground.text.statustext import StatustextAssembler
 from protocol.options import finite
 from protocol.topics import TEXT
@@ -64,10 +64,25 @@ def run(options: argparse.Namespace, output: Output) -> int:
         raise UserError(
             "--navigator needs --re-execute; `sidestep ghost` simulates another navigator"
         )
-    announce(Path(options.file), output)
+    file = Path(options.file)
     if has_screen() and not (options.plain or options.json):
-        return run_replay(options, Path(options.file), options.id, options.at)
+        return run_replay(options, file, options.id, options.at, reading(file, output))
+    announce(file, output)
     return show_lines(options, output, WallClock())
+
+
+def reading(file: Path, output: Output) -> Callable[[float], None]:
+    """Return a display of the share of a file that was read, in a line that rewrites itself."""
+    shown = ""
+
+    def show(share: float) -> None:
+        nonlocal shown
+        words = f"reading {file.name}  {share:.0%}"
+        if words != shown and output.live:
+            output.line([Part(words)])
+            shown = words
+
+    return show
 
 
 def announce(file: Path, output: Output) -> None:

@@ -21,7 +21,7 @@ from ground.text.output import Output
 from protocol.bus.network import MAX_ROBOTS
 from protocol.options import whole
 from protocol.wire.goal import start_arguments
-from runtime.calibration import settings_of
+from runtime.calibration import settings_of, totals_arguments
 from runtime.cli.parsers import parser_of
 from runtime.cli.verb_lookup import command_of, find
 from runtime.cli.verb_table import VERBS
@@ -240,6 +240,7 @@ def as_robot(options: argparse.Namespace, place: Place) -> Iterator[str]:
     start = facts["starts"][place.number - 1]
     heading_rad = radians(start["heading_deg"])
     yield from ("--start", *start_arguments(start["x_m"], start["y_m"], heading_rad))
+    yield from totals_arguments(facts["robot"])
     level = options.noise or str(facts["noise"].get("level", "default"))
     for name, value in settings_of(facts["robot"], level, calibrated=True).items():
         yield from ("--param", f"{name}={value!r}")

@@ -46,6 +46,8 @@ from ground.client.operations import (
     Session,
     SetMode,
     SetNavigator,
+    SetPose,
+    SetTruePose,
     StopAll,
     Stopped,
 )
@@ -381,6 +383,14 @@ class Robot(Telemetry):
     async def set_navigator(self, navigator: Navigator, side: int = 0) -> Answer:
         """Choose the navigator; it passes obstacles left (1), right (-1) or as before (0)."""
         return await self.perform(SetNavigator(navigator=navigator, side=side))
+
+    async def set_pose(self, x_m: float, y_m: float, heading_deg: float | None = None) -> Answer:
+        """Set the pose of the robot; without a heading it keeps its own, if it knows its place."""
+        return await self.perform(SetPose(x_m=x_m, y_m=y_m, heading_deg=heading_deg))
+
+    async def set_true_pose(self) -> Answer:
+        """Set the pose of a simulated robot to the true one; RemoteError without a simulation."""
+        return await self.perform(SetTruePose())
 
     async def mark(self, remark: str) -> Marked | Refused:
         """Add a remark to what is being recorded; `ok` if a recorder received it."""

@@ -51,6 +51,7 @@ from ground.client.operations.parameters import (
     SetParameter,
     ShowParameters,
 )
+from ground.client.operations.place import SetPose, SetTruePose
 from ground.client.operations.session import NoProgress, Progress, Session
 from ground.client.operations.teleop import DriveByHand, DriveEnded
 from ground.client.results import Outcome
@@ -120,6 +121,8 @@ __all__ = [
     "SetMode",
     "SetNavigator",
     "SetParameter",
+    "SetPose",
+    "SetTruePose",
     "ShowFence",
     "ShowLease",
     "ShowMissionStatus",

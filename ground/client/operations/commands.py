@@ -20,11 +20,12 @@ MARK_PATIENCE_S: Final = 0.5
 
 
 class Parts(NamedTuple):
-    """A MAVLink command with the two parameters that the robot reads."""
+    """A MAVLink command with the parameters that the robot reads."""
 
     command: Command
     param1: float = 0.0
     param2: float = 0.0
+    param3: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

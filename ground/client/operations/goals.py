@@ -86,10 +86,10 @@ class Goto:
             goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
             if not self.wait or session.attended:
                 mode = Mode.GUIDED if self.wait else Mode.AUTO
-                return send_goal(session, goal, mode)[0]
+                return send_goal(session, goal, mode, from_robot=self.seen_by_robot)[0]
             timeout_ns = None if self.timeout_s is None else round(self.timeout_s * NS_PER_S)
             with leased(session):
-                return drive.to_the_end(goal, timeout_ns)
+                return drive.to_the_end(goal, timeout_ns, from_robot=self.seen_by_robot)
 
 
 class _Drive:
@@ -111,13 +111,13 @@ class _Drive:
         return from_robot(seen, pose.x_m, pose.y_m, pose.heading_rad)
 
     def to_the_end(
-        self, goal: Destination, timeout_ns: int | None
+        self, goal: Destination, timeout_ns: int | None, *, from_robot: bool
     ) -> Accepted | Refused | GoalEnded:
         """Send the goal and follow it; abort it if an exception is raised."""
         self._link.beat()
         started_ns = self._link.clock.now_ns()
         try:
-            answer, request = send_goal(self._session, goal, Mode.GUIDED)
+            answer, request = send_goal(self._session, goal, Mode.GUIDED, from_robot=from_robot)
             if not answer.ok:
                 return answer
             self._progress.note(f"goal {goal} accepted")
@@ -161,12 +161,13 @@ class _Drive:
 
 
 def send_goal(
-    session: Session, goal: Destination, mode: Mode
+    session: Session, goal: Destination, mode: Mode, *, from_robot: bool = False
 ) -> tuple[Accepted | Refused, GoalRequest]:
     """Send a goal until the robot accepts it; arm a robot in standby."""
 
     def request() -> GoalRequest:
-        return goal_request(goal.on_the_wire(), session.link.ids.next(), mode)
+        place, number = goal.on_the_wire(), session.link.ids.next()
+        return goal_request(place, number, mode, from_robot=from_robot)
 
     return session.ask_until_accepted(request, beats=mode == Mode.GUIDED)
 

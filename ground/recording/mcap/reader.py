@@ -69,6 +69,7 @@ class McapFile:
     def __init__(self, path: Path) -> None:
         self.facts: dict[str, str] = {}
         self.lost_bytes = 0
+        self.share = 0.0
         self._path = path
         self._channels: dict[int, Channel] = {}
         self._key = ""
@@ -83,6 +84,7 @@ class McapFile:
                 self._count_loss(size)
                 return
             for opcode, content in self._records(source, size):
+                self.share = source.tell() / size
                 if opcode == Opcode.CHUNK:
                     yield from self._chunk(content)
                 elif opcode == Opcode.METADATA:

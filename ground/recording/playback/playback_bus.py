@@ -61,9 +61,18 @@ class RecordedPeer(NamedTuple):
 class ReplayBus:
     """Plays one recording. `clock` is the real one; `timeline` is the clock of the subscribers."""
 
-    def __init__(self, path: Path, clock: Clock, robot: str | None = None) -> None:
-        """Open a recording; UserError when it holds no frame."""
-        self.log_index = LogIndex(open_log(path, robot))
+    def __init__(
+        self,
+        path: Path,
+        clock: Clock,
+        robot: str | None = None,
+        progress: Callable[[float], None] = lambda _: None,
+    ) -> None:
+        """Open a recording; UserError when it holds no frame.
+
+        `progress` receives the share that was read.
+        """
+        self.log_index = LogIndex(open_log(path, robot), progress)
         if not len(self.log_index):
             why = f" ({self.damage})" if self.damage else ""
             raise UserError(f"{path}: holds no frame{why}")

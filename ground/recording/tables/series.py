@@ -96,7 +96,8 @@ def _add_odometry(run: RunSeries, odometry: PlanarOdometry, time_s: float) -> No
     run.covariances.append((odometry.cov_xx_m2, odometry.cov_xy_m2, odometry.cov_yy_m2))
     run.speed_m_s.add(time_s, odometry.speed_m_s)
     run.yaw_rate_rad_s.add(time_s, odometry.yaw_rate_rad_s)
-    run.sigma_m.add(time_s, sqrt(max(0.0, odometry.cov_xx_m2 + odometry.cov_yy_m2)))
+    variance_m2 = odometry.cov_xx_m2 + odometry.cov_yy_m2
+    run.sigma_m.add(time_s, sqrt(max(variance_m2, 0.0)))  # NaN, of an unknown place, is kept
 
 
 def _add_scan(run: RunSeries, scan: SonarScan, time_s: float, radius_m: float) -> None:

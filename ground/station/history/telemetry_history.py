@@ -4,6 +4,7 @@ from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any, Final
 
+from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.last_drive import LastDrive
@@ -40,6 +41,7 @@ class TelemetryHistory:
         self._telemetry = telemetry
         self._began_ns = began_ns
         self._taken_ns: dict[str, int] = {}
+        self._placed = True
 
     def restart(self) -> None:
         """Drop what refers to the estimated position: a restarted robot estimates it anew."""
@@ -76,17 +78,24 @@ class TelemetryHistory:
         return self.echoes.by_age((now_ns - self._began_ns) / NS_PER_S)
 
     def _odometry(self, odometry: PlanarOdometry, time_s: float) -> None:
-        self.trail.add(odometry.x_m, odometry.y_m)
         self.last_drive.moved(odometry)
         self.history["speed"].add(time_s, odometry.speed_m_s)
-        self.history["uncertainty_m"].add(time_s, uncertainty_m(odometry))
+        placed = knows_place(odometry)
+        if placed is not self._placed:
+            self._placed = placed
+            self.restart()
+        if placed:
+            self.trail.add(odometry.x_m, odometry.y_m)
+            self.history["uncertainty_m"].add(time_s, uncertainty_m(odometry))
+        else:
+            self.history["uncertainty_m"].gap()
 
     def _status(self, status: NavigatorStatus, time_s: float) -> None:
         self.history["goal_distance"].add(time_s, status.goal_distance_m)
         self.progress.update(status, time_s)
         self.last_drive.update(status)
         pose = self._telemetry.latest(ODOMETRY)
-        if pose is not None:
+        if pose is not None and self._placed:
             self.marks.update(status, pose[0])
 
     def _decision(self, decision: AvoidanceDecision, time_s: float) -> None:
@@ -99,7 +108,7 @@ class TelemetryHistory:
 
     def _sonar(self, scan: SonarScan, time_s: float) -> None:
         pose = self._telemetry.latest(ODOMETRY)
-        if pose is None:
+        if pose is None or not self._placed:
             return
         apart_s = abs((pose[1] - self._began_ns) / NS_PER_S - time_s)
         if apart_s <= MAX_APART_S:

@@ -67,7 +67,7 @@ class StreamCounter:
             self._gaps.append((now_ns, -1))
 
     def skip(self) -> None:
-        """Ignore the next gap, because frames were dropped on this side."""
+        """Ignore the next gap: frames were dropped on this side, or another process counts."""
         self._last = None
 
     def _missing(self, sequence: int, arrived_ns: int) -> int:
@@ -108,10 +108,11 @@ class Streams:
         """Count a frame."""
         self._counters[arrival.path].take(arrival.frame, arrival.arrived_ns)
 
-    def skip(self) -> None:
-        """Ignore the next gap of each topic."""
+    def skip(self, role: Role | None = None) -> None:
+        """Ignore the next gap of each topic, or of those that a restarted process publishes."""
         for counter in self._counters.values():
-            counter.skip()
+            if role in (None, counter.topic.publisher):
+                counter.skip()
 
     def percent(self, now_ns: int) -> float | None:
         """Return the percentage of the robot's recent frames that arrived; None without any."""

@@ -128,6 +128,7 @@ class RobotModel:
         return restarted_roles
 
     def _restarted(self, role: Role, now_ns: int) -> None:
+        self.streams.skip(role)
         words = self.restart_notice.begin(role, self.restarts[role].count, now_ns)
         if self._restart_lines.take(1, now_ns):
             self._add_line("ground", words, Severity.WARNING)

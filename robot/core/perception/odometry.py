@@ -26,10 +26,12 @@ GRAIN_LENGTH_M: Final = 0.042
 class Odometry:
     """Pose, covariance in scalars (h: heading), speeds, and the last wheel motion.
 
+    Before the first sample `left` and `right` are the totals at the start pose.
     `moved_m` is the mean distance the wheels rolled in the last update, in either direction.
     `jumped` is set if a counter moved farther than a wheel can turn; the pose ignores that step.
-    `cosine` and `sine` belong to the heading halfway through the last step. `grain_rad2` is the
-    part of `phh` caused by whole ticks: it does not grow and does not move the position.
+    `cosine` and `sine` belong to the heading halfway through the last step. `grain_m2` and
+    `grain_rad2` are the variances caused by whole ticks, of a coordinate and of the heading: the
+    latter does not grow and does not move the position.
     """
 
     __slots__ = (
@@ -37,6 +39,7 @@ class Odometry:
         "bend_x_m",
         "bend_y_m",
         "cosine",
+        "grain_m2",
         "grain_rad2",
         "jumped",
         "latched",
@@ -60,7 +63,8 @@ class Odometry:
     def __init__(self) -> None:
         self.pose = Pose(0.0, 0.0, 0.0)
         self.pxx = self.pxy = self.pxh = self.pyy = self.pyh = self.phh = 0.0
-        self.bend_x_m = self.bend_y_m = self.grain_rad2 = 0.0
+        self.bend_x_m = self.bend_y_m = 0.0
+        self.grain_m2 = self.grain_rad2 = 0.0
         self.speed_m_s = self.yaw_rate_rad_s = 0.0
         self.left = self.right = self.at_ms = 0
         self.left_m = self.right_m = self.moved_m = self.sine = 0.0
@@ -144,7 +148,7 @@ def wheel_shares(params: Params) -> tuple[float, float]:
 
 def start_grain(odometry: Odometry, params: Params) -> None:
     """Add the variance of whole ticks, which the first sample already has."""
-    variance_m2 = params.m_per_tick * params.m_per_tick / 6.0
+    odometry.grain_m2 = variance_m2 = params.m_per_tick * params.m_per_tick / 6.0
     odometry.pxx += variance_m2
     odometry.pyy += variance_m2
     odometry.grain_rad2 = variance_m2 / (params.track_m * params.track_m)

@@ -67,6 +67,11 @@ def operator_lost(state: State, inputs: Inputs, params: Params) -> bool:
     )
 
 
+def fence_unchecked(state: State, inputs: Inputs, params: Params) -> bool:
+    """Trigger with a fence while the place is unknown, which also forbids arming."""
+    return state.machine.fence is not None and not state.machine.placed
+
+
 def fence_breached(state: State, inputs: Inputs, params: Params) -> bool:
     """Trigger outside the fence, which also forbids arming until the fence is removed."""
     fence, pose = state.machine.fence, state.odometry.pose
@@ -134,6 +139,7 @@ ROWS: Final = (
         reasons.WHEEL_STUCK, wheel_stuck, "wheel_min_m_s, wheel_time_ms, wheel_share", trip
     ),
     FailsafeRow(reasons.OPERATOR_LOST, operator_lost, "op_lost_ms in GUIDED or MANUAL", trip),
+    FailsafeRow(reasons.FENCE_UNCHECKED, fence_unchecked, "a fence, and the place unknown", trip),
     FailsafeRow(
         reasons.FENCE_BREACHED, fence_breached, "the fence, for the middle of the robot", trip
     ),

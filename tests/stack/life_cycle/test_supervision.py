@@ -10,6 +10,10 @@ from pathlib import Path
 import pytest
 
 from ground.cli.run.up import goal_runs_of
+from ground.client.goal import destination
+from ground.client.link import open_link
+from ground.client.operations import Goto, Session, SetTruePose
+from ground.client.results import Refused
 from ground.launch import child_command
 from ground.launch.child_processes import ChildExitError
 from ground.launch.fleet_run import FleetRun
@@ -81,6 +85,16 @@ class Stage:
                 return
         raise AssertionError(f"it did not drive, {TRIES} times")
 
+    def set_true_place(self) -> None:
+        """Require that the robot refuses a goal for its unknown place, and give it the true one."""
+        self.until(lambda: self.said("PLACE UNKNOWN"), "the loss of the place")
+        with open_link(self.stack.common) as link:
+            session = Session(link)
+            refused = Goto(goal=destination([1.0, 1.0]), wait=False).perform(session)
+            assert isinstance(refused, Refused)
+            assert refused.reason == Reason.PLACE_UNKNOWN
+            assert SetTruePose().perform(session).ok
+
     def under_way(self, before: int) -> bool:
         return self.moves() or self.failed(before)
 
@@ -145,6 +159,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     seen = len(witness.truths)
     stage.until(lambda: len(witness.truths) > seen + 10, "half a second of truth")
     assert all(moved_not(truth) for truth, _ in tuple(witness.truths)[seen:])
+    stage.set_true_place()
 
 
 def without_its_plant_the_robot_stays_where_it_is(

@@ -35,6 +35,7 @@ class Recording:
     found: list[LoggedFrame] = field(default_factory=list)
     robot: str = ROBOT
     lost_bytes: int = 0
+    share: float = 1.0
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns

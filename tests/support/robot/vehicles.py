@@ -40,10 +40,16 @@ class Desk:
         self.now_ns += 50 * MS
         return outputs
 
-    def command(self, command: int, param1: float = 0.0, param2: float = 0.0) -> int:
+    def command(
+        self, command: int, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0
+    ) -> int:
         self.request_id += 1
         request = CommandRequest(
-            request_id=self.request_id, command=command, param1=param1, param2=param2
+            request_id=self.request_id,
+            command=command,
+            param1=param1,
+            param2=param2,
+            param3=param3,
         )
         answer = self.vehicle.receive(request, self.now_ns)
         assert isinstance(answer, CommandAck)

@@ -9,6 +9,7 @@ from ground.client.presence import PresentProcesses
 from ground.client.results import Outcome
 from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.console.app_commands import AppCommand
+from ground.console.completion import Assistance, Candidate, assist
 from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
@@ -267,9 +268,12 @@ class FakeCommandSink:
     def is_local(self, line: str) -> bool:
         return line.split()[0] in ("theme", "help", "screen")
 
-    def complete(self, text: str) -> list[str]:
-        words = ("goal ", "hold", "help")
-        return [word for word in words if text and word.startswith(text)]
+    def assist(self, text: str) -> Assistance:
+        return assist(text) if text else Assistance()
+
+    def search(self, words: str) -> Assistance:
+        found = (line for line in reversed(self.given) if words in line)
+        return Assistance(tuple(Candidate(line, line) for line in found))
 
     def begin_teleop(self) -> bool:
         self.teleop = True

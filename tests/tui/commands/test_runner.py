@@ -126,7 +126,8 @@ def test_lines_are_recalled_and_completed() -> None:
     assert runner.recall("", -1) == "theme"
     assert runner.recall("theme", -1) == "help goto"
     assert runner.recall("help goto", 1) == "theme"
-    assert "set guard_stop_m" in runner.complete("set gu")
+    found = runner.assist("set gu").candidates
+    assert [one.line for one in found] == ["set guard_stop_m"]
     assert runner.is_local("theme dark")
     assert not runner.is_local("hold")
 

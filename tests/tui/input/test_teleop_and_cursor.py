@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from ground.app.frame_rate import FrameRate
 from ground.app.input.map_cursor import Cursor, step_of
 from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadManSwitch
-from tests.support.tui.fakes import MS, FakeStation, S
-from tests.support.tui.underway import driving
+from tests.support.tui.fakes import MS, S
 
 
 def test_one_press_lasts_until_a_keyboard_repeats() -> None:
@@ -81,12 +80,3 @@ def test_frame_rate_falls_without_focus() -> None:
     assert drawn == 20
     pace.focused = False
     assert sum(pace.due(2 * S + k * 50 * MS) for k in range(40)) == 4
-
-
-def test_time_factor_comes_from_the_robots_stamps() -> None:
-    station, pace = FakeStation(), FrameRate(10.0)
-    for _ in range(50):
-        driving(station)
-        pace.measure_time_factor(station)
-        station.clock.advance(100 * MS)
-    assert pace.factor == pytest.approx(1.0, abs=0.05)

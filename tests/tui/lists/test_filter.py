@@ -70,8 +70,8 @@ def test_single_keys_do_not_command_the_robot_on_lists(screen: str) -> None:
 def test_stop_keys_work_while_a_filter_is_typed() -> None:
     async def story() -> None:
         async with staged() as stage:
-            await stage.press("3", "slash", "x", "f12", "ctrl+@")
-            assert stage.station.stops == 2
+            await stage.press("3", "slash", "x", "f12")
+            assert stage.station.stops == 1
             assert stage.words("prompt") == "filter:"
 
     play(story)

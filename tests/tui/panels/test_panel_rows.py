@@ -53,10 +53,17 @@ def test_sonars_are_side_by_side_in_a_low_panel() -> None:
 
 @pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
 def test_status_line_drops_the_least_important_parts(width: int) -> None:
-    shown = status_row(driving(FakeStation()), SessionInfo(kind="SIM", factor=1.0), width)
+    shown = status_row(driving(FakeStation()), SessionInfo(kind="SIM 1.0x"), width)
     assert width_of(shown) <= width
     if width >= 80:
         assert "SIM 1.0x" in words_of(shown)
+
+
+def test_slow_simulation_is_shown_on_80_columns() -> None:
+    session = SessionInfo(kind="SIM 0.8x", hint="computer busy")
+    shown = status_row(driving(FakeStation()), session, 80)
+    assert "SIM 0.8x, computer busy" in words_of(shown)
+    assert width_of(shown) <= 80
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,13 @@ import pytest
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
-from ground.app.screens.replay import ReplayScreen, recordings, timeline_rows
+from ground.app.screens.replay import ReplayScreen, newest_recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
+from ground.user.folders import recordings_folder
 from runtime.clock import ManualClock
 from runtime.errors import UserError
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, S
-from tests.support.tui.pilot import Stage, play
+from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.recording import recorded
 
 
@@ -77,12 +78,71 @@ def test_timeline_fits_its_width(width: int, tmp_path: Path) -> None:
         assert "1.00 /" in words_of(rows[0])
 
 
-def test_recordings_are_found_one_folder_deep(tmp_path: Path) -> None:
+def test_recordings_are_found_in_the_users_folder_and_one_folder_deep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    recordings_folder().mkdir(parents=True)
+    (recordings_folder() / "20261123T100000Z-r1.tlog").touch()
+    monkeypatch.chdir(tmp_path)
     for name in ("a.mcap", "a.tlog", "sub/b.tlog", "sub/deep/c.tlog", "d.txt"):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(b"")
-    assert {Path(one).name for one in recordings(tmp_path)} == {"a.mcap", "b.tlog"}
+    names = {one.path.name for one in newest_recordings()}
+    assert names == {"a.mcap", "b.tlog", "20261123T100000Z-r1.tlog"}
+
+
+def polled(app: GroundApp) -> bool:
+    """Take the results of jobs, as the app does with each frame."""
+    app._jobs.poll()
+    return True
+
+
+def test_a_recording_is_chosen_and_read_in_the_background(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    recordings_folder().mkdir(parents=True)
+    recorded(recordings_folder())
+
+    async def story() -> None:
+        async with staged() as stage:
+            app = stage.app
+            await stage.press("8", "o")
+            await stage.until(lambda: polled(app) and len(app.screen_stack) > 1)
+            await stage.press("enter")
+            assert "reading 20231114T221320Z-r1.tlog" in stage.words("timeline")
+            await stage.until(lambda: polled(app) and app.player)
+            await stage.redraw()
+            assert "/ 3.9" in stage.words("timeline")
+
+    play(story)
+
+
+def test_a_recording_that_cannot_be_played_is_reported_in_the_log(tmp_path: Path) -> None:
+    path = tmp_path / "x.tlog"
+    path.write_bytes(b"nothing of the sort")
+
+    async def story() -> None:
+        async with staged() as stage:
+            app = stage.app
+            with pytest.raises(UserError, match="no such file"):
+                app.open_replay(tmp_path / "missing.tlog")
+            app.open_replay(path)
+            await stage.pilot.pause()
+            await stage.until(lambda: polled(app) and "holds no frame" in stage.log())
+            assert (app.player, app.reader.words) == (None, "")
+
+    play(story)
+
+
+def test_progress_of_reading_ends_at_the_whole(tmp_path: Path) -> None:
+    path, shares = recorded(tmp_path, 60.0), list[float]()
+    Player(path, ManualClock(), progress=shares.append)
+    assert len(shares) > 3
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.8
 
 
 def test_keys_control_the_replay(tmp_path: Path) -> None:

@@ -60,6 +60,25 @@ STOP = command(Command.DO_FLIGHTTERMINATION, 1.0, request_id=7)
 CLEAR = command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP, request_id=8)
 
 
+def test_pose_is_refused_during_a_mission() -> None:
+    robot = Robot().on_a_mission()
+    robot.mission.state = MissionState.HOLDING
+    robot.machine.goal_state = GoalState.REACHED
+    request = command(Command.SIDESTEP_SET_POSE, 1.0, 2.0)
+    assert robot.ask(request) == Reason.DRIVING
+    robot.mission.state = MissionState.DONE
+    assert robot.ask(command(Command.SIDESTEP_SET_POSE, 1.0, 2.0, 2)) == Reason.NONE
+    assert robot.state.odometry.pose == (1.0, 2.0, 0.0)
+
+
+def test_goal_from_the_robot_needs_no_place() -> None:
+    robot = Robot()
+    robot.machine.placed = False
+    assert robot.ask(goal(5, 1.0, 0.0)) == Reason.PLACE_UNKNOWN
+    fields = {name: getattr(goal(6, 1.0, 0.0), name) for name in GoalRequest.__struct_fields__}
+    assert robot.ask(GoalRequest(**(fields | {"from_robot": 1}))) == Reason.NONE
+
+
 # Each request is acted on once, for its operator.
 
 

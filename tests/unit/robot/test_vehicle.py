@@ -68,6 +68,7 @@ UNUSED = {
     Command.MISSION_START: (0, nan),
     Command.DO_SET_MISSION_CURRENT: (0, nan),
     Command.SIDESTEP_SET_NAVIGATOR: (Navigator.BUG, 1),
+    Command.SIDESTEP_SET_POSE: (1, 2),
     Command.SIDESTEP_ABORT_GOAL: (nan, nan),
     Command.SIDESTEP_CLEAR_EMERGENCY_STOP: (nan, nan),
 }
@@ -86,7 +87,7 @@ def underway() -> Desk:
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
-@pytest.mark.parametrize("command", UNUSED)
+@pytest.mark.parametrize("command", [one for one in UNUSED if one != Command.SIDESTEP_SET_POSE])
 def test_a_field_that_a_command_does_not_use_may_hold_anything(
     command: Command, value: float
 ) -> None:
@@ -291,6 +292,32 @@ def test_the_navigator_is_a_parameter_that_changes_under_way_too() -> None:
     set_parameter(desk, "navigator", Navigator.BUG)
     assert desk.vehicle.params.navigator == Navigator.BUG
     assert desk.vehicle.state.machine.navigator == Navigator.BUG
+
+
+def test_navigator_command_changes_the_parameters_too() -> None:
+    desk = Desk()
+    assert b'"value": 6' in described(desk, "navigator")
+    assert desk.command(Command.SIDESTEP_SET_NAVIGATOR, Navigator.BUG, -1) == Reason.NONE
+    assert (desk.vehicle.params.navigator, desk.vehicle.params.side) == (Navigator.BUG, -1)
+    assert b'"value": 1' in described(desk, "navigator")
+    assert b'"value": -1' in described(desk, "side")
+    before = desk.vehicle.params
+    assert desk.command(Command.SIDESTEP_SET_NAVIGATOR, 99, 1) == Reason.UNKNOWN_NAVIGATOR
+    assert desk.vehicle.params is before
+
+
+def test_parameter_after_a_navigator_command_keeps_its_choice() -> None:
+    desk = Desk()
+    desk.command(Command.SIDESTEP_SET_NAVIGATOR, Navigator.BUG, -1)
+    set_parameter(desk, "d_obs_m", 0.4)
+    machine = desk.vehicle.state.machine
+    assert (machine.navigator, machine.side) == (Navigator.BUG, states.RIGHT)
+
+
+def described(desk: Desk, name: str) -> bytes:
+    """Return a parameter's row in the list that the robot publishes."""
+    text = desk.vehicle.parameters.described()
+    return text[text.index(b'"name": "%s"' % name.encode()) :].partition(b"}")[0]
 
 
 def test_value_that_cannot_be_saved_is_in_force_and_reported(

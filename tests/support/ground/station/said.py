@@ -62,6 +62,7 @@ class Robot:
     tick: int = 0
     time_ns: int = 0
     x_m: float = 0.0
+    placed: bool = True
     vehicle: Vehicle = Vehicle.ACTIVE
     vehicle_reason: Reason = Reason.NONE
     mode: Mode = Mode.GUIDED
@@ -117,10 +118,11 @@ class Robot:
         )  # fmt: skip
 
     def odometry(self) -> PlanarOdometry:
+        known = 0.0 if self.placed else nan
         return PlanarOdometry(
             time_ns=self.time_ns, x_m=self.x_m, y_m=0.0, heading_rad=0.0, speed_m_s=0.25,
-            yaw_rate_rad_s=0.0, cov_xx_m2=0.04, cov_xy_m2=0.0, cov_xh_m_rad=0.0, cov_yy_m2=0.01,
-            cov_yh_m_rad=0.0, cov_hh_rad2=0.0,
+            yaw_rate_rad_s=0.0, cov_xx_m2=0.04 + known, cov_xy_m2=known, cov_xh_m_rad=known,
+            cov_yy_m2=0.01 + known, cov_yh_m_rad=known, cov_hh_rad2=known,
         )  # fmt: skip
 
     def status(self) -> NavigatorStatus:

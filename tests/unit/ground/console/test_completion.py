@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ground.console.completion import complete
+from ground.client.parameter import Parameter
+from ground.console.completion import assist, complete
 
 PARAMETERS = ("d_obs_m", "d_min_m", "side")
 
@@ -36,7 +37,7 @@ PARAMETERS = ("d_obs_m", "d_min_m", "side")
         ("goal 1 ", []),
         ("goal 1 2 --frame ", ["goal 1 2 --frame world", "goal 1 2 --frame body"]),
         ("theme da", ["theme dark"]),
-        ("layers truth tr", ["layers truth trail"]),
+        ("layers truth tra", ["layers truth trail"]),
         ("ghost vgm", ["ghost vgm_memory"]),
         ("mission up", ["mission upload"]),
         ("wp sa", ["wp save"]),
@@ -71,3 +72,44 @@ def test_files_are_completed_folders_end_in_a_slash(tmp_path: Path) -> None:
 )
 def test_any_text_completes_to_lines_that_are_new(text: str) -> None:
     assert text not in complete(text, PARAMETERS, Path("/nowhere"))
+
+
+@pytest.mark.parametrize(
+    ("typed", "hint"),
+    [
+        ("goal ", "X Y [DEG]  metres, degrees"),
+        ("goal 1 ", "Y [DEG]  metres, degrees"),
+        ("goal 1 2 3", ""),
+        ("fence circle ", "X Y R  metres"),
+        ("teleop 0.1 ", "YAW_DEG_S  deg/s"),
+        ("wp add ", "X Y [DEG]  metres, degrees"),
+        ("set d_obs_m ", "VALUE  0.4 m, 0.1 to 2   avoidance zone"),
+        ("param set d_obs_m ", "VALUE  0.4 m, 0.1 to 2   avoidance zone"),
+        ("fence ", ""),
+        ("", ""),
+        ("nothing ", ""),
+    ],
+)
+def test_hint_names_missing_arguments_and_units(typed: str, hint: str) -> None:
+    known = Parameter(
+        name="d_obs_m", value=0.4, minimum=0.1, maximum=2.0, unit="m", doc="avoidance zone"
+    )
+    assert assist(typed, [known]).hint == hint
+
+
+def test_verbs_used_often_come_first() -> None:
+    found = assist("", uses={"resume": 3, "hold": 9}).candidates
+    assert [one.word for one in found[:3]] == ["hold", "resume", "abort"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "meaning"),
+    [
+        ("disa", "disarm the motors"),
+        ("navigator vgm_", "Virtual Goal Method with a memory of recent echoes (the default)"),
+        ("mission up", "send a mission and its fence, if any, to the robot"),
+        ("hold --time", "give up after this time, in three attempts (1.5)"),
+    ],
+)
+def test_completion_has_its_meaning(typed: str, meaning: str) -> None:
+    assert assist(typed).candidates[0].description == meaning

@@ -59,3 +59,13 @@ def test_walking_never_leaves_what_is_there(lines: list[str], steps: list[bool])
     for back in steps:
         shown = history.previous(shown) if back else history.next(shown)
         assert shown in {"", *history.lines}
+
+
+def test_history_is_searched_for_words_newest_first() -> None:
+    history = History()
+    for line in ("goal 1 2", "hold", "goal 3 4", "goal 1 2", "mode hold"):
+        history.add(line)
+    assert history.search("GO 2") == ["goal 1 2"]
+    assert history.search("ho") == ["mode hold", "hold"]
+    assert history.search("")[0] == "mode hold"
+    assert history.uses() == {"goal": 3, "hold": 1, "mode": 1}

@@ -70,6 +70,9 @@ class RecordedRun(GoalRun):
     def time(self) -> Part:
         return Part("3 s")
 
+    def pace(self) -> Part:
+        return Part("SIM 0.5x, computer busy" if len(self.name) > 2 else "")
+
     def short_line(self) -> Part:
         return Part(f"{self.name} {'there' if self.outcome else 'on its way'}")
 
@@ -108,14 +111,14 @@ def test_wall_time_starts_the_score_before_the_goals() -> None:
 def test_fleet_run_ends_with_the_last_robot() -> None:
     run, _, shown = fleet_run(200, 3)
     assert len(run.run(lockstep=True)) == 2
-    assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there", "3 s"]
-    assert [part.text for part in shown[-1]] == ["r1 there", "r2 there", "3 s"]
+    assert [part.text for part in shown[0]] == ["r1 on its way", "r2 there", "3 s", ""]
+    assert [part.text for part in shown[-1]] == ["r1 there", "r2 there", "3 s", ""]
 
 
 def test_single_robot_uses_the_full_line() -> None:
     run, _, shown = fleet_run(1)
     run.run(lockstep=True)
-    assert [part.text for part in shown[-1]] == ["r1", "alone"]
+    assert [part.text for part in shown[-1]] == ["r1", "alone", ""]
 
 
 def test_exit_of_a_process_ends_the_run() -> None:

@@ -14,7 +14,7 @@ from ground.launch.scenario import WALL, Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
-from protocol.topics import STATUS
+from protocol.topics import STATUS, TRUTH
 from protocol.wire.enums import AckResult, GoalState
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
@@ -22,6 +22,7 @@ from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from tests.support.boxes import Wireless
+from tests.support.ground.recording.made import truth
 
 SECOND = 1_000_000_000
 SILENT = "no process answers"
@@ -138,3 +139,16 @@ def test_run_waits_for_a_restart_of_a_silent_robot() -> None:
     stage.wait(3.0 + RESTART_WAIT_NS / SECOND)
     with pytest.raises(NoOutcomeError, match="no message from the robot for 3"):
         stage.wait(0.2)
+
+
+def test_progress_says_that_the_computer_is_busy() -> None:
+    stage = Stage.begun(lockstep=True)
+    said = []
+    for tick in range(30):
+        seen = truth(tick * SECOND // 20, 1.0)
+        stage.receive(GoalState.DRIVING)
+        stage.bus.boxes[TRUTH.path].newest = (seen, stage.clock.now_ns())
+        stage.wait(0.1)
+        said.append(stage.goal_run.pace().text)
+    assert said[0] == ""
+    assert said[-1] == "SIM 0.5x, computer busy"

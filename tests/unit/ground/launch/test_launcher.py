@@ -106,7 +106,7 @@ def test_fault_is_added_to_the_world_and_validated() -> None:
 def test_fault_injection_needs_a_running_process() -> None:
     stack, _ = stack_of("--world", "box")
     stack.start()
-    assert "is suspended" in stack.inject_fault("robot r1", "hang")
+    assert "is frozen" in stack.inject_fault("robot r1", "hang")
     with pytest.raises(UserError, match="no running robot r9 process"):
         stack.inject_fault("robot r9", "end")
 

@@ -58,6 +58,27 @@ def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     assert roles - {""} == ROLES_OF[layer]
 
 
+def test_other_robots_have_dim_trails_and_a_mark_when_lost() -> None:
+    live = RobotMark(3.0, 1.0, 0.0, name="r2", trail=((1.0, 1.0), (3.0, 1.0)))
+    scene = replace(ROOM, trail=((1.0, 1.0), (1.2, 1.0)), others=(live,))
+    canvas, lost = Canvas(80, 24), Canvas(80, 24)
+    view = View.fit(scene.box(), 80, 24)
+    draw(scene, view, canvas, ("trail", "others"))
+    roles = {role for row in range(24) for role, _ in canvas.strip(row)}
+    assert roles - {""} == {"trail", "other trail", "other"}
+    assert "◆" in "".join(canvas.to_rows())
+    assert "r2" in "".join(canvas.to_rows())
+    draw(replace(scene, others=(replace(live, live=False),)), view, lost)
+    assert "?" in "".join(lost.to_rows())
+
+
+def test_map_without_a_world_shows_all_robots() -> None:
+    scene = MapScene(robot=RobotMark(0.0, 0.0, 0.0), others=(RobotMark(9.0, 0.0, 0.0),))
+    box = scene.box()
+    assert box is not None
+    assert box[2] > 9.0
+
+
 def test_robot_is_filled_and_covers_marks_below_it() -> None:
     at = (1.9, 2.0)
     scene = replace(ROOM, hits=(at,), mission=(MapTarget(*at),), true_robot=ROOM.robot)

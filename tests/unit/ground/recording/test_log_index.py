@@ -20,6 +20,7 @@ class Log:
     robot: str = "r1"
     facts: dict[str, str] = field(default_factory=dict)
     records: int = 0
+    share: float = 1.0
     lost_bytes: int = 0
 
     def __iter__(self) -> Iterator[LoggedFrame]:

@@ -16,6 +16,7 @@ from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
 from tests.support.ground.client import CYCLE
+from tests.support.ground.station.said import Robot
 
 MS = 1_000_000
 ALL_PRESENT = PresentProcesses(frozenset({("r1", "robot"), ("r1", "plant")}))
@@ -55,6 +56,13 @@ def test_a_package_of_others_in_place_of_ours_is_found() -> None:
         report = examine(replace(seen(), conflicts=(conflict,)))
         assert report.healthy is healthy
         assert [(found.what, found.do) for found in report.findings] == [conflict[:2]]
+
+
+def test_robot_without_its_place_is_found() -> None:
+    assert examine(replace(seen(), odometry=Robot().odometry())).findings == []
+    (found,) = examine(replace(seen(), odometry=Robot(placed=False).odometry())).findings
+    assert (found.what, found.bad) == ("the robot does not know where it is", False)
+    assert "pose set X Y DEG" in found.do
 
 
 def of(role: Role) -> list[Topic[Any]]:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from ground.station.scene import TRAIL_POINTS, thinned
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Mode
 from tests.support.ground.station.play import Play
@@ -72,3 +73,30 @@ def test_other_robots_are_on_the_map_of_the_selected() -> None:
     assert play.station.scene().trail[0][0] == 3.0
     play.station.select("r1")
     assert play.station.scene().trail[0][0] == 0.0
+
+
+def test_other_robots_have_trails_and_are_marked_when_lost() -> None:
+    play, other = Play(), Robot("r2", x_m=1.0)
+    play.robots.append(other)
+    play.bus.come(Role.ROBOT, "r2")
+    for _ in range(20):
+        other.x_m += 0.1
+        play.forward(0.2)
+    (mark,) = play.station.scene().others
+    assert mark.live
+    assert mark.name == "r2"
+    assert mark.trail[0][0] == pytest.approx(1.1, abs=0.11)
+    assert mark.trail[-1][0] == pytest.approx(3.0, abs=0.11)
+    other.loop = False
+    play.forward(1.0)
+    (mark,) = play.station.scene().others
+    assert not mark.live
+
+
+@pytest.mark.parametrize("count", [0, 1, 128, 129, 300, 1000])
+def test_thinned_trail_is_short_and_keeps_its_ends(count: int) -> None:
+    points = [(float(number), 0.0) for number in range(count)]
+    found = thinned(points)
+    assert len(found) <= TRAIL_POINTS + 1
+    assert list(found[:1]) == points[:1]
+    assert list(found[-1:]) == points[-1:]

@@ -45,6 +45,7 @@ def test_new_machine_is_stopped_without_sensors_and_operator() -> None:
         "side": DEFAULTS.side,
         "fence": None,
         "fence_unreadable": False,
+        "placed": True,
         "senses": False,
         "operator": False,
         "cause": reasons.OK,

@@ -44,11 +44,13 @@ def test_restarted_sensors_stop_the_robot_with_a_text() -> None:
     assert (machine.vehicle, machine.vehicle_reason) == (states.FAILSAFE, reasons.TICKS_LOST)
     assert machine.goal_state == states.ABORTED
     assert "".join(announced(vehicle)).startswith(LOST)
+    assert not machine.placed
 
 
 def test_increasing_counts_keep_the_robot_driving() -> None:
     vehicle = read([*range(100, 120)], lockstep=False)
     assert vehicle.state.machine.vehicle == states.ACTIVE
+    assert vehicle.state.machine.placed
     assert announced(vehicle) == []
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
-from robot.run import PLACE_UNKNOWN, report_previous_run, summary_of
+from robot.run import report_previous_run, summary_of
 from robot.storage.files import Store
 from robot.storage.previous_run import (
     FILE_NAME,
@@ -126,10 +126,9 @@ def test_ending_is_announced_and_printed(capsys: pytest.CaptureFixture[str]) -> 
     words = f"restarted: the previous run {KILLED}"
     announced = "".join(text.text for text in texts)
     assert words in announced
-    assert PLACE_UNKNOWN in announced
     assert max(text.severity for text in texts) == Severity.INFO
     assert min(text.severity for text in texts) == Severity.WARNING
-    assert capsys.readouterr().err == f"robot r1: {words}\nrobot r1: {PLACE_UNKNOWN}\n"
+    assert capsys.readouterr().err == f"robot r1: {words}\n"
 
 
 def test_first_run_announces_nothing(capsys: pytest.CaptureFixture[str]) -> None:

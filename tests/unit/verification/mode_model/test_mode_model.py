@@ -12,20 +12,21 @@ from robot.commands import HANDLERS
 from robot.core import brain, machine, modes, reasons, states
 from robot.core.safety import failsafe
 from robot.core.safety.failsafe import ROWS
-from robot.core.values import Twist
+from robot.core.values import Goal, Twist
 from robot.lease import Lease
 from robot.mission.mission import Mission
 from robot.parameters.service import ParameterService
 from robot.process import SERVICES
 from verification.mode_model import memento
 from verification.mode_model.diagram import DRAWINGS, HEADER, section
-from verification.mode_model.events import ModelPart, failsafe_causes, name_of, parts
+from verification.mode_model.events import failsafe_causes, name_of
 from verification.mode_model.explorer import endless, explore
 from verification.mode_model.invariants import (
     INVARIANTS,
     rule_of,
     stop_takes_effect_at_once,
 )
+from verification.mode_model.parts import ModelPart, parts
 from verification.mode_model.requests import REQUESTS, VARIANTS
 from verification.mode_model.world import ADA, ModelWorld
 
@@ -64,7 +65,7 @@ def test_requests_change_no_perception() -> None:
         world.tick()
     for part in parts():
         for event in part.events:
-            if event.is_request:
+            if event.keeps_perception:
                 before = memento.capture(world)
                 event.act(world)
                 assert contents(memento.capture(world)) == contents(before), event.by
@@ -144,6 +145,20 @@ def arm_without_fence(patch: Patch) -> None:
     patch.setattr(modes, "arm", careless)
 
 
+def goals_without_a_place(patch: Patch) -> None:
+    goto = modes.goto
+
+    def anywhere(machine: machine.Machine, goal: Goal, mode: int, now_ms: int, *_: bool) -> int:
+        return goto(machine, goal, mode, now_ms, from_robot=True)
+
+    patch.setattr(modes, "goto", anywhere)
+
+
+def fence_without_a_place(patch: Patch) -> None:
+    rows = tuple(row for row in ROWS if row.reason != reasons.FENCE_UNCHECKED)
+    patch.setattr(failsafe, "ROWS", rows)
+
+
 def disarm_clears(patch: Patch) -> None:
     def disarm(machine: machine.Machine, _now_ms: int) -> int:
         machine.vehicle = states.STANDBY
@@ -209,6 +224,8 @@ DEFECTS: tuple[tuple[Callable[[Patch], None], str, str], ...] = (
     (mission_takes_the_mode, "missions", "only_requests_change_the_mode"),
     (clear_arms, "modes", "only_arming_arms"),
     (arm_without_fence, "fence and settings", "lost_fence_prevents_arming"),
+    (goals_without_a_place, "place", "world_needs_a_place"),
+    (fence_without_a_place, "place", "fence_needs_a_place"),
     (disarm_clears, "modes", "only_clear_ends_an_emergency_stop"),
     (estop_only_when_armed, "modes", "stop_takes_effect_at_once"),
     (trip_without_effect, "modes", "failsafe_stops_at_once"),

@@ -5,7 +5,7 @@ from typing import Any
 from ground.client.telemetry import Age
 from ground.station.link.streams import StreamCounter, StreamRow
 from protocol.bus.network import Hub
-from protocol.topics import HEARTBEAT, ODOMETRY, OPERATOR, SONAR, TEXT, Topic
+from protocol.topics import HEARTBEAT, ODOMETRY, OPERATOR, SONAR, TEXT, Role, Topic
 from protocol.wire.codec import Encoder
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import BEAT
@@ -50,6 +50,24 @@ def test_missing_frames_count_as_lost() -> None:
     percent = play.station.link_percent
     assert percent is not None
     assert 85.0 < percent < 95.0
+
+
+def test_frames_before_the_link_to_a_restarted_robot_are_not_lost() -> None:
+    """The first frames of the new process were published before it could be reached."""
+    play = Play().forward(0.2)
+    play.bus.go(Role.ROBOT)
+    play.robot.loop = False
+    play.forward(0.5)
+    play.bus._encoders.clear()
+    play.robot.loop, play.robot.tick, play.delivered = True, 0, False
+    play.forward(0.3)
+    play.delivered = True
+    play.bus.come(Role.ROBOT, zid="another")
+    play.forward(1.0)
+    assert play.station.restarts(Role.ROBOT) == 1
+    own = [one for one in play.station.streams() if one.topic.publisher is Role.ROBOT]
+    assert {one.topic.path: one.lost for one in own if one.lost} == {}
+    assert play.station.link_percent == 100.0
 
 
 def test_old_losses_leave_the_percentage() -> None:

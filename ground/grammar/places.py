@@ -1,0 +1,38 @@
+"""Arguments of `pose`."""
+
+import argparse
+
+from ground.client.operations import Operation, SetPose, SetTruePose
+from ground.client.results import Outcome
+from ground.grammar.words import Words, add_common, seconds
+from protocol.options import finite
+from runtime.cli.parsers import add_subcommands
+
+
+class PoseWords(Words):
+    """The arguments of `pose`."""
+
+    x: float
+    y: float
+    heading: float | None
+    timeout: float | None
+
+    @classmethod
+    def declare(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare the arguments."""
+        actions = add_subcommands(parser, "pose")
+        setting = actions["set"]
+        setting.add_argument("x", type=finite, metavar="X", help="metres")
+        setting.add_argument("y", type=finite, metavar="Y", help="metres")
+        help = "heading; without it the robot keeps its own, if it knows its place"
+        setting.add_argument("heading", type=finite, nargs="?", metavar="DEG", help=help)
+        for action in actions.values():
+            add_common(action)
+            help = "give up after this time, in three attempts (default 1.5)"
+            action.add_argument("--timeout", type=seconds, metavar="S", help=help)
+
+    def operation(self) -> Operation[Outcome]:
+        """Return the operation for the parsed arguments."""
+        if self.action == "truth":
+            return SetTruePose(timeout_s=self.timeout)
+        return SetPose(x_m=self.x, y_m=self.y, heading_deg=self.heading, timeout_s=self.timeout)
