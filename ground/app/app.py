@@ -41,6 +41,7 @@ from protocol.wire.enums import Severity
 
 if TYPE_CHECKING:
     from ground.app.playback.player import Player
+    from ground.app.screens.choice import Choice
     from ground.launch.launcher import Stack
     from ground.launch.recording_session import RecordingSession
 
@@ -160,7 +161,9 @@ class GroundApp(App[int]):
         """Add a line to the log."""
         self.station.note(text)
 
-    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+    def choose(
+        self, title: str, choices: "Sequence[str | Choice]", done: Callable[[str], None]
+    ) -> None:
         """Let the operator choose one of a few; `done` gets the choice."""
         from ground.app.screens.choice import ChoiceScreen  # rarely needed, so imported late
 

@@ -11,12 +11,12 @@ SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
 NAVIGATOR_SUMMARIES: Final = MappingProxyType(
     {
-        "bug": "the paper's Bug: follows the boundary of what is in its way",
-        "vgm": "the paper's Virtual Goal Method: turns its goal away from the nearest echo",
-        "bug1": "goes all the way round an obstacle, then leaves from the nearest point",
-        "bug2": "follows the boundary back to the line from start to goal",
-        "distbug": "follows the boundary until the free way leads nearer to the goal",
-        "vgm_memory": "Virtual Goal Method with a memory of recent echoes (the default)",
+        "bug": "the paper's Bug: follows the boundary of obstacles",
+        "vgm": "the paper's Virtual Goal Method: turns its goal away",
+        "bug1": "goes all the way round, then leaves at the nearest point",
+        "bug2": "follows the boundary back to the line to the goal",
+        "distbug": "follows the boundary until the way leads nearer",
+        "vgm_memory": "vgm with a memory of recent echoes (the default)",
     }
 )
 MODE_SUMMARIES: Final = MappingProxyType(

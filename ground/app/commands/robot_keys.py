@@ -11,13 +11,21 @@ from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
 from ground.app.screens import SCREENS
 from ground.app.screens.app_screen import Action
+from ground.app.screens.choice import Choice
 from ground.client import operations
 from ground.client.operations import Operation
 from ground.client.results import Outcome
-from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
+from ground.client.vocabulary import (
+    MODE_SUMMARIES,
+    NAVIGATOR_SUMMARIES,
+    NAVIGATORS,
+    SIDES,
+    USUAL_NAVIGATOR,
+)
 from ground.text.theme_names import THEMES
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
+from protocol.wire.messages import NavigatorStatus
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -68,11 +76,17 @@ class RobotKeys:
     def choose_mode(self) -> None:
         """Let the operator choose the mode."""
         modes = {mode.name.lower(): mode for mode in Mode}
+        status = self._status()
+        current = None if status is None else status.mode
+        choices = [
+            Choice(name, MODE_SUMMARIES[name], is_current=mode == current)
+            for name, mode in modes.items()
+        ]
 
         def take(name: str) -> None:
             self._app.commands.perform(operations.SetMode(mode=modes[name]))
 
-        self._app.choose("mode", list(modes), take)
+        self._app.choose("mode", choices, take)
 
     def choose_navigator(self) -> None:
         """Let the operator choose the navigator."""
@@ -80,12 +94,19 @@ class RobotKeys:
         def take(name: str) -> None:
             self._app.commands.perform(operations.SetNavigator(navigator=NAVIGATORS[name]))
 
-        self._app.choose("navigator", list(NAVIGATORS), take)
+        status = self._status()
+        current = None if status is None else status.navigator
+        choices = [
+            Choice(name, NAVIGATOR_SUMMARIES[name], is_current=number == current)
+            for name, number in NAVIGATORS.items()
+        ]
+        self._app.choose("navigator", choices, take)
 
     def choose_side(self) -> None:
         """Let the operator choose the side on which to pass obstacles."""
-        newest = self._app.station.telemetry.latest(STATUS)
-        number = -1 if newest is None else newest[0].navigator
+        status = self._status()
+        number = -1 if status is None else status.navigator
+        current = 0 if status is None else status.side
         navigator = NAVIGATORS[NAVIGATOR_NAMES.get(number, USUAL_NAVIGATOR)]
 
         def pass_on(side: str) -> None:
@@ -93,7 +114,13 @@ class RobotKeys:
                 operations.SetNavigator(navigator=navigator, side=SIDES[side])
             )
 
-        self._app.choose("side to pass on", list(SIDES), pass_on)
+        choices = [Choice(side, is_current=SIDES[side] == current) for side in SIDES]
+        self._app.choose("side to pass on", choices, pass_on)
+
+    def _status(self) -> NavigatorStatus | None:
+        """Return the newest status of the robot, if there is one."""
+        newest = self._app.station.telemetry.latest(STATUS)
+        return None if newest is None else newest[0]
 
     def take_or_release(self) -> None:
         """Take the lease, or release it."""

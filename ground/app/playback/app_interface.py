@@ -1,6 +1,6 @@
 """Define what screens need of the app, so that tests and the replay can provide another one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ground.app.commands.command_sink import CommandSink
@@ -10,6 +10,7 @@ from ground.app.stops.band import Band
 from ground.station.station import Station
 
 if TYPE_CHECKING:
+    from ground.app.screens.choice import Choice
     from ground.launch.launcher import Stack
 
 T = TypeVar("T")
@@ -57,5 +58,7 @@ class AppInterface(Protocol):
     def note(self, text: str) -> None:
         """Add a line to the log."""
 
-    def choose(self, title: str, choices: list[str], done: Callable[[str], None]) -> None:
+    def choose(
+        self, title: str, choices: "Sequence[str | Choice]", done: Callable[[str], None]
+    ) -> None:
         """Let the operator choose one of a few."""

@@ -1,71 +1,153 @@
-"""Let the operator choose one of a few, by arrows and Enter or by its number."""
+"""Let the operator choose one of a few: by arrows, by number, or by a filter."""
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import ClassVar, Final, NamedTuple
 
 from textual import events
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.containers import Vertical
 from textual.screen import ModalScreen
+from textual.widgets import Input
 
+from ground.app.lists.list_filter import ListFilter, filter_spans, nothing_row
 from ground.app.widgets.lines import Lines
-from ground.app.widgets.rows import Row, Span, faint, row
+from ground.app.widgets.rows import Row, Span, cut, faint, row
+
+KEYS: Final = "Enter takes, / filters, Esc closes"
+AROUND: Final = 6
+"""Rows of the screen that the box does not use for choices."""
+
+
+class Choice(NamedTuple):
+    """One choice; `is_current` marks the one in force."""
+
+    name: str
+    description: str = ""
+    is_current: bool = False
 
 
 class ChoiceScreen(ModalScreen[str]):
-    """A dialog that returns the choice, or "" after Escape. The stop keys work here, too."""
+    """A dialog that returns the choice, or "" after Escape. The stop keys work here, too.
+
+    While the filter is typed, letters are text.
+    """
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up,k", "move(-1)"),
         Binding("down,j", "move(1)"),
         Binding("enter", "take"),
-        Binding("escape,q", "dismiss('')"),
+        Binding("slash", "filter"),
+        Binding("escape,q", "close"),
     ]
     AUTO_FOCUS = ""
 
-    def __init__(self, title: str, choices: list[str]) -> None:
+    def __init__(self, title: str, choices: Sequence[str | Choice]) -> None:
         super().__init__()
-        self._title, self._choices = title, choices
-        self._at = 0
+        self._title = title
+        self._every = [Choice(one) if isinstance(one, str) else one for one in choices]
+        self._choices = self._every
+        self._at = next((at for at, one in enumerate(self._every) if one.is_current), 0)
 
     def compose(self) -> ComposeResult:
-        """Compose the list of choices."""
-        yield Lines(id="choices", classes="box")
+        """Compose the list of choices and the filter."""
+        with Vertical(id="box", classes="box"):
+            yield Lines(id="choices")
+            yield Input(id="choice-filter", compact=True, select_on_focus=False)
 
     def on_mount(self) -> None:
         """Fit the box to the choices."""
-        box = self.query_one(Lines)
-        box.styles.width = max(24, *(len(choice) + 8 for choice in [*self._choices, self._title]))
-        box.styles.height = len(self._choices) + 4
+        names = max(len(one.name) for one in self._every)
+        about = max(len(one.description) for one in self._every)
+        self._wide = names if about else 0
+        box = self.query_one("#box")
+        box.styles.width = max(24, len(self._title) + 8, len(KEYS) + 4, names + about + 12)
+        box.styles.max_width = "100%"
+        box.styles.height = self.room() + 4
+        self.query_one(Input).display = False
         self.show()
 
+    def room(self) -> int:
+        """Return how many choices are in sight."""
+        return max(1, min(len(self._every), self.app.size.height - AROUND))
+
     def show(self) -> None:
-        """Draw the choices."""
-        self.query_one(Lines).show([row(Span(f" {self._title}", "accent")), *self.rows()])
+        """Draw the choices; rows change in number, the box does not."""
+        panel, words = self.query_one(Lines), self.query_one(Input).value.strip()
+        panel.styles.height = self.room() + 2 - self.query_one(Input).display
+        counts = filter_spans(words, len(self._choices), len(self._every), typing=False)[:1]
+        rows = self.rows() if self._choices else [nothing_row(words)]
+        title = row(Span(f" {self._title}", "accent"), *counts)
+        foot = [] if self.query_one(Input).display else [row(faint(f" {KEYS}"))]
+        panel.show([title, *rows, *foot])
 
     def rows(self) -> list[Row]:
-        """Return one row for each choice."""
+        """Return one row for each choice in sight; a dot marks the one in force."""
+        room = self.room()
+        first = max(0, min(self._at - room // 2, len(self._choices) - room))
+        width = self.query_one("#box").size.width or 200
         return [
-            row(faint(f" {number} " if number < 10 else "   "), Span(f" {choice} ", role))
-            for number, choice in enumerate(self._choices, start=1)
+            cut(
+                row(
+                    faint(f" {number} " if number < 10 else "   "),
+                    Span("● " if one.is_current else "  ", "ok"),
+                    Span(f"{one.name:<{self._wide}} ", role),
+                    faint(f" {one.description}"),
+                ),
+                width,
+            )
+            for number, one in enumerate(self._choices[first : first + room], start=first + 1)
             for role in ("reverse" if number - 1 == self._at else "text",)
         ]
 
     def action_move(self, step: int) -> None:
         """Move the selection by a step, around the ends."""
-        self._at = (self._at + step) % len(self._choices)
-        self.show()
+        if self._choices:
+            self._at = (self._at + step) % len(self._choices)
+            self.show()
 
     def action_take(self) -> None:
         """Return the selected choice."""
-        self.dismiss(self._choices[self._at])
+        if self._choices:
+            self.dismiss(self._choices[self._at].name)
 
-    def key_by_number(self, number: int) -> None:
-        """Return the choice with this number."""
-        if 1 <= number <= len(self._choices):
-            self.dismiss(self._choices[number - 1])
+    def action_filter(self) -> None:
+        """Let the operator type a filter."""
+        line = self.query_one(Input)
+        line.display = True
+        line.focus()
+        self.show()
+
+    def action_close(self) -> None:
+        """Clear the filter; without one, return no choice."""
+        line = self.query_one(Input)
+        if not line.display:
+            self.dismiss("")
+            return
+        line.value, line.display = "", False
+        self.set_focus(None)
+        self.show()
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        """Show the choices that pass the filter."""
+        event.stop()
+        found = ListFilter(event.value)
+        self._choices = [
+            one
+            for one in self._every
+            if found.passes({"name": one.name, "description": one.description})
+        ]
+        self._at = 0
+        self.show()
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Return the selected choice."""
+        event.stop()
+        self.action_take()
 
     def on_key(self, event: events.Key) -> None:
         """Choose by a digit."""
-        if event.key.isdigit():
+        if event.key.isdigit() and self.focused is None:
             event.stop()
-            self.key_by_number(int(event.key))
+            if 1 <= int(event.key) <= len(self._choices):
+                self.dismiss(self._choices[int(event.key) - 1].name)

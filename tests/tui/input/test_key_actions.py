@@ -22,7 +22,7 @@ LINES = {
     "missions": "mission list",
 }
 CHOICES = {
-    "mode": ("enter", "mode manual"),
+    "mode": ("1", "mode manual"),
     "navigator": ("3", "navigator bug1"),
     "side": ("2", "navigator vgm right"),
 }

@@ -106,7 +106,7 @@ def test_verbs_used_often_come_first() -> None:
     ("typed", "meaning"),
     [
         ("disa", "disarm the motors"),
-        ("navigator vgm_", "Virtual Goal Method with a memory of recent echoes (the default)"),
+        ("navigator vgm_", "vgm with a memory of recent echoes (the default)"),
         ("mission up", "send a mission and its fence, if any, to the robot"),
         ("hold --time", "give up after this time, in three attempts (1.5)"),
     ],
