@@ -102,6 +102,9 @@ class NoCommands:
     last = ""
     draft_items: tuple[MapTarget, ...] = ()
 
+    def clear_draft(self) -> None:
+        """Do nothing."""
+
     def run_line(self, line: str) -> None:
         """Ignore a command line."""
 

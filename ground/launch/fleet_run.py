@@ -1,10 +1,17 @@
 """Run several goals as one: send all goals before time starts, then wait for all outcomes."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Final
 
+from ground.client.connection import Common
+from ground.client.link import Link
 from ground.launch.goal_run import GoalRun, NoOutcomeError
+from ground.launch.scenario import Scenario
+from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
+from protocol.bus.bus import Bus
 from protocol.outcome import Outcome
 from runtime.clock import Clock
 
@@ -90,6 +97,27 @@ class FleetRun:
             first.time(),
             first.pace(),
         ]
+
+
+def goal_runs_of(
+    scenario: Scenario,
+    common: Common,
+    bus: Bus,
+    clock: Clock,
+    check: Callable[[], None],
+    void: Callable[[str], VoidRun | None] = lambda _robot: None,
+) -> list[GoalRun]:
+    """Return one run for each robot; `void` returns why the trial of a robot is void."""
+    return [
+        GoalRun(
+            Link(bus, replace(common, robot=one.robot), clock),
+            scenario,
+            one,
+            check,
+            partial(void, one.robot),
+        )
+        for one in scenario.scenario_robots
+    ]
 
 
 def as_json(robots: Sequence[str], outcomes: Sequence[Outcome]) -> dict[str, object]:

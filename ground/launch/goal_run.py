@@ -201,6 +201,16 @@ class GoalRun:
         hint, words = self._time_factor.hint(now_ns), self._time_factor.words(now_ns)
         return Part(f"{words}, {hint}", words) if hint else Part("")
 
+    def close(self) -> None:
+        """End the subscriptions."""
+        for mailbox in self.telemetry.boxes().values():
+            self.link.bus.unsubscribe(mailbox)
+
+    @property
+    def refusal(self) -> str:
+        """Why the robot refused the goal; empty if it did not."""
+        return "" if self._refusal is None else self._refusal.words
+
     def _end(self, status: NavigatorStatus) -> None:
         wall_s = (self.link.clock.now_ns() - self._begun_ns) / NS_PER_S
         self.outcome = self._judge(status, wall_s)

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from copy import copy
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,8 @@ from typing import Any, Final, Self
 from ground.client.connection import Common
 from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError, Children
+from ground.launch.fleet_run import FleetRun, goal_runs_of
+from ground.launch.goal_run import NoOutcomeError
 from ground.launch.hang_detector import ROUTER, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import (
@@ -31,7 +34,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, TRUTH
 from runtime.clock import Clock
-from runtime.errors import UserError
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
 PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
@@ -161,15 +164,46 @@ class Stack:
             return None
         return self._supervisor.void((f"robot {robot}", PLANT), self._clock.now_ns())
 
-    def restarted(self, scenario: Scenario) -> None:
-        """Stop all processes and start those of another scenario, within about a second."""
+    def restarted(self, scenario: Scenario, stopped: Callable[[], None] = lambda: None) -> None:
+        """Stop all processes and start those of another scenario, within about a second.
+
+        `stopped` is called when no process runs. In lockstep time waits for `drive_to_goals`.
+        """
         self._children.stop()
+        stopped()
         self.scenario = scenario
-        self.start()
+        self.start(paused=scenario.lockstep)
         if self._supervisor is not None:
             self._begin_supervision()
             for role in self._roles:
                 self._detector.note_start(role, self._clock.now_ns())
+
+    def drive_to_goals(self) -> list[str]:
+        """Arm the robots, send their goals and start time; return the refusals.
+
+        Call it after `restarted`, in a thread of its own: it waits for the processes. It raises
+        NoOutcomeError if a robot does not accept its goal, or if another world was started.
+        """
+        scenario, bus = self.scenario, self._bus
+        assert bus is not None, "set by supervise()"
+
+        def check() -> None:
+            if self.scenario is not scenario:
+                raise NoOutcomeError(f"{scenario.name}: another world was started")
+
+        goal_runs = goal_runs_of(scenario, self.common, bus, self._clock, check)
+        try:
+            FleetRun(goal_runs, self._clock, check, lambda _: None).launch(
+                lockstep=scenario.lockstep
+            )
+        except RemoteError:
+            with suppress(RemoteError):  # a robot that was stopped meanwhile can still be driven
+                goal_runs[0].start()
+            raise
+        finally:
+            for goal_run in goal_runs:
+                goal_run.close()
+        return [f"{one.link.robot}: {one.refusal}" for one in goal_runs if one.refusal]
 
     def _begin_supervision(self) -> None:
         bus = self._bus

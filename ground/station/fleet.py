@@ -93,11 +93,20 @@ class Fleet:
         ]
         ended = sorted(gone, key=lambda model: model.gone_ns)[:count]
         for model in ended:
-            del self.models[model.robot]
+            self._end(model)
+        return len(ended)
+
+    def forget(self) -> None:
+        """Forget all robots, because their processes are replaced by others."""
+        for model in list(self.models.values()):
+            self._end(model)
+
+    def _end(self, model: RobotModel) -> None:
+        del self.models[model.robot]
+        if self._live_bus is not None:
             self.sessions.pop(model.robot).close(0.0)
             for mailbox in model.telemetry.boxes().values():
                 self._live_bus.unsubscribe(mailbox)
-        return len(ended)
 
     def poll(self, present: Iterable[Token], selected: str, now_ns: int) -> None:
         """Process what is new of the robots that are due, and send the next requests."""

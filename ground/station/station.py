@@ -115,6 +115,16 @@ class Station(StationView):
         if self._session is not None:
             self._session.select()
 
+    def begin_again(self) -> None:
+        """Forget all that was received, because other processes are started now.
+
+        Until they are received for the first time, nothing counts as lost.
+        """
+        self._fleet.forget()
+        self.select(self._robot)
+        if self._session is not None:
+            self._session.link_monitor.expect_start(self._clock.now_ns())
+
     def _add(self, robot: str) -> None:
         self._fleet.add(robot)
         self._read_recorded(self._fleet.models[robot])

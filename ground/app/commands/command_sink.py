@@ -16,6 +16,9 @@ class CommandSink(Protocol):
     def last(self) -> str:
         """The last command as a line for a shell; empty when there was none."""
 
+    def clear_draft(self) -> None:
+        """Empty the mission draft."""
+
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""

@@ -102,6 +102,10 @@ class CommandRunner:
         except UserError:
             return True  # a wrong line only causes a message
 
+    def clear_draft(self) -> None:
+        """Empty the mission draft."""
+        self.draft = Draft()
+
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""

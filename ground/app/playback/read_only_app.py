@@ -47,6 +47,10 @@ class ReadOnlyCommands:
         """The last command as a line for a shell."""
         return self._commands.last
 
+    def clear_draft(self) -> None:
+        """Refuse."""
+        self._note(REFUSED)
+
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
         """The waypoints of the mission draft."""

@@ -10,6 +10,7 @@ from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.world_change import change_world
 from ground.app.worlds import query_worlds
 from ground.console.completion import Assistance, Candidate
 from ground.launch.launcher import PROCESS_FAULTS
@@ -148,9 +149,7 @@ class FaultsScreen(ListScreen[InjectableFault]):
 
     def start(self, scenario: Scenario) -> None:
         """Restart the processes with a scenario."""
-        if self.interface.stack is not None:
-            self.interface.note(f"{scenario.name}: restarting with the fault")
-            self.interface.stack.restarted(scenario)
+        change_world(self.interface, scenario, "restarting with the fault")
 
 
 def assisted(one: InjectableFault, text: str) -> Assistance:

@@ -20,6 +20,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.list_view import ListView
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.app.world_change import change_world
 from ground.app.worlds import Reached, query_worlds, read_reached_counts
 from ground.launch.scenario import Scenario
 from ground.map.scene import MapScene
@@ -139,10 +140,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
 
     def start(self, scenario: Scenario) -> None:
         """Restart the processes with a scenario."""
-        stack = self.interface.stack
-        if stack is not None:
-            self.interface.note(f"{scenario.name}: restarting the processes")
-            stack.restarted(scenario)
+        change_world(self.interface, scenario, "restarting the processes")
 
 
 def looked_up(name: str) -> tuple[dict[str, Any], MapScene]:

@@ -5,7 +5,6 @@ import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -14,9 +13,10 @@ from ground.app.appearance import add_appearance_options
 from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.client.connection import Common
-from ground.client.link import Link, UnansweredError
+from ground.client.link import UnansweredError
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.grammar.words import add_json, positive, seconds
+from ground.launch import fleet_run
 from ground.launch.child_command import command
 from ground.launch.fleet_run import FleetRun, as_json, in_words
 from ground.launch.goal_run import GoalRun
@@ -183,16 +183,7 @@ def goal_runs_of(stack: Stack, bus: Bus, output: Output, clock: Clock) -> list[G
     scenario = stack.scenario
     goals = ", ".join(str(scenario_robot.goal) for scenario_robot in scenario.scenario_robots)
     output.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
-    return [
-        GoalRun(
-            Link(bus, replace(stack.common, robot=scenario_robot.robot), clock),
-            scenario,
-            scenario_robot,
-            stack.check,
-            partial(stack.void, scenario_robot.robot),
-        )
-        for scenario_robot in scenario.scenario_robots
-    ]
+    return fleet_run.goal_runs_of(scenario, stack.common, bus, clock, stack.check, stack.void)
 
 
 def recorders_ready(stack: Stack, clock: Clock, output: Output) -> None:

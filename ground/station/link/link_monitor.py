@@ -24,11 +24,16 @@ from protocol.topics import (
     Topic,
 )
 from protocol.wire.enums import Severity
+from runtime.units import NS_PER_S
 
 INFO: Final = Severity.INFO
 SENSES: Final = 3
 """Bits of TICK_INPUTS: 1 for wheel ticks, 2 for a scan."""
 PLANT: Final[tuple[Topic[Any], ...]] = (SONAR, WHEELS, TRUTH, CLOCK)
+
+
+START_NS: Final = 20 * NS_PER_S
+"""Longest time for which processes that are being started do not count as lost."""
 
 
 class HubState:
@@ -73,6 +78,7 @@ class LinkMonitor:
         self._hub_state = hub_state
         self._lease = LeaseView()
         self._was_ready = False
+        self._starting_until_ns = 0
 
     def poll(self, now_ns: int, restarted_roles: set[Role], lease: LeaseView) -> None:
         """Process what was read, classify the link and report changes."""
@@ -87,7 +93,7 @@ class LinkMonitor:
             self._reader.want_once("world")
         inputs = self._inputs(now_ns)
         self._reader.probe_often(inputs.gone_ns is not None or self._silent(inputs))
-        kind = classify(inputs)
+        kind = self._unless_starting(classify(inputs), now_ns)
         change = self.contact.update(kind, now_ns, self._since_ns(kind, now_ns))
         if change is not None:
             self._changed(change, now_ns)
@@ -106,6 +112,17 @@ class LinkMonitor:
             response_of(kind, known),
             self.contact.since_ns,
         )
+
+    def expect_start(self, now_ns: int) -> None:
+        """Report no loss before the processes, which are being started, have been received."""
+        self._starting_until_ns = now_ns + START_NS
+
+    def _unless_starting(self, kind: LossKind | None, now_ns: int) -> LossKind | None:
+        if now_ns >= self._starting_until_ns:
+            return kind
+        if kind is None and self._model.telemetry.latest(HEARTBEAT) is not None:
+            self._starting_until_ns = 0
+        return None
 
     def reread(self, now_ns: int) -> None:
         """Read everything again, as after a loss."""

@@ -166,3 +166,26 @@ def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Pat
         )
         tmux.press("C-q")
         assert tmux.ends() == 0
+
+
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="no tmux on this machine")
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_app_changes_the_world_and_drives_without_a_loss(clock: str, tmp_path: Path) -> None:
+    words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--clock", clock, "--world", "box"]
+    words += ["--no-record"]
+    with Tmux(tmp_path, words, (140, 40), {"COLUMNS": "140"}) as tmux:
+        tmux.shows("read: ready", within_s=20.0)
+        tmux.press("6")
+        tmux.shows("18 worlds", "shortest way")
+        tmux.press("j", "j", "j")
+        tmux.shows("One round obstacle", "disc  ")
+        tmux.press("s", "4")
+        tmux.shows("disc: to (5.400, 2.000)", within_s=20.0)
+        tmux.press("1")
+        shown = tmux.shows("disc: to (5.400, 2.000)", "AUTO ▸ ARMED", within_s=20.0)
+        assert not [words for words in ("DEAD", "HUNG", "LOST", "STALE") if words in shown]
+        tmux.press("4")
+        log = tmux.shows("vehicle ACTIVE", "read: ready")
+        assert not [words for words in ("DEAD", "disconnected", "restarted") if words in log]
+        tmux.press("C-q")
+        assert tmux.ends() == 0

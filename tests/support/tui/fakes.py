@@ -51,6 +51,7 @@ class FakeStation(Station):
         self._telemetry = Telemetry(self.air, "r1", TOPICS)
         self._figures, self.log = SeriesTable(), EventLog()
         self.polls = 0
+        self.begun_again = 0
         self.stops = 0
         self.stops_of_all = 0
         self.last_stop_now: StopRecord | None = None
@@ -73,6 +74,9 @@ class FakeStation(Station):
         self.last_now = ""
         self.live_now = True
         self.closed = False
+
+    def begin_again(self) -> None:
+        self.begun_again += 1
 
     def poll(self) -> None:
         self.polls += 1
@@ -255,6 +259,9 @@ class FakeCommandSink:
         self.teleop = False
         self.last = ""
         self.draft_items: tuple[MapTarget, ...] = ()
+
+    def clear_draft(self) -> None:
+        self.draft_items = ()
 
     def run_line(self, line: str) -> None:
         if not line:

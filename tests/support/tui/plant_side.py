@@ -44,6 +44,7 @@ class FakeStack(Stack):
     def __init__(self) -> None:
         super().__init__(argparse.Namespace(), self.scenario_of("box"), "", ManualClock())
         self.begun: list[str] = []
+        self.driven: list[str] = []
         self.done: list[tuple[str, str]] = []
 
     def scenario_of(self, world: str) -> Scenario:
@@ -58,8 +59,14 @@ class FakeStack(Stack):
     def check(self) -> None:
         """Report no problems."""
 
-    def restarted(self, scenario: Scenario) -> None:
+    def restarted(self, scenario: Scenario, stopped: Callable[[], None] = lambda: None) -> None:
+        stopped()
+        self.scenario = scenario
         self.begun.append(scenario.name)
+
+    def drive_to_goals(self) -> list[str]:
+        self.driven.append(self.scenario.name)
+        return []
 
     def scenario_in(self, world: str, faults: Any = ()) -> Scenario:
         return self.scenario_of(" ".join([world, *(str(fault["kind"]) for fault in faults)]))

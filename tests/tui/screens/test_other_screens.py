@@ -11,6 +11,7 @@ from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
 from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
+from ground.map.scene import MapTarget
 from ground.station.roster import Attention, RosterEntry
 from protocol.topics import Role
 from runtime.errors import UserError
@@ -210,8 +211,11 @@ def test_another_world_starts_with_own_processes() -> None:
         assert "reached of 10 seeds: bug left 0, vgm 7, vgm_memory 10" in stage.words("about")
         await stage.press("enter")
         assert stack.begun == []
+        stage.commands.draft_items = (MapTarget(1.0, 2.0, None),)
         await stage.press("s")
-        assert stack.begun == ["wall"]
+        assert (stack.begun, stack.driven) == (["wall"], ["wall"])
+        assert stage.station.begun_again == 1
+        assert len(stage.commands.draft_items) == 0
 
     play(lambda: on("6", stack, story))
 

@@ -69,13 +69,17 @@ def test_lockstep_waits_only_when_paused(speed: str) -> None:
     stack.start(paused=True)
     assert PAUSED in children.started[-1][1]
     stack.restarted(stack.scenario)
+    assert PAUSED in children.started[-1][1], "until its goal has been sent"
+    stack.start()
     assert PAUSED not in children.started[-1][1]
 
 
 def test_restarted_replaces_the_world() -> None:
     stack, children = stack_of("--world", "box", "--goal", "1", "1")
     stack.start()
-    stack.restarted(stack.scenario_in("disc"))
+    running_when_stopped: list[list[str]] = []
+    stack.restarted(stack.scenario_in("disc"), lambda: running_when_stopped.append(children.roles))
+    assert running_when_stopped == [[]]
     assert children.stops == 1
     assert stack.scenario.name == "disc"
     assert "disc" in children.started[-1][1]

@@ -1,6 +1,7 @@
 """A restarted process is reported, and its data are read again."""
 
 from ground.client.telemetry import Age
+from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, Role
 from tests.support.ground.station.play import Play
 
@@ -34,3 +35,45 @@ def test_plant_restart_reads_the_world_again() -> None:
     assert play.station.world is not None
     assert play.station.world.name == "box"
     assert play.station.seen(HEARTBEAT).age is Age.LIVE
+
+
+def test_a_changed_world_is_no_loss_and_no_restart() -> None:
+    """The processes need seconds to start, and are others than before."""
+    play = Play().forward(1.0)
+    play.robot.x_m = 1.0
+    play.forward(1.0)
+    play.die()
+    play.bus.go(Role.PLANT)
+    play.robot.senses = False
+    play.bus.linked_by = Hub.ENDED
+    play.station.begin_again()
+    losses = []
+    for _ in range(50):
+        play.forward(0.1)
+        losses.append(play.station.loss())
+    assert not play.station.ready
+    assert play.station.world is None
+    play.robot.x_m, play.robot.tick, play.robot.time_ns = 0.0, 0, 0
+    play.revive()
+    for _ in range(20):
+        play.forward(0.1)
+        losses.append(play.station.loss())
+    assert losses == [None] * len(losses)
+    assert play.station.ready
+    assert play.station.restarts(Role.ROBOT) == play.station.restarts(Role.PLANT) == 0
+    assert play.station.restarted == ""
+    assert list(play.station.scene().trail) == [(0.0, 0.0)]
+    play.die()
+    play.forward(3.0)
+    assert play.station.loss() is not None, "later losses count"
+
+
+def test_processes_that_do_not_start_are_a_loss_in_the_end() -> None:
+    play = Play().forward(1.0)
+    play.die()
+    play.bus.go(Role.PLANT)
+    play.robot.senses = False
+    play.bus.linked_by = Hub.ENDED
+    play.station.begin_again()
+    play.forward(25.0)
+    assert play.station.loss() is not None

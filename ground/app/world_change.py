@@ -1,0 +1,30 @@
+"""Change the world: end all processes, start those of the other world, and drive to its goal."""
+
+from functools import partial
+
+from ground.app.playback.app_interface import AppInterface
+from ground.launch.scenario import Scenario
+
+
+def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None:
+    """Restart the processes that this app started with a scenario; `what` goes to the log.
+
+    The old processes do not count as lost. The robots are armed and drive to the goals of the new
+    world, as at the first start. A mission draft belongs to the old world.
+    """
+    stack = interface.stack
+    if stack is None:
+        return
+    if scenario.name != stack.scenario.name:
+        interface.commands.clear_draft()
+    interface.note(f"{scenario.name}: {what}")
+    stack.restarted(scenario, interface.station.begin_again)
+    interface.run_in_background(stack.drive_to_goals, partial(report, interface, scenario))
+
+
+def report(interface: AppInterface, scenario: Scenario, refusals: list[str]) -> None:
+    """Report the goals of the new world, or the refusals."""
+    goals = ", ".join(str(one.goal) for one in scenario.scenario_robots)
+    interface.note(f"{scenario.name}: to {goals} with {scenario.navigator}")
+    for refusal in refusals:
+        interface.note(f"{scenario.name}: goal refused: {refusal}")
