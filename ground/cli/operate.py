@@ -1,9 +1,12 @@
 """Carries out the operation of a parsed verb and prints its outcome."""
 
+from functools import partial
+
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.link import UnansweredError, open_link
 from ground.client.operations import Session
+from ground.client.operations.floor import floor_of
 from ground.client.results import Outcome
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
@@ -28,7 +31,10 @@ def run(words: Words, output: Output) -> int:
     try:
         with open_link(common) as link:
             return print_outcome(
-                output, words, link.robot, operation.perform(Session(link, output))
+                output,
+                words,
+                link.robot,
+                operation.perform(Session(link, output, floor=partial(floor_of, link))),
             )
     except UnansweredError as error:
         if (instead := words.without_robot()) is not None:

@@ -4,7 +4,7 @@ import argparse
 
 from ground.client.goal import FRAMES, HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
 from ground.client.operations import DriveByHand, Goto
-from ground.grammar.words import Words, add_common, positive, seconds
+from ground.grammar.words import Words, add_anyway, add_common, positive, seconds
 from protocol.options import finite
 
 
@@ -19,6 +19,7 @@ class GotoWords(Words):
     frame: str
     no_wait: bool
     timeout: float | None
+    anyway: bool
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
@@ -32,22 +33,7 @@ class GotoWords(Words):
             metavar="DEG",
             help="degrees: final heading; without it any",
         )
-        parser.add_argument(
-            "--tolerance",
-            "--tol",
-            "--position-tolerance",
-            type=positive,
-            default=POSITION_TOLERANCE_M,
-            metavar="M",
-            help=f"arrived within this distance ({POSITION_TOLERANCE_M:g})",
-        )
-        parser.add_argument(
-            "--heading-tolerance",
-            type=positive,
-            default=HEADING_TOLERANCE_DEG,
-            metavar="DEG",
-            help=f"aligned within this angle ({HEADING_TOLERANCE_DEG:g})",
-        )
+        declare_tolerances(parser)
         parser.add_argument(
             "--frame",
             choices=FRAMES,
@@ -61,6 +47,7 @@ class GotoWords(Words):
             help="drive in AUTO, which needs no operator; do not wait",
         )
         parser.add_argument("--timeout", type=seconds, metavar="S", help="abort after this time")
+        add_anyway(parser, "a goal")
 
     def operation(self) -> Goto:
         """Return the operation for the parsed arguments."""
@@ -70,7 +57,33 @@ class GotoWords(Words):
             heading_tolerance_deg=self.heading_tolerance,
         )
         seen_by_robot, wait = self.frame == "body", not self.no_wait
-        return Goto(goal=goal, seen_by_robot=seen_by_robot, wait=wait, timeout_s=self.timeout)
+        return Goto(
+            goal=goal,
+            seen_by_robot=seen_by_robot,
+            wait=wait,
+            timeout_s=self.timeout,
+            anyway=self.anyway,
+        )
+
+
+def declare_tolerances(parser: argparse.ArgumentParser) -> None:
+    """Declare the tolerances of a goal."""
+    parser.add_argument(
+        "--tolerance",
+        "--tol",
+        "--position-tolerance",
+        type=positive,
+        default=POSITION_TOLERANCE_M,
+        metavar="M",
+        help=f"arrived within this distance ({POSITION_TOLERANCE_M:g})",
+    )
+    parser.add_argument(
+        "--heading-tolerance",
+        type=positive,
+        default=HEADING_TOLERANCE_DEG,
+        metavar="DEG",
+        help=f"aligned within this angle ({HEADING_TOLERANCE_DEG:g})",
+    )
 
 
 class TeleopWords(Words):

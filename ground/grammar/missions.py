@@ -11,7 +11,7 @@ from ground.client import operations
 from ground.client.operations import Operation, Progress, TransferOutcome
 from ground.client.operations.session import Session
 from ground.client.results import Outcome, Success
-from ground.grammar.words import Words, add_common, add_json
+from ground.grammar.words import Words, add_anyway, add_common, add_json
 from ground.missions import files
 from ground.missions.items import home_at
 from ground.missions.mission import Home
@@ -51,11 +51,14 @@ class UploadMissionFile:
     verb: ClassVar[str] = "mission upload"
     moves: ClassVar[bool] = True
     source: MissionFile
+    anyway: bool = False
 
     def read(self) -> operations.UploadMission:
         """Read the file."""
         found = self.source.read()
-        return operations.UploadMission(mission=found.mission, dropped=found.dropped)
+        return operations.UploadMission(
+            mission=found.mission, dropped=found.dropped, anyway=self.anyway
+        )
 
     def perform(self, session: Session) -> TransferOutcome:
         """Read the file and upload the mission."""
@@ -126,6 +129,7 @@ class MissionWords(Words):
     item: int | None
     home: tuple[float, float] | None
     drop: bool
+    anyway: bool
     typed: Callable[[], str] | None = None
     """Returns the text for the file `-`; without it, standard input is read."""
 
@@ -144,6 +148,7 @@ class MissionWords(Words):
         actions["jump"].add_argument("item", type=item, metavar="ITEM", help="from 1")
         for name in ("check", "convert", "upload", "download"):
             add_reading(actions[name])
+        add_anyway(actions["upload"], "waypoints")
         for name, action in actions.items():
             if name in ("check", "convert"):
                 add_json(action)
@@ -155,7 +160,7 @@ class MissionWords(Words):
         meanings: dict[str, Callable[[], Operation[Outcome]]] = {
             "check": lambda: CheckMission(source=self._source()),
             "convert": lambda: CheckMission(source=self._source(), out=self.out),
-            "upload": lambda: UploadMissionFile(source=self._source()),
+            "upload": lambda: UploadMissionFile(source=self._source(), anyway=self.anyway),
             "download": lambda: operations.DownloadMission(file=self.file, home=self._home()),
             "list": operations.FetchMission,
             "start": lambda: operations.StartMission(item=self.item),

@@ -93,6 +93,12 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
     add_json(parser)
 
 
+def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:
+    """Declare `--anyway`."""
+    help = f"send {what} outside of the known world, too"
+    parser.add_argument("--anyway", action="store_true", help=help)
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Declare `--json`."""
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
+from ground.client.operations.floor import Floor
 from ground.client.time_factor import chosen_speed
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings
@@ -161,10 +162,8 @@ def scenario_robots_of(goal: Destination, facts: dict[str, Any]) -> Iterator[Sce
 
 def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
     """Raise UserError for a goal outside the world."""
-    width_m, height_m = facts["size_m"]
-    if not (0.0 <= goal.x_m <= width_m and 0.0 <= goal.y_m <= height_m):
-        size = f"{width_m:g} x {height_m:g} m"
-        raise UserError(f"--goal {goal} lies outside the world {facts['name']} ({size})")
+    floor = Floor(facts["name"], *facts["size_m"])
+    floor.refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
 
 
 def goal_in(facts: dict[str, Any]) -> Destination:

@@ -9,6 +9,7 @@ from typing import Final
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopAll, StopNow
+from ground.client.operations.floor import Floor, floor_in
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
@@ -21,7 +22,7 @@ from ground.console.parser import COMMANDS, read
 from ground.console.spelling import line_of
 from ground.console.tokenizer import words_of
 from ground.map.scene import MapTarget
-from ground.missions.draft import Draft, Edit
+from ground.missions.draft import AddWaypoint, Draft, Edit
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
@@ -158,9 +159,15 @@ class CommandRunner:
 
         It has its own link, so that request ids are unique.
         """
-        outcome = operation.perform(Session(self._link(), attended=True))
+        session = Session(self._link(), attended=True, floor=self._floor)
+        outcome = operation.perform(session)
         text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)
+
+    def _floor(self) -> Floor | None:
+        """Return the floor of the robot's world, if it is known."""
+        world = self._station.world
+        return None if world is None else floor_in(world.text)
 
     def _locally(self, command: AppCommand) -> None:
         severity = Severity.INFO
@@ -174,6 +181,9 @@ class CommandRunner:
     def _message_of(self, command: AppCommand) -> str:
         if isinstance(command, ShowHelp):
             return help_text(command.word)
+        if isinstance(command, AddWaypoint) and (floor := self._floor()) is not None:
+            place = command.waypoint
+            floor.refuse_outside(f"waypoint {place}", place.x_m, place.y_m)
         return self.draft.apply(command) if isinstance(command, Edit) else self.local(command)
 
     def _link(self) -> Link:

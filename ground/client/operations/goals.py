@@ -66,6 +66,7 @@ class Goto:
 
     `seen_by_robot`: the goal is given relative to the robot (ahead, left), not in the world frame.
     `timeout_s`: abort after this time; UserError if the operation does not wait for the end.
+    `anyway`: send a goal outside of the known world, too.
     """
 
     verb: ClassVar[str] = "goto"
@@ -74,6 +75,7 @@ class Goto:
     seen_by_robot: bool = False
     wait: bool = True
     timeout_s: float | None = None
+    anyway: bool = False
 
     def perform(self, session: Session) -> Accepted | Refused | GoalEnded:
         """Send the goal; with `wait`, follow it to its end."""
@@ -81,6 +83,8 @@ class Goto:
             raise UserError("--timeout cannot be used here: this command does not wait for the end")
         if self.timeout_s is not None and not self.wait:
             raise UserError("--timeout cannot be combined with --no-wait")
+        if not (self.anyway or self.seen_by_robot):
+            session.refuse_outside((f"goal {self.goal}", self.goal.x_m, self.goal.y_m))
         with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
             drive = _Drive(session, telemetry)
             goal = drive.placed(self.goal) if self.seen_by_robot else self.goal

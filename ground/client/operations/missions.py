@@ -121,17 +121,22 @@ def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> Tran
 class UploadMission:
     """Upload a mission, whole or not at all; `dropped` was left out of its file.
 
-    The fence goes first, so that the robot checks the mission against it.
+    The fence goes first, so that the robot checks the mission against it. A waypoint outside of the
+    known world is an error, unless `anyway` is set.
     """
 
     verb: ClassVar[str] = "mission upload"
     moves: ClassVar[bool] = True
     mission: Mission
     dropped: tuple[str, ...] = ()
+    anyway: bool = False
 
     def perform(self, session: Session) -> TransferOutcome:
         """Upload the fence if there is one, then the mission; return the last verdict."""
         link, mission = session.link, self.mission
+        if not self.anyway:
+            waypoints = enumerate(mission.waypoints, start=1)
+            session.refuse_outside(*((f"waypoint {at} {p}", p.x_m, p.y_m) for at, p in waypoints))
         for what in self.dropped:
             session.progress.note(f"left out: {what}")
         if mission.fence is not None:

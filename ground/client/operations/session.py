@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
 from ground.client.link import Link
+from ground.client.operations.floor import Floor
 from ground.client.operations.lease_holder import refusing_holder
 from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Request
 from ground.client.results import Accepted, Answer
@@ -50,15 +51,28 @@ class Session:
 
     `attended`: another part of this process holds the lease, sends the operator's heartbeat and
     watches the goal. An operation then ends with the robot's answer. Otherwise it does all of this
-    itself, until it ends.
+    itself, until it ends. `floor` returns the floor of the world, if it is known.
     """
 
     def __init__(
-        self, link: Link, progress: Progress | None = None, *, attended: bool = False
+        self,
+        link: Link,
+        progress: Progress | None = None,
+        *,
+        attended: bool = False,
+        floor: Callable[[], Floor | None] = lambda: None,
     ) -> None:
         self.link = link
         self.progress: Progress = progress or NoProgress()
         self.attended = attended
+        self._floor = floor
+
+    def refuse_outside(self, *places: tuple[str, float, float]) -> None:
+        """Raise UserError for a place (name, x, y) outside of the known world."""
+        floor = self._floor()
+        if floor is not None:
+            for place in places:
+                floor.refuse_outside(*place, "; --anyway sends it nevertheless")
 
     def with_holder(self, answer: Answer) -> Answer:
         """Return an answer; a refusal for the lease gets the lease holder's name."""

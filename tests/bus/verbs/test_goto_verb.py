@@ -9,6 +9,7 @@ import pytest
 from ground.client.operations import goals
 from ground.client.status_line import goal_line
 from ground.text.status_parts import Part, in_words
+from protocol.topics import WORLD
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
@@ -30,6 +31,21 @@ def test_goto_arms_a_standby_robot_and_waits_for_the_end(robot: PlayedRobot, say
     assert robot.beats >= 1
     goals = [message for message in robot.asked if isinstance(message, GoalRequest)]
     assert [(goal.x_mm, goal.y_mm, goal.mode) for goal in goals] == [(1000, 2000, Mode.GUIDED)] * 2
+
+
+def test_goto_outside_the_world_is_an_error_unless_it_is_sent_anyway(
+    robot: PlayedRobot, say: Say
+) -> None:
+    robot.vehicle = Vehicle.ACTIVE
+    facts = b'{"name": "box", "size_m": [6.0, 4.0]}'
+    robot.bus.serve(WORLD, lambda incoming: incoming.reply(facts), "r1")
+    code, _, err = say("goto", "100", "100", "--no-wait")
+    assert code == 2
+    assert "goal (100.000, 100.000) lies outside the world box (6 x 4 m); --anyway" in err
+    assert not [message for message in robot.asked if isinstance(message, GoalRequest)]
+    assert say("goto", "100", "100", "--no-wait", "--anyway")[0] == 0
+    assert say("goto", "1", "1", "--no-wait")[0] == 0
+    assert len([message for message in robot.asked if isinstance(message, GoalRequest)]) == 2
 
 
 def test_goto_ignores_the_result_of_the_previous_goal(

@@ -14,9 +14,13 @@ from ground.console.history import History
 from ground.console.parser import read
 from ground.map.scene import MapTarget
 from ground.station.station import REPLAYED
+from ground.station.world import parse_world
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
+from runtime.errors import UserError
+from tests.support.ground.client import ScriptedBus
+from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.underway import driving
 
@@ -117,6 +121,28 @@ def test_mission_draft_is_made_by_lines(tmp_path: Path) -> None:
     )
     assert "(3, 4) at 90 deg" in log(station)
     assert (tmp_path / "m.toml").exists()
+
+
+def test_waypoint_outside_the_world_is_not_drafted() -> None:
+    runner, station = command_runner()
+    station.world_now = parse_world(WORLD_TEXT)
+    runner.run_line("wp add 100 1")
+    assert "waypoint (100, 1) lies outside the world box (6 x 4 m)" in log(station)
+    runner.run_line("wp add 1 1")
+    assert len(runner.draft_items) == 1
+
+
+@pytest.mark.parametrize("line", ["goal 100 100", "goal 1 -0.5 90 --no-wait"])
+def test_goal_outside_the_world_is_refused_before_it_is_sent(line: str) -> None:
+    runner, station = command_runner()
+    station.world_now = parse_world(WORLD_TEXT)
+    operation = read(line)
+    assert not isinstance(operation, AppCommand)
+    bus = ScriptedBus(ManualClock(), ())
+    runner._bus = bus
+    with pytest.raises(UserError, match="outside the world box"):
+        runner._done(operation)
+    assert bus.requests == []
 
 
 def test_lines_are_recalled_and_completed() -> None:

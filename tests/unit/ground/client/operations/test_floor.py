@@ -1,0 +1,67 @@
+"""Goals and waypoints outside of the known world are errors, unless they are sent anyway."""
+
+import json
+
+import pytest
+
+from ground.client.goal import destination
+from ground.client.operations import Goto, Session, UploadMission
+from ground.client.operations.floor import Floor, floor_in, floor_of
+from ground.missions.mission import Mission, Waypoint
+from protocol.wire.messages import GoalRequest
+from runtime.errors import UserError
+from tests.support.ground.client import Stage
+
+BOX = Floor("box", 6.0, 4.0)
+FACTS = json.dumps({"name": "box", "size_m": [6.0, 4.0]}).encode()
+
+
+def session(stage: Stage, floor: Floor | None = BOX) -> Session:
+    return Session(stage.link, stage.notes, attended=True, floor=lambda: floor)
+
+
+@pytest.mark.parametrize("place", [(100.0, 100.0), (-0.01, 1.0), (1.0, 4.01), (6.01, 1.0)])
+def test_goal_outside_the_world_is_not_sent(place: tuple[float, float]) -> None:
+    stage = Stage()
+    with pytest.raises(UserError, match=r"outside the world box \(6 x 4 m\); --anyway"):
+        Goto(goal=destination([*place])).perform(session(stage))
+    assert stage.bus.requests == []
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (6.0, 4.0), (3.0, 2.0)])
+def test_goal_inside_the_world_is_sent(place: tuple[float, float]) -> None:
+    assert Goto(goal=destination([*place])).perform(session(Stage())).ok
+
+
+def test_goal_outside_the_world_may_be_sent_anyway() -> None:
+    stage = Stage()
+    assert Goto(goal=destination([100.0, 1.0]), anyway=True).perform(session(stage)).ok
+    assert isinstance(stage.bus.requests[-1], GoalRequest)
+
+
+def test_without_a_known_world_the_robot_decides() -> None:
+    assert Goto(goal=destination([100.0, 1.0])).perform(session(Stage(), None)).ok
+
+
+def test_mission_names_the_waypoint_outside_the_world() -> None:
+    stage = Stage()
+    inside, outside = Waypoint(x_m=1.0, y_m=1.0), Waypoint(x_m=1.0, y_m=9.0)
+    mission = Mission(waypoints=(inside, outside))
+    with pytest.raises(UserError, match=r"waypoint 2 \(1, 9\) lies outside the world box"):
+        UploadMission(mission=mission).perform(session(stage))
+    assert stage.bus.requests == []
+
+
+def test_floor_is_read_from_the_plant() -> None:
+    assert floor_of(Stage(FACTS).link) == BOX
+
+
+def test_plant_that_does_not_answer_knows_no_world() -> None:
+    assert floor_of(Stage(None).link) is None
+
+
+@pytest.mark.parametrize(
+    "text", [b"", b"[]", b'{"name": 1}', b'{"name": 1, "size_m": [1]}', b"\xff", "{}"]
+)
+def test_malformed_description_has_no_floor(text: bytes | str) -> None:
+    assert floor_in(text) is None
