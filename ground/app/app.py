@@ -89,6 +89,7 @@ class GroundApp(App[int]):
         self._bindings = bindings_of(self._keymap_in_force)
         self.stack = stack
         self.ascii_only = self.appearance.ascii_only
+        self.is_first_start = False
         self._jobs = BackgroundJobs(self.note)
         self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)

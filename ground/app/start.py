@@ -65,6 +65,7 @@ def run(
     commands = CommandRunner(lambda: station, link.bus, common, clock, history)
     commands.hints = key_hints(keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
+    app.is_first_start = is_first_start(state_folder())
     commands.local = LocalCommands(app).do_command
     try:
         with capture_output(state_folder() / "ground.log") as terminal:
@@ -164,6 +165,17 @@ def keymap_of(options: AppOptions) -> Keymap:
     """Load the keymap from the named file, or from the user's file if there is one."""
     usual_place = state_folder() / "keys.toml"
     return load(options.keys or (usual_place if usual_place.exists() else None))
+
+
+def is_first_start(folder: Path) -> bool:
+    """Return True once for a state folder, and leave a mark there."""
+    mark = folder / "hints-shown"
+    if mark.exists():
+        return False
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+    return True
 
 
 def operator_name() -> str:

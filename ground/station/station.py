@@ -146,6 +146,7 @@ class Station(StationView):
     def note(self, text: str, severity: int = Severity.INFO) -> None:
         """Add a line of the ground station to the log."""
         self._add_line("ground", text, severity)
+        self.answer = self.log.last(1)[0]
 
     def _add_line(self, source: str, text: str, severity: int) -> None:
         time_s = (self._clock.now_ns() - self._began_ns) / NS_PER_S

@@ -10,6 +10,7 @@ from ground.client.telemetry import Age, AgedMessage, Telemetry
 from ground.map.scene import MapScene, MapTarget
 from ground.station.fleet import Fleet
 from ground.station.history.decision_history import Moment
+from ground.station.history.event_log import LogLine
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
@@ -36,7 +37,12 @@ PLACE_FROM_TRUTH: Final = "pose truth"
 
 
 class StationView:
-    """View of the selected robot; the station selects it."""
+    """View of the selected robot; the station selects it.
+
+    `answer` is the last line that the station itself added to the log, such as a command's outcome.
+    """
+
+    answer: LogLine | None = None
 
     def __init__(self, robot: str, now_ns: int, world: WorldFacts | None, fleet: Fleet) -> None:
         self._robot = robot

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from ground.app.chrome.button_row import Button, buttons_width
+from ground.app.chrome.next_keys import NextKey
 from ground.app.input.default_keys import KeyBinding
 from ground.app.input.keymap import shown
 from ground.app.widgets.rows import Span, row
 
-STOPS: Final = ("estop-here",)
+STOPS: Final = ("estop-here", "estop")
+STOP: Final = "E-STOP"
 LAST: Final = ("palette", "help")
 ORDER: Final = (
     *("goal", "cursor", "hold", "resume", "arm", "mode", "navigator", "teleop"),
@@ -18,30 +20,34 @@ ORDER: Final = (
 Sides = tuple[list[Button], list[Button]]
 
 
-def key_buttons(keys: Sequence[KeyBinding], width: int) -> Sides:
-    """Return as many keys as fit; the palette and the help keep their place at the end."""
-    named = sorted((key for key in keys if key.short and key.keys), key=place)
-    tail = [button(key) for key in named if key.id in LAST]
+def key_buttons(keys: Sequence[KeyBinding], width: int, following: Sequence[NextKey] = ()) -> Sides:
+    """Return as many keys as fit, each once: the stop, the keys that follow now, all others.
+
+    The palette and the help keep their place at the end.
+    """
+    known = {key.id: key for key in keys if key.keys}
+    stop = next((known[id] for id in STOPS if id in known), None)
+    first = [one for one in following if one.id in known]
+    taken = {*STOPS, *LAST, *(one.id for one in first)}
+    others = sorted((key for key in known.values() if key.short and key.id not in taken), key=place)
+    tail = [button(known[id], known[id].short) for id in LAST if id in known]
+    buttons = [
+        *([] if stop is None else [button(stop, STOP, "alarm")]),
+        *(button(known[one.id], one.name, presses=one.presses) for one in first),
+        *(button(key, key.short) for key in others),
+    ]
     room = width - buttons_width(tail)
-    buttons: list[Button] = []
-    for key in named:
-        more = [] if key.id in LAST else [button(key)]
-        room -= buttons_width(more)
-        if room < 0:
-            break
-        buttons += more
+    while buttons and buttons_width(buttons) > room:
+        buttons.pop()
     return buttons, tail
 
 
 def place(key: KeyBinding) -> int:
     """Return the position of a key on the key bar."""
-    if key.id in STOPS:
-        return -2
     return ORDER.index(key.id) if key.id in ORDER else -1
 
 
-def button(key: KeyBinding) -> Button:
-    """Return a key and its short name."""
-    role = "alarm" if key.id in STOPS else "key"
-    words = row(" ", Span(shown(key.keys[:1]), role), Span(f" {key.short} "))
-    return Button(words, f"do('{key.id}')")
+def button(key: KeyBinding, name: str, role: str = "key", *, presses: int = 1) -> Button:
+    """Return a key, as often as it must be pressed, and its name."""
+    words = " ".join([shown(key.keys[:1])] * presses)
+    return Button(row(" ", Span(words, role), Span(f" {name} ")), f"do('{key.id}')")

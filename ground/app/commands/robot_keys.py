@@ -1,11 +1,11 @@
 """Define the actions that every screen has: commands to the robot, and changes of the screen."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
-from itertools import count
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from ground.app.chrome.next_keys import mission_is_ready, unsent
+from ground.app.chrome.pictures import saved_picture
 from ground.app.commands.sharing import share_run
 from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
@@ -59,7 +59,7 @@ class RobotKeys:
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            "missions": partial(app.commands.perform, operations.FetchMission()),
+            "missions": self.next_of_mission,
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),
             "robot-next": partial(self.select_by, 1),
@@ -140,6 +140,16 @@ class RobotKeys:
         at = robots.index(station.robot) if station.robot in robots else 0
         station.select(robots[(at + step) % len(robots)])
 
+    def next_of_mission(self) -> None:
+        """Send the draft; else start the mission that was sent; else list the mission."""
+        commands, station = self._app.commands, self._app.station
+        if unsent(commands.draft_items, station):
+            commands.run_line("wp upload")
+        elif mission_is_ready(station):
+            commands.perform(operations.StartMission())
+        else:
+            commands.perform(operations.FetchMission())
+
     # The ground station itself.
 
     def go(self, screen: str) -> None:
@@ -165,14 +175,8 @@ class RobotKeys:
         self._app.note(f"copied: {line}" if line else "no command to copy yet")
 
     def save_screenshot(self) -> None:
-        """Save the screen as an SVG file in the working directory."""
-        path = next(path for path in screenshot_names() if not path.exists())
-        try:
-            path.write_text(self._app.export_screenshot(), encoding="utf-8")
-        except OSError as error:
-            self._app.note(f"{path}: {error.strerror}")
-            return
-        self._app.note(f"saved {path}")
+        """Save the screen as an SVG file in the folder of pictures."""
+        self._app.note(saved_picture(self._app.export_screenshot()))
 
     def share(self) -> None:
         """Put the run that is shown into one archive."""
@@ -182,8 +186,3 @@ class RobotKeys:
         """Switch to the next theme."""
         at = THEMES.index(self._app.theme) if self._app.theme in THEMES else -1
         self._app.theme = THEMES[(at + 1) % len(THEMES)]
-
-
-def screenshot_names() -> Iterator[Path]:
-    """Yield file names for screenshots."""
-    return (Path(f"sidestep-{number}.svg") for number in count(1))

@@ -136,10 +136,11 @@ class MapCursor:
             self.hide()
 
     def waypoint(self) -> None:
-        """Add a waypoint at the cursor to the draft."""
+        """Add a waypoint at the cursor to the draft; the next one begins without a heading."""
         if self.cursor is not None:
             at = self.cursor
             self._perform(AddWaypoint(waypoint_at(at.x_m, at.y_m, at.heading_deg, 0.0)))
+            self.free()
 
     def _set(self, cursor: Cursor | None) -> None:
         self.cursor = cursor

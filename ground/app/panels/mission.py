@@ -32,7 +32,7 @@ def mission_rows(station: Station) -> list[Row]:
 def draft_rows(count: int) -> list[Row]:
     """Return how many waypoints wait to be sent; no rows when there are none."""
     waypoints = f"{count} waypoint{'' if count == 1 else 's'}"
-    return [row(head("draft   "), Span(f"{waypoints}; send: wp upload", "draft"))] if count else []
+    return [row(head("draft   "), Span(f"{waypoints}, W sends", "draft"))] if count else []
 
 
 def item_row(number: int, item: MapTarget, current: int) -> Row:

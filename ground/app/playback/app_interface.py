@@ -35,6 +35,10 @@ class AppInterface(Protocol):
         """The facts that the status line shows besides the robot's state."""
 
     @property
+    def is_first_start(self) -> bool:
+        """True while the hints for a new operator are shown."""
+
+    @property
     def unread_warnings(self) -> int:
         """The number of warnings and errors since the log screen was last shown."""
 

@@ -10,8 +10,10 @@ from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
+from ground.app.chrome.answers import AnswerLine
 from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons
+from ground.app.chrome.next_keys import NextKey, next_keys
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
 from ground.app.input.default_keys import Layer
@@ -68,6 +70,7 @@ class AppScreen(Screen[None]):
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
             yield CommandLine(self.interface.commands.assist)
+            yield AnswerLine(id="answer")
         yield ButtonRow(id="keybar")
 
     def compose_content(self) -> ComposeResult:
@@ -104,7 +107,21 @@ class AppScreen(Screen[None]):
         self.draw()
         self.draw_prompt()
         self.draw_candidates()
-        self.buttons("keybar").show_buttons(*key_buttons(self.interface.keys_now(), width))
+        self.draw_answer()
+        keys = key_buttons(self.interface.keys_now(), width, self.following_keys())
+        self.buttons("keybar").show_buttons(*keys)
+
+    def following_keys(self) -> tuple[NextKey, ...]:
+        """Return the actions that continue from the present state, for the key bar."""
+        return next_keys(self.interface.station, self.interface.commands.draft_items)
+
+    def draw_answer(self) -> None:
+        """Draw the last answer, or the hints of the first start."""
+        room = max(0, self.size.width - len(self._prompt or self.interface.station.robot) - 2)
+        self.query_one(AnswerLine).draw(self.interface, room, typing=self.typing)
+
+    def close_what_is_open(self) -> None:
+        """Close the topmost thing that covers a part of the screen; the screens say what it is."""
 
     def draw_alarm(self) -> None:
         """Draw the alarm and the band, and colour the frame while the robot is stopped."""
@@ -169,6 +186,7 @@ class AppScreen(Screen[None]):
             "history-on": partial(self.recall, 1),
             "history-search": self.search_history,
             "leave-line": self.close_completion_or_line,
+            "close": self.close_what_is_open,
             "command": lambda: self.ask("", "", self.interface.commands.run_line),
             "goal": lambda: self.ask("", "goal ", self.interface.commands.run_line),
             "place": self.ask_place,
@@ -260,6 +278,10 @@ class AppScreen(Screen[None]):
         """Show the completions of the new text."""
         event.stop()
         self.draw_candidates()
+
+    def on_answer_line_pressed(self) -> None:
+        """Begin a command where the answer was clicked."""
+        self.ask("", "", self.interface.commands.run_line)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Pass on the line that was typed."""

@@ -9,6 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
+from ground.app.chrome.next_keys import CURSOR, TELEOP, NextKey, unsent
 from ground.app.input.default_keys import Layer
 from ground.app.input.map_cursor import MapCursor
 from ground.app.input.teleop_keys import TeleopKeys
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from ground.ghost.ghost_thread import GhostRunner
 
 ZOOM: Final = 1.25
+TELEOP_PROMPT: Final = "TELEOP arrows or WASD drive, esc ends"
 HINT: Final = "the map needs 60 columns and 18 rows"
 
 
@@ -114,8 +116,7 @@ class DriveScreen(AppScreen):
 
     def draft(self) -> tuple[MapTarget, ...]:
         """Return the mission draft, until the robot has it."""
-        draft_items = self.interface.commands.draft_items
-        return () if draft_items == self.interface.station.mission_items else draft_items
+        return unsent(self.interface.commands.draft_items, self.interface.station)
 
     def draw_why(self) -> None:
         """Draw the present decision where there is space, and on demand the last turn."""
@@ -163,11 +164,22 @@ class DriveScreen(AppScreen):
             "follow": self.follow,
             "layers": self.choose_layer,
             **self.teleop.actions(),
+            "teleop-end": self.end_teleop,
             "teleop": self.begin_teleop,
             "explain": self.explain,
             "explain-before": partial(self.look_back, 1),
             "ghost": self.choose_ghost,
         }
+
+    def following_keys(self) -> tuple[NextKey, ...]:
+        """Return those of teleop or of the cursor while they are in use."""
+        if self.teleop.held:
+            return TELEOP
+        return super().following_keys() if self.map_cursor.cursor is None else CURSOR
+
+    def close_what_is_open(self) -> None:
+        """Close the explanation."""
+        self.remove_class("-explaining")
 
     def explain(self) -> None:
         """Show or hide the explanation of the last turn."""
@@ -213,7 +225,7 @@ class DriveScreen(AppScreen):
         """Start teleop by keys; any other key ends it."""
         if self.teleop.take():
             self.map_cursor.hide()
-            self.prompt("teleop, any other key ends it", self.interface.commands.run_line)
+            self.prompt(TELEOP_PROMPT, self.interface.commands.run_line)
 
     def poll(self) -> None:
         """Send the teleop command."""
@@ -224,8 +236,12 @@ class DriveScreen(AppScreen):
         """End teleop at any other key."""
         if self.teleop.held:
             event.stop()
-            self.teleop.drop()
-            self.prompt("", self.interface.commands.run_line)
+            self.end_teleop()
+
+    def end_teleop(self) -> None:
+        """Stop the robot and end teleop."""
+        self.teleop.drop()
+        self.prompt("", self.interface.commands.run_line)
 
     # The map.
 

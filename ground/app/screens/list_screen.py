@@ -8,6 +8,7 @@ from typing import ClassVar, Final, Generic, TypeVar
 from textual.app import ComposeResult
 from textual.widgets import Input
 
+from ground.app.chrome.next_keys import FILTERED, NextKey
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
 from ground.app.lists.list_filter import filter_spans, nothing_row
@@ -60,10 +61,8 @@ class ScrolledScreen(AppScreen):
     def actions(self) -> Mapping[str, Action]:
         """Return the actions of the screen, with those that scroll."""
         move, page = self.list_view.move, max(1, self.list_view.size.height - 1)
-        clear = {"filter-clear": self.clear_filter} if self.words else {}
         return {
             **super().actions(),
-            **clear,
             "find": self.begin_filter,
             "copy": self.copy_row,
             "filter-drop": self.clear_filter,
@@ -102,6 +101,14 @@ class ScrolledScreen(AppScreen):
     def keep_filter(self, words: str) -> None:
         """Keep the filter that was typed."""
         self._kept_words = words.strip()
+
+    def following_keys(self) -> tuple[NextKey, ...]:
+        """Return the key that clears the filter, while there is one."""
+        return FILTERED if self.words else super().following_keys()
+
+    def close_what_is_open(self) -> None:
+        """Clear the filter."""
+        self.clear_filter()
 
     def clear_filter(self) -> None:
         """Show all rows again."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from textual.app import ComposeResult
 
+from ground.app.chrome.next_keys import CURSOR, REPLAY, NextKey
 from ground.app.input.default_keys import Layer
 from ground.app.playback.player import Player
 from ground.app.playback.read_only_app import ReadOnlyApp
@@ -64,6 +65,10 @@ class ReplayScreen(DriveScreen):
             return super().key_layers()
         cursor = () if self.map_cursor.cursor is None else (Layer.CURSOR,)
         return (Layer.STOP, *cursor, Layer.DRIVE, Layer.REPLAY, Layer.STATION)
+
+    def following_keys(self) -> tuple[NextKey, ...]:
+        """Return those of the cursor while it is in use, else those that play."""
+        return REPLAY if self.map_cursor.cursor is None else CURSOR
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""

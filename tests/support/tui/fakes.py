@@ -194,7 +194,8 @@ class FakeStation(Station):
         return self._figures
 
     def note(self, text: str, severity: int = Severity.INFO) -> None:
-        self.log.add(LogLine(self.time_s, severity, "ground", text))
+        self.answer = LogLine(self.time_s, severity, "ground", text)
+        self.log.add(self.answer)
 
     def moment(self, time_ns: int | None = None) -> Moment | None:
         heard, now_ns = self.telemetry, self.now_ns

@@ -140,14 +140,18 @@ def test_last_command_is_copied_for_a_shell(monkeypatch: pytest.MonkeyPatch) -> 
 def test_screen_is_saved_as_a_picture(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = tmp_path_factory.mktemp("shots")
-    monkeypatch.chdir(folder)
+    state, here = tmp_path_factory.mktemp("state"), tmp_path_factory.mktemp("here")
+    monkeypatch.setenv("XDG_STATE_HOME", str(state))
+    monkeypatch.chdir(here)
+    folder = state / "sidestep" / "pictures"
 
     async def story() -> None:
         async with staged() as stage:
             await stage.press("Y", "Y")
+            assert f"saved {folder / 'sidestep-2.svg'}" in stage.log()
 
     play(story)
+    assert not list(here.iterdir())
     assert {path.name for path in folder.iterdir()} == {"sidestep-1.svg", "sidestep-2.svg"}
     assert "<svg" in (folder / "sidestep-1.svg").read_text(encoding="utf-8")
 

@@ -95,7 +95,7 @@ def test_draft_is_shown_until_the_robot_has_it() -> None:
             stage.commands.draft_items = ways
             await stage.redraw()
             assert drive_of(stage).map.scene.draft == ways
-            assert "2 waypoints; send: wp upload" in stage.words("mission")
+            assert "2 waypoints, W sends" in stage.words("mission")
             stage.station.items_now = ways
             await stage.redraw()
             assert drive_of(stage).map.scene.draft == ()

@@ -293,7 +293,7 @@ def test_fault_restarts_the_world() -> None:
         assert "restarts the world with the fault" in stage.words("about")
         await stage.press("s")
         assert stage.words("prompt").startswith("sonar_frozen")
-        await stage.press("ctrl+u")
+        await stage.press("backspace")
         await stage.type("9")
         await stage.press("enter")
         assert "unknown target '9'; known: 0, 1, all" in stage.log()

@@ -1,0 +1,58 @@
+"""Show the last answer for a few seconds, on every screen, beside the command line."""
+
+from typing import Final
+
+from textual import events
+from textual.message import Message
+
+from ground.app.playback.app_interface import AppInterface
+from ground.app.widgets.lines import Lines
+from ground.app.widgets.rows import Row, Span, cut, faint, row, width_of
+from ground.station.history.event_log import LogLine
+
+SHOWN_S: Final = 5.0
+ROLES: Final = {"E": "danger", "W": "caution"}
+MARKS: Final = {"E": "▲ ", "W": "▲ "}
+HINTS: Final = (("g", "sets a goal"), ("space", "stops"), ("?", "shows all keys"))
+"""The hints of the very first start."""
+
+
+class AnswerLine(Lines):
+    """The last answer beside the command line; a click there begins a command."""
+
+    class Pressed(Message):
+        """A click on the answer."""
+
+    def draw(self, interface: AppInterface, room: int, *, typing: bool) -> None:
+        """Draw the last answer while it is fresh; while a line is typed, in half of the room."""
+        station = interface.station
+        shown: Row = ()
+        if station.answer is not None and is_fresh(station.answer, station.time_s):
+            shown = answer_row(station.answer, room // 2 if typing else room)
+        elif interface.is_first_start and not typing:
+            shown = hint_row(room)
+        self.styles.width = width_of(shown) if typing else room
+        self.show([shown])
+
+    def on_click(self, event: events.Click) -> None:
+        """Ask for a command."""
+        event.stop()
+        self.post_message(self.Pressed())
+
+
+def is_fresh(answer: LogLine, now_s: float) -> bool:
+    """Return whether an answer is shown at a time of the station."""
+    return 0.0 <= now_s - answer.time_s < SHOWN_S
+
+
+def answer_row(answer: LogLine, width: int) -> Row:
+    """Return an answer; a refusal or an error has a mark, not only a colour."""
+    letter = answer.letter
+    words = Span(MARKS.get(letter, "") + answer.text, ROLES.get(letter, "ok"))
+    return cut(row(" ", words), width)
+
+
+def hint_row(width: int) -> Row:
+    """Return the hints of the first start."""
+    spans = [piece for key, does in HINTS for piece in (Span(f"  {key}", "key"), faint(f" {does}"))]
+    return cut(row(*spans), width)

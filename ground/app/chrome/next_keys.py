@@ -1,0 +1,74 @@
+"""Find the keys that the operator needs next, by the state of the robot and of the draft."""
+
+from typing import Final, NamedTuple
+
+from ground.app.panels.aged import live
+from ground.map.scene import MapTarget
+from ground.station.station import Station
+from protocol.topics import MISSION, STATUS
+from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
+from protocol.wire.messages import MissionStatus, NavigatorStatus
+
+DRIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
+
+
+class NextKey(NamedTuple):
+    """An action by id, its name on the key bar, and how often its key must be pressed."""
+
+    id: str
+    name: str
+    presses: int = 1
+
+
+CURSOR: Final = (
+    NextKey("goal-at-cursor", "Go"),
+    NextKey("waypoint", "Waypoint"),
+    NextKey("map-menu", "Menu"),
+    NextKey("cursor-turn-right", "Heading"),
+    NextKey("leave-cursor", "Close"),
+)
+TELEOP: Final = (NextKey("teleop-end", "End"),)
+FILTERED: Final = (NextKey("close", "Clear filter"),)
+REPLAY: Final = (
+    NextKey("replay-play", "Play"),
+    NextKey("replay-on", "Step"),
+    NextKey("replay-mark", "Mark"),
+    NextKey("replay-open", "Open"),
+)
+STOPPED: Final = (NextKey("clear-estop", "Clear E-STOP", 2),)
+FAILED: Final = (NextKey("arm", "Arm"), NextKey("resume", "Go on"), NextKey("goal", "Goal"))
+LOST_GOAL: Final = (NextKey("resume", "Go on"), NextKey("goal", "Goal"), NextKey("arm", "Arm"))
+HELD: Final = (NextKey("resume", "Resume"), NextKey("abort", "Abort"), NextKey("goal", "Goal"))
+UNDER_WAY: Final = (NextKey("hold", "Hold"), NextKey("abort", "Abort"), NextKey("explain", "Why"))
+IDLE: Final = (NextKey("goal", "Goal"), NextKey("cursor", "Cursor"), NextKey("arm", "Arm"))
+START_MISSION: Final = NextKey("missions", "Start mission")
+
+
+def unsent(draft: tuple[MapTarget, ...], station: Station) -> tuple[MapTarget, ...]:
+    """Return the waypoints of the draft, until the robot has them."""
+    return () if draft == station.mission_items else draft
+
+
+def mission_is_ready(station: Station) -> bool:
+    """Return whether the robot has a mission that was not started."""
+    mission = live(station.seen(MISSION))
+    return isinstance(mission, MissionStatus) and mission.state == MissionState.READY
+
+
+def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
+    """Return the keys that continue from the present state, the first one first."""
+    status = live(station.seen(STATUS))
+    if not isinstance(status, NavigatorStatus):
+        return ()
+    if status.vehicle == Vehicle.EMERGENCY_STOP:
+        return STOPPED
+    if status.vehicle == Vehicle.FAILSAFE:
+        return FAILED
+    waypoints = len(unsent(draft, station))
+    if waypoints:
+        return (NextKey("missions", f"Send {waypoints} waypoint{'s' * (waypoints > 1)}"), *IDLE)
+    if status.goal in DRIVING:
+        return HELD if status.mode == Mode.HOLD else UNDER_WAY
+    if mission_is_ready(station):
+        return (START_MISSION, *IDLE)
+    return LOST_GOAL if status.goal == GoalState.ABORTED else IDLE
