@@ -145,7 +145,7 @@ def test_show_lists_starts_and_goals_of_several_robots(capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["goals"][0] == {"x_m": 1, "y_m": -2, "shifted": True}
 
 
-@pytest.mark.parametrize("robots", ["12", "0"])
+@pytest.mark.parametrize("robots", ["999", "0"])
 def test_show_rejects_more_robots_than_fit(robots: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "box", "--robots", robots, "--json"]) == 2
     told = capsys.readouterr()
