@@ -8,10 +8,13 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from itertools import chain
 from typing import Final, NamedTuple
 
 from ground.recording.log_reader import Log, LoggedFrame
-from protocol.topics import CLOCK, path_of
+from protocol.bus.network import MAX_ROBOTS
+from protocol.topic import ROBOT_NAME
+from protocol.topics import CLOCK, key_parts
 from protocol.wire.codec import decode
 from protocol.wire.message import Message
 from protocol.wire.messages import SystemTime
@@ -33,7 +36,7 @@ class IndexedFrame(NamedTuple):
 
 
 class LogIndex:
-    """Frames in order, with an index by key."""
+    """Frames in order, with an index by key. There may be several robots; one was recorded."""
 
     def __init__(self, log: Log, progress: Callable[[float], None] = lambda _: None) -> None:
         """Read the log; `progress` receives the share of the file that was read."""
@@ -47,6 +50,14 @@ class LogIndex:
         """Time of arrival of the first frame, in UTC."""
         self._fill(log, progress)
         self.robot = log.robot
+        self._keys_of: dict[tuple[str, str], list[str]] = {}
+        for key in self._keys:
+            parts = key_parts(key)
+            if parts is not None and ROBOT_NAME.match(parts.robot):
+                self._keys_of.setdefault((parts.robot, parts.path), []).append(key)
+        others = sorted({robot for robot, _ in self._keys_of} - {self.robot})
+        self.robots = (self.robot, *others[:MAX_ROBOTS])
+        """Names of the recorded robot and of others of which there are frames."""
         self.facts = dict(log.facts)
         self.damage = log.damage()
 
@@ -97,31 +108,28 @@ class LogIndex:
         found = 0 if places is None else bisect_left(places, before)
         return None if places is None or not found else self[places[found - 1]]
 
-    def newest_on(self, path: str, before: int) -> IndexedFrame | None:
-        """Return the last frame on a topic path, of any operator, before an index."""
-        keys = (key for key in self._places if path_of(key) == path)
+    def newest_on(self, path: str, before: int, robot: str = "") -> IndexedFrame | None:
+        """Return the last frame on a topic path of a robot, of any operator, before an index."""
+        keys = self._keys_on(path, robot)
         found = [played for key in keys if (played := self._newest(key, before)) is not None]
         return max(found, key=lambda played: played.time_ns, default=None)
 
     def times_ns(self, path: str) -> list[int]:
         """Return the times of all frames on a topic path, readable or not."""
-        return [
-            self._times_ns[place]
-            for key, places in self._places.items()
-            if path_of(key) == path
-            for place in places
-        ]
+        return [self._times_ns[place] for key in self._keys_on(path) for place in self._places[key]]
+
+    def _keys_on(self, path: str, robot: str = "") -> list[str]:
+        """Return the keys with a topic path, of a robot, by default of the recorded one."""
+        return self._keys_of.get((robot or self.robot, path), [])
 
     def on(self, path: str) -> Iterator[tuple[int, Message]]:
         """Yield time and message of all readable frames on a topic path."""
-        for key, places in self._places.items():
-            if path_of(key) == path:
-                for place in places:
-                    played = self[place]
-                    try:
-                        yield played.time_ns, decode(played.frame).message
-                    except RemoteError:
-                        continue
+        for place in chain.from_iterable(self._places[key] for key in self._keys_on(path)):
+            played = self[place]
+            try:
+                yield played.time_ns, decode(played.frame).message
+            except RemoteError:
+                continue
 
 
 class PlantClock:

@@ -12,7 +12,7 @@ from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
 from ground.recording.tlog import TlogReader
 from protocol.topic import NAME
-from protocol.topics import PREFIX
+from protocol.topics import PREFIX, key_parts
 from runtime.errors import UserError
 from runtime.units import NS_PER_US
 
@@ -114,10 +114,18 @@ class McapLog(McapFile):
     def __iter__(self) -> Iterator[LoggedFrame]:
         for time_ns, raw in self.frames():
             self.records += 1
-            path = raw.key.partition(f"/{self.robot}/")[2]
-            yield LoggedFrame(
-                time_ns, f"{PREFIX}/{self.robot}/{path}" if path else raw.key, raw.frame
-            )
+            yield LoggedFrame(time_ns, standard_key(raw.key, self.robot), raw.frame)
+
+
+def standard_key(key: str, robot: str) -> str:
+    """Return a key with the standard prefix; a key of no topic of any robot stays as it is."""
+    path = key.partition(f"/{robot}/")[2]
+    if path:
+        return f"{PREFIX}/{robot}/{path}"
+    parts = key_parts(key)
+    if parts is None:
+        return key
+    return "/".join(filter(None, (PREFIX, parts.robot, parts.path, parts.operator)))
 
 
 def open_log(path: Path, robot: str | None = None) -> Log:

@@ -16,7 +16,7 @@ from runtime.units import NS_PER_S
 KEPT_NS: Final = 10 * NS_PER_S
 """A robot that disappeared is not replaced by another one before this time."""
 EVERY: Final = 4
-"""A robot that is only watched is polled at one of so many polls."""
+"""A robot that is only watched is polled at one of so many polls; in a recording, at each."""
 
 
 class Fleet:
@@ -114,7 +114,7 @@ class Fleet:
         self._polls += 1
         for number, (robot, model) in enumerate(self.models.items()):
             session = self.sessions.get(robot)
-            is_busy = robot == selected or (session is not None and session.is_busy)
+            is_busy = robot == selected or session is None or session.is_busy
             if not is_busy and (number + self._polls) % EVERY:
                 continue
             restarted_roles = model.poll(now_ns, tokens.get(robot, ()))

@@ -116,12 +116,13 @@ class ReplayBus:
         self._handlers.setdefault(key, []).append(handler)
 
     def present(self) -> list[RecordedPeer]:
-        """Return the processes that sent a message in the three seconds before."""
+        """Return the processes of all robots that sent a message in the three seconds before."""
         found = []
-        for role, topic in PRESENCE_TOPICS:
-            newest = self.log_index.newest_on(topic.path, self._next)
-            if newest and self.timeline.position_ns - newest.time_ns <= PRESENCE_NS:
-                found.append(RecordedPeer(self.robot, role.value))
+        for robot in self.log_index.robots:
+            for role, topic in PRESENCE_TOPICS:
+                newest = self.log_index.newest_on(topic.path, self._next, robot)
+                if newest and self.timeline.position_ns - newest.time_ns <= PRESENCE_NS:
+                    found.append(RecordedPeer(robot, role.value))
         return found
 
     def ask(
@@ -135,7 +136,7 @@ class ReplayBus:
         name = RECORDED.get(service.path)
         if name is None:
             raise NoAnswerError("a recording cannot answer requests to a robot")
-        if name not in self.log_index.facts:
+        if name not in self.log_index.facts or robot not in (None, self.robot):
             raise NoAnswerError(f"the recording does not hold the {name}")
         text = self.log_index.facts[name]
         return (self._parameters_now(text) if service is PARAMETERS else text).encode()

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from ground.recording.playback.playback_bus import ReplayBus
+from ground.station.station import Station
 from protocol.topics import (
     ANSWERED,
     CLOCK,
@@ -220,6 +221,24 @@ def test_present_lists_recent_senders(bus: ReplayBus) -> None:
     assert bus.present() == []
     bus.seek(1.0)
     assert sorted(one.role for one in bus.present()) == ["ground", "plant", "robot"]
+
+
+def test_all_robots_of_a_recording_are_played(opens: Opens) -> None:
+    both = sorted([*run(), *run(robot="r2")], key=lambda one: one.time_us)
+    bus = opens(both)
+    assert bus.log_index.robots == ("r1", "r2")
+    assert [mark.text for mark in bus.marks] == [mark.text for mark in opens(list(run())).marks]
+    station = Station(bus, "r1", bus.timeline)
+    bus.seek(1.5, station.poll)
+    station.poll()
+    assert [(entry.robot, entry.words) for entry in station.roster()] == [
+        ("r1", "driving"),
+        ("r2", "driving"),
+    ]
+    assert [other.name for other in station.scene().others] == ["r2"]
+    assert len(station.scene().others[0].trail) > 1
+    station.select("r2")
+    assert len(station.history["speed"].points()) > 5
 
 
 def test_silent_senders_are_not_present(opens: Opens) -> None:
