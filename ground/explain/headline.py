@@ -4,6 +4,7 @@ from math import copysign, degrees, isfinite
 from typing import Final
 
 from ground.explain.names import ENDS, VEHICLES, because, branch_words
+from ground.text.state_roles import present_reason
 from ground.text.wording import NONE, echo, heading_deg, left_or_right, metres, short, side
 from protocol.wire.enums import Branch, GoalState, Mode, Vehicle
 from protocol.wire.messages import AvoidanceDecision, NavigatorStatus
@@ -57,7 +58,7 @@ def of_the_state(status: NavigatorStatus) -> str:
     if status.mode == Mode.HOLD:
         return because("it holds on request", status.vehicle_reason)
     if status.goal in ENDS:
-        return because(ENDS[status.goal], status.goal_reason)
+        return because(ENDS[status.goal], present_reason(status))
     return ""
 
 

@@ -6,6 +6,7 @@ from textual.filter import NoColor
 from textual.geometry import Size
 
 from ground.app.appearance import default_theme, is_ascii_terminal
+from ground.app.panels.drive_layout import drive_layout
 from ground.app.screens import SCREENS
 from ground.app.screens.log import LogScreen
 from ground.app.widgets.command_line import CommandLine, printable
@@ -75,7 +76,11 @@ def test_many_resizes_end_with_the_right_picture() -> None:
                     stage.app.redraw()
             await resize(stage, 80, 24)
             assert stage.words("status").startswith("● r1")
-            assert stage.app.screen.query_one("#side", Lines).size.width == 30
+            world = stage.station.world
+            assert world is not None
+            map_columns = drive_layout(80, 20, world.size_m).map_columns
+            side = stage.app.screen.query_one("#side", Lines)
+            assert side.size.width == 80 - map_columns - 1
 
     play(story)
 

@@ -1,6 +1,7 @@
-"""Make rows from lines of the log: time, severity as a letter, source, text."""
+"""Make rows from lines of the log: clock time, severity as a letter, source, text."""
 
 from textwrap import wrap
+from time import localtime, strftime
 from typing import Final
 
 from ground.app.widgets.rows import Row, Span, faint, head, row, width_of
@@ -33,10 +34,17 @@ def log_rows(
 def lead_of(line: LogLine, source: int = 0) -> Row:
     """Return time, severity and source of a line."""
     return row(
-        faint(f"{line.time_s:8.1f} "),
+        faint(f"{clock_words(line)} "),
         Span(line.letter, ROLES[line.letter]),
         head(f" {line.source:<{source}} "),
     )
+
+
+def clock_words(line: LogLine) -> str:
+    """Return the local wall time; the seconds since the beginning for a played recording."""
+    if line.clock_s is None:
+        return f"{line.time_s:8.1f}"
+    return strftime("%H:%M:%S", localtime(line.clock_s))
 
 
 def pieces_of(line: LogLine, width: int, most: int | None = None, source: int = 0) -> list[str]:

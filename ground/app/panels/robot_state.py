@@ -1,77 +1,131 @@
-"""Make the side panel: pose, goal, state, sonars, and the cost of the control cycle."""
+"""Make the side panel of the Drive screen: what the robot does, where it is, what it senses."""
 
-from math import degrees, inf, isfinite
-from typing import Final
+from math import cos, degrees, hypot, isfinite, sin
+from typing import Final, NamedTuple
 
-from ground.app.panels.aged import MISSING, aged, live, number, role_of
-from ground.app.widgets.bars import EIGHTHS, bar
-from ground.app.widgets.rows import Row, Span, cut, faint, head, row
-from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
-from ground.client.telemetry import AgedMessage
+from ground.app.panels.aged import aged, live, number, role_of
+from ground.app.panels.health import health_rows
+from ground.app.panels.mission import draft_rows, mission_rows
+from ground.app.panels.progress import progress_rows
+from ground.app.panels.sentence import Sentence
+from ground.app.panels.sonar import sonar_rows
+from ground.app.widgets.rows import Row, Span, cut, head, row
+from ground.app.widgets.sparklines import spark_rows
+from ground.client.status_line import PLACE_UNKNOWN, knows_place
+from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.station import Station
-from ground.text.state_roles import present_reason, state_role
-from ground.text.wording import SONARS
-from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS
+from protocol.topics import ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState
-from protocol.wire.messages import (
-    AvoidanceDecision,
-    CycleReport,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
+from protocol.wire.messages import GroundTruth, NavigatorStatus, PlanarOdometry
+from runtime.units import NS_PER_S
+
+MM_PER_M: Final = 1000.0
+SAME_CLOCK_S: Final = 0.25
+"""Stamps of truth and estimate further apart than this are from different clocks."""
+RULE: Final = "─"
+
+
+class SideForm(NamedTuple):
+    """Rows of the sentence, of sparklines and of sonar bars; `ruled`: lines between the parts."""
+
+    sentence: int
+    sparks: int
+    bars: int
+    ruled: bool = False
+    mission: bool = True
+
+    def rows(self, place: int, mission: int) -> int:
+        """Return the number of rows with so many rows of the place and the mission."""
+        shown = mission if self.mission else 0
+        parts = [self.sentence, 2, place, self.sparks, self.bars + 2, shown, 1]
+        rules = sum(part > 0 for part in parts) - 1 if self.ruled else 0
+        return sum(parts) + rules
+
+
+FORMS: Final = (
+    SideForm(3, 6, 6, ruled=True),
+    SideForm(3, 4, 6, ruled=True),
+    SideForm(3, 4, 5, ruled=True),
+    SideForm(3, 4, 3, ruled=True),
+    SideForm(3, 4, 2, ruled=True),
+    SideForm(3, 4, 3),
+    SideForm(3, 2, 3),
+    SideForm(3, 2, 2),
+    SideForm(3, 2, 1),
+    SideForm(3, 2, 1, mission=False),
+    SideForm(2, 2, 1, mission=False),
+    SideForm(2, 0, 1, mission=False),
+    SideForm(2, 0, 0, mission=False),
+    SideForm(1, 0, 0, mission=False),
 )
-from protocol.wire.reasons import reason_text
-
-WIDTH: Final = 30
-BAR: Final = 13
-BARS: Final = f"{EIGHTHS.strip()}·"
-STAGES: Final = "rongw"
-"""Read, odometry, navigate, guard, write."""
+"""From the largest to the smallest; the first that fits is taken."""
 
 
-def side_rows(station: Station, height: int, width: int = WIDTH) -> list[Row]:
-    """Return the rows of all parts, separated by blank rows if there is space.
+class SidePanel:
+    """Makes the rows of the side panel; keeps what is renewed slowly."""
 
-    With little space, sonars are shown as numbers only.
-    """
-    cycle = cycle_rows(station.seen(CYCLE), station.worst_cycle)
-    parts = [place_rows(station), sonar_rows(station), cycle]
-    if height < sum(map(len, parts)):
-        parts = [place_rows(station)[:4], dense_sonar_rows(station), cycle[:1]]
-    spare = height - sum(map(len, parts))
-    rows: list[Row] = []
-    for part in parts:
-        if rows and spare > 0:
-            rows.append(())
-            spare -= 1
-        rows += part
-    return [cut(row, width) for row in rows]
+    def __init__(self) -> None:
+        self._sentence = Sentence()
+
+    def rows(
+        self, station: Station, height: int, width: int, *, recording: str = "", draft: int = 0
+    ) -> list[Row]:
+        """Return at most `height` rows, in the largest form that fits.
+
+        `draft` is the number of waypoints that the robot has not received.
+        """
+        place, mission = place_rows(station), [*mission_rows(station), *draft_rows(draft)]
+        form = form_for(height, len(place), len(mission))
+        parts = [
+            self._sentence.rows(station, width, form.sentence),
+            progress_rows(station, width),
+            place,
+            spark_rows(station, width, form.sparks),
+            sonar_rows(station, width, form.bars),
+            mission if form.mission else [],
+            health_rows(station, recording, width),
+        ]
+        rows: list[Row] = []
+        for part in filter(None, parts):
+            if rows and form.ruled:
+                rows.append(row(Span(RULE * width, "rule")))
+            rows += part
+        return [cut(one, width) for one in rows[:height]]
+
+    def fitting(self, station: Station, height: int, draft: int) -> int:
+        """Return the rows of the largest form that fits into `height` rows."""
+        place, mission = len(place_rows(station)), len(mission_rows(station)) + (draft > 0)
+        return form_for(height, place, mission).rows(place, mission)
+
+
+def form_for(height: int, place: int, mission: int) -> SideForm:
+    """Return the largest form that fits into so many rows, else the smallest."""
+    return next((form for form in FORMS if form.rows(place, mission) <= height), FORMS[-1])
 
 
 def place_rows(station: Station) -> list[Row]:
-    """Return pose, goal, distance, speed, state and the reason for it."""
+    """Return goal, and pose with its doubt; in a simulation the true error, too."""
     odometry, status = station.seen(ODOMETRY), station.seen(STATUS)
-    remedy = station.place_remedy
-    pose = aged(odometry, pose_words, "danger" if remedy else "text")
-    why = why_words(live(status))
-    return [
-        row(head("pose  "), pose),
-        *([row(head("      "), Span(f":{remedy}", "caution"))] if remedy else []),
-        row(head("goal  "), aged(status, goal_words, "goal")),
-        row(
-            head("dist  "), aged(status, distance_words), head("  v "), aged(odometry, speed_words)
-        ),
-        row(head("state "), *state_spans(status, station.seen(DECISION))),
-        *([row(head("why   "), Span(why, role_of(status, "caution")))] if why else []),
+    error_m, remedy = true_error_m(station), station.place_remedy
+    rows = [
+        row(head("goal "), aged(status, goal_words, "goal")),
+        row(head("pose "), aged(odometry, pose_words, "danger" if remedy else "text")),
+        *([row(head("     "), Span(f":{remedy}", "caution"))] if remedy else []),
     ]
+    if error_m is not None:
+        words = f"true error {error_m * MM_PER_M:.0f} mm"
+        rows.append(row(head("     "), Span(words, role_of(odometry, "true robot"))))
+    return rows
 
 
 def pose_words(odometry: PlanarOdometry) -> str:
-    """Return x, y and heading as text."""
+    """Return x, y, heading and the estimated error (one standard deviation) as text."""
     if not knows_place(odometry):
         return PLACE_UNKNOWN
     deg = whole(degrees(odometry.heading_rad))
-    return f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}  {number(deg, '4.0f')}°"
+    doubt = f"±{number(uncertainty_m(odometry) * MM_PER_M, '.0f')} mm"
+    place = f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}"
+    return f"{place}  {number(deg, '4.0f')}° {doubt}"
 
 
 def whole(deg: float) -> float:
@@ -88,117 +142,20 @@ def goal_words(status: NavigatorStatus) -> str:
     return f"{number(status.goal_x_m, '6.2f')} {number(status.goal_y_m, '6.2f')}  {heading}{degree}"
 
 
-def distance_words(status: NavigatorStatus) -> str:
-    """Return the distance to the goal as text."""
-    return f"{number(status.goal_distance_m, '6.2f')} m"
+def true_error_m(station: Station) -> float | None:
+    """Return the distance between the estimate and the truth; None without a live truth.
 
-
-def speed_words(odometry: PlanarOdometry) -> str:
-    """Return the speed as text."""
-    return f"{number(odometry.speed_m_s, '.2f')} m/s"
-
-
-def why_words(status: NavigatorStatus | None) -> str:
-    """Return the reason of the vehicle's or the goal's state, or ""."""
-    reason = 0 if status is None else present_reason(status)
-    return reason_text(reason) if reason else ""
-
-
-def state_spans(status: AgedMessage, decision: AgedMessage) -> list[Span]:
-    """Return the state, and the angle γ between the chosen direction and the goal."""
-    turned: AvoidanceDecision | None = live(decision)
-    now: NavigatorStatus | None = live(status)
-    role = "faint" if now is None else state_role(now)
-    spans = [aged(status, lambda status: f"{doing(status).upper():<10}", role)]
-    if turned is not None and isfinite(turned.rotation_rad):
-        angle = f"γ {degrees(turned.rotation_rad):+.0f}°"
-        spans += [Span(" "), Span(angle, role_of(decision, "virtual"))]
-    return spans
-
-
-def sonar_rows(station: Station) -> list[Row]:
-    """Return a row for each sonar from left to right.
-
-    `!` marks an echo within the zone, `!!` one within the distance at which the guard stops.
+    The truth is moved to the time of the estimate, because both arrive at different times.
     """
-    seen = station.seen(SONAR)
-    scan: SonarScan | None = live(seen)
-    decision: AvoidanceDecision | None = live(station.seen(DECISION))
-    zone_m = decision.zone_m if decision is not None else -inf
-    stop_m = parameter(station, "guard_stop_m", -inf)
-    longest_m = parameter(station, "sonar_max_m", 3.0)
-    rows: list[Row] = []
-    for index in reversed(range(len(SONARS))):
-        name = head(f"{SONARS[index]} ")
-        if scan is None:
-            rows.append(row(name, faint("·" * BAR), faint(f" {aged(seen, lambda _: '').text}")))
-            continue
-        rows.append(row(name, *echo_spans(range_of(scan, index), zone_m, stop_m, longest_m, seen)))
-    return rows
-
-
-def dense_sonar_rows(station: Station) -> list[Row]:
-    """Return two rows of ranges: the left and the right sonars, each from the outside in."""
-    every = [
-        row(*(Span(span.text.strip(BARS), span.role) for span in one))
-        for one in sonar_rows(station)
-    ]
-    left, right = every[:4], every[:3:-1]
-    return [
-        row(head("left  "), *(span for one in left for span in one[1:])),
-        row(head("right "), *(span for one in right for span in one[1:])),
-    ]
-
-
-def range_of(scan: SonarScan, index: int) -> float | None:
-    """Return a range in metres: inf without an echo, None when the sonar is missing."""
-    bit = 1 << index
-    if not scan.valid & bit:
+    truth: GroundTruth | None = live(station.seen(TRUTH))
+    odometry: PlanarOdometry | None = live(station.seen(ODOMETRY))
+    if truth is None or odometry is None or not knows_place(odometry):
         return None
-    return scan.range_mm[index] / 1000 if scan.echo & bit else inf
-
-
-def echo_spans(
-    range_m: float | None, zone_m: float, stop_m: float, longest_m: float, seen: AgedMessage
-) -> list[Span]:
-    """Return a bar and the range of one sonar."""
-    if range_m is None:
-        return [faint("·" * BAR), faint(f"   {MISSING}")]
-    if range_m == inf:
-        return [Span(bar(1.0, BAR), role_of(seen, "ok")), faint("  none")]
-    near, marks = "ok", ""
-    if range_m < stop_m:
-        near, marks = "danger", " !!"
-    elif range_m < zone_m:
-        near, marks = "caution", " !"
-    painted = Span(bar(range_m / longest_m, BAR), role_of(seen, near))
-    return [painted, Span(f" {range_m:5.2f}", role_of(seen)), Span(marks, near)]
-
-
-def parameter(station: Station, name: str, otherwise: float) -> float:
-    """Return the value of a parameter, or `otherwise` when it is unknown."""
-    for one in station.parameters or ():
-        if one.name == name:
-            return float(one.value)
-    return otherwise
-
-
-def cycle_rows(seen: AgedMessage, report: CycleReport | None) -> list[Row]:
-    """Return the most expensive control cycle of the last second, and its stages.
-
-    The cost is compared with the budget; stages are in microseconds.
-    """
-    if live(seen) is None or report is None:
-        return [row(head("cycle "), aged(seen, lambda _: "")), ()]
-    spent, budget = sum(report.stage_us), report.budget_us
-    over = "danger" if spent > budget else "mission"
-    gauge = Span(bar(spent / budget if budget else 1.0, 8), role_of(seen, over))
-    marks = Span(" !", "danger") if spent > budget else Span("")
-    stages = zip(STAGES, report.stage_us, strict=True)
-    shares = (
-        piece for name, us in stages for piece in (head(f"{name}"), Span(f"{us} ", role_of(seen)))
-    )
-    return [
-        row(head("cycle≤ "), gauge, Span(f" {spent}/{budget} us", role_of(seen)), marks),
-        row(*shares),
-    ]
+    later_s = (odometry.time_ns - truth.time_ns) / NS_PER_S
+    if abs(later_s) > SAME_CLOCK_S:
+        later_s = 0.0
+    ahead_m = truth.speed_m_s * later_s
+    x_m = truth.x_m + ahead_m * cos(truth.heading_rad)
+    y_m = truth.y_m + ahead_m * sin(truth.heading_rad)
+    error_m = hypot(odometry.x_m - x_m, odometry.y_m - y_m)
+    return error_m if isfinite(error_m) else None

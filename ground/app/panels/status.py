@@ -12,7 +12,6 @@ from ground.text.state_roles import vehicle_role
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
-from runtime.units import NS_PER_S
 
 SIMULATION: Final = "SIM"
 GAP: Final = Span("  ", "text")
@@ -65,7 +64,6 @@ def parts_of(station: Station, session: SessionInfo, crumb: str) -> list[Row]:
         row(aged(status, navigator_words)) if live(status) else (),
         kind if session.hint else (),
         link_part(station),
-        row(head("t+ "), aged(status, driven_words)) if live(status) else (),
         () if session.hint else kind,
         row(Span(session.recording, "danger" if session.recording.endswith("!") else "ok")),
         lease_part(station),
@@ -117,25 +115,20 @@ def navigator_words(status: NavigatorStatus) -> str:
 
 
 def link_part(station: Station) -> Row:
-    """Return received frames in percent, round-trip time and rate; nothing for a recording."""
+    """Return received frames in percent, round-trip time and rate; nothing for a recording.
+
+    All have a fixed width, so that the parts behind them keep their places.
+    """
     percent, trip_ms = station.link_percent, station.round_trip_ms
     if not station.live:
         return ()
     role = "text" if percent is not None and percent >= 99.0 else "caution"
     beat = station.seen(HEARTBEAT)
     rate = next((line.rate_hz for line in station.streams() if line.topic is STATUS), None)
-    spans = [Span(f" {number(percent, '.0f')}%", role), Span(f" {number(trip_ms, '.0f')}ms")]
+    spans = [Span(f" {number(percent, '.0f'):>3}%", role), Span(f" {number(trip_ms, '.0f'):>3}ms")]
     if beat.age is Age.GONE:
         return row(head("link"), faint(f" {MISSING}"))
-    return row(head("link"), *spans, Span(f" {number(rate, '.0f')}Hz"))
-
-
-def driven_words(status: NavigatorStatus) -> str:
-    """Return how long the goal has been driven to."""
-    if not status.goal_id:
-        return MISSING
-    until_ns = status.goal_ended_ns or status.time_ns
-    return f"{(until_ns - status.goal_started_ns) / NS_PER_S:.1f} s"
+    return row(head("link"), *spans, Span(f" {number(rate, '.0f'):>2}Hz"))
 
 
 def kind_part(session: SessionInfo) -> Row:

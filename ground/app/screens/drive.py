@@ -7,23 +7,21 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.app import ComposeResult
-from textual.containers import Horizontal, Vertical
+from textual.containers import Grid, Vertical
 
 from ground.app.chrome.next_keys import CURSOR, TELEOP, NextKey, unsent
 from ground.app.input.default_keys import Layer
 from ground.app.input.map_cursor import MapCursor
 from ground.app.input.teleop_keys import TeleopKeys
+from ground.app.panels.drive_layout import drive_layout
 from ground.app.panels.log import latest_rows
-from ground.app.panels.mission import draft_rows, mission_rows
-from ground.app.panels.robot_state import side_rows
-from ground.app.panels.streams import stream_rows
-from ground.app.panels.why import now_rows, turn_rows
+from ground.app.panels.robot_state import SidePanel
+from ground.app.panels.why import turn_rows
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
-from ground.app.widgets.sparklines import spark_rows
 from ground.explain.turn_history import Why
 from ground.map.scene import LAYERS, MapTarget
 from runtime.errors import UserError
@@ -48,6 +46,8 @@ class DriveScreen(AppScreen):
     def __init__(self, interface: AppInterface) -> None:
         super().__init__(interface)
         self.why = Why()
+        self._side = SidePanel()
+        self._arranged: tuple[object, ...] = ()
         self.teleop = TeleopKeys(interface)
         self.map_cursor = MapCursor(
             lambda: self.map.view, self.robot_place, interface.commands.perform, self.show_goal
@@ -56,21 +56,14 @@ class DriveScreen(AppScreen):
         self._station = interface.station
 
     def compose_content(self) -> ComposeResult:
-        """Compose the map, two columns of panels, and the log."""
-        with Horizontal(id="upper"):
+        """Compose the map, the values and the log; `share_space` decides where they are."""
+        with Grid(id="drive"):
             yield MapWidget(ascii_only=self.interface.ascii_only, id="map")
-            with Vertical(id="second"):
-                yield Lines(id="side")
-                yield Lines(id="why")
-            with Vertical(id="third"):
-                yield Lines(id="sparks")
-                yield Lines(id="mission")
-                yield Lines(id="streams")
-                yield MapWidget(ascii_only=self.interface.ascii_only, id="inset")
+            yield Lines(id="side")
+            with Vertical(id="lower"):
+                yield Lines(id="log")
+                yield Lines(id="why-below")
         yield Lines(id="hint")
-        with Vertical(id="lower"):
-            yield Lines(id="log")
-            yield Lines(id="why-below")
 
     def on_mount(self) -> None:
         """Let the map take the focus, and show the hint for small terminals."""
@@ -89,55 +82,66 @@ class DriveScreen(AppScreen):
         return self.query_one("#map", MapWidget)
 
     def draw(self) -> None:
-        """Draw the maps and panels."""
-        for one in self.query(MapWidget):
-            one.paint(self.app.theme)
+        """Draw the map and the panels."""
+        self.map.paint(self.app.theme)
         self.follow_station()
         if self._ghost_runner is not None:
             self._ghost_runner.poll()
-        station = self.interface.station
-        side, log = self.lines("side"), self.lines("log")
-        side.show(side_rows(station, side.size.height, side.size.width))
-        log.show(latest_rows(station.log, log.size.height, log.size.width))
-        self.draw_why()
+        self.share_space()
+        self.draw_side()
+        self.draw_log()
         if self.map.size:
-            self.draw_maps()
-        if self.query_one("#third").display:
-            self.draw_third()
+            self.draw_map()
 
-    def draw_maps(self) -> None:
-        """Draw the scene on the map and on the inset."""
+    def share_space(self) -> None:
+        """Share the screen between map, values and log, for this size and this world."""
+        grid, world = self.query_one("#drive", Grid), self.interface.station.world
+        is_hidden = self.has_class("-low") or self.has_class("-tiny")
+        explaining = self.has_class("-explaining")
+        floor_m = None if world is None else world.size_m
+        layout = drive_layout(*grid.size, floor_m, explaining=explaining)
+        side = 0
+        if layout.beside:
+            limit = grid.size.height - layout.lower_rows
+            side = self._side.fitting(self.interface.station, limit, len(self.draft()))
+        wanted = (layout, is_hidden, side)
+        if wanted == self._arranged or not grid.size:
+            return
+        self._arranged = wanted
+        grid.set_class(layout.beside and not is_hidden, "-beside")
+        grid.set_class(is_hidden, "-mapless")
+        grid.styles.grid_columns = "1fr" if is_hidden else f"{layout.map_columns} 1fr"
+        rows = f"{side} 1fr" if layout.beside else f"1fr {layout.lower_rows}"
+        grid.styles.grid_rows = rows
+
+    def draw_side(self) -> None:
+        """Draw the values."""
+        side, recording = self.lines("side"), self.interface.session_info.recording
+        size, drafts = side.size, len(self.draft())
+        station = self.interface.station
+        side.show(
+            self._side.rows(station, size.height, size.width, recording=recording, draft=drafts)
+        )
+
+    def draw_map(self) -> None:
+        """Draw the scene."""
         ghosts = () if self._ghost_runner is None else self._ghost_runner.trails()
         scene = replace(self.interface.station.scene(), ghosts=ghosts, draft=self.draft())
         self.map.show(replace(scene, cursor=self.map_cursor.place))
-        inset = self.query_one("#inset", MapWidget)
-        if inset.size:
-            inset.show(scene)
 
     def draft(self) -> tuple[MapTarget, ...]:
         """Return the mission draft, until the robot has it."""
         return unsent(self.interface.commands.draft_items, self.interface.station)
 
-    def draw_why(self) -> None:
-        """Draw the present decision where there is space, and on demand the last turn."""
+    def draw_log(self) -> None:
+        """Draw the log, or the explanation of the last turn in its place."""
         station = self.interface.station
         self.why.look(station)
-        now, below = self.lines("why"), self.lines("why-below")
-        if now.size:
-            now.show(now_rows(station.moment(), now.size.width))
+        log, below = self.lines("log"), self.lines("why-below")
+        if log.size:
+            log.show(latest_rows(station.log, log.size.height, log.size.width))
         if below.size:
             below.show(turn_rows(self.why, self.back, station, below.size.width))
-
-    def draw_third(self) -> None:
-        """Draw the third column."""
-        station = self.interface.station
-        sparks = self.lines("sparks")
-        sparks.show(spark_rows(station, max(24, sparks.size.width - 1)))
-        mission = [*mission_rows(station), *draft_rows(len(self.draft()))]
-        self.lines("mission").show(mission)
-        panel = self.lines("mission")
-        panel.display, panel.styles.height = bool(mission), max(1, len(mission))
-        self.lines("streams").show(stream_rows(station))
 
     def follow_station(self) -> None:
         """Forget explanations when the station has been replaced."""

@@ -3,11 +3,12 @@
 from ground.app.lists.link_columns import COLUMNS, LinkRow, link_rows
 from ground.app.lists.table import Table
 from ground.app.panels.aged import MISSING, number
+from ground.app.panels.cycle import cycle_rows
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
-from protocol.topics import Role
+from protocol.topics import CYCLE, Role
 
 ROLES = (Role.ROBOT, Role.PLANT, Role.GROUND)
 
@@ -26,7 +27,8 @@ class LinksScreen(ListScreen[LinkRow]):
         words = f" {robots} robot{'' if robots == 1 else 's'}, {len(rows) - robots} streams"
         self.draw_rows(rows, row(words))
         about = self.lines("about")
-        link = [*process_rows(station), *link_lines(station)]
+        cycle = cycle_rows(station.seen(CYCLE), station.worst_cycle)
+        link = [*process_rows(station), *link_lines(station), *cycle]
         about.styles.height = len(link) + 1
         about.show(link)
 

@@ -8,7 +8,6 @@ from ground.app.widgets.bars import binned, spark
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.station.station import Station
 
-WIDTH: Final = 32
 WINDOW_S: Final = 60.0
 FRESH_S: Final = 1.0
 
@@ -29,25 +28,29 @@ class Sparkline(NamedTuple):
 
 
 SPARKLINES: Final = (
-    Sparkline("goal_distance", "to go", "m", "virtual"),
     Sparkline("speed", "speed", "m/s", "goal"),
-    Sparkline("nearest_range", "nearest", "m", "echo"),
-    Sparkline("cycle_us", "cycle", "us", "mission", ".0f", peak=True),
-    Sparkline("uncertainty_m", "σ pose", "mm", "ellipse", ".0f", 1000.0),
-    Sparkline("late_us", "late", "us", "mission", ".0f", peak=True),
+    Sparkline("nearest_range", "near", "m", "echo"),
+    Sparkline("uncertainty_m", "doubt", "mm", "ellipse", ".0f", 1000.0),
+    Sparkline("cycle_us", "loop", "ms", "mission", ".2f", 0.001, peak=True),
+    Sparkline("goal_distance", "to go", "m", "virtual"),
+    Sparkline("late_us", "late", "ms", "mission", ".2f", 0.001, peak=True),
 )
+LABEL: Final = 6
+VALUE: Final = 9
+ENDS: Final = 11
 
 
-def spark_rows(station: Station, width: int = WIDTH) -> list[Row]:
-    """Return the rows of all sparklines."""
-    return [one for figure in SPARKLINES for one in figure_rows(station, figure, width)]
+def spark_rows(station: Station, width: int, most: int) -> list[Row]:
+    """Return the rows of the first `most` sparklines."""
+    return [figure_row(station, figure, width) for figure in SPARKLINES[:most]]
 
 
-def figure_rows(station: Station, figure: Sparkline, width: int) -> list[Row]:
-    """Return a title with value and range, and the sparkline."""
+def figure_row(station: Station, figure: Sparkline, width: int) -> Row:
+    """Return label, value, sparkline and range of the last minute."""
     series, now_s = station.history[figure.series], station.time_s
     points = series.points(now_s - WINDOW_S)
-    values = binned(points, width, now_s, WINDOW_S, peak=figure.peak)
+    cells = max(1, width - LABEL - VALUE - ENDS)
+    values = binned(points, cells, now_s, WINDOW_S, peak=figure.peak)
     time_s, newest = series.last or (-inf, nan)
     fresh = now_s - time_s <= FRESH_S and isfinite(newest)
     peaks = [one for one in values if isfinite(one)] if figure.peak else []
@@ -56,8 +59,9 @@ def figure_rows(station: Station, figure: Sparkline, width: int) -> list[Row]:
     ends = f"{min(there):{figure.form}}..{max(there):{figure.form}}" if there else MISSING
     words = f"{number(value, figure.form)} {figure.unit}"
     role = figure.role if fresh else "faint"
-    label = f"{figure.label}≤" if figure.peak else figure.label
-    return [
-        row(head(f"{label:<8}"), Span(f"{words:<12}", role), faint(f"{ends:>{width - 20}}")),
-        row(Span(spark(values, width), role)),
-    ]
+    return row(
+        head(f"{figure.label:<{LABEL}}"),
+        Span(f"{words:<{VALUE}}", role),
+        Span(spark(values, cells), role),
+        faint(f"{ends:>{ENDS}}"),
+    )

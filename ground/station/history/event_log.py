@@ -13,12 +13,16 @@ LETTERS: Final = "EEEEWIID"
 
 
 class LogLine(NamedTuple):
-    """`time_s` counts from the start of the station; `source` is the robot's name or `ground`."""
+    """`time_s` counts from the start of the station; `source` is the robot's name or `ground`.
+
+    `clock_s` is the wall time in seconds of the epoch; None for a played recording.
+    """
 
     time_s: float
     severity: int
     source: str
     text: str
+    clock_s: float | None = None
 
     @property
     def letter(self) -> str:
@@ -27,14 +31,20 @@ class LogLine(NamedTuple):
 
 
 class EventLog:
-    """The newest lines; `total` counts all lines ever added, so that readers find new ones."""
+    """The newest lines; `total` counts all lines ever added, so that readers find new ones.
 
-    def __init__(self, size: int = LINES) -> None:
+    `began_s` is the wall time at which `time_s` of a line was 0; None without one.
+    """
+
+    def __init__(self, size: int = LINES, began_s: float | None = None) -> None:
         self._lines: deque[LogLine] = deque(maxlen=size)
         self.total = 0
+        self._began_s = began_s
 
     def add(self, line: LogLine) -> None:
         """Append a line."""
+        if self._began_s is not None:
+            line = line._replace(clock_s=self._began_s + line.time_s)
         self._lines.append(line)
         self.total += 1
 

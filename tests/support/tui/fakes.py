@@ -14,6 +14,7 @@ from ground.console.spelling import line_of
 from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
+from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
@@ -64,6 +65,8 @@ class FakeStation(Station):
         self.lease_now = LeaseView()
         self.parameters_now: tuple[Parameter, ...] | None = ()
         self.streams_now: list[StreamRow] = []
+        self.round_trip_now, self.percent_now = 12.0, 100.0
+        self.progress_now = GoalProgress()
         self.items_now: tuple[MapTarget, ...] = ()
         self.robots_now = ["r1"]
         self.robot_now = "r1"
@@ -145,11 +148,11 @@ class FakeStation(Station):
 
     @property
     def round_trip_ms(self) -> float | None:
-        return 12.0
+        return self.round_trip_now
 
     @property
     def link_percent(self) -> float | None:
-        return 100.0
+        return self.percent_now
 
     def loss(self) -> Loss | None:
         return self.loss_now
@@ -188,6 +191,10 @@ class FakeStation(Station):
     def worst_cycle(self) -> CycleReport | None:
         newest = self.telemetry.latest(CYCLE)
         return None if newest is None else newest[0]
+
+    @property
+    def progress(self) -> GoalProgress:
+        return self.progress_now
 
     @property
     def history(self) -> SeriesTable:

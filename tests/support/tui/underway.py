@@ -3,17 +3,20 @@
 from math import radians
 from typing import Any
 
+from msgspec.structs import replace
+
 from ground.client.parameter import Parameter
 from ground.client.telemetry import Age
 from ground.map.scene import MapScene, MapTarget, Outline, RobotMark
 from ground.station.link.streams import StreamRow
 from ground.station.world import WorldFacts
-from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, Topic
+from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, SONAR, STATUS, TRUTH, Topic
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
+    GroundTruth,
     Heartbeat,
     NavigatorStatus,
     PlanarOdometry,
@@ -27,6 +30,11 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
     now_ns = station.clock.now_ns() + round(at_s * S)
     for topic, message in drive_messages(now_ns).items():
         station.air.put(topic, message, now_ns)
+    for ago_s in (8.9, 6.0, 4.0, 2.0, 0.0):
+        then = status(now_ns - round(ago_s * S))
+        then = replace(then, goal_started_ns=now_ns - 8_900 * MS)
+        then = replace(then, goal_distance_m=6.42 + 0.265 * ago_s)
+        station.progress_now.update(then, at_s - ago_s)
     station.world_now = WorldFacts(
         "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), MapTarget(9.0, 7.0, 0.0), 0.12, "{}"
     )
@@ -64,6 +72,10 @@ def drive_messages(now_ns: int) -> dict[Topic[Any], Message]:
             goal_bearing_rad=radians(10), rotation_rad=radians(64), virtual_x_m=5.1,
             virtual_y_m=2.2, speed_m_s=0.25, yaw_rate_rad_s=-0.4, branch=Branch.PASS_RIGHT,
             guard=0,
+        ),
+        TRUTH: GroundTruth(
+            time_ns=now_ns, seq=178, x_m=4.15, y_m=2.80, heading_rad=radians(31), speed_m_s=0.31,
+            yaw_rate_rad_s=0.1, clearance_m=0.1, contact=0,
         ),
         CYCLE: CycleReport(
             time_ns=now_ns, tick=178, missed=0, overruns=0, rejected=0, late_us=40,
@@ -106,6 +118,7 @@ def scene() -> MapScene:
         obstacles=(Outline(((0, 0), (10, 0), (10, 8), (0, 8))), Outline(box)),
         trail=trail,
         robot=RobotMark(4.12, 2.84, radians(30)),
+        true_robot=RobotMark(4.15, 2.80, radians(31)),
         covariance=(0.01, 0.002, 0.02),
         ranges_m=(3.0, 1.8, 2.03, 2.12, 1.37, 0.46, 0.23, None),
         zone_m=0.3,

@@ -3,30 +3,38 @@
 from math import inf, nan
 
 import pytest
+from msgspec.structs import replace
 
 from ground.app.panels.mission import mission_rows
-from ground.app.panels.robot_state import side_rows, whole
+from ground.app.panels.progress import progress_rows
+from ground.app.panels.robot_state import FORMS, SidePanel, form_for, whole
+from ground.app.panels.sonar import dead_sonars, sonar_rows
 from ground.app.panels.status import SessionInfo, status_row
 from ground.app.widgets.bars import bar, binned, spark
-from ground.app.widgets.rows import cut, in_ascii, row, width_of, words_of
-from ground.app.widgets.sparklines import SPARKLINES, figure_rows
+from ground.app.widgets.rows import Row, cut, in_ascii, row, width_of, words_of
+from ground.app.widgets.sparklines import SPARKLINES, figure_row
 from ground.map.scene import MapTarget
-from protocol.topics import MISSION
-from protocol.wire.enums import MissionState
+from ground.station.history.goal_progress import GoalProgress
+from protocol.topics import DECISION, MISSION, STATUS, TRUTH
+from protocol.wire.enums import MissionState, Vehicle
 from protocol.wire.messages import MissionStatus
 from tests.support.tui.fakes import MS, FakeStation
-from tests.support.tui.underway import driving
+from tests.support.tui.underway import drive_messages, driving, status
+
+
+def side_rows(station: FakeStation, height: int = 16, width: int = 33) -> list[Row]:
+    return SidePanel().rows(station, height, width, recording="REC")
 
 
 def side(station: FakeStation, height: int = 16) -> str:
-    return "\n".join(map(words_of, side_rows(station, height, 30)))
+    return "\n".join(map(words_of, side_rows(station, height)))
 
 
 def test_late_value_fades_and_then_shows_its_age() -> None:
     station = driving(FakeStation())
     roles = []
     for _ in range(3):
-        pose = side_rows(station, 16, 30)[0][1]
+        pose = next(one for one in side_rows(station) if one and one[0].text == "pose ")[1]
         roles.append((pose.role, pose.text.startswith("--")))
         station.clock.advance(130 * MS)
     assert roles == [("text", False), ("faint", False), ("faint", True)]
@@ -38,17 +46,93 @@ def test_missing_values_are_not_zero() -> None:
     assert text.count("--") >= 5
 
 
-def test_missing_sonar_differs_from_no_echo() -> None:
-    text = side(driving(FakeStation()))
-    assert "R56 ·············   --" in text
-    assert "R79 █████████████  none" in text
+def test_dead_sonar_is_an_alarm_and_differs_from_no_echo() -> None:
+    station = driving(FakeStation())
+    names, *_, ranges = sonar_rows(station, 33, 1)
+    assert words_of(names).split() == ["L79", "L56", "L34", "L11", "│R11", "R34", "R56", "R79"]
+    assert words_of(ranges).split("│")[1].split() == ["2.1", "2.0", "dead", ">3"]
+    assert [span.role for span in ranges if "dead" in span.text] == ["alarm"]
+    assert dead_sonars(station) == ["R56"]
+    assert "▲ senses" in side(station)
 
 
-def test_sonars_are_side_by_side_in_a_low_panel() -> None:
-    rows = side_rows(driving(FakeStation()), 7, 38)
-    assert len(rows) <= 7
-    assert "0.08 !!" in words_of(rows[4])
-    assert all(width_of(one) <= 38 for one in rows)
+def test_sonars_in_the_zone_and_at_the_guard_are_marked() -> None:
+    for bars in (0, 1, 3):
+        rows = sonar_rows(driving(FakeStation()), 60, bars)
+        text = "\n".join(map(words_of, rows))
+        assert len(rows) == bars + 2
+        assert text.count("!") == 3
+        assert all(width_of(one) <= 60 for one in rows)
+
+
+@pytest.mark.parametrize("height", [1, 3, 7, 12, 16, 20, 30, 60])
+@pytest.mark.parametrize("width", [20, 33, 46, 90])
+def test_side_panel_fits_and_begins_with_the_sentence(height: int, width: int) -> None:
+    rows = side_rows(driving(FakeStation()), height, width)
+    assert len(rows) <= height
+    assert all(width_of(one) <= width for one in rows)
+    assert words_of(rows[0]).startswith("AVOIDING")
+    if height >= 12 and width >= 33:
+        text = "\n".join(map(words_of, rows))
+        for words in ("to go", "27 %", "goal ", "pose ", "L79", "dead", "loop", "rec"):
+            assert words in text
+
+
+def test_side_forms_shrink_and_the_first_fitting_one_is_taken() -> None:
+    heights = [form.rows(3, 0) for form in FORMS]
+    assert heights == sorted(heights, reverse=True)
+    for form in FORMS:
+        assert form_for(form.rows(3, 0), 3, 0).rows(3, 0) == form.rows(3, 0)
+
+
+def test_progress_shows_times_and_never_invents_them() -> None:
+    station = driving(FakeStation())
+    assert "6.42 m   8.9 s  ~24 s left" in side(station)
+    assert "8.9 s driven  ~24 s left" in words_of(progress_rows(station, 60)[0])
+    station.progress_now = GoalProgress()
+    text = side(station)
+    assert "-- s left" in text
+    assert "-- %" in text
+
+
+def test_true_error_is_shown_in_a_simulation_only() -> None:
+    station = driving(FakeStation())
+    assert "±45 mm" in side(station)
+    assert "true error 50 mm" in side(station)
+    station.clock.advance(200 * MS)
+    for topic, message in drive_messages(station.now_ns).items():
+        if topic is not TRUTH:
+            station.air.put(topic, message, station.now_ns)
+    assert "true error" in side(station)
+    station.clock.advance(1000 * MS)
+    for topic, message in drive_messages(station.now_ns).items():
+        if topic is not TRUTH:
+            station.air.put(topic, message, station.now_ns)
+    assert "true error" not in side(station)
+
+
+def test_sentence_is_kept_for_half_a_second_unless_the_state_changes() -> None:
+    station, panel = driving(FakeStation()), SidePanel()
+    texts = []
+    for yaw in (0.1, 0.2, 0.3):
+        decision = drive_messages(station.now_ns)[DECISION]
+        station.air.put(DECISION, replace(decision, yaw_rate_rad_s=yaw), station.now_ns)
+        texts.append("\n".join(map(words_of, panel.rows(station, 16, 60)[:2])))
+        station.clock.advance(100 * MS)
+    assert texts[0] == texts[1] == texts[2]
+    station.air.put(STATUS, status(station.now_ns, vehicle=Vehicle.FAILSAFE), station.now_ns)
+    assert words_of(panel.rows(station, 16, 60)[0]).startswith("FAILSAFE")
+
+
+def test_fields_of_the_status_line_have_a_fixed_width() -> None:
+    def shown(trip_ms: float, percent: float) -> str:
+        station = driving(FakeStation())
+        station.round_trip_now, station.percent_now = trip_ms, percent
+        return words_of(status_row(station, SessionInfo(kind="SIM 1.0x"), 80))
+
+    for other in (shown(42.0, 100.0), shown(142.0, 99.0), shown(8.0, 9.0)):
+        assert len(other) == len(shown(8.0, 100.0))
+        assert other.index("SIM") == shown(8.0, 100.0).index("SIM")
 
 
 @pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
@@ -104,9 +188,10 @@ def test_peak_figure_is_stable_between_cycles() -> None:
     shown = []
     for tick, us in enumerate(spent_us):
         station.history["cycle_us"].add(station.time_s + 0.05 * tick, us)
-        shown.append([words_of(one) for one in figure_rows(station, cost, 32)])
-    assert "cycle≤  412 us" in shown[1][0]
-    assert [rows[0].split("us")[0] for rows in shown[1:]] == [shown[1][0].split("us")[0]] * 4
+        shown.append(words_of(figure_row(station, cost, 40)))
+    assert shown[1].startswith("loop  0.41 ms")
+    assert shown[1].endswith("0.41..0.41")
+    assert [text.split("ms")[0] for text in shown[1:]] == [shown[1].split("ms")[0]] * 4
 
 
 def test_cut_row_ends_with_an_ellipsis() -> None:

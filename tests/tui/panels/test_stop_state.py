@@ -3,13 +3,13 @@
 import pytest
 from msgspec.structs import replace
 
-from ground.app.panels.robot_state import place_rows
+from ground.app.panels.robot_state import SidePanel
 from ground.app.panels.status import SessionInfo, status_row
 from ground.app.widgets.rows import Row, words_of
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.underway import driving, status
 
@@ -20,6 +20,10 @@ def shown(**changes: int) -> FakeStation:
     message: NavigatorStatus = replace(status(now_ns), **changes)
     station.air.put(STATUS, message, now_ns)
     return station
+
+
+def side_rows(station: FakeStation) -> list[Row]:
+    return SidePanel().rows(station, 16, 60)
 
 
 def role_of(rows: list[Row], words: str) -> str:
@@ -38,7 +42,7 @@ def test_stopped_robot_has_the_colour_of_its_vehicle_state(
     vehicle: Vehicle, name: str, short: str, role: str, goal: GoalState
 ) -> None:
     station = shown(vehicle=vehicle, goal=goal)
-    assert role_of(place_rows(station), name) == role
+    assert role_of(side_rows(station), name) == role
     assert role_of([status_row(station, SessionInfo(), 120)], short) == role
 
 
@@ -47,10 +51,10 @@ def test_reason_of_the_last_stop_disappears_when_armed_again(mode: Mode) -> None
     station = shown(
         vehicle=Vehicle.ACTIVE, mode=mode, goal=GoalState.ABORTED, goal_reason=Reason.BUDGET
     )
-    assert "why" not in "\n".join(map(words_of, place_rows(station)))
+    assert reason_text(Reason.BUDGET) not in " ".join(map(words_of, side_rows(station)))
 
 
 def test_reason_is_shown_while_the_robot_is_stopped() -> None:
     station = shown(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.BUDGET)
-    text = "\n".join(map(words_of, place_rows(station)))
-    assert "why   control loop too slow (computer busy)" in text
+    text = " ".join(map(words_of, side_rows(station)))
+    assert "control loop too slow (computer busy)" in text

@@ -22,11 +22,11 @@ def test_drive_screen_shows_pose_and_state() -> None:
     async def story() -> None:
         async with staged() as stage:
             side = stage.words("side")
-            assert "4.12   2.84    30°" in side
+            assert "4.12   2.84    30° ±45 mm" in side
             assert "AVOIDING" in side
-            assert "0.08 !!" in side
-            assert "0.23 !" in side
-            assert "412/2500 us" in side
+            assert ".08!" in side
+            assert "dead" in side
+            assert "us" not in side.split()
             assert stage.words("status").startswith("● r1 ▸ GUIDED ▸ ARMED  vgm/left")
             assert "SIM" in stage.words("status")
 
@@ -95,11 +95,11 @@ def test_draft_is_shown_until_the_robot_has_it() -> None:
             stage.commands.draft_items = ways
             await stage.redraw()
             assert drive_of(stage).map.scene.draft == ways
-            assert "2 waypoints, W sends" in stage.words("mission")
+            assert "2 waypoints, W sends" in stage.words("side")
             stage.station.items_now = ways
             await stage.redraw()
             assert drive_of(stage).map.scene.draft == ()
-            assert stage.words("mission") == ""
+            assert "waypoints" not in stage.words("side")
 
     play(story)
 

@@ -55,7 +55,7 @@ def test_chosen_ghost_is_drawn_on_the_map() -> None:
             await ended(stage)
             (ghost,) = drive_of(stage).map.scene.ghosts
             assert (ghost.label, ghost.outcome) == ("bug", "reached")
-            assert ghost.path_m[0] == pytest.approx((4.12, 2.84), abs=1e-6)
+            assert ghost.path_m[0] == pytest.approx((4.15, 2.80), abs=1e-6)
             assert "ghost bug: reached after" in stage.log()
 
     play(story)
