@@ -172,10 +172,15 @@ class RobotProcess:
         self._meter.end()
 
     def idle(self) -> None:
-        """Take stops, answer requests and publish events between two ticks."""
-        self._take_stop()
+        """Take stops, answer requests and publish events between two ticks.
+
+        A stop is acknowledged by the state, which must not wait for simulated time.
+        """
+        now_ns, stamp_ns = self._clock.now_ns(), self._senses.stamp_ns
+        if self._take_stop():
+            self.reports.state(self.vehicle, stamp_ns, now_ns)
         self._answer()
-        self.reports.events(self.vehicle, self._senses.stamp_ns, self._clock.now_ns())
+        self.reports.events(self.vehicle, stamp_ns, now_ns)
 
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """Publish the wheel command first, then telemetry.
@@ -232,8 +237,8 @@ class RobotProcess:
                     break
                 self._serve_one(incoming)
 
-    def _take_stop(self) -> None:
-        """Act on the latched emergency stop and answer its requests.
+    def _take_stop(self) -> bool:
+        """Act on the latched emergency stop and answer its requests; return whether it was set.
 
         A request read after its stop was acted on is acknowledged while that stop holds. Pending
         requests are counted before the latch is read, because the latch is set before its request
@@ -253,6 +258,7 @@ class RobotProcess:
                 incoming.reply(STOPPED)
             else:
                 incoming.drop()
+        return request is not None
 
     def _serve_one(self, incoming: ServiceRequest) -> None:
         if incoming.message is None:

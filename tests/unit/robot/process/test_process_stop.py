@@ -6,7 +6,7 @@ from protocol.topics import (
     COMMANDED,
     STATUS,
 )
-from protocol.wire.enums import AckResult, Command
+from protocol.wire.enums import AckResult, Command, Vehicle
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
@@ -78,6 +78,18 @@ def test_stop_is_acknowledged_only_once_in_force(idle: bool) -> None:
     assert isinstance(answer, CommandAck)
     assert (answer.command, answer.result) == (Command.DO_FLIGHTTERMINATION, AckResult.ACCEPTED)
     assert rig.vehicle.stopped
+
+
+def test_stop_between_two_ticks_is_in_the_state_at_once() -> None:
+    """Simulated time may stand still, and an operator waits for the state."""
+    rig = driving()
+    before = len(rig.sent(STATUS))
+    rig.process.idle()
+    assert len(rig.sent(STATUS)) == before
+    press(rig)
+    rig.process.idle()
+    (status,) = rig.sent(STATUS)[before:]
+    assert status.vehicle == Vehicle.EMERGENCY_STOP
 
 
 def test_stop_request_is_answered_if_the_loop_was_faster() -> None:
