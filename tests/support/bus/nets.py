@@ -32,8 +32,12 @@ class Net:
         self.ground = self.join(Role.GROUND)
 
     def join(self, role: Role | None, robot: str = "r1") -> Bus:
+        return self._stack.enter_context(self.opened(role, robot))
+
+    def opened(self, role: Role | None, robot: str = "r1") -> Bus:
+        """Return a bus that the caller closes."""
         network = Network(mode="client", connect=(self.endpoint,), prefix=self.prefix)
-        return self._stack.enter_context(open_bus(network, role, robot))
+        return open_bus(network, role, robot)
 
 
 @contextmanager
