@@ -54,6 +54,8 @@ class LastDrive:
             return "no status was received"
         if status.goal == GoalState.NONE:
             return "no goal was set"
+        if not isfinite(status.goal_x_m):
+            return f"refused the goal: {reason_text(status.goal_reason)}"
         goal = self._goal(status)
         words, until_ns = f"was driving to {goal}", status.time_ns
         if status.goal in ENDS:

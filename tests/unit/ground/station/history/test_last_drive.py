@@ -66,6 +66,17 @@ def test_a_new_goal_begins_a_new_distance() -> None:
     assert ", 1.00 m driven" in drive.text()
 
 
+def test_a_refused_goal_without_a_place_is_named_by_its_reason() -> None:
+    drive = LastDrive()
+    refused = status(1 * S, GoalState.REFUSED)
+    nowhere = msgspec.structs.replace(
+        refused, goal_x_m=nan, goal_y_m=nan, goal_reason=Reason.NOT_ARMED
+    )
+    drive.update(nowhere)
+    assert drive.text().startswith("refused the goal: ")
+    assert "nan" not in drive.text()
+
+
 @pytest.mark.parametrize(
     ("drive", "words"), [(LastDrive(), "no status was received"), (None, "no goal was set")]
 )
