@@ -1,7 +1,8 @@
 """Load typed TOML configuration; unknown keys and values out of range are refused by name."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import is_dataclass
 from difflib import get_close_matches
 from math import isfinite
@@ -11,7 +12,7 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_
 import msgspec
 
 from runtime.errors import ConfigError, UserError
-from runtime.toml_reader import MAX_BYTES, table_in
+from runtime.toml_reader import MAX_BYTES, key_lines, table_in
 
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
@@ -33,6 +34,30 @@ def load_shared(path: Path | str, schema: type[T]) -> T:
             raise unknown_key(key, key, sorted({*known, *SHARED}), file=str(path))
     own = {key: value for key, value in table.items() if key in known}
     return parse(resolve_tls_paths(own, Path(path).parent), schema, file=str(path))
+
+
+@contextmanager
+def line_located(path: Path) -> Iterator[None]:
+    """Add the line of the key to a ConfigError of this file."""
+    try:
+        yield
+    except ConfigError as error:
+        line = _line_of(error.key, path)
+        if line is None:
+            raise
+        file = f"{error.file}:{line}"
+        raise ConfigError(file=file, key=error.key, reason=error.reason, fix=error.fix) from error
+
+
+def _line_of(key: str, path: Path) -> int | None:
+    """Return the line of a key in a file; of the table it belongs to, if it is missing."""
+    try:
+        lines = key_lines(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    names = tuple(key.partition("[")[0].split("."))
+    found = (lines.get(names[:length]) for length in range(len(names), 0, -1))
+    return next((line for line in found if line is not None), None)
 
 
 def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -84,11 +109,16 @@ def check_keys(table: Mapping[str, Any], schema: type[Any], *, file: str, above:
             fix = "give a finite number"
             raise ConfigError(file=file, key=above + key, reason="is not finite", fix=fix)
         if isinstance(value, dict) and (inner := _schema_in(hints[key])) is not None:
-            check_keys(value, inner, file=file, above=f"{above}{key}.")
+            tables = {key: value}
+            if get_origin(hints[key]) is dict:
+                tables = {f"{key}.{name}": one for name, one in value.items()}
+            for name, one in tables.items():
+                if isinstance(one, dict):
+                    check_keys(one, inner, file=file, above=f"{above}{name}.")
 
 
 def _schema_in(hint: Any) -> Any:
-    """Return the dataclass that a table is read into, also for `Schema | None`."""
+    """Return the dataclass that a table is read into, also for `Schema | None` or a dict of it."""
     return next((kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)), None)
 
 

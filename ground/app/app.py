@@ -102,6 +102,7 @@ class GroundApp(App[int]):
         for theme in THEMES:
             self.register_theme(theme)
         self.theme = self.appearance.theme
+        self.remember_theme: Callable[[str], None] = lambda _: None
         for name in SCREENS:
             self.add_mode(name, partial(screen_of, name, self))
         self.set_class(self.ascii_only, "-ascii")
@@ -110,6 +111,8 @@ class GroundApp(App[int]):
         """Show the replay when there is no robot, and start the timer."""
         if self._station is None:
             self.switch_mode("replay")
+        for line in self.appearance.startup:
+            self.call_later(self.commands.run_line, line)
         if self.appearance.hz:
             self.set_interval(1.0 / POLL_HZ, self.sample)
 
@@ -183,6 +186,11 @@ class GroundApp(App[int]):
     def _show_replay(self, player: "Player") -> None:
         self.player = player
         self.redraw()
+
+    def choose_theme(self, name: str) -> None:
+        """Show a theme, and remember it for the next start."""
+        self.theme = name
+        self.run_in_background(lambda: self.remember_theme(self.theme), lambda _: None)
 
     @property
     def defect(self) -> Exception | None:

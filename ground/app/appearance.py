@@ -1,4 +1,4 @@
-"""Determine the appearance of the app from its options, else from the terminal's environment."""
+"""Determine the appearance of the app: from its options, the user's settings, the terminal."""
 
 import argparse
 import os
@@ -8,30 +8,39 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from ground.text.theme_names import THEMES
+from ground.user.settings import RATES_HZ, USUAL_HZ, Settings
 
-FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb")
+FEW_COLOURS: Final = ("linux", "vt100", "vt220", "ansi", "dumb", "xterm", "screen", "tmux", "rxvt")
+"""Terminals with sixteen colours, unless COLORTERM announces more."""
+MANY_COLOURS: Final = ("truecolor", "24bit")
+DUMB: Final = "dumb"
+ASCII_LOCALES: Final = ("C", "POSIX")
+UNICODE: Final = ("utf8", "utf-8")
 LOCALES: Final = ("LC_ALL", "LC_CTYPE", "LANG")
 DRIVER: Final = "TEXTUAL_DRIVER"
 """Set when the app is served to a browser: it has a screen without a terminal."""
-RATES_HZ: Final = (2.0, 5.0, 10.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Appearance:
-    """Theme, character set, frame rate and bell; with `hz` 0 there is no timer (for tests)."""
+    """Theme, character set, frame rate and bell; with `hz` 0 there is no timer (for tests).
+
+    `startup` are lines for the command line, which the app runs when it opens.
+    """
 
     theme: str = "dark"
     ascii_only: bool = False
     hz: float = 10.0
     quiet_bell: bool = False
+    startup: tuple[str, ...] = ()
 
 
 class AppOptions(Protocol):
-    """The options of a verb that opens the app; `theme` None selects one that fits the terminal."""
+    """The options of a verb that opens the app; None means the user's setting or the default."""
 
     theme: str | None
     ascii: bool
-    hz: float
+    hz: float | None
     keys: Path | None
     quiet_bell: bool
 
@@ -39,24 +48,28 @@ class AppOptions(Protocol):
 def add_appearance_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a verb that opens the app."""
     group = parser.add_argument_group("on a terminal")
-    group.add_argument("--theme", choices=THEMES, help="(dark; mono with NO_COLOR)")
+    help = "colours (default dark; mono with NO_COLOR, ansi with sixteen colours)"
+    group.add_argument("--theme", choices=THEMES, help=help)
     group.add_argument("--ascii", action="store_true", help="for fonts without braille")
-    group.add_argument(
-        "--hz", type=float, choices=RATES_HZ, default=10.0, help="frames per second (10)"
-    )
+    help = f"frames per second (default {USUAL_HZ:g})"
+    group.add_argument("--hz", type=float, choices=RATES_HZ, help=help)
     group.add_argument(
         "--quiet-bell", action="store_true", help="no bell when a robot stops or arrives"
     )
     group.add_argument("--keys", type=Path, metavar="FILE", help="a TOML file that changes keys")
 
 
-def appearance_of(options: AppOptions, environment: Mapping[str, str] = os.environ) -> Appearance:
-    """Return the appearance that the options and the environment ask for."""
+def appearance_of(
+    options: AppOptions, settings: Settings, environment: Mapping[str, str] = os.environ
+) -> Appearance:
+    """Return the appearance that the options, the settings and the environment ask for."""
+    fits = default_theme(environment)
     return Appearance(
-        theme=options.theme or default_theme(environment),
+        theme=options.theme or (settings.theme if has_colours(environment) else None) or fits,
         ascii_only=options.ascii or is_ascii_terminal(environment),
-        hz=options.hz,
-        quiet_bell=options.quiet_bell,
+        hz=options.hz or settings.hz,
+        quiet_bell=options.quiet_bell or not settings.bell,
+        startup=settings.startup,
     )
 
 
@@ -64,9 +77,16 @@ def default_theme(environment: Mapping[str, str]) -> str:
     """Return `mono` with NO_COLOR (no-color.org), `ansi` with sixteen colours, else `dark`."""
     if environment.get("NO_COLOR"):
         return "mono"
-    if in_browser(environment):
-        return "dark"
-    return "ansi" if environment.get("TERM", "") in FEW_COLOURS else "dark"
+    return "dark" if has_colours(environment) else "ansi"
+
+
+def has_colours(environment: Mapping[str, str]) -> bool:
+    """Return whether the terminal shows the colours of any theme."""
+    if environment.get("NO_COLOR"):
+        return False
+    if in_browser(environment) or environment.get("COLORTERM", "").lower() in MANY_COLOURS:
+        return True
+    return environment.get("TERM", "") not in FEW_COLOURS
 
 
 def is_ascii_terminal(environment: Mapping[str, str]) -> bool:
@@ -74,7 +94,9 @@ def is_ascii_terminal(environment: Mapping[str, str]) -> bool:
     if in_browser(environment):
         return False
     locale = next((environment[name] for name in LOCALES if environment.get(name)), "")
-    return environment.get("TERM", "") == "linux" or locale in ("C", "POSIX")
+    _, has_encoding, encoding = locale.partition("@")[0].partition(".")
+    is_other = bool(has_encoding) and encoding.lower() not in UNICODE
+    return environment.get("TERM", "") == "linux" or locale in ASCII_LOCALES or is_other
 
 
 def in_browser(environment: Mapping[str, str]) -> bool:

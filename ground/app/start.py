@@ -10,17 +10,21 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from threading import Thread, Timer
+from threading import Lock, Thread, Timer
 from typing import TYPE_CHECKING, Final
 
-from ground.app.appearance import AppOptions, appearance_of, in_browser
+from ground.app.appearance import DUMB, AppOptions, appearance_of, has_colours, in_browser
 from ground.app.input.key_hints import key_hints
-from ground.app.input.keymap import Keymap, load
+from ground.app.input.keymap import TABLE, Keymap, load
+from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.link import Link
+from ground.user.edit_settings import set_setting
 from ground.user.folders import state_folder
+from ground.user.settings import Settings, load_settings, settings_file
 from protocol.bus.network import Network
 from runtime.clock import WallClock
+from runtime.config import line_located
 from runtime.gc_freeze import freeze_heap
 
 if TYPE_CHECKING:
@@ -32,6 +36,7 @@ SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
 CHECK_S: Final = 1.0
 CLOSING_S: Final = 3.0
+SAVING: Final = Lock()
 FREEZE_AFTER_S: Final = 3.0
 """By then the app has created its permanent objects. A full collection later takes 60 ms."""
 
@@ -45,11 +50,11 @@ def run(
 ) -> int:
     """Run the app until the operator leaves, and return 0.
 
-    Raise ConfigError for a keymap that cannot be used.
-
-    With a `stack`, the app has started the processes: it monitors them, and may restart them.
+    Raise ConfigError for settings or keys that cannot be used. The app monitors the processes of
+    its `stack`, and may restart them.
     """
-    keymap, appearance = keymap_of(options), appearance_of(options)
+    settings = load_settings()
+    keymap, appearance = keymap_of(options, settings), appearance_of(options, settings)
     # Textual is imported only here, so that other verbs start fast.
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
@@ -66,6 +71,7 @@ def run(
     commands.hints = key_hints(keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     app.is_first_start = is_first_start(state_folder())
+    app.remember_theme = remember_theme
     commands.local = LocalCommands(app).do_command
     try:
         with capture_output(state_folder() / "ground.log") as terminal:
@@ -101,7 +107,8 @@ def run_replay(
 
     `progress` receives the share of the file that was read, before the app opens.
     """
-    keymap, appearance = keymap_of(options), appearance_of(options)
+    settings = load_settings()
+    keymap, appearance = keymap_of(options, settings), appearance_of(options, settings)
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
     from ground.app.commands.runner import CommandRunner
@@ -116,6 +123,7 @@ def run_replay(
     history = History(state_folder() / "history")
     commands = CommandRunner(lambda: player.station, None, common, clock, history)
     app = GroundApp(None, commands, keymap, appearance, player=player)
+    app.remember_theme = remember_theme
     commands.local = LocalCommands(app).do_command
     with capture_output(state_folder() / "ground.log") as terminal:
         app.limit_frame_rate(terminal)
@@ -161,8 +169,15 @@ def exit_on_signal(app: "GroundApp", number: int) -> None:
     late.start()
 
 
-def keymap_of(options: AppOptions) -> Keymap:
-    """Load the keymap from the named file, or from the user's file if there is one."""
+def keymap_of(options: AppOptions, settings: Settings) -> Keymap:
+    """Load the keymap from the named file, else from the settings, else from the user's key file.
+
+    Raises ConfigError, with the line, for keys that cannot be used.
+    """
+    if options.keys is None and settings.keys:
+        file = settings_file()
+        with line_located(file):
+            return keymap_in({TABLE: settings.keys}, file=str(file))
     usual_place = state_folder() / "keys.toml"
     return load(options.keys or (usual_place if usual_place.exists() else None))
 
@@ -178,6 +193,13 @@ def is_first_start(folder: Path) -> bool:
     return True
 
 
+def remember_theme(name: str) -> None:
+    """Write the theme to the user's settings, unless this terminal has few colours."""
+    if has_colours(os.environ):
+        with SAVING:
+            set_setting("theme", name)
+
+
 def operator_name() -> str:
     """Return the name shown to others while we hold the lease: at most 16 ASCII characters."""
     try:
@@ -188,7 +210,12 @@ def operator_name() -> str:
 
 
 def has_screen() -> bool:
-    """Return whether the app can open: Textual reads standard input and draws on standard error."""
+    """Return whether the app can open: Textual reads standard input and draws on standard error.
+
+    It cannot on a terminal that moves no cursor.
+    """
+    if os.environ.get("TERM") == DUMB and not in_browser(os.environ):
+        return False
     streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
     on_terminal = all(stream is not None and stream.isatty() for stream in streams)
     return on_terminal or in_browser(os.environ)

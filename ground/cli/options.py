@@ -17,7 +17,7 @@ def common_of(options: argparse.Namespace | Words, output: Output | None = None)
 
     With an output, print which run the endpoint was taken from.
     """
-    found = common(options.connect, options.id, options.config, options.run)
+    found = common(options.connect, options.id, options.config, options.run, options.context)
     if output is not None and found.source:
         output.note(found.source)
     return found

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from ground.user.runs import FoundRun, read_runs
+from ground.user.settings import context_named
 from protocol.bus.network import Network
 from protocol.options import dialled
 from protocol.topics import robot_name
@@ -46,18 +47,28 @@ class Common:
 
 
 def common(
-    endpoint: str | None, robot: str | None, config: str | Path | None, run: str | None = None
+    endpoint: str | None,
+    robot: str | None,
+    config: str | Path | None,
+    run: str | None = None,
+    context: str | None = None,
 ) -> Common:
     """Merge defaults, the configuration file and explicit values, in this order.
 
-    Without an endpoint and a file, take the endpoint from the runtime file of `up`: that of `run`,
-    or the only one there is. Raises UserError or ConfigError for a value that is wrong, and if
-    several runs are there and none is named.
+    Without an endpoint and a file, take the endpoint from the context of this name or the one in
+    force, else from the runtime file of `up`: that of `run`, or the only one there is. Raises
+    UserError or ConfigError for a value that is wrong, and if several runs are there and none is
+    named.
     """
+    ways = [endpoint or config, run, context]
+    if sum(way is not None for way in ways) > 1:
+        raise UserError("use only one of --connect (or --config), --run and --context")
     if endpoint is not None or config is not None:
-        if run is not None:
-            raise UserError("--run names a running `up`: leave out --connect and --config")
         return given(endpoint, robot, config)
+    if run is None and (chosen := context_named(context)) is not None:
+        name, place = chosen
+        found_by_name = given(place.connect, robot or place.id, place.config)
+        return replace(found_by_name, source=f"context {name} at {found_by_name.endpoint}")
     found = chosen_run(run)
     if found is None:
         return replace(given(None, robot, None), hint=START_HINT)

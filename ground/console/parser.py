@@ -34,7 +34,7 @@ UNAVAILABLE: Final[Mapping[str, str]] = MappingProxyType(
     }
 )
 """Verbs of the command line that the app does not have, and why."""
-FIXED_OPTIONS: Final = ("connect", "run", "id", "config", "json")
+FIXED_OPTIONS: Final = ("connect", "run", "context", "id", "config", "json")
 """Options that were fixed when the app started."""
 COMMANDS: Final = common_verbs()
 MAX_GUESSED: Final = 24

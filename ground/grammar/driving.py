@@ -26,13 +26,8 @@ class GotoWords(Words):
         """Declare the arguments."""
         parser.add_argument("x", type=finite, metavar="X", help="metres")
         parser.add_argument("y", type=finite, metavar="Y", help="metres")
-        parser.add_argument(
-            "heading",
-            type=finite,
-            nargs="?",
-            metavar="DEG",
-            help="degrees: final heading; without it any",
-        )
+        help = "degrees: final heading; without it any"
+        parser.add_argument("heading", type=finite, nargs="?", metavar="DEG", help=help)
         declare_tolerances(parser)
         parser.add_argument(
             "--frame",

@@ -28,6 +28,7 @@ class Words:
     id: str | None
     config: str | None
     run: str | None
+    context: str | None
     json: bool
 
     def __init__(self, verb: str) -> None:
@@ -80,7 +81,7 @@ class FromFile(Protocol):
 
 
 def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> None:
-    """Declare `--connect`, `--run` and `--id` (or `--listen`), `--config` and `--json`."""
+    """Declare `--listen`, or what names a system and its robot; `--config` and `--json`."""
     if listens:
         parser.add_argument("--listen", metavar="ENDPOINT", help=f"(default {DEFAULT_ENDPOINT})")
     else:
@@ -88,6 +89,8 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
         parser.add_argument("--connect", metavar="ENDPOINT", help=text)
         text = "a running `up`, by its name in `sidestep ps`"
         parser.add_argument("--run", metavar="NAME", help=text)
+        text = "a system by its name in the settings, see `sidestep config context`"
+        parser.add_argument("--context", metavar="NAME", help=text)
         parser.add_argument("--id", metavar="NAME", help="name of the robot (default r1)")
     parser.add_argument("--config", metavar="FILE", help=CONFIG_HELP)
     add_json(parser)

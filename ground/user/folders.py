@@ -25,6 +25,11 @@ def runs_folder() -> Path:
     return state_folder() / "run"
 
 
+def config_folder() -> Path:
+    """Return the folder of the settings."""
+    return _base("XDG_CONFIG_HOME", Path(".config")) / NAME
+
+
 def _base(variable: str, usual: Path) -> Path:
     """Return the folder in the variable, if it is an absolute path, else below the home."""
     chosen = Path(os.environ.get(variable, ""))

@@ -13,7 +13,7 @@ from ground.text.output import Output
 from ground.web.address import DEFAULT_HOST, DEFAULT_PORT, Address, address_of, token_of
 from runtime.errors import UserError
 
-PASSED_ON: Final = ("connect", "run", "id", "config", "record", "theme", "hz", "keys")
+PASSED_ON: Final = ("connect", "run", "context", "id", "config", "record", "theme", "hz", "keys")
 SWITCHES: Final = ("no_record", "ascii", "quiet_bell")
 LACKING: Final = "--web needs the extra `web`: pip install 'sidestep[web]'"
 
@@ -45,6 +45,7 @@ class WebOptions(Protocol):
     token_file: str | None
     connect: str | None
     run: str | None
+    context: str | None
     id: str | None
     config: str | None
     record: str | None
@@ -52,7 +53,7 @@ class WebOptions(Protocol):
     theme: str | None
     ascii: bool
     quiet_bell: bool
-    hz: float
+    hz: float | None
     keys: Path | None
 
 

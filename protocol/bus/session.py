@@ -7,6 +7,7 @@ Zenoh's own log is not initialised here: it can only write to standard output, w
 import json
 import re
 import socket
+from collections.abc import Iterable
 from time import monotonic
 
 import zenoh
@@ -105,6 +106,8 @@ def unconnected(there: str, network: Network) -> NoPeerError:
     waited = f"(waited {network.connect_timeout_s:g} s)"
     if refusal := peer_refusal(network):
         return refusal
+    if host := unknown_host(network.connect):
+        return NoPeerError(f"the name {host} of {there} does not resolve: correct the endpoint")
     if any(listens(endpoint) for endpoint in network.connect):
         return PeerHangsError(
             f"a process listens at {there} but does not answer {waited}: "
@@ -116,6 +119,28 @@ def unconnected(there: str, network: Network) -> NoPeerError:
     )
 
 
+def unknown_host(endpoints: Iterable[str]) -> str:
+    """Return the host if no endpoint has one that resolves, else an empty text."""
+    host = ""
+    for endpoint in endpoints:
+        protocol, _, address = endpoint.partition("/")
+        host, _, _ = host_and_port(address)
+        if protocol == "unixsock-stream":
+            return ""
+        try:
+            socket.getaddrinfo(host, None)
+        except (OSError, UnicodeError):
+            continue
+        return ""
+    return host
+
+
+def host_and_port(address: str) -> tuple[str, str, str]:
+    """Split the address of an endpoint; the host is without brackets."""
+    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    return host.strip("[]"), colon, port
+
+
 def listens(endpoint: str) -> bool:
     """Return whether the system accepts a TCP connection there, even for a process that hangs."""
     return probed(endpoint) is Hub.HANGS
@@ -124,11 +149,11 @@ def listens(endpoint: str) -> bool:
 def probed(endpoint: str) -> Hub:
     """Return the result of a TCP connection; endpoints of other protocols count as ended."""
     protocol, _, address = endpoint.partition("/")
-    host, _, port = address.partition("#")[0].partition("?")[0].rpartition(":")
+    host, _, port = host_and_port(address)
     if protocol not in ("tcp", "tls"):
         return Hub.ENDED
     try:
-        with socket.create_connection((host.strip("[]"), int(port)), timeout=PROBE_S):
+        with socket.create_connection((host, int(port)), timeout=PROBE_S):
             return Hub.HANGS
     except ConnectionError:
         return Hub.ENDED

@@ -82,6 +82,14 @@ KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "check": Subcommand("expiry and faults of each certificate", "keys check keys"),
     }
 )
+CONFIG: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "get": Subcommand("print one setting, or all of them", "config get theme"),
+        "set": Subcommand("change a setting, if its value is valid", "config set theme light"),
+        "path": Subcommand("print the path of the settings", "config path"),
+        "context": Subcommand("list the contexts, or use one from now on", "config context lab"),
+    }
+)
 WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("list the shipped worlds", "worlds list"),

@@ -335,6 +335,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "plant.cli.worlds",
             subcommands=subcommand_table.WORLDS,
         ),
+        "config": Verb(
+            MORE,
+            "your settings: theme, rate, keys, contexts, commands at the start",
+            "config set theme light",
+            "ground.cli.run.settings",
+            run="run",
+            subcommands=subcommand_table.CONFIG,
+        ),
         "completion": Verb(
             MORE,
             "print the completion script of bash, zsh or fish",

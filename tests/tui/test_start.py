@@ -1,4 +1,4 @@
-"""Test that an open app freezes the heap."""
+"""Test the start and the end of the app: heap, settings, summary."""
 
 import asyncio
 from pathlib import Path
@@ -8,6 +8,10 @@ import pytest
 
 from ground.app import start
 from ground.app.app import GroundApp
+from ground.app.appearance import Appearance
+from tests.support.tui.fakes import FakeCommandSink, FakeStation
+from tests.support.tui.pilot import play, staged
+from tests.support.tui.underway import driving
 
 
 class StubApp:
@@ -46,3 +50,27 @@ def test_exit_prints_each_drive_and_the_recording(
     monkeypatch.setenv("TEXTUAL_DRIVER", "browser")
     start.print_summary(drives, log)
     assert capsys.readouterr().out == ""
+
+
+def test_a_chosen_theme_is_remembered() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            chosen: list[str] = []
+            stage.app.remember_theme = chosen.append
+            await stage.press("T")
+            await stage.until(lambda: bool(chosen))
+            assert chosen == [stage.app.theme] == ["light"]
+
+    play(story)
+
+
+def test_commands_of_the_settings_run_at_the_start() -> None:
+    async def story() -> None:
+        commands = FakeCommandSink()
+        appearance = Appearance(hz=0.0, startup=("layers trail", "hold"))
+        app = GroundApp(driving(FakeStation()), commands, None, appearance)
+        async with app.run_test() as pilot:
+            await pilot.pause()
+            assert commands.given == ["layers trail", "hold"]
+
+    play(story)

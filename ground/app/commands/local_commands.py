@@ -59,7 +59,7 @@ class LocalCommands:
             return f"themes: {', '.join(THEMES)}; now {self._app.theme}"
         if name not in THEMES:
             raise UserError(f"no such theme: {name!r}; known: {', '.join(THEMES)}")
-        self._app.theme = name
+        self._app.choose_theme(name)
         return ""
 
     def snap(self, path: Path | None) -> str:

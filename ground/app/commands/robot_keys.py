@@ -185,4 +185,4 @@ class RobotKeys:
     def next_theme(self) -> None:
         """Switch to the next theme."""
         at = THEMES.index(self._app.theme) if self._app.theme in THEMES else -1
-        self._app.theme = THEMES[(at + 1) % len(THEMES)]
+        self._app.choose_theme(THEMES[(at + 1) % len(THEMES)])

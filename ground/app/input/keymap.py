@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from ground.app.input.default_keys import KEYS, KeyBinding, Layer
-from runtime.config import read_toml, unknown_key
+from runtime.config import line_located, read_toml, unknown_key
 from runtime.errors import ConfigError
 
 TABLE: Final = "keys"
@@ -72,7 +72,10 @@ class Keymap:
 
 def load(path: Path | None) -> Keymap:
     """Return the keymap with the user's file. Raise ConfigError when the file is wrong."""
-    return Keymap() if path is None else keymap_of(read_toml(path), file=str(path))
+    if path is None:
+        return Keymap()
+    with line_located(path):
+        return keymap_of(read_toml(path), file=str(path))
 
 
 def keymap_of(table: Mapping[str, Any], *, file: str) -> Keymap:

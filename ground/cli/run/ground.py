@@ -18,6 +18,7 @@ from ground.launch.recording_session import (
 )
 from ground.text.output import Output
 from ground.user.folders import recordings_folder
+from ground.user.settings import load_settings
 
 
 def ground_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,7 @@ def ground_arguments(parser: argparse.ArgumentParser) -> None:
 def run_ground(options: argparse.Namespace, output: Output) -> int:
     """Run the station in a browser, in this terminal, or as lines."""
     if options.print_keys:
-        keymap = keymap_of(options)
+        keymap = keymap_of(options, load_settings())
         found: dict[str, object] = {key.id: list(key.keys) for key in keymap.keys}
         output.result(found, as_toml(keymap))
         return 0

@@ -74,6 +74,7 @@ class Session:
             "PATH": f"{tools}:{Path(sys.executable).parent}:{os.environ['PATH']}",
             "PYTHONPATH": str(ROOT),
             "XDG_STATE_HOME": str(folder / ".state"),
+            "XDG_CONFIG_HOME": str(folder / ".config"),
         }
 
     def run(self, step: Step) -> list[str] | None:

@@ -23,7 +23,8 @@ class Tmux:
     ) -> None:
         self._socket = folder / "tmux"
         self._folder, self._size = folder, size
-        settings = {"XDG_STATE_HOME": str(folder), **(environment or {})}
+        own = dict.fromkeys(("XDG_STATE_HOME", "XDG_CONFIG_HOME"), str(folder))
+        settings = {**own, **(environment or {})}
         set_words = [f"{name}={value}" for name, value in settings.items()]
         self._ended = folder / "ended"
         command = shlex.join(["env", *set_words, *words])

@@ -73,8 +73,9 @@ def test_an_unknown_run_is_refused_with_those_that_are_there() -> None:
 
 def test_a_run_and_an_endpoint_exclude_each_other() -> None:
     written()
-    with pytest.raises(UserError, match="leave out --connect"):
-        common_of(parse(["hold", "--run", "box", "--connect", OTHER]))
+    for words in (["--run", "box", "--connect", OTHER], ["--run", "box", "--context", "lab"]):
+        with pytest.raises(UserError, match="use only one of --connect"):
+            common_of(parse(["hold", *words]))
 
 
 def test_a_run_with_certificates_needs_no_file(tmp_path: Path) -> None:
