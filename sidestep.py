@@ -199,7 +199,7 @@ def overview() -> str:
     """Return the text of `sidestep --help`: groups and the verbs that belong to none."""
     from runtime.cli.verb_table import GROUPS, MORE, VERBS
 
-    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", USAGE]
+    lines = ["Sidestep: a robot with eight sonars that finds its way around obstacles.", "", USAGE]
     section = ""
     for word, verb in VERBS.items():
         if verb.section != section and not verb.is_grouped:

@@ -70,8 +70,7 @@ def run(
     commands = CommandRunner(lambda: station, link.bus, common, clock, history)
     commands.hints = key_hints(keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
-    app.is_first_start = is_first_start(state_folder())
-    app.remember_theme = remember_theme
+    app.is_first_start, app.remember_theme = is_first_start(state_folder()), remember_theme
     commands.local = LocalCommands(app).do_command
     try:
         with capture_output(state_folder() / "ground.log") as terminal:
