@@ -20,6 +20,7 @@ from ground.missions.draft import (
 from protocol.options import finite, whole
 
 SCREENS: Final = ("drive", "plots", "params", "log", "links", "worlds", "faults", "replay")
+COPIED: Final = ("pose", "last", "row")
 MAX_WAYPOINTS: Final = 65_535
 ZOOM_KEYS: Final = {"in": "zoom-in", "out": "zoom-out", "fit": "fit"}
 
@@ -95,6 +96,18 @@ class OpenReplay:
 
 
 @dataclass(frozen=True, slots=True)
+class Undo:
+    """Take back the last change of a parameter, the fence or the mission draft."""
+
+
+@dataclass(frozen=True, slots=True)
+class CopyText:
+    """Copy the pose of the robot, the last command, or the chosen row to the clipboard."""
+
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
 class ShowGhost:
     """Show another navigator from here, as a ghost on the map."""
 
@@ -113,6 +126,8 @@ AppCommand: TypeAlias = (
     | RecordHere
     | OpenReplay
     | ShowGhost
+    | Undo
+    | CopyText
     | Edit
 )
 
@@ -134,6 +149,7 @@ class AppArguments:
     heading: float | None
     hold: float
     item: int
+    what: str
 
 
 def _declare_theme(parser: argparse.ArgumentParser) -> None:
@@ -256,6 +272,14 @@ LOCAL: Final[Mapping[str, LocalVerb]] = MappingProxyType(
             lambda parser: parser.add_argument(
                 "file", nargs="?", metavar="FILE", help="a .tlog or .mcap (default the newest)"
             ),
+        ),
+        "undo": LocalVerb(
+            "take back the last change of a parameter, the fence or the draft", lambda _: Undo()
+        ),
+        "copy": LocalVerb(
+            "copy the pose, the last command or the chosen row",
+            lambda arguments: CopyText(arguments.what),
+            lambda parser: parser.add_argument("what", choices=COPIED),
         ),
         "ghost": LocalVerb(
             "show another navigator from here, as a ghost on the map",

@@ -6,6 +6,7 @@ from ground.client.operations import (
     ClearAll,
     Goto,
     Operation,
+    SetFence,
     SetMode,
     SetNavigator,
     SetParameter,
@@ -13,8 +14,9 @@ from ground.client.operations import (
 )
 from ground.client.results import Outcome
 from ground.client.vocabulary import SIDES
-from ground.console.app_commands import AppCommand, SetTheme
-from ground.missions.draft import AddWaypoint
+from ground.console.app_commands import AppCommand, SetTheme, Undo
+from ground.missions.draft import AddWaypoint, ClearDraft, RemoveWaypoint
+from ground.missions.mission import Circle
 
 DIGITS = 9
 """Digits after the point: more would show rounding errors of the conversion to degrees."""
@@ -38,6 +40,14 @@ def line_of(operation: Operation[Outcome] | AppCommand) -> str:
         case AddWaypoint(waypoint):
             turned = () if waypoint.heading_deg is None else (waypoint.heading_deg,)
             return f"wp add {numbers(waypoint.x_m, waypoint.y_m, *turned)}"
+        case SetFence(fence=Circle() as circle):
+            return f"fence circle {numbers(circle.x_m, circle.y_m, circle.radius_m)}"
+        case ClearDraft():
+            return "wp clear"
+        case RemoveWaypoint(item):
+            return f"wp remove {item}"
+        case Undo():
+            return "undo"
         case SetTheme(name=str(name)):
             return f"theme {name}"
     return getattr(operation, "verb", "")

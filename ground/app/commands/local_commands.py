@@ -1,5 +1,6 @@
 """Perform commands that concern only the screen."""
 
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -7,6 +8,7 @@ from ground.console import app_commands
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named
 from ground.text.theme_names import THEMES
+from protocol.topics import ODOMETRY
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -47,6 +49,8 @@ class LocalCommands:
                 self._app.open_replay(recording_named(file))
             case app_commands.RecordHere(begin):
                 return self.record(begin=begin)
+            case app_commands.CopyText(what):
+                return self.copy(what)
             case app_commands.ShowGhost(navigator):
                 self.ghost(navigator)
             case _:
@@ -61,6 +65,25 @@ class LocalCommands:
             raise UserError(f"no such theme: {name!r}; known: {', '.join(THEMES)}")
         self._app.choose_theme(name)
         return ""
+
+    def copy(self, what: str) -> str:
+        """Copy the pose as the words of `goto`, or do what the key does for a row or command."""
+        if what == "row":
+            self.do("copy")
+            return ""
+        text = self._app.commands.last if what == "last" else self.pose()
+        if not text:
+            raise UserError("nothing to copy yet")
+        self._app.copy_to_clipboard(text)
+        return f"copied: {text}"
+
+    def pose(self) -> str:
+        """Return the robot's pose as X Y DEG; UserError if it is not known now."""
+        station = self._app.station
+        pose = station.telemetry.live(ODOMETRY, station.now_ns)
+        if pose is None:
+            raise UserError("the pose of the robot is not known now")
+        return f"{pose.x_m:.3f} {pose.y_m:.3f} {degrees(pose.heading_rad):.1f}"
 
     def snap(self, path: Path | None) -> str:
         """Save the screen as an SVG file."""

@@ -22,6 +22,7 @@ from ground.client.vocabulary import (
     SIDES,
     USUAL_NAVIGATOR,
 )
+from ground.console.app_commands import Undo
 from ground.text.theme_names import THEMES
 from protocol.topics import STATUS
 from protocol.wire.enums import Mode
@@ -59,6 +60,7 @@ class RobotKeys:
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
+            **dict.fromkeys(("undo", "undo-here"), partial(app.commands.perform, Undo())),
             "missions": self.next_of_mission,
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),

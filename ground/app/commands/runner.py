@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
+from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import ChangeLease, Operation, Session, SetMode, StopAll, StopNow
@@ -14,7 +15,7 @@ from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
-from ground.console.app_commands import AppCommand, ShowHelp
+from ground.console.app_commands import AppCommand, ShowHelp, Undo
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.help import help_text
 from ground.console.history import History
@@ -23,6 +24,7 @@ from ground.console.spelling import line_of
 from ground.console.tokenizer import words_of
 from ground.map.scene import MapTarget
 from ground.missions.draft import AddWaypoint, Draft, Edit
+from ground.missions.mission import Mission
 from ground.station.robot.background_requests import JobResult
 from ground.station.robot.mission_items import target_of
 from ground.station.station import REPLAYED, Station
@@ -59,6 +61,7 @@ class CommandRunner:
         self.local: Callable[[AppCommand], str] = refuse
         self.hints = HINTS
         self.draft = Draft()
+        self._undo_list = UndoList()
         self.last = ""
 
     @property
@@ -94,12 +97,14 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                self._station.submit(line, partial(self._done, command), moves=command.moves)
+                job = partial(self._done_undoably, command, line)
+                self._station.submit(line, job, moves=command.moves)
 
     def is_local(self, line: str) -> bool:
         """Return whether a line concerns only the screen."""
         try:
-            return isinstance(read(line), AppCommand)
+            command = read(line)
+            return isinstance(command, AppCommand) and not isinstance(command, Undo)
         except UserError:
             return True  # a wrong line only causes a message
 
@@ -169,6 +174,43 @@ class CommandRunner:
         world = self._station.world
         return None if world is None else floor_in(world.text)
 
+    def _done_undoably(self, operation: Operation[Outcome], line: str) -> JobResult:
+        """Perform an operation, and remember how to take it back."""
+        robot, parameters = self._station.robot, self._station.parameters or ()
+        session = Session(self._link(), attended=True)
+        back = inverse_of(operation, parameters, session)
+        outcome = self._done(operation)
+        if outcome.ok and back is not None:
+            self._undo_list.add(Change(robot, line, back))
+        return outcome
+
+    def _take_back(self) -> str:
+        """Take back the last change; a refused one can be taken back again."""
+        change = self._undo_list.take(self._station.robot)
+        if isinstance(change.back, Mission):
+            self.draft.mission = change.back
+            return f"undone: {change.line}; {self.draft.listed()}"
+        back = change.back
+
+        def take_back() -> JobResult:
+            outcome = self._done(back)
+            if not outcome.ok:
+                self._undo_list.add(change)
+            return outcome
+
+        begun = self._station.submit(f"undo {change.line}: {line_of(back)}", take_back)
+        if not begun:
+            self._undo_list.add(change)
+        return ""
+
+    def _edit(self, command: Edit) -> str:
+        """Edit the draft, and remember how to take it back."""
+        before = self.draft.mission
+        message = self.draft.apply(command)
+        if self.draft.mission != before:
+            self._undo_list.add(Change(self._station.robot, line_of(command), before))
+        return message
+
     def _locally(self, command: AppCommand) -> None:
         severity = Severity.INFO
         try:
@@ -181,10 +223,12 @@ class CommandRunner:
     def _message_of(self, command: AppCommand) -> str:
         if isinstance(command, ShowHelp):
             return help_text(command.word)
+        if isinstance(command, Undo):
+            return self._take_back()
         if isinstance(command, AddWaypoint) and (floor := self._floor()) is not None:
             place = command.waypoint
             floor.refuse_outside(f"waypoint {place}", place.x_m, place.y_m)
-        return self.draft.apply(command) if isinstance(command, Edit) else self.local(command)
+        return self._edit(command) if isinstance(command, Edit) else self.local(command)
 
     def _link(self) -> Link:
         """Return a link to the robot that is shown now."""

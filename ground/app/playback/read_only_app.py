@@ -8,7 +8,7 @@ from ground.app.panels.status import SessionInfo
 from ground.app.playback.player import Player
 from ground.client.operations import Abort, Disarm, Hold, Operation, StopAll, StopNow
 from ground.client.results import Outcome
-from ground.console.app_commands import AppCommand
+from ground.console.app_commands import AppCommand, Undo
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 
@@ -37,7 +37,9 @@ class ReadOnlyCommands:
 
     def perform(self, command: Operation[Outcome] | AppCommand) -> None:
         """Perform a command for the screen, or one that stops the robot; refuse all others."""
-        if isinstance(command, AppCommand | Hold | Abort | Disarm | StopAll | StopNow):
+        if not isinstance(command, Undo) and isinstance(
+            command, AppCommand | Hold | Abort | Disarm | StopAll | StopNow
+        ):
             self._commands.perform(command)
         else:
             self._note(REFUSED)

@@ -1,0 +1,162 @@
+"""Test that parameters, fences and drafts are taken back."""
+
+from typing import Any
+
+import pytest
+
+from ground.app.commands.local_commands import LocalCommands
+from ground.app.commands.runner import CommandRunner
+from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
+from ground.client.connection import Common
+from ground.client.operations import ClearFence, Hold, ResetParameter, SetFence, SetParameter
+from ground.client.operations.fences import FenceShown
+from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.session import Session
+from ground.console.app_commands import CopyText
+from ground.console.history import History
+from ground.missions.draft import EMPTY
+from ground.missions.mission import Circle
+from protocol.bus.network import Network
+from protocol.options import DEFAULT_ENDPOINT
+from runtime.clock import ManualClock
+from runtime.errors import UserError
+from tests.support.tui.fakes import FakeStation
+from tests.support.tui.pilot import play, staged
+from tests.support.tui.underway import driving, parameter
+
+CIRCLE = Circle(x_m=1.0, y_m=2.0, radius_m=3.0)
+
+
+class RobotStub:
+    """Answers operations as a robot with these parameters, and refuses values above 5."""
+
+    def __init__(self, station: FakeStation, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.set: list[tuple[str, float]] = []
+        self._station = station
+        stub = self
+
+        def change(operation: SetParameter, session: Session) -> ParameterChanged:
+            return stub.change(operation)
+
+        monkeypatch.setattr(SetParameter, "perform", change)
+        monkeypatch.setattr(CommandRunner, "_link", lambda runner: None)
+
+    def change(self, operation: SetParameter) -> ParameterChanged:
+        if operation.value > 5.0:
+            return ParameterChanged(name=operation.name, asked=operation.value, now=None)
+        self.set.append((operation.name, operation.value))
+        self._station.parameters_now = (parameter(operation.name, 0.3, operation.value, ""),)
+        return ParameterChanged(name=operation.name, asked=operation.value, now=operation.value)
+
+
+def command_runner() -> tuple[CommandRunner, FakeStation]:
+    station = driving(FakeStation())
+    common = Common(network=Network(mode="client", connect=(DEFAULT_ENDPOINT,)), robot="r1")
+    return CommandRunner(lambda: station, None, common, ManualClock(), History()), station
+
+
+def log(station: FakeStation) -> str:
+    return "\n".join(line.text for line in station.log)
+
+
+def test_parameter_returns_to_its_values_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    for line in ("set d_obs_m 0.5", "set d_obs_m 0.7", "undo", "undo", "undo"):
+        runner.run_line(line)
+    assert [value for _, value in robot.set] == [0.5, 0.7, 0.5, 0.4]
+    assert "nothing to undo" in log(station)
+
+
+def test_refused_change_cannot_be_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    runner.run_line("set d_obs_m 9")
+    runner.run_line("undo")
+    assert robot.set == []
+    assert "nothing to undo" in log(station)
+
+
+def test_change_of_another_robot_is_not_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    runner.run_line("set d_obs_m 0.5")
+    station.robot_now = "r2"
+    runner.run_line("undo")
+    assert len(robot.set) == 1
+    assert "the last change is of r1: set d_obs_m 0.5; select r1 first" in log(station)
+    station.robot_now = "r1"
+    runner.run_line("undo")
+    assert robot.set[-1] == ("d_obs_m", 0.4)
+
+
+def test_undo_waits_until_commands_are_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    runner.run_line("set d_obs_m 0.5")
+    station.ready_now = False
+    runner.run_line("undo")
+    station.ready_now = True
+    runner.run_line("undo")
+    assert robot.set[-1] == ("d_obs_m", 0.4)
+
+
+def test_draft_is_restored_after_clearing_it() -> None:
+    runner, _ = command_runner()
+    for line in ("wp add 1 2", "wp add 3 4", "wp list", "wp clear"):
+        runner.run_line(line)
+    assert runner.draft.mission == EMPTY
+    runner.run_line("undo")
+    assert len(runner.draft_items) == 2
+    runner.run_line("undo")
+    assert len(runner.draft_items) == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "back"), [(CIRCLE, SetFence(fence=CIRCLE)), (None, ClearFence())]
+)
+def test_fence_returns_to_what_the_robot_had(
+    before: Circle | None, back: object, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ground.app.commands.undo.ShowFence.perform", lambda *_: FenceShown(before))
+    session: Any = None
+    assert inverse_of(ClearFence(), (), session) == back
+
+
+def test_unknown_value_cannot_be_restored() -> None:
+    session: Any = None
+    assert inverse_of(SetParameter(name="d_obs_m", value=1.0), (), session) is None
+    assert inverse_of(Hold(), (), session) is None
+    known = [parameter("d_obs_m", 0.3, 0.4, "")]
+    back = inverse_of(ResetParameter(name="d_obs_m"), known, session)
+    assert back == SetParameter(name="d_obs_m", value=0.4)
+
+
+def test_list_of_changes_is_bounded() -> None:
+    changes = UndoList()
+    for number in range(3 * MAX_CHANGES):
+        changes.add(Change("r1", f"line {number}", EMPTY))
+    taken = [changes.take("r1").line for _ in range(MAX_CHANGES)]
+    assert taken[0] == f"line {3 * MAX_CHANGES - 1}"
+    with pytest.raises(UserError, match="nothing to undo"):
+        changes.take("r1")
+
+
+def test_keys_undo_on_lists_and_on_the_map() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("ctrl+z", "3", "z")
+            assert stage.commands.given == ["undo", "undo"]
+            await stage.press("colon", "ctrl+z")
+            assert stage.commands.given == ["undo", "undo"]
+
+    play(story)
+
+
+def test_pose_is_copied_as_words_of_goto() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            assert LocalCommands(stage.app).do_command(CopyText("pose"))
+            assert stage.app.clipboard == "4.120 2.840 30.0"
+
+    play(story)
