@@ -1,6 +1,7 @@
 """Define the app: screens, keys and a timer around a station."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -97,6 +98,7 @@ class GroundApp(App[int]):
         self._settling: Timer | None = None
         self._printable = Printable()
         self._unread = UnreadWarnings()
+        self.palette_uses: Counter[str] = Counter()
         self._robot_keys = RobotKeys(self)
         self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
         for theme in THEMES:

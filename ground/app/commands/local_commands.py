@@ -4,6 +4,7 @@ from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from ground.app.chrome.help_pane import show_help
 from ground.console import app_commands
 from ground.map.scene import LAYERS
 from ground.recording.catalogue import recording_named
@@ -35,6 +36,8 @@ class LocalCommands:
                 self.do(id)
             case app_commands.SetTheme(name):
                 return self.theme(name)
+            case app_commands.ShowHelp(word):
+                show_help(self._app, word, commands=True)
             case app_commands.SaveScreen(file):
                 return self.snap(file)
             case app_commands.GoToScreen(name):

@@ -24,7 +24,7 @@ class PaletteEntry(NamedTuple):
 
 
 class CommandPalette(Provider):
-    """Lists only what is possible now."""
+    """Lists only what is possible now: first what was used most, then what continues from here."""
 
     async def search(self, query: str) -> Hits:
         """Yield the entries that match a query."""
@@ -32,24 +32,44 @@ class CommandPalette(Provider):
         for entry in self.entries():
             score = matcher.match(f"{entry.text} {entry.help}")
             if score > 0:
-                yield Hit(score, matcher.highlight(entry.text), entry.action, help=entry.help)
+                title, help = matcher.highlight(entry.text), literal(entry.help)
+                yield Hit(score, title, partial(self.run, entry), help=help)
 
     async def discover(self) -> Hits:
         """Yield all entries."""
         for entry in self.entries():
-            yield DiscoveryHit(entry.text, entry.action, help=entry.help)
+            yield DiscoveryHit(entry.text, partial(self.run, entry), help=literal(entry.help))
 
-    def entries(self) -> Iterator[PaletteEntry]:
-        """Return all entries."""
+    def run(self, entry: PaletteEntry) -> None:
+        """Run an entry and count its use."""
+        ground_app(self.app).palette_uses[entry.text] += 1
+        entry.action()
+
+    def entries(self) -> list[PaletteEntry]:
+        """Return all entries, those used most first."""
+        uses = ground_app(self.app).palette_uses
+        return sorted(self.all_entries(), key=lambda entry: -uses[entry.text])
+
+    def all_entries(self) -> Iterator[PaletteEntry]:
+        """Yield all entries: keys, those that continue from here first, themes, and commands."""
         app = ground_app(self.app)
-        for key in app.keys_now():
-            if key.id != "palette":
-                yield PaletteEntry(key.description, partial(app.action_do, key.id), shown(key.keys))
+        following = [] if app.base_screen is None else app.base_screen.following_keys()
+        first = [one.id for one in following]
+        keys = [key for key in app.keys_now() if key.id != "palette"]
+        keys.sort(key=lambda key: first.index(key.id) if key.id in first else len(first))
+        for key in keys:
+            words = f"{shown(key.keys)}   {key.description}"
+            yield PaletteEntry(key.id.replace("-", " "), partial(app.action_do, key.id), words)
         for name in THEMES:
             set_theme = partial(app.commands.perform, SetTheme(name))
             yield PaletteEntry(f"theme {name}", set_theme, "colours")
         for word, summary in summaries().items():
             yield PaletteEntry(f": {word}", partial(app.begin_line, f"{word} "), summary)
+
+
+def literal(text: str) -> str:
+    """Return a text that Textual's markup shows as it is: its own escape leaves `[DEG]`."""
+    return text.replace("[", r"\[")
 
 
 def ground_app(app: object) -> "GroundApp":

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from ground.app.chrome.help_pane import show_help
 from ground.app.chrome.next_keys import mission_is_ready, unsent
 from ground.app.chrome.pictures import saved_picture
 from ground.app.commands.sharing import share_run
@@ -164,10 +165,8 @@ class RobotKeys:
         self._app.choose("screen", names, lambda choice: self.go(choice.split()[1]))
 
     def help(self) -> None:
-        """Show the active keys."""
-        from ground.app.screens.help import HelpScreen  # rarely needed, so imported late
-
-        self._app.push_screen(HelpScreen(self._app.keys_now()))
+        """Show the help."""
+        show_help(self._app)
 
     def copy(self) -> None:
         """Copy the last command to the clipboard, as a line for a shell."""

@@ -15,9 +15,8 @@ from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
-from ground.console.app_commands import AppCommand, ShowHelp, Undo
+from ground.console.app_commands import AppCommand, Undo
 from ground.console.completion import Assistance, Candidate, assist
-from ground.console.help import help_text
 from ground.console.history import History
 from ground.console.parser import COMMANDS, read
 from ground.console.spelling import line_of
@@ -221,8 +220,6 @@ class CommandRunner:
             self._station.note(text, severity)
 
     def _message_of(self, command: AppCommand) -> str:
-        if isinstance(command, ShowHelp):
-            return help_text(command.word)
         if isinstance(command, Undo):
             return self._take_back()
         if isinstance(command, AddWaypoint) and (floor := self._floor()) is not None:

@@ -1,8 +1,10 @@
 """Test that each key id runs its action on the screens where it is active."""
 
 import pytest
-from textual.command import CommandList
+from textual.command import CommandList, DiscoveryHit
+from textual.content import Content
 
+from ground.app.commands.palette import CommandPalette
 from ground.app.input.default_keys import KEYS, Layer
 from ground.app.input.keymap import Keymap, keymap_of
 from ground.app.screens import SCREENS
@@ -172,6 +174,7 @@ def test_help_lists_only_active_keys() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("?")
+            await stage.press("tab", "tab", "tab")
             everywhere = stage.words("help")
             assert "h  stop, keep the goal" in everywhere
             assert "cursor left" not in everywhere
@@ -222,10 +225,26 @@ def test_palette_runs_an_active_key() -> None:
             await stage.press("ctrl+p")
             await stage.type("stop, keep")
             results = stage.app.screen.query_one(CommandList)
-            await stage.until(lambda: first_of(results).startswith("stop, keep the goal"))
+            await stage.until(lambda: first_of(results).startswith("hold"))
             await stage.press("enter")
             await stage.until(lambda: stage.commands.given)
             assert stage.commands.given == ["hold"]
+
+    play(story)
+
+
+def test_palette_shows_brackets_and_what_was_used_first() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            provider = CommandPalette(stage.app.screen)
+            hits = [hit async for hit in provider.discover() if isinstance(hit, DiscoveryHit)]
+            goto = next(hit for hit in hits if hit.display == ": goto")
+            assert goto.help is not None
+            assert "X Y [DEG]" in Content.from_markup(goto.help).plain
+            assert hits[0].display == "hold"
+            goto.command()
+            hits = [hit async for hit in provider.discover() if isinstance(hit, DiscoveryHit)]
+            assert hits[0].display == ": goto"
 
     play(story)
 

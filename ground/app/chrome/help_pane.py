@@ -1,0 +1,18 @@
+"""Open the help above the screen that is shown."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ground.app.app import GroundApp
+
+
+def show_help(app: "GroundApp", word: str = "", *, commands: bool = False) -> None:
+    """Open the help at one command, at the list of `commands`, or at its begin.
+
+    Raise UserError when the command is unknown.
+    """
+    from ground.app.chrome.help_rows import COMMANDS, sections  # rarely needed, so imported late
+    from ground.app.screens.help import HelpScreen
+
+    parts = sections(app.keys_now(), word, ascii_only=app.ascii_only)
+    app.push_screen(HelpScreen(parts, word or (COMMANDS if commands else "")))
