@@ -1,11 +1,13 @@
 """Names of sides and navigators, and remedies for refusals."""
 
 from collections.abc import Mapping
+from math import isfinite, nan
 from types import MappingProxyType
 from typing import Final
 
 from protocol.wire.enums import Navigator
 from protocol.wire.reasons import Reason
+from runtime.errors import UserError
 
 SIDES: Final = MappingProxyType({"left": 1, "right": -1})
 NAVIGATORS: Final = MappingProxyType({name.name.lower(): name for name in Navigator})
@@ -28,6 +30,10 @@ MODE_SUMMARIES: Final = MappingProxyType(
         "guided": "drives to its goal while an operator is connected",
     }
 )
+NAMED_VALUES: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
+    {"navigator": MappingProxyType({**NAVIGATORS}), "side": SIDES}
+)
+"""The names of values, by the name of their parameter."""
 USUAL_NAVIGATOR: Final = Navigator.VGM_MEMORY.name.lower()
 """The robot's default."""
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
@@ -44,3 +50,22 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
     }
 )
 GOAL_HINT: Final = "`goto X Y` sets a goal"
+
+
+def value_words(parameter: str, value: float) -> str:
+    """Return the name of a parameter's value, or the number with seven digits."""
+    names = NAMED_VALUES.get(parameter, {})
+    return next((name for name, number in names.items() if number == value), f"{value:.7g}")
+
+
+def value_in_words(parameter: str, words: str) -> float:
+    """Return the value that is typed as a number or by its name; UserError for neither."""
+    names = NAMED_VALUES.get(parameter, {})
+    try:
+        value = names[words.lower()] if words.lower() in names else float(words)
+    except ValueError:
+        value = nan
+    if isfinite(value):
+        return float(value)
+    choices = f" or one of {', '.join(names)}" if names else ""
+    raise UserError(f"{parameter} = {words!r}: must be a finite number{choices}")

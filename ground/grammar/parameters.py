@@ -13,8 +13,8 @@ from ground.client.operations import (
     ShowParameters,
 )
 from ground.client.results import Outcome
+from ground.client.vocabulary import value_in_words
 from ground.grammar.words import Words, add_common
-from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 
 
@@ -23,7 +23,7 @@ class ParameterWords(Words):
 
     pattern: str
     name: str
-    value: float
+    value: str
     file: Path | None
 
     @classmethod
@@ -33,7 +33,8 @@ class ParameterWords(Words):
         actions["list"].add_argument("pattern", nargs="?", default="*", metavar="GLOB")
         actions["get"].add_argument("pattern", metavar="GLOB")
         actions["set"].add_argument("name", metavar="NAME")
-        actions["set"].add_argument("value", type=finite, metavar="VALUE")
+        help = "a number, or a name such as bug or left"
+        actions["set"].add_argument("value", metavar="VALUE", help=help)
         actions["reset"].add_argument("name", metavar="NAME")
         help = "without it, list what the robot saves by itself"
         actions["save"].add_argument("file", nargs="?", type=Path, metavar="FILE", help=help)
@@ -48,7 +49,9 @@ class ParameterWords(Words):
             "list": lambda: ShowParameters(pattern=self.pattern),
             "get": lambda: ShowParameters(pattern=self.pattern, wide=False),
             "diff": lambda: ShowParameters(only_changed=True),
-            "set": lambda: SetParameter(name=self.name, value=self.value),
+            "set": lambda: SetParameter(
+                name=self.name, value=value_in_words(self.name, self.value)
+            ),
             "reset": lambda: ResetParameter(name=self.name),
             "save": lambda: SaveParameters(file=self.file),
             "load": lambda: LoadParameters(file=self.file or Path()),

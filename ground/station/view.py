@@ -27,6 +27,7 @@ from protocol.wire.messages import (
     AvoidanceDecision,
     CycleReport,
     LeaseStatus,
+    NavigatorStatus,
     PlanarOdometry,
 )
 from runtime.units import NS_PER_S
@@ -183,8 +184,18 @@ class StationView:
 
     @property
     def parameters(self) -> tuple[Parameter, ...] | None:
-        """All parameters in the order of the robot's list, or None: never a part of them."""
-        return self._model.parameters.rows
+        """All parameters in the order of the robot's list, or None: never a part of them.
+
+        Navigator and side are those of the newest status, which a command may have changed since.
+        """
+        rows, seen = self._model.parameters.rows, self.seen(STATUS)
+        status = None if seen.age is Age.GONE else seen.message
+        if rows is None or not isinstance(status, NavigatorStatus):
+            return rows
+        now = {"navigator": status.navigator, "side": status.side}
+        if all(one.value == now.get(one.name, one.value) for one in rows):
+            return rows
+        return tuple(one.with_value(now.get(one.name, one.value)) for one in rows)
 
     @property
     def parameters_words(self) -> str:

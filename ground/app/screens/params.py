@@ -13,6 +13,7 @@ from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
 from ground.client.parameter import Parameter
+from ground.client.vocabulary import value_words
 from ground.console.completion import Assistance
 from ground.station.station import Station
 
@@ -59,7 +60,7 @@ class ParamsScreen(ListScreen[Parameter]):
         one = self.chosen
         if one is not None:
             hint = f"{range_words(one)} {one.unit}".strip()
-            assist = partial(hinted, f"{hint}, now {shown(one.value)}")
+            assist = partial(hinted, f"{hint}, now {value_words(one.name, one.value)}")
             self.ask(f"set {one.name}", "", partial(self.set, one.name), assist)
 
     def set(self, name: str, value: str) -> None:
@@ -76,7 +77,7 @@ class ParamsScreen(ListScreen[Parameter]):
         """Let the operator confirm the default of the chosen parameter."""
         one = self.chosen
         if one is not None and one.default is not None:
-            default = shown(one.default)
+            default = shown_as(one, one.default)
             self.ask(f"set {one.name}", default, partial(self.set, one.name))
 
 
@@ -111,6 +112,11 @@ def shown(value: float | None) -> str:
     return str(value) if value is None else number(value, ".6g")
 
 
+def shown_as(one: Parameter, value: float | None) -> str:
+    """Format a value of a parameter, by its name if it has one."""
+    return shown(value) if value is None else value_words(one.name, value)
+
+
 def range_words(one: Parameter) -> str:
     """Return the range of a parameter."""
     return f"{shown(one.minimum)} to {shown(one.maximum)}"
@@ -122,11 +128,11 @@ COLUMNS: Final = (
         "changed", 7, lambda one: "* yes" if differs(one) else "", role=lambda _: "caution"
     ),
     Column[Parameter](
-        "value", 10, lambda one: shown(one.value), lambda one: one.value,
+        "value", 10, lambda one: value_words(one.name, one.value), lambda one: one.value,
         lambda one: "caution" if differs(one) else "text", numeric=True,
     ),
     Column[Parameter](
-        "default", 8, lambda one: shown(one.default), lambda one: one.default,
+        "default", 10, lambda one: shown_as(one, one.default), lambda one: one.default,
         lambda _: "faint", numeric=True,
     ),
     Column[Parameter]("unit", 6, lambda one: one.unit, role=lambda _: "head"),
@@ -148,7 +154,7 @@ def about_rows(one: Parameter | None) -> list[Row]:
             head(" range   "),
             Span(f"{limits}{whole}"),
             head("   default "),
-            shown(one.default),
+            shown_as(one, one.default),
         ),
         row(head(" kept    "), Span(kept)),
     ]

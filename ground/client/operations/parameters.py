@@ -16,6 +16,7 @@ from ground.client.parameter import Parameter, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.requests import Exchange, GaveUp, is_saving
 from ground.client.results import Refused, Success
+from ground.client.vocabulary import value_words
 from protocol.topics import PARAMETER, PARAMETERS
 from protocol.wire.enums import PARAM_TYPE_REAL32
 from protocol.wire.limits import MAX_PARAMETER_NAME_BYTES
@@ -153,10 +154,10 @@ class ParameterChanged:
     def text(self) -> str:
         """The value in force, or the refusal."""
         if self.now is None:
-            return f"refused: {self.name} = {number(self.asked)}: {self.refusal}"
+            return f"refused: {self.name} = {value_words(self.name, self.asked)}: {self.refusal}"
         if not self.ok:
-            return f"not changed: the robot keeps {self.name} = {number(self.now)}"
-        return f"{self.name} = {number(self.now)}, {SAVED[self.saved]}"
+            return f"not changed: the robot keeps {self.name} = {value_words(self.name, self.now)}"
+        return f"{self.name} = {value_words(self.name, self.now)}, {SAVED[self.saved]}"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return the result as a row."""
@@ -359,7 +360,7 @@ def hint(link: Link, name: str, reason: int) -> str:
 def line(parameter: Parameter) -> str:
     """Format a parameter as NAME = VALUE UNIT."""
     unit = f" {parameter.unit}" if parameter.unit else ""
-    return f"{parameter.name} = {number(parameter.value)}{unit}"
+    return f"{parameter.name} = {value_words(parameter.name, parameter.value)}{unit}"
 
 
 def table(parameters: Sequence[Parameter]) -> str:
@@ -375,10 +376,10 @@ def table(parameters: Sequence[Parameter]) -> str:
 def cells_of(one: Parameter) -> list[str]:
     """Return the cells of one row, in the order of COLUMNS."""
     mark = "" if one.value == one.default else " *"
-    numbers = [
-        "" if value is None else number(value) for value in (one.minimum, one.maximum, one.default)
-    ]
-    return [one.name, number(one.value) + mark, one.unit, *numbers, one.direction, one.doc]
+    value, limits = value_words(one.name, one.value) + mark, (one.minimum, one.maximum)
+    numbers = ["" if limit is None else number(limit) for limit in limits]
+    default = "" if one.default is None else value_words(one.name, one.default)
+    return [one.name, value, one.unit, *numbers, default, one.direction, one.doc]
 
 
 def number(value: float) -> str:

@@ -41,6 +41,13 @@ def test_robot_on_a_slow_disk_is_asked_until_it_has_saved(robot: PlayedRobot, sa
     assert robot.saving == 0
 
 
+def test_named_values_are_shown_and_typed_by_name(robot: PlayedRobot, say: Say) -> None:
+    assert say("param", "get", "side")[1] == "side = left\n"
+    code, _, err = say("param", "set", "side", "upwards")
+    assert code == 2
+    assert "side = 'upwards': must be a finite number or one of left, right" in err
+
+
 def test_unknown_parameter_is_refused_with_a_reason(say: Say) -> None:
     assert say("param", "get", "zzz")[0] == 2
     code, out, _ = say("param", "set", "zzz", "1")
