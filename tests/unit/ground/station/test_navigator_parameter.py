@@ -3,7 +3,6 @@
 from protocol.wire.enums import Navigator
 from tests.support.ground.station.play import Play
 
-
 LIST = b"""[{"name": "navigator", "value": 6, "default": 6, "unit": ""},
  {"name": "side", "value": 1, "default": 1, "unit": ""}]"""
 
