@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from time import monotonic
+from time import monotonic, time
 from typing import Final
 
 from ground.client.parameter import parameters_in
@@ -46,7 +46,7 @@ class Station(StationView):
         workers: Callable[[str], RequestWorker] = RequestThread,
     ) -> None:
         """Create a station; `name` is shown to others while it holds a lease."""
-        self.log = EventLog()
+        self.log = EventLog(began_s=time() if isinstance(bus, LiveBus) else None)
         fleet = Fleet(bus, clock, workers, self._add_line)
         super().__init__(robot, clock.now_ns(), world, fleet)
         self._bus = bus

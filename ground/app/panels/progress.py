@@ -28,6 +28,8 @@ def progress_rows(station: Station, width: int) -> list[Row]:
     status: NavigatorStatus | None = live(seen)
     if status is None:
         return [row(head("to go "), aged(seen, lambda _: "")), bar_row(None, (), width, "faint")]
+    if status.goal in (GoalState.NONE, GoalState.REFUSED) or not status.goal_id:
+        return [row(faint("no goal")), bar_row(None, (), width, "faint")]
     share = station.progress.share
     waypoint = waypoint_words(station)
     after = (Span(f"  {waypoint}", "mission"),) if waypoint else ()
@@ -40,8 +42,6 @@ def progress_rows(station: Station, width: int) -> list[Row]:
 def way_spans(station: Station, status: NavigatorStatus, seen: AgedMessage, width: int) -> Row:
     """Return distance, time driven and time left; the outcome when the goal has ended."""
     role = role_of(seen)
-    if status.goal in (GoalState.NONE, GoalState.REFUSED) or not status.goal_id:
-        return row(faint("no goal"))
     driven = f"{driven_s(status):.1f} s"
     for ended, words in ENDED.items():
         if status.goal == ended:

@@ -1,5 +1,7 @@
 """Test the log: wrapped, filtered and searched."""
 
+from time import localtime, strftime
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,6 +32,13 @@ def filled(*texts: str, size: int = 10_000) -> EventLog:
 
 def test_short_line_is_one_row() -> None:
     assert list(map(words_of, log_rows(line("on  its way"), 60))) == ["     1.0 I r1 on  its way"]
+
+
+def test_line_has_the_clock_time_unless_it_is_played() -> None:
+    log = EventLog(began_s=1_800_000_000.4)
+    log.add(line("on its way", time_s=61.0))
+    shown = words_of(log_rows(log.last(1)[0], 60)[0])
+    assert shown == f"{strftime('%H:%M:%S', localtime(1_800_000_061))} I r1 on its way"
 
 
 def test_long_line_is_wrapped_below_its_text() -> None:

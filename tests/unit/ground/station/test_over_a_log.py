@@ -55,6 +55,7 @@ def test_recording_is_shown_but_not_commanded() -> None:
     assert station.lease.words == "free"
     assert station.parameters_words == "not in the recording"
     assert len(station.log.find("a replay accepts")) == 2
+    assert {line.clock_s for line in station.log} == {None}
     station.close()
 
 

@@ -3,6 +3,7 @@
 from collections import Counter
 from math import isnan
 from sys import getallocatedblocks
+from time import time
 from typing import Any, TypeVar
 
 import pytest
@@ -69,6 +70,16 @@ def test_robot_texts_are_logged_with_severity() -> None:
     line = play.station.log.last(1)[0]
     assert (line.source, line.text, line.letter) == ("r1", "obstacle ahead", "W")
     assert line.time_s == pytest.approx(0.5)
+
+
+def test_lines_of_a_live_station_have_the_clock_time() -> None:
+    before_s = time()
+    play = Play().forward(0.5)
+    play.say("obstacle ahead", severity=Severity.WARNING)
+    play.forward(0.1)
+    clock_s = play.station.log.last(1)[0].clock_s
+    assert clock_s is not None
+    assert before_s <= clock_s - 0.5 <= time()
 
 
 def test_long_text_is_one_line() -> None:
