@@ -127,8 +127,16 @@ class ShowParameters:
         if self.only_changed:
             return ParameterTable(tuple(one for one in chosen if not one.is_default))
         if not chosen:
-            raise UserError(f"no parameter matches {self.pattern!r}: sidestep param list")
+            near = nearest([one.name for one in found], self.pattern)
+            remedy = f"did you mean {near!r}?" if near else "sidestep param list"
+            raise UserError(f"no parameter matches {self.pattern!r}: {remedy}")
         return ParameterTable(chosen, self.wide)
+
+
+def nearest(names: Sequence[str], pattern: str) -> str:
+    """Return the name that begins with a pattern or resembles it; empty if there is none."""
+    begun = (name for name in names if name.startswith(pattern))
+    return next(begun, "") or next(iter(get_close_matches(pattern, names, n=1)), "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,6 +55,12 @@ def test_pattern_chooses_and_must_match_something() -> None:
         ShowParameters(pattern="zzz").perform(Stage(LIST).session)
 
 
+@pytest.mark.parametrize("pattern", ["d_obs", "d_osb_m"])
+def test_pattern_without_a_match_suggests_a_name(pattern: str) -> None:
+    with pytest.raises(UserError, match=r"did you mean 'd_obs_m'\?"):
+        ShowParameters(pattern=pattern, wide=False).perform(Stage(LIST).session)
+
+
 def test_only_changed_ones_may_be_none() -> None:
     rows = json.dumps([ROWS[1]]).encode()
     outcome = ShowParameters(only_changed=True).perform(Stage(rows).session)
