@@ -1,8 +1,10 @@
 """Call the operator: ring the terminal's bell and show a message, once for each event."""
 
-from typing import TYPE_CHECKING, Final, Literal
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 from ground.app.stops.stop_watch import EventKind, StopEvent, StopWatch
+from runtime.units import NS_PER_S
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -14,18 +16,30 @@ SEVERITIES: Final[dict[EventKind, Severity]] = {
     EventKind.REACHED: "information",
 }
 SHOWN_S: Final = 6.0
+MOST_NAMES: Final = 6
 MIN_COLUMNS: Final = 60
 MIN_ROWS: Final = 18
 """A smaller screen shows no message, which would hide its content: the band and the log remain."""
 
 
+class Alert(NamedTuple):
+    """Robots with the same event; `shown_ns` is the time of the last one."""
+
+    robots: tuple[str, ...]
+    shown_ns: int
+
+
 class Alerts:
-    """Watches the station of the app; `quiet` keeps the bell silent."""
+    """Watches the station of the app; `quiet` keeps the bell silent.
+
+    Robots with the same event share a message and a ring, as after a stop of all.
+    """
 
     def __init__(self, app: "GroundApp", *, quiet: bool) -> None:
         self.watch = StopWatch()
         self._app = app
         self._quiet = quiet
+        self._alerts: dict[tuple[EventKind, str], Alert] = {}
 
     def poll(self) -> None:
         """Announce what has happened since the last poll; of a recording, nothing."""
@@ -33,14 +47,47 @@ class Alerts:
         events = self.watch.look(station)
         if not events or not station.live:
             return
-        if not self._quiet:
+        self._forget(station.now_ns)
+        known = set(self._alerts)
+        for event in events:
+            of = event.kind, event.cause
+            robots = self._alerts[of].robots if of in self._alerts else ()
+            others = tuple(robot for robot in robots if robot != event.robot)
+            self._alerts[of] = Alert((*others, event.robot), station.now_ns)
+        changed = {(event.kind, event.cause) for event in events}
+        if not self._quiet and any(self._is_new(event, known) for event in events):
             self._app.bell()
         width, height = self._app.size
         if width >= MIN_COLUMNS and height >= MIN_ROWS:
-            for event in events:
-                self._show(event)
+            self._show(known, changed)
 
-    def _show(self, event: StopEvent) -> None:
-        words = f"{event.robot} {event.kind.value}"
-        text = f"{words}: {event.cause}" if event.cause else words
-        self._app.notify(text, severity=SEVERITIES[event.kind], timeout=SHOWN_S, markup=False)
+    def _is_new(self, event: StopEvent, known: Collection[tuple[EventKind, str]]) -> bool:
+        """Return whether an event rings: not one that many robots have, as the first has rung."""
+        return event.kind is not EventKind.EMERGENCY_STOP or (event.kind, event.cause) not in known
+
+    def _forget(self, now_ns: int) -> None:
+        """Forget alerts whose message has disappeared."""
+        shown_ns = round(SHOWN_S * NS_PER_S)
+        young = {of: one for of, one in self._alerts.items() if now_ns - one.shown_ns < shown_ns}
+        self._alerts = young
+
+    def _show(
+        self,
+        known: Collection[tuple[EventKind, str]],
+        changed: Collection[tuple[EventKind, str]],
+    ) -> None:
+        """Show new messages; if one has got another robot, show all of them anew."""
+        shown = changed
+        if any(of in known for of in changed):
+            self._app.clear_notifications()
+            shown = self._alerts.keys()
+        for kind, cause in shown:
+            words = f"{names_of(self._alerts[kind, cause].robots)} {kind.value}"
+            text = f"{words}: {cause}" if cause else words
+            self._app.notify(text, severity=SEVERITIES[kind], timeout=SHOWN_S, markup=False)
+
+
+def names_of(robots: Sequence[str]) -> str:
+    """Return the first names, and the number of the others."""
+    named = " ".join(robots[:MOST_NAMES])
+    return named if len(robots) <= MOST_NAMES else f"{named} and {len(robots) - MOST_NAMES} more"

@@ -57,7 +57,7 @@ class Watched:
 class StopWatch:
     """Compares the status of each robot with the one before.
 
-    A robot that disappears keeps its state, so that its return is no new event.
+    A robot that disappears keeps its state while it is watched, so that its return is no new event.
     """
 
     def __init__(self) -> None:
@@ -69,7 +69,11 @@ class StopWatch:
         if station is not self._station:
             self._station, self._robots = station, {}
         events: list[StopEvent] = []
-        for entry in station.roster():
+        roster = station.roster()
+        names = {entry.robot for entry in roster}
+        if not self._robots.keys() <= names:  # a robot is watched no more
+            self._robots = {robot: one for robot, one in self._robots.items() if robot in names}
+        for entry in roster:
             status = entry.status.message
             if isinstance(status, NavigatorStatus) and entry.status.age is not Age.GONE:
                 events += self._compare(entry.robot, status, station.now_ns)

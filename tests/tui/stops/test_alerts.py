@@ -19,11 +19,16 @@ class Ear:
     def __init__(self, app: GroundApp) -> None:
         self.rings = 0
         self.messages: list[str] = []
+        self.cleared = 0
+        app.clear_notifications = self.clear  # type: ignore[method-assign]
         app.bell = self.ring  # type: ignore[method-assign]
         app.notify = self.keep  # type: ignore[method-assign]
 
     def ring(self) -> None:
         self.rings += 1
+
+    def clear(self) -> None:
+        self.cleared += 1
 
     def keep(self, message: str, **_: object) -> None:
         self.messages.append(message)
@@ -68,6 +73,32 @@ def test_stop_of_a_robot_that_is_not_selected_rings_on_every_screen() -> None:
             show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
             assert ear.rings == 1
             assert ear.messages == ["r2 FAILSAFE: control loop too slow (computer busy)"]
+
+    play(story)
+
+
+def test_stop_of_all_robots_rings_once_and_shows_one_message() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear, now_ns = Ear(stage.app), stage.station.now_ns
+            for number in range(1, 13):
+                show(stage, f"r{number}", stopped_status(Vehicle.EMERGENCY_STOP, now_ns))
+            assert ear.rings == 1
+            assert ear.messages[-1] == (
+                "r1 r2 r3 r4 r5 r6 and 6 more EMERGENCY STOP: by the operator"
+            )
+            assert ear.cleared == 11
+
+    play(story)
+
+
+def test_robots_that_are_watched_no_more_are_forgotten() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
+            stage.station.robots_now, stage.station.roster_now = ["r1"], []
+            stage.app.sample()
+            assert set(stage.app._alerts.watch._robots) <= {"r1"}
 
     play(story)
 
