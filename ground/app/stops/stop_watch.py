@@ -11,6 +11,8 @@ from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import reason_text
 from runtime.units import NS_PER_MS
 
+MOST_KEPT: Final = 100
+"""With more robots, those that are watched no more are forgotten."""
 ARRIVED_NS: Final = 500 * NS_PER_MS
 """A goal that is reached for this long was the last one: a mission sets its next goal at once."""
 
@@ -57,7 +59,7 @@ class Watched:
 class StopWatch:
     """Compares the status of each robot with the one before.
 
-    A robot that disappears keeps its state while it is watched, so that its return is no new event.
+    A robot that disappears keeps its state, so that its return is no new event.
     """
 
     def __init__(self) -> None:
@@ -70,8 +72,8 @@ class StopWatch:
             self._station, self._robots = station, {}
         events: list[StopEvent] = []
         roster = station.roster()
-        names = {entry.robot for entry in roster}
-        if not self._robots.keys() <= names:  # a robot is watched no more
+        if len(self._robots) > MOST_KEPT:
+            names = {entry.robot for entry in roster}
             self._robots = {robot: one for robot, one in self._robots.items() if robot in names}
         for entry in roster:
             status = entry.status.message

@@ -4,6 +4,7 @@ from msgspec.structs import replace
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
+from ground.app.stops.stop_watch import MOST_KEPT
 from ground.client.telemetry import Age
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -95,10 +96,13 @@ def test_stop_of_all_robots_rings_once_and_shows_one_message() -> None:
 def test_robots_that_are_watched_no_more_are_forgotten() -> None:
     async def story() -> None:
         async with staged() as stage:
-            show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
-            stage.station.robots_now, stage.station.roster_now = ["r1"], []
-            stage.app.sample()
-            assert set(stage.app._alerts.watch._robots) <= {"r1"}
+            failed = stopped_status(Vehicle.FAILSAFE, stage.station.now_ns)
+            for number in range(MOST_KEPT + 1):
+                stage.station.robots_now = ["r1", f"x{number}"]
+                stage.station.roster_now = [entry(f"x{number}", failed)]
+                stage.app._alerts.poll()
+            stage.app._alerts.poll()
+            assert set(stage.app._alerts.watch._robots) == {f"x{MOST_KEPT}"}
 
     play(story)
 
