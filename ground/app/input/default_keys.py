@@ -96,6 +96,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("cursor-heading-free", "backspace", "accept any heading", ""),
         ("goal-at-cursor", "enter", "drive to the cursor", "Go"),
         ("waypoint", "w", "add a waypoint at the cursor", "Waypoint"),
+        ("map-menu", "m", "menu of this place: go, waypoint, measure, look", "Menu"),
         ("leave-cursor", "escape", "remove the cursor", "Close"),
     ),
     *_keys(

@@ -12,6 +12,7 @@ from textual.containers import Grid, Vertical
 from ground.app.chrome.next_keys import CURSOR, TELEOP, NextKey, unsent
 from ground.app.input.default_keys import Layer
 from ground.app.input.map_cursor import MapCursor
+from ground.app.input.map_menu import MapMenu
 from ground.app.input.teleop_keys import TeleopKeys
 from ground.app.panels.drive_layout import drive_layout
 from ground.app.panels.log import latest_rows
@@ -52,6 +53,7 @@ class DriveScreen(AppScreen):
         self.map_cursor = MapCursor(
             lambda: self.map.view, self.robot_place, interface.commands.perform, self.show_goal
         )
+        self.map_menu = MapMenu(interface, self.map_cursor, lambda: self.map.scene)
         self._ghost_runner: GhostRunner | None = None
         self._station = interface.station
 
@@ -161,6 +163,7 @@ class DriveScreen(AppScreen):
         return {
             **super().actions(),
             **self.map_cursor.actions(),
+            "map-menu": self.map_menu.open,
             "zoom-in": partial(self.map.zoom, ZOOM),
             "zoom-out": partial(self.map.zoom, 1 / ZOOM),
             "fit": self.map.fit,
@@ -282,6 +285,11 @@ class DriveScreen(AppScreen):
         self.home()
         self.map_cursor.point(event.x_m, event.y_m)
         self.redraw()
+
+    def on_map_widget_menu_requested(self, event: MapWidget.MenuRequested) -> None:
+        """Place the cursor, and open the menu there."""
+        self.on_map_widget_pointed(event)
+        self.map_menu.open()
 
     def on_map_widget_zoomed(self, event: MapWidget.Zoomed) -> None:
         """Zoom about the mouse."""

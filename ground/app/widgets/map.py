@@ -19,6 +19,7 @@ from ground.map.scene import LAYERS, MapScene
 from ground.map.view import Point, View
 
 WHEEL_FACTOR = 1.25
+RIGHT = 3
 BLANK = ""
 MONO = "mono"
 
@@ -36,6 +37,9 @@ class MapWidget(Widget):
         def __init__(self, x_m: float, y_m: float) -> None:
             super().__init__()
             self.x_m, self.y_m = x_m, y_m
+
+    class MenuRequested(Pointed):
+        """A right click at a position in metres."""
 
     class Zoomed(Message):
         """A turn of the wheel above a position in metres; the app decides what to do."""
@@ -164,8 +168,9 @@ class MapWidget(Widget):
         self._draw()
 
     def on_click(self, event: events.Click) -> None:
-        """Send the position of a click."""
-        self.post_message(self.Pointed(*self._view.middle_of(event.x, event.y)))
+        """Send the position of a click; a right click asks for the menu."""
+        message = self.MenuRequested if event.button == RIGHT else self.Pointed
+        self.post_message(message(*self._view.middle_of(event.x, event.y)))
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
         """Send a request to zoom in."""
