@@ -150,7 +150,7 @@ def test_children_die_with_a_killed_parent() -> None:
     ) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        until(lambda: b"ground.launch.child_command" in Path(f"/proc/{child}/cmdline").read_bytes())
+        until(lambda: b"sidestep_process.py" in Path(f"/proc/{child}/cmdline").read_bytes())
         until(lambda: _tied(child))
         parent.send_signal(signal.SIGKILL)
     until(lambda: not alive(child))
