@@ -12,6 +12,7 @@ from ground.station.fleet import Fleet
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import LogLine
 from ground.station.history.goal_progress import GoalProgress
+from ground.station.history.message_series import MessageSeries
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
@@ -224,6 +225,11 @@ class StationView:
         """Return outcome, time and distance of the last goal of each watched robot, in words."""
         models = sorted(self._fleet.models.items())
         return {robot: model.figures.last_drive.text() for robot, model in models}
+
+    @property
+    def fields(self) -> MessageSeries:
+        """Series of the fields of messages that were chosen."""
+        return self._model.figures.fields
 
     @property
     def worst_cycle(self) -> CycleReport | None:

@@ -144,6 +144,12 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         Layer.PLOTS,
         ("plot-shorter", "+ =", "show half the time span", "Shorter"),
         ("plot-longer", "-", "show twice the time span", "Longer"),
+        ("plot-choose", "e", "choose what is plotted", "Series"),
+        ("plot-pause", "p", "pause, or go on", "Pause"),
+        ("plot-cursor-left", "left", "cursor left: show the values there", "Cursor"),
+        ("plot-cursor-right", "right", "cursor right", ""),
+        ("plot-cursor-left-far", "shift+left", "ten steps left", ""),
+        ("plot-cursor-right-far", "shift+right", "ten steps right", ""),
     ),
     *_keys(
         Layer.PARAMS,

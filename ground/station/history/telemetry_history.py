@@ -8,6 +8,7 @@ from ground.client.status_line import knows_place
 from ground.client.telemetry import Age, Telemetry, age_of
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.last_drive import LastDrive
+from ground.station.history.message_series import MessageSeries
 from ground.station.history.time_series import SeriesTable
 from ground.station.history.trail import RADIUS_M, AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
@@ -38,6 +39,7 @@ class TelemetryHistory:
         self.history = SeriesTable()
         self.radius_m = RADIUS_M
         self.restart()
+        self.fields = MessageSeries(telemetry, began_ns)
         self._telemetry = telemetry
         self._began_ns = began_ns
         self._taken_ns: dict[str, int] = {}
@@ -54,6 +56,7 @@ class TelemetryHistory:
 
     def poll(self, now_ns: int) -> None:
         """Add the newest message of each topic."""
+        self.fields.poll(now_ns)
         takes: tuple[tuple[Topic[Any], Callable[[Any, float], None]], ...] = (
             (ODOMETRY, self._odometry),
             (STATUS, self._status),

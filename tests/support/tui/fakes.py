@@ -15,6 +15,7 @@ from ground.map.scene import MapScene, MapTarget
 from ground.station.history.decision_history import Moment
 from ground.station.history.event_log import EventLog, LogLine
 from ground.station.history.goal_progress import GoalProgress
+from ground.station.history.message_series import MessageSeries
 from ground.station.history.time_series import SeriesTable
 from ground.station.link.loss import Loss
 from ground.station.link.streams import StreamRow
@@ -50,6 +51,7 @@ class FakeStation(Station):
         self._began_ns = self.clock.now_ns()
         self.air = Air()
         self._telemetry = Telemetry(self.air, "r1", TOPICS)
+        self._fields = MessageSeries(self._telemetry, self._began_ns)
         self._figures, self.log = SeriesTable(), EventLog()
         self.polls = 0
         self.begun_again = 0
@@ -195,6 +197,10 @@ class FakeStation(Station):
     @property
     def progress(self) -> GoalProgress:
         return self.progress_now
+
+    @property
+    def fields(self) -> MessageSeries:
+        return self._fields
 
     @property
     def history(self) -> SeriesTable:
