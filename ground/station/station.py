@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from time import monotonic, time
+from time import monotonic, time_ns
 from typing import Final
 
 from ground.client.parameter import parameters_in
@@ -13,6 +13,7 @@ from ground.station.history.event_log import EventLog, LogLine
 from ground.station.robot.background_requests import Job, RequestThread, RequestWorker
 from ground.station.robot.command_queue import CommandQueue
 from ground.station.robot.robot_model import RobotModel
+from ground.station.roster import name_key
 from ground.station.view import StationView
 from ground.station.world import WorldFacts, parse_world
 from protocol.bus.network import MAX_ROBOTS
@@ -46,7 +47,7 @@ class Station(StationView):
         workers: Callable[[str], RequestWorker] = RequestThread,
     ) -> None:
         """Create a station; `name` is shown to others while it holds a lease."""
-        self.log = EventLog(began_s=time() if isinstance(bus, LiveBus) else None)
+        self.log = EventLog(began_s=time_ns() / NS_PER_S if isinstance(bus, LiveBus) else None)
         fleet = Fleet(bus, clock, workers, self._add_line)
         super().__init__(robot, clock.now_ns(), world, fleet)
         self._bus = bus
@@ -87,8 +88,9 @@ class Station(StationView):
         return self._robot
 
     def robots(self) -> list[str]:
-        """Return the names of all robots that are present or were selected, without a flood."""
-        return sorted({*self._fleet.models, *self._fleet.unwatched[:MAX_ROBOTS]})
+        """Return the names of all robots that are present or were seen, r2 before r10."""
+        names = {*self._fleet.models, *self._fleet.unwatched[:MAX_ROBOTS]}
+        return sorted(names, key=name_key)
 
     def _watch(self, now_ns: int) -> None:
         """Watch robots that have appeared."""

@@ -187,6 +187,14 @@ def test_crowd_is_reported_once_and_can_be_selected() -> None:
     assert "x9" in [entry.robot for entry in play.station.roster()]
 
 
+def test_robots_are_in_the_order_of_their_numbers() -> None:
+    play = Play()
+    for name in ("r10", "r2", "blue"):
+        play.bus.come(Role.ROBOT, name)
+    play.forward(0.2)
+    assert play.station.robots() == ["blue", "r1", "r2", "r10"]
+
+
 def test_place_of_a_robot_long_gone_is_free() -> None:
     play = Play()
     for number in range(MAX_ROBOTS - 1):
