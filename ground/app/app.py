@@ -245,6 +245,7 @@ class GroundApp(App[int]):
         truth = station.telemetry.latest(TRUTH)
         if truth is not None:
             self._time_factor.take(truth[0].time_ns, truth[1])
+            station.set_pace(self._time_factor.pace(station.now_ns))
 
     def _poll_recording(self) -> None:
         """Log what the recorder reports."""

@@ -52,6 +52,7 @@ class Telemetry:
     """Mailboxes of one robot's topics.
 
     `taker` returns the handler that also gets every frame of a topic, by its path, or None.
+    `pace` is simulated over wall time: ages are judged in the robot's time, which may be slower.
     """
 
     def __init__(
@@ -62,6 +63,7 @@ class Telemetry:
         notify: Callable[[int], None] | None = None,
         taker: Callable[[str], FrameHandler | None] = lambda _path: None,
     ) -> None:
+        self.pace = 1.0
         self._boxes: dict[str, Mailbox[Any]] = {
             topic.path: bus.mailbox(topic, robot, notify, take=taker(topic.path))
             for topic in topics
@@ -80,7 +82,7 @@ class Telemetry:
     def live(self, topic: Topic[M], now_ns: int) -> M | None:
         """Return the newest message; None if it is too old to be shown."""
         newest = self.latest(topic)
-        if newest is None or age_of(topic, now_ns - newest[1]) is Age.GONE:
+        if newest is None or self.age_of(topic, now_ns - newest[1]) is Age.GONE:
             return None
         return newest[0]
 
@@ -90,7 +92,11 @@ class Telemetry:
         if newest is None:
             return AgedMessage(None, None, Age.GONE)
         age_ns = now_ns - newest[1]
-        return AgedMessage(newest[0], age_ns, age_of(topic, age_ns))
+        return AgedMessage(newest[0], age_ns, self.age_of(topic, age_ns))
+
+    def age_of(self, topic: Topic[Any], age_ns: int) -> Age:
+        """Classify an age; a heartbeat keeps its rate in wall time."""
+        return age_of(topic, age_ns if topic is HEARTBEAT else round(age_ns * self.pace))
 
     def boxes(self) -> Mapping[str, Mailbox[Any]]:
         """Return the mailboxes by the path of their topics."""

@@ -11,6 +11,7 @@ STALE_NS: Final = 2 * WINDOW_NS
 SLOW: Final = 0.9
 """Less than this share of the chosen speed is shown as slow."""
 STILL: Final = 0.05
+MIN_PACE: Final = 0.2
 
 
 class TimeFactor:
@@ -38,6 +39,11 @@ class TimeFactor:
     def factor(self, now_ns: int) -> float | None:
         """Return simulated time over wall time; None while it is unknown."""
         return None if self._is_stale(now_ns) else self._factor
+
+    def pace(self, now_ns: int) -> float:
+        """Return how much slower than real time the simulation runs: from 0.2 to 1."""
+        factor = self.factor(now_ns)
+        return 1.0 if factor is None else min(1.0, max(MIN_PACE, factor))
 
     def words(self, now_ns: int) -> str:
         """Return the factor in words, as in `SIM 0.8x`."""

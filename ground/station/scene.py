@@ -126,7 +126,7 @@ def other_of(model: RobotModel, now_ns: int) -> RobotMark | None:
     if newest is None or not knows_place(newest[0]):
         return None
     mark = robot_of(newest[0], model.figures.radius_m, model.robot)
-    is_live = age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
+    is_live = model.telemetry.age_of(ODOMETRY, now_ns - newest[1]) is not Age.GONE
     return replace(mark, live=is_live, trail=thinned(model.figures.trail.points()))
 
 

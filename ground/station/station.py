@@ -117,6 +117,11 @@ class Station(StationView):
         if self._session is not None:
             self._session.select()
 
+    def set_pace(self, pace: float) -> None:
+        """Judge the ages of all messages in simulated time: `pace` is that over wall time."""
+        for model in self._fleet.models.values():
+            model.telemetry.pace = pace
+
     def begin_again(self) -> None:
         """Forget all that was received, because other processes are started now.
 

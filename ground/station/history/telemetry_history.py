@@ -5,7 +5,7 @@ from math import inf, sqrt
 from typing import Any, Final
 
 from ground.client.status_line import knows_place
-from ground.client.telemetry import Age, Telemetry, age_of
+from ground.client.telemetry import Age, Telemetry
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.last_drive import LastDrive
 from ground.station.history.message_series import MessageSeries
@@ -72,7 +72,7 @@ class TelemetryHistory:
             if self._taken_ns.get(topic.path) != arrived_ns:
                 self._taken_ns[topic.path] = arrived_ns
                 take(message, (arrived_ns - self._began_ns) / NS_PER_S)
-            elif age_of(topic, now_ns - arrived_ns) is Age.GONE:
+            elif self._telemetry.age_of(topic, now_ns - arrived_ns) is Age.GONE:
                 for name in SERIES_OF.get(topic.path, ()):
                     self.history[name].gap()
 

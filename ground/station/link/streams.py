@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
-from ground.client.telemetry import Age, Telemetry, age_of
+from ground.client.telemetry import Age, Telemetry
 from ground.station.history.inbox import ReceivedFrame
 from protocol.topics import Role, Topic
 from protocol.wire.codec import is_frame
@@ -137,7 +137,7 @@ class Streams:
             topic=topic,
             rate_hz=counter.rate_hz(now_ns),
             age_ns=age_ns,
-            age=Age.GONE if age_ns is None else age_of(topic, age_ns),
+            age=Age.GONE if age_ns is None else telemetry.age_of(topic, age_ns),
             received=counter.received,
             lost=counter.lost,
             lost_percent=100.0 * lost / (received + lost) if received + lost else 0.0,

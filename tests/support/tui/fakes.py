@@ -80,6 +80,9 @@ class FakeStation(Station):
         self.live_now = True
         self.closed = False
 
+    def set_pace(self, pace: float) -> None:
+        self._telemetry.pace = pace
+
     def begin_again(self) -> None:
         self.begun_again += 1
 

@@ -40,6 +40,16 @@ def test_slow_simulation_is_told_from_the_chosen_speed(
     assert after(6.0, lambda now_ns: round(now_ns * pace), speed=speed) == (words, hint)
 
 
+@pytest.mark.parametrize(("factor", "pace"), [(0.5, 0.5), (0.01, 0.2), (3.0, 1.0)])
+def test_ages_follow_a_slow_simulation_within_limits(factor: float, pace: float) -> None:
+    measured, stamp_ns = TimeFactor(), 0
+    assert measured.pace(0) == 1.0
+    for number in range(100):
+        stamp_ns = round(number * 50 * MS * factor)
+        measured.take(stamp_ns, number * 50 * MS)
+    assert measured.pace(100 * 50 * MS) == pytest.approx(pace)
+
+
 def test_two_seconds_are_needed() -> None:
     assert after(1.9, lambda _: 0) == ("SIM", "")
 

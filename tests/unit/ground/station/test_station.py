@@ -11,7 +11,17 @@ import pytest
 from ground.client.telemetry import Age
 from ground.station.station import Station
 from protocol.bus.mailbox import Mailbox
-from protocol.topics import ANSWERED, MISSION, ODOMETRY, STATUS, TEXT, TOPICS, Role, Topic
+from protocol.topics import (
+    ANSWERED,
+    HEARTBEAT,
+    MISSION,
+    ODOMETRY,
+    STATUS,
+    TEXT,
+    TOPICS,
+    Role,
+    Topic,
+)
 from protocol.wire.enums import Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionStatus, ParamValue, Statustext
@@ -229,3 +239,22 @@ def test_station_subscribes_each_topic_of_each_robot_once() -> None:
         station.select(robot)
         station.poll()
     assert bus.subscribed == {(name, topic.path): 1 for name in ("r1", "r2") for topic in TOPICS}
+
+
+def test_ages_are_judged_in_simulated_time() -> None:
+    """At half the speed, a value is as fresh after twice the wall time; a heartbeat is not."""
+    play = Play().forward(2.0)
+    seen = []
+    for pace in (1.0, 0.5):
+        play.station.set_pace(pace)
+        play.forward(1.0)
+        play.delivered = False
+        play.forward(0.3)
+        seen.append((play.station.seen(STATUS).age, play.station.seen(STATUS).age_ns))
+        play.delivered = True
+    (real, real_ns), (slow, slow_ns) = seen
+    assert (real, slow) == (Age.GONE, Age.DIM)
+    assert real_ns == slow_ns
+    play.delivered = False
+    play.forward(1.3)
+    assert play.station.seen(HEARTBEAT).age is Age.GONE
