@@ -86,7 +86,7 @@ class Contact:
         if kind is self.kind or now_ns - self._guessed_ns < sure_ns:
             return None
         before = self.kind
-        if before is None:
+        if before in RECEIVING or kind in RECEIVING:  # else the same silence under another name
             self.since_ns = since_ns
         self.kind = kind
         self._missing = set(Need)
