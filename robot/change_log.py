@@ -76,4 +76,7 @@ class ChangeLog:
 
 def change_text(what: str, state: str, reason: int) -> str:
     """Return the text for a state, with the reason if there is one."""
-    return f"{what} {state}" if reason == reasons.OK else f"{what} {state}: {reason_text(reason)}"
+    if reason == reasons.OK:
+        return f"{what} {state}"
+    gap = " " if reason == reasons.BY_EMERGENCY_STOP else ": "
+    return f"{what} {state}{gap}{reason_text(reason)}"

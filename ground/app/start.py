@@ -1,7 +1,6 @@
 """Open the app over a connected link, and restore the terminal at the end."""
 
 import asyncio
-import getpass
 import os
 import signal
 import sys
@@ -19,6 +18,7 @@ from ground.app.input.keymap import TABLE, Keymap, load
 from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.link import Link
+from ground.client.operations.leases import operator_name
 from ground.user.edit_settings import set_setting
 from ground.user.folders import state_folder
 from ground.user.settings import Settings, load_settings, settings_file
@@ -64,7 +64,7 @@ def run(
     from ground.station.station import Station
 
     clock = WallClock()
-    station = Station(link.bus, link.robot, clock, name=operator_name())
+    station = Station(link.bus, link.robot, clock, name=operator_name(None))
     common = replace(common, robot=link.robot)
     history = History(state_folder() / "history")
     commands = CommandRunner(lambda: station, link.bus, common, clock, history)
@@ -197,15 +197,6 @@ def remember_theme(name: str) -> None:
     if has_colours(os.environ):
         with SAVING:
             set_setting("theme", name)
-
-
-def operator_name() -> str:
-    """Return the name shown to others while we hold the lease: at most 16 ASCII characters."""
-    try:
-        name = getpass.getuser()
-    except (KeyError, OSError):
-        name = "operator"
-    return name.encode("ascii", "replace").decode()[:16]
 
 
 def has_screen() -> bool:

@@ -24,7 +24,8 @@ VEHICLE_ROLES: Final = {
 }
 STOPS: Final = frozenset(
     {
-        Reason.EMERGENCY_STOPPED,
+        Reason.BY_EMERGENCY_STOP,
+        Reason.EMERGENCY_STOPPED,  # in recordings of version 0.1
         Reason.DISARMED,
         *(reason for reason in Reason if Reason.TICKS_LOST <= reason < Reason.BLOCKED),
     }

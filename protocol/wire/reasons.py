@@ -64,6 +64,7 @@ class Reason(IntEnum):
     REPLACED = 64
     DISARMED = 65
     SHUT_DOWN = 66
+    BY_EMERGENCY_STOP = 67
     OBSTACLE_AHEAD = 80
     SLOWED = 81
     WHEEL_LIMIT = 82
@@ -86,7 +87,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     8: "the robot does not support this command",
     9: "the robot has no such parameter",
     10: "parameter value is not finite or out of its range",
-    11: "there is no goal to act on",
+    11: "no goal is active: set one first",
     12: "there is no trail to follow back",
     13: "this mode needs an operator heartbeat and none arrives",
     14: "not possible while a goal or mission is active: abort it first",
@@ -126,6 +127,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     64: "replaced by a new goal",
     65: "disarmed by the operator",
     66: "the robot process is shutting down",
+    67: "by the emergency stop",
     80: "guard: obstacle ahead",
     81: "guard: slowed for an obstacle",
     82: "guard: wheel speed limit",

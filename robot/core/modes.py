@@ -50,7 +50,7 @@ def disarm(machine: Machine, now_ms: int) -> int:
 
 def estop(machine: Machine, now_ms: int) -> int:
     """Latch the emergency stop: end the goal and stop until it is cleared."""
-    machines.end_goal(machine, states.ABORTED, reasons.EMERGENCY_STOPPED, now_ms)
+    machines.end_goal(machine, states.ABORTED, reasons.BY_EMERGENCY_STOP, now_ms)
     machine.vehicle = states.EMERGENCY_STOP
     machine.vehicle_reason = reasons.BY_OPERATOR
     return reasons.OK

@@ -183,7 +183,7 @@ class Mission:
         if machine.serial != self._serial:
             return reasons.REPLACED
         if machine.vehicle == states.EMERGENCY_STOP:
-            return reasons.EMERGENCY_STOPPED
+            return reasons.BY_EMERGENCY_STOP
         if machine.vehicle != states.ACTIVE:
             return machine.vehicle_reason or reasons.DISARMED
         if self._under_way and machine.goal_state in (states.STUCK, states.ABORTED):

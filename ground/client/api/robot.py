@@ -85,7 +85,7 @@ async def connect(
 
     `endpoint` is where the robot or its router listens (that of the only `sidestep up` that runs
     here, else tcp/127.0.0.1:7447), `robot` its name (r1),
-    `config` a file as for `--config`, `name` the name shown to other operators (the user's name).
+    `config` a file as for `--config`, `name` the name shown to other operators (user@host:tty).
 
     Raises UserError for an invalid value, UnansweredError if no process listens at the endpoint.
     """

@@ -6,8 +6,9 @@ A lease belongs to a connection and expires without that operator's heartbeat.
 import os
 import pwd
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from socket import gethostname
 from typing import ClassVar, Final
 
 from ground.client.link import Link
@@ -26,22 +27,39 @@ RELEASE_NS: Final = 200_000_000
 
 
 def operator_name(name: str | None) -> str:
-    """Return the name shown to other operators, by default the user's login name.
+    """Return the name shown to other operators, by default USER@HOST:TERMINAL.
 
     Raises UserError for a name that is empty, too long or not printable.
     """
     if name is None:
         try:
-            name = pwd.getpwuid(os.getuid()).pw_name
+            user = pwd.getpwuid(os.getuid()).pw_name
         except KeyError:
-            name = "operator"
-        return name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
+            user = "operator"
+        return shortened(user, gethostname().partition(".")[0], terminal_name())
     if not name.isprintable() or not 0 < len(name.encode()) <= MAX_OPERATOR_NAME_BYTES:
         raise UserError(
             f"{name!r} is not a valid operator name: use 1 to {MAX_OPERATOR_NAME_BYTES} bytes"
             " of printable text"
         )
     return name
+
+
+def terminal_name() -> str:
+    """Return the name of the terminal, or the process id without one."""
+    for descriptor in (0, 1, 2):
+        with suppress(OSError):
+            return os.ttyname(descriptor).removeprefix("/dev/")
+    return str(os.getpid())
+
+
+def shortened(user: str, host: str, terminal: str) -> str:
+    """Return USER@HOST:TERMINAL as ASCII; shorten the longer of user and host until it fits."""
+    user, host = (text.encode("ascii", "replace").decode() for text in (user, host))
+    room = max(2, MAX_OPERATOR_NAME_BYTES - len("@:") - len(terminal))
+    while len(user) + len(host) > room:
+        user, host = (user[:-1], host) if len(user) > len(host) else (user, host[:-1])
+    return f"{user}@{host}:{terminal}"[:MAX_OPERATOR_NAME_BYTES]
 
 
 def ask_lease(link: Link, action: LeaseAction, name: str) -> Answer:

@@ -187,7 +187,8 @@ class LinkMonitor:
                 self._reader.drop("parameters")
             self._add_line("ground", loss.banner(now_ns), worst)
         elif change.before is not None:
-            ended = end_of(self._model.robot, change.before, change.gap_ns)
+            ours = self._known().lease.ours
+            ended = end_of(self._model.robot, change.before, change.gap_ns, ours=ours)
             if not (self._reader.watches_only and change.before is LossKind.OTHER_OPERATOR):
                 self._add_line("ground", ended, INFO)
             self._want()

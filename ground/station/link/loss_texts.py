@@ -7,7 +7,6 @@ from ground.station.robot.lease_state import LeaseView
 from protocol.bus.network import Hub
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.limits import (
-    MAX_LEASE_MS,
     MAX_WHEEL_TTL_MS,
     OPERATOR_LOST_MS,
     SCAN_LOST_MS,
@@ -54,7 +53,7 @@ def cause_of(kind: LossKind, known: RobotKnowledge) -> str:
             cause = "no data from its sonars or wheels" if known.plant_there else "no plant"
             return f"{robot} runs without sensor data: {cause}"
         case LossKind.OTHER_OPERATOR:
-            return f"{known.lease.words} holds the lease; commands are rejected, except the e-stop"
+            return f"read-only: {known.lease.words} is in command"
 
 
 def response_of(kind: LossKind, known: RobotKnowledge) -> str:
@@ -70,15 +69,14 @@ def response_of(kind: LossKind, known: RobotKnowledge) -> str:
         case LossKind.SENSES_STALE:
             return _without_senses(known.status)
         case LossKind.OTHER_OPERATOR:
-            after = f"{MAX_LEASE_MS / 1000:g} s"
-            return f"the lease lapses {after} after the last heartbeat of its holder"
+            return "E-STOP works. Take over: `lease seize`"
 
 
-def end_of(robot: str, kind: LossKind, gap_ns: int) -> str:
-    """Report the end of a loss and its duration."""
+def end_of(robot: str, kind: LossKind, gap_ns: int, *, ours: bool = False) -> str:
+    """Report the end of a loss and its duration; `ours`: this station holds the lease now."""
     after = f"after {gap_ns / NS_PER_MS / 1000:.1f} s"
     if kind is LossKind.OTHER_OPERATOR:
-        return f"the lease of {robot} is free again {after}"
+        return f"you command {robot}" if ours else f"nobody commands {robot} any more {after}"
     return f"{robot} is back {after} ({kind.value})"
 
 

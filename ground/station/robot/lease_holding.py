@@ -51,8 +51,8 @@ class LeaseHolding:
             return ""
         self._change(ours, now_ns)
         if ours:
-            return "this station holds the lease"
-        return f"{self.lease.words} has taken the lease" if status.held else "the lease has lapsed"
+            return "you are in command"
+        return f"{self.lease.words} is in command now" if status.held else "the lease has lapsed"
 
     def settled(self, now_ns: int) -> bool:
         """Return whether the robot has had time to process a heartbeat."""

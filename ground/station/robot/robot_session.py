@@ -101,7 +101,8 @@ class RobotSession:
             return
         lost = self.holding.receive(newest[0], newest[1], now_ns)
         if lost:
-            self._add_line("ground", f"{self._model.robot}: {lost}", Severity.WARNING)
+            severity = Severity.INFO if self.holding.ours else Severity.WARNING
+            self._add_line("ground", f"{self._model.robot}: {lost}", severity)
 
     def close(self, deadline_s: float) -> None:
         """End the e-stop's thread before the deadline."""

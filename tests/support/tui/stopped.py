@@ -16,9 +16,9 @@ from tests.support.tui.underway import drive_messages, driving, status
 
 STOP_ID = 5
 REASONS = {
-    Vehicle.EMERGENCY_STOP: (Reason.BY_OPERATOR, Reason.EMERGENCY_STOPPED),
+    Vehicle.EMERGENCY_STOP: (Reason.BY_OPERATOR, Reason.BY_EMERGENCY_STOP),
     Vehicle.FAILSAFE: (Reason.BUDGET, Reason.BUDGET),
-    Vehicle.STANDBY: (Reason.NONE, Reason.EMERGENCY_STOPPED),
+    Vehicle.STANDBY: (Reason.NONE, Reason.BY_EMERGENCY_STOP),
     Vehicle.ACTIVE: (Reason.NONE, Reason.BUDGET),
 }
 

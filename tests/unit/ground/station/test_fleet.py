@@ -142,7 +142,7 @@ def test_other_operator_of_a_watched_robot_is_no_loss() -> None:
     play.station.select("r1")
     play.forward(2.0)
     assert [entry.loss for entry in play.station.roster()] == [None, None]
-    assert not play.texts("is free again")
+    assert not play.texts("any more")
 
 
 def test_robot_that_flaps_neither_leaks_nor_floods() -> None:

@@ -56,7 +56,7 @@ def test_reason_of_a_stop_ends_with_the_stop() -> None:
     failed = (Reason.BUDGET, Reason.BUDGET)
     assert present_reason(status(Vehicle.FAILSAFE, reasons=failed)) == Reason.BUDGET
     assert present_reason(status(Vehicle.ACTIVE)) == 0
-    assert present_reason(status(Vehicle.STANDBY, reasons=(0, Reason.EMERGENCY_STOPPED))) == 0
+    assert present_reason(status(Vehicle.STANDBY, reasons=(0, Reason.BY_EMERGENCY_STOP))) == 0
     assert present_reason(status(Vehicle.ACTIVE, reasons=(0, Reason.EMERGENCY_STOPPED))) == 0
 
 

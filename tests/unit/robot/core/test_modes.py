@@ -169,7 +169,7 @@ def test_an_emergency_stop_latches_disarms_and_ends_the_goal() -> None:
     assert modes.estop(driven.machine, driven.now_ms) == reasons.OK
     driven.tick()
     assert driven.stands
-    assert outcome(driven) == (states.ABORTED, reasons.EMERGENCY_STOPPED)
+    assert outcome(driven) == (states.ABORTED, reasons.BY_EMERGENCY_STOP)
     for refused in (modes.arm(driven.machine), driven.goto()):
         assert refused == reasons.EMERGENCY_STOPPED
     modes.disarm(driven.machine, driven.now_ms)

@@ -45,7 +45,7 @@ def blind(desk: Desk) -> None:
 
 
 ENDS = [
-    (estop, Reason.EMERGENCY_STOPPED),
+    (estop, Reason.BY_EMERGENCY_STOP),
     (disarm, Reason.DISARMED),
     (another_goal, Reason.REPLACED),
     (home, Reason.REPLACED),

@@ -1,11 +1,17 @@
 """The lease is always given back, and a drive by hand ends in HOLD."""
 
+import os
 from math import nan
 
 import pytest
 
 from ground.client.operations import ChangeLease, DriveByHand, DriveEnded, ShowLease
-from ground.client.operations.leases import leased, operator_name
+from ground.client.operations.leases import (
+    leased,
+    operator_name,
+    shortened,
+    terminal_name,
+)
 from ground.client.operations.teleop import SETTLE_NS, lost_control
 from ground.client.results import Refused, RefusedError
 from protocol.topics import LEASE, OPERATOR, STATUS
@@ -65,8 +71,35 @@ def test_lease_status_is_shown() -> None:
         ShowLease().perform(Stage().session)
 
 
+@pytest.mark.parametrize(
+    ("user", "host", "terminal", "name"),
+    [
+        ("root", "desk", "pts/3", "root@desk:pts/3"),
+        ("root", "a-long-host-name", "pts/12", "root@a-lo:pts/12"),
+        ("somebody-long", "h", "4194304", "somebo@h:4194304"),
+        ("Änne", "höst", "tty1", "?nne@h?st:tty1"),
+    ],
+)
+def test_name_tells_the_stations_of_one_user_apart(
+    user: str, host: str, terminal: str, name: str
+) -> None:
+    assert shortened(user, host, terminal) == name
+    assert len(name) <= MAX_OPERATOR_NAME_BYTES
+
+
+def test_name_without_a_terminal_has_the_process_id(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: int) -> str:
+        raise OSError
+
+    monkeypatch.setattr(os, "ttyname", fail)
+    assert terminal_name() == str(os.getpid())
+    monkeypatch.setattr(os, "ttyname", lambda _: "/dev/pts/3")
+    assert terminal_name() == "pts/3"
+
+
 def test_operator_is_named_after_the_user() -> None:
     assert 0 < len(operator_name(None).encode()) <= MAX_OPERATOR_NAME_BYTES
+    assert "@" in operator_name(None)
     assert operator_name("Änne") == "Änne"
 
 

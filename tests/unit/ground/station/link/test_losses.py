@@ -74,7 +74,8 @@ MATRIX = {
         LIVE, GONE, 0.6,
     ),
     "other operator": Row(
-        other, LossKind.OTHER_OPERATOR, "ben holds the lease", "lapses 3 s after", LIVE, LIVE, 0.7,
+        other, LossKind.OTHER_OPERATOR, "read-only: ben is in command", "Take over: `lease seize`",
+        LIVE, LIVE, 0.7,
     ),
 }  # fmt: skip
 
@@ -189,9 +190,23 @@ def test_return_requires_reading_again_and_is_logged(lost: Lost) -> None:
     assert play.station.ready
     assert play.station.refusal() == ""
     assert "srv/parameters" in {path for _, path, _ in play.bus.asked[asked:]}
-    word = "free again after" if row.kind is LossKind.OTHER_OPERATOR else "is back after"
+    word = (
+        "nobody commands r1 any more after"
+        if row.kind is LossKind.OTHER_OPERATOR
+        else "is back after"
+    )
     assert len(play.texts(word)) == 1
     assert len(play.texts(": ready")) == 2
+
+
+def test_own_seize_does_not_end_in_a_free_lease() -> None:
+    play = Play()
+    other(play)
+    play.forward(1.5)
+    play.robot.lease.holder, play.robot.lease.name = play.bus.operator, "root@desk:pts/3"
+    play.forward(2.0)
+    assert play.texts("you command r1")
+    assert not play.texts("any more")
 
 
 def test_second_station_shows_but_does_not_command() -> None:
@@ -200,4 +215,4 @@ def test_second_station_shows_but_does_not_command() -> None:
     play.forward(1.5)
     assert play.station.parameters_words == "2"
     assert not play.station.ready
-    assert "ben holds the lease" in play.station.refusal()
+    assert "ben is in command" in play.station.refusal()

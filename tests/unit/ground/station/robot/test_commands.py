@@ -112,7 +112,7 @@ def test_foreign_lease_rejects_motion_and_names_the_holder() -> None:
     play.forward(1.0)
     assert play.station.lease.words == "ben"
     assert not play.station.submit("goal 9 7", job(done))
-    assert play.texts("refused: goal 9 7: other operator: ben holds the lease")
+    assert play.texts("refused: goal 9 7: other operator: read-only: ben is in command")
     assert "lease seize" in play.station.refusal()
 
 
@@ -147,7 +147,7 @@ def test_seized_station_stops_heartbeats() -> None:
     beats = play.beats
     play.forward(1.0)
     assert play.beats == beats
-    assert play.texts("ben has taken the lease")
+    assert play.texts("ben is in command now")
 
 
 def test_lapsed_lease_is_taken_again_by_a_command() -> None:
@@ -179,7 +179,7 @@ def test_typed_lease_of_this_station_is_kept_alive() -> None:
     play = ready()
     play.robot.lease.holder, play.robot.lease.name = play.bus.operator, "anna"
     play.forward(1.0)
-    assert play.texts("this station holds the lease")
+    assert play.texts("you are in command")
     assert play.beats > 1
 
 
