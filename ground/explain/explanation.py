@@ -78,14 +78,14 @@ def seen(decision: AvoidanceDecision, status: NavigatorStatus | None) -> Iterato
 def zone(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
     """Describe the avoidance zone, and whether the nearest echo is in it."""
     if not isfinite(decision.zone_m):
-        return "none" if status is None else f"none: {navigator_words(status.navigator)} has none"
+        return "none" if status is None else f"not used by {navigator_words(status.navigator)}"
     name = "" if status is None else ZONES.get(status.navigator, "")
     words = f"{name} {metres(decision.zone_m)}".strip()
     if decision.nearest_range_m < decision.zone_m:
-        return f"{words}, the nearest echo is inside"
+        return f"{words}, nearest echo inside"
     if decision.nearest_range_m >= decision.zone_m:
-        return f"{words}, nothing is inside"
-    return f"{words}, whether anything is inside is unknown"
+        return f"{words}, empty"
+    return f"{words}, occupancy not reported"
 
 
 def chosen(decision: AvoidanceDecision) -> Iterator[tuple[str, str]]:
@@ -102,9 +102,9 @@ def rotation(rotation_rad: float) -> str:
     if angle_deg is None:
         return NONE
     if round(abs(angle_deg), 1) == 0.0:
-        return "gamma 0: the way to the goal is taken as it is"
-    turned = f"turned {abs(angle_deg):.0f} deg to the {left_or_right(angle_deg)}"
-    return f"gamma {angle_deg:+.0f} deg: the way to the goal is {turned}"
+        return "gamma 0°: straight to the goal"
+    turned = f"{abs(angle_deg):.0f}° {left_or_right(angle_deg)}"
+    return f"gamma {angle_deg:+.0f}°: heading {turned} of the goal"
 
 
 def virtual(decision: AvoidanceDecision) -> str:
@@ -118,11 +118,11 @@ def virtual(decision: AvoidanceDecision) -> str:
 def guard(decision: AvoidanceDecision) -> str:
     """Describe what the guard removed and why; of the speed only the rest is known."""
     if not decision.guard:
-        return "took nothing away"
+        return "no speed limit"
     left_m_s = decision.speed_m_s
     all_of_it = left_m_s == 0.0 and decision.yaw_rate_rad_s == 0.0
-    kept = f"left {short(left_m_s)} m/s" if isfinite(left_m_s) else "left an unknown speed"
-    took = "took all speed away" if all_of_it else f"took speed away, {kept}"
+    kept = f"{short(left_m_s)} m/s" if isfinite(left_m_s) else "unknown"
+    took = "stopped the robot" if all_of_it else f"limited the speed to {kept}"
     return f"{took}: {reason_text(decision.guard)}"
 
 

@@ -34,7 +34,7 @@ def motion(decision: AvoidanceDecision) -> str:
     creeps = abs(speed_m_s) < MOVES_M_S
     if abs(yaw_deg_s) >= TURNS_DEG_S:
         spot = " on the spot" if creeps else ""
-        return f"turns {left_or_right(yaw_deg_s)}{spot} at {short(abs(yaw_deg_s))} deg/s"
+        return f"turns {left_or_right(yaw_deg_s)}{spot} {short(abs(yaw_deg_s))}°/s"
     if creeps:
         return "does not move"
     return f"drives straight {'on' if speed_m_s > 0.0 else 'back'} at {short(abs(speed_m_s))} m/s"
@@ -74,7 +74,7 @@ def of_the_guard(decision: AvoidanceDecision) -> str:
 def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
     """Describe the branch of the navigator."""
     if decision.branch == Branch.NONE:
-        return "nothing is decided" if status is None else settling(status)
+        return "idle" if status is None else settling(status)
     if decision.branch == Branch.ALIGN:
         return f"it is at the goal, whose heading is {side(decision.goal_bearing_rad)}"
     if decision.branch == Branch.GIVE_UP:
@@ -91,7 +91,7 @@ def settling(status: NavigatorStatus) -> str:
     if status.goal == GoalState.ACCEPTED:
         return "it has a new goal and sets off"
     away = far(status.goal_distance_m)
-    return f"it has arrived and stops{away}"
+    return f"arrived, stopping{away}"
 
 
 def passing(decision: AvoidanceDecision) -> str:
@@ -99,15 +99,15 @@ def passing(decision: AvoidanceDecision) -> str:
     near = echo(decision.nearest_range_m, decision.nearest_bearing_rad)
     near = "the nearest echo is unknown" if near == NONE else near
     wanted = side(decision.goal_bearing_rad + decision.rotation_rad)
-    return f"{near}, so it {branch_words(decision.branch)}, towards {wanted}"
+    return f"{near}, so it {branch_words(decision.branch)}, heading {wanted}"
 
 
 def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
     """Describe the way to the goal, possibly with a small offset from a flank."""
     home = status is not None and status.mode == Mode.SMART_RTL
-    what = "the next place on its trail" if home else "the goal"
+    what = "next point of its trail" if home else "goal"
     away = "" if status is None or home else far(status.goal_distance_m)
-    words = f"{what} is {side(decision.goal_bearing_rad)}{away}"
+    words = f"{what} {side(decision.goal_bearing_rad)}{away}"
     bent_deg = heading_deg(decision.rotation_rad)
     if bent_deg is None or abs(bent_deg) < BENT_DEG:
         return words

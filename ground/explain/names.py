@@ -9,7 +9,7 @@ from protocol.wire.reasons import Reason, reason_text
 
 BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
     {
-        Branch.NONE: "decides nothing",
+        Branch.NONE: "idle",
         Branch.TO_GOAL: "goes for the goal",
         Branch.PASS_LEFT: "passes on the left",
         Branch.PASS_RIGHT: "passes on the right",

@@ -18,7 +18,7 @@ def heading_deg(angle_rad: float) -> float | None:
 
 
 def side(angle_rad: float) -> str:
-    """Return the side and the angle in degrees, as in `34 deg left`."""
+    """Return the side and the angle in degrees, as in `34° left`."""
     angle_deg = heading_deg(angle_rad)
     if angle_deg is None:
         return NONE
@@ -28,7 +28,7 @@ def side(angle_rad: float) -> str:
     if whole == 180:
         return "straight behind"
     behind = ", behind" if whole > 90 else ""
-    return f"{whole} deg {left_or_right(angle_deg)}{behind}"
+    return f"{whole}° {left_or_right(angle_deg)}{behind}"
 
 
 def left_or_right(angle: float) -> str:
@@ -71,8 +71,8 @@ def echo(range_m: float, bearing_rad: float) -> str:
     """Describe range and direction of the nearest echo."""
     if range_m == inf:
         return "no echo"
-    away = f"echo at {metres(range_m)}"
+    away = f"echo {metres(range_m)}"
     if not isfinite(bearing_rad):
         return away if isfinite(range_m) else NONE
     name = sonar(bearing_rad)
-    return f"{away}, {side(bearing_rad)}" + (f" ({name})" if name else "")
+    return f"{away} {side(bearing_rad)}" + (f" ({name})" if name else "")

@@ -35,6 +35,17 @@ def printable_lines(text: str) -> str:
     return "\n".join(printable(line) for line in text.replace("\t", " ").split("\n"))
 
 
+def encodable(text: str, encoding: str) -> str:
+    """Replace the characters that an encoding does not have; a degree sign becomes `deg`."""
+    if text.isascii():
+        return text
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        return text.replace("°", " deg").encode(encoding, "replace").decode(encoding)
+    return text
+
+
 class PrintableText:
     """A text stream whose `write` passes only printable characters and line feeds."""
 
@@ -43,7 +54,7 @@ class PrintableText:
 
     def write(self, text: str) -> int:
         """Write text without control characters; return its length."""
-        self.stream.write(printable_lines(text))
+        self.stream.write(encodable(printable_lines(text), self.stream.encoding or "utf-8"))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:

@@ -22,62 +22,61 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(),
             standing(),
-            "turns right at 80 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the right,"
-            " towards 56 deg right",
+            "turns right 80°/s: echo 0.21 m 34° left (L34), so it passes on the right,"
+            " heading 56° right",
         ),
         (
             decided(branch=Branch.PASS_LEFT, rotation_rad=radians(30), yaw_rate_rad_s=1.0),
             standing(),
-            "turns left at 57 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the left,"
-            " towards 40 deg left",
+            "turns left 57°/s: echo 0.21 m 34° left (L34), so it passes on the left,"
+            " heading 40° left",
         ),
         (
             decided(yaw_rate_rad_s=0.5),
             standing(),
-            "turns left at 29 deg/s: echo at 0.21 m, 34 deg left (L34), so it passes on the right,"
-            " towards 56 deg right, still swinging from before",
+            "turns left 29°/s: echo 0.21 m 34° left (L34), so it passes on the right,"
+            " heading 56° right, still swinging from before",
         ),
         (
             decided(**TO_GOAL, goal_bearing_rad=0.0, yaw_rate_rad_s=0.0),
             standing(),
-            "drives straight on at 0.12 m/s: the goal is straight ahead, 3.20 m to go",
+            "drives straight on at 0.12 m/s: goal straight ahead, 3.20 m to go",
         ),
         (
             decided(**TO_GOAL, goal_bearing_rad=radians(-100), speed_m_s=0, yaw_rate_rad_s=-2.5),
             standing(),
-            "turns right on the spot at 143 deg/s: the goal is 100 deg right, behind, 3.20 m to go",
+            "turns right on the spot 143°/s: goal 100° right, behind, 3.20 m to go",
         ),
         (
             decided(branch=Branch.TO_GOAL, rotation_rad=radians(5), **STRAIGHT),
             standing(),
-            "drives straight on at 0.3 m/s: the goal is 10 deg left, 3.20 m to go, and it keeps off"
-            " what is near by 5 deg left",
+            "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it keeps off"
+            " what is near by 5° left",
         ),
         (
             decided(**TO_GOAL, goal_bearing_rad=radians(2.0), yaw_rate_rad_s=-0.5),
             standing(goal_heading_rad=1.0),
-            "turns right at 29 deg/s: the goal is 2 deg left, 3.20 m to go",
+            "turns right 29°/s: goal 2° left, 3.20 m to go",
         ),
         (
             decided(**TO_GOAL, yaw_rate_rad_s=-0.5),
             standing(goal_heading_rad=1.0),
-            "turns right at 29 deg/s: the goal is 10 deg left, 3.20 m to go, on a bend into its"
-            " final heading",
+            "turns right 29°/s: goal 10° left, 3.20 m to go, on a bend into its final heading",
         ),
         (
             decided(**TO_GOAL, yaw_rate_rad_s=0.1),
             standing(mode=Mode.SMART_RTL),
-            "turns left at 5.7 deg/s: the next place on its trail is 10 deg left",
+            "turns left 5.7°/s: next point of its trail 10° left",
         ),
         (
             decided(branch=Branch.ALIGN, goal_bearing_rad=0.5, speed_m_s=0, yaw_rate_rad_s=1.0),
             standing(goal=GoalState.ALIGNING),
-            "turns left on the spot at 57 deg/s: it is at the goal, whose heading is 29 deg left",
+            "turns left on the spot 57°/s: it is at the goal, whose heading is 29° left",
         ),
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.DRIVING, goal_distance_m=0.02),
-            "does not move: it has arrived and stops, 0.02 m to go",
+            "does not move: arrived, stopping, 0.02 m to go",
         ),
         (
             decided(**AT_GOAL, **STILL),
@@ -87,7 +86,7 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(**STILL, guard=Reason.OBSTACLE_AHEAD),
             standing(),
-            "does not move: guard: obstacle ahead, echo at 0.21 m, 34 deg left (L34)",
+            "does not move: guard: obstacle ahead, echo 0.21 m 34° left (L34)",
         ),
         (
             decided(**AT_GOAL, **STILL),
@@ -112,7 +111,7 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(**AT_GOAL, speed_m_s=0.1, yaw_rate_rad_s=0.5),
             standing(mode=Mode.MANUAL, goal=GoalState.NONE),
-            "turns left at 29 deg/s: it is driven by hand",
+            "turns left 29°/s: it is driven by hand",
         ),
         (
             decided(**AT_GOAL, **STILL, nearest_range_m=nan, nearest_bearing_rad=nan, guard=80),
@@ -139,17 +138,17 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
             None,
             "does not move: it finds no way to the goal",
         ),
-        (decided(**AT_GOAL, **STILL), None, "does not move: nothing is decided"),
+        (decided(**AT_GOAL, **STILL), None, "does not move: idle"),
         (decided(branch=77, **STRAIGHT), None, "drives straight on at 0.3 m/s: it branch 77"),
         (
             decided(**TO_GOAL, speed_m_s=-0.1, yaw_rate_rad_s=0.0),
             None,
-            "drives straight back at 0.1 m/s: the goal is 10 deg left",
+            "drives straight back at 0.1 m/s: goal 10° left",
         ),
         (
             decided(yaw_rate_rad_s=nan, nearest_range_m=inf, nearest_bearing_rad=nan),
             None,
-            "moves in an unknown way: no echo, so it passes on the right, towards 56 deg right",
+            "moves in an unknown way: no echo, so it passes on the right, heading 56° right",
         ),
         (None, standing(), "its decision is unknown"),
     ],
@@ -176,64 +175,64 @@ def line(
 @pytest.mark.parametrize(
     ("name", "decision", "status", "words"),
     [
-        ("nearest", decided(), None, "echo at 0.21 m, 34 deg left (L34)"),
+        ("nearest", decided(), None, "echo 0.21 m 34° left (L34)"),
         ("nearest", decided(nearest_range_m=inf, nearest_bearing_rad=nan), None, "no echo"),
-        ("zone", decided(), standing(), "d_obs 0.30 m, the nearest echo is inside"),
+        ("zone", decided(), standing(), "d_obs 0.30 m, nearest echo inside"),
         (
             "zone",
             decided(),
             standing(navigator=Navigator.BUG),
-            "d_th 0.30 m, the nearest echo is inside",
+            "d_th 0.30 m, nearest echo inside",
         ),
-        ("zone", decided(nearest_range_m=0.31), standing(), "d_obs 0.30 m, nothing is inside"),
+        ("zone", decided(nearest_range_m=0.31), standing(), "d_obs 0.30 m, empty"),
         (
             "zone",
             decided(nearest_range_m=nan),
             standing(),
-            "d_obs 0.30 m, whether anything is inside is unknown",
+            "d_obs 0.30 m, occupancy not reported",
         ),
-        ("zone", decided(zone_m=nan), standing(navigator=6), "none: vgm_memory has none"),
-        ("zone", decided(zone_m=nan), standing(navigator=99), "none: navigator 99 has none"),
+        ("zone", decided(zone_m=nan), standing(navigator=6), "not used by vgm_memory"),
+        ("zone", decided(zone_m=nan), standing(navigator=99), "not used by navigator 99"),
         ("zone", decided(zone_m=nan), None, "none"),
-        ("goal", decided(), standing(), "10 deg left, 3.20 m to go"),
+        ("goal", decided(), standing(), "10° left, 3.20 m to go"),
         ("goal", decided(goal_bearing_rad=nan), None, "--, -- to go"),
         ("branch", decided(branch=200), None, "branch 200"),
         (
             "rotation",
             decided(),
             None,
-            "gamma -66 deg: the way to the goal is turned 66 deg to the right",
+            "gamma -66°: heading 66° right of the goal",
         ),
         (
             "rotation",
             decided(rotation_rad=radians(-0.04)),
             None,
-            "gamma 0: the way to the goal is taken as it is",
+            "gamma 0°: straight to the goal",
         ),
         (
             "rotation",
             decided(rotation_rad=0.0),
             None,
-            "gamma 0: the way to the goal is taken as it is",
+            "gamma 0°: straight to the goal",
         ),
         ("rotation", decided(rotation_rad=nan), None, "--"),
-        ("virtual", decided(), None, "(4.25, 1.50), 56 deg right"),
+        ("virtual", decided(), None, "(4.25, 1.50), 56° right"),
         ("virtual", decided(rotation_rad=0.0), None, "the goal itself"),
-        ("virtual", decided(virtual_x_m=nan), None, "--, 56 deg right"),
-        ("guard", decided(), None, "took nothing away"),
+        ("virtual", decided(virtual_x_m=nan), None, "--, 56° right"),
+        ("guard", decided(), None, "no speed limit"),
         (
             "guard",
             decided(guard=Reason.SLOWED),
             None,
-            "took speed away, left 0.12 m/s: guard: slowed for an obstacle",
+            "limited the speed to 0.12 m/s: guard: slowed for an obstacle",
         ),
         (
             "guard",
             decided(guard=Reason.OBSTACLE_AHEAD, **STILL),
             None,
-            "took all speed away: guard: obstacle ahead",
+            "stopped the robot: guard: obstacle ahead",
         ),
-        ("guard", decided(guard=250), None, "took speed away, left 0.12 m/s: reason 250"),
+        ("guard", decided(guard=250), None, "limited the speed to 0.12 m/s: reason 250"),
         ("state", None, standing(), "ACTIVE AUTO AVOIDING, vgm"),
         (
             "state",

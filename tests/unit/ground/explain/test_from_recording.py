@@ -83,9 +83,9 @@ def test_turning_point_wins_over_a_simultaneous_decision(run: Recording) -> None
 def test_explain_prints_an_instant_in_words(log: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explain", log, "--at", "6"]) == 0
     head, *lines = capsys.readouterr().out.splitlines()
-    assert head.startswith("at 6.00 s it turns left at ")
+    assert head.startswith("at 6.00 s it turns left ")
     assert "so it passes on the left" in head
-    assert lines[0].startswith("  nearest  echo at ")
+    assert lines[0].startswith("  nearest  echo ")
 
 
 def test_or_as_one_object(log: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,14 +15,14 @@ from robot.core.geometry import BEARINGS
     [
         (0.0, "straight ahead"),
         (0.4, "straight ahead"),
-        (34.2, "34 deg left"),
-        (-34.2, "34 deg right"),
-        (120.0, "120 deg left, behind"),
-        (-120.0, "120 deg right, behind"),
+        (34.2, "34° left"),
+        (-34.2, "34° right"),
+        (120.0, "120° left, behind"),
+        (-120.0, "120° right, behind"),
         (180.0, "straight behind"),
         (-179.8, "straight behind"),
-        (350.0, "10 deg right"),
-        (-725.0, "5 deg right"),
+        (350.0, "10° right"),
+        (-725.0, "5° right"),
         (nan, NONE),
         (inf, NONE),
     ],
@@ -42,7 +42,7 @@ def test_any_number_is_a_direction_or_none(angle_rad: float) -> None:
 def test_each_sonar_is_called_by_where_it_looks() -> None:
     assert [sonar(bearing_rad) for bearing_rad in BEARINGS] == list(SONARS)
     for name, bearing_rad in zip(SONARS, BEARINGS, strict=True):
-        assert side(bearing_rad).startswith(f"{name[1:]} deg")
+        assert side(bearing_rad).startswith(f"{name[1:]}°")
         assert (name[0] == "L") == (bearing_rad > 0.0)
 
 
@@ -59,9 +59,9 @@ def test_places_and_distances_are_short_whatever_they_are(x_m: float, y_m: float
 
 
 def test_echo_is_described_by_its_known_values() -> None:
-    assert echo(0.213, BEARINGS[5]) == "echo at 0.21 m, 34 deg left (L34)"
-    assert echo(0.213, 0.5) == "echo at 0.21 m, 29 deg left"
-    assert echo(0.213, nan) == "echo at 0.21 m"
+    assert echo(0.213, BEARINGS[5]) == "echo 0.21 m 34° left (L34)"
+    assert echo(0.213, 0.5) == "echo 0.21 m 29° left"
+    assert echo(0.213, nan) == "echo 0.21 m"
     assert echo(inf, nan) == "no echo"
     assert echo(nan, nan) == NONE
-    assert echo(nan, 0.5) == "echo at --, 29 deg left"
+    assert echo(nan, 0.5) == "echo -- 29° left"

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from io import StringIO
+from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 
 import pytest
@@ -95,3 +95,19 @@ def test_closed_output_stays_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     with guarded_output():
         assert sys.stderr is None
         print("no reader", file=sys.stderr)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "written"),
+    [
+        ("ascii", "turns 34 deg left ?"),
+        ("latin-1", "turns 34 deg left ?"),
+        ("utf-8", "turns 34° left ◎"),
+    ],
+)
+def test_output_fits_the_encoding_of_the_stream(encoding: str, written: str) -> None:
+    raw = BytesIO()
+    stream = TextIOWrapper(raw, encoding=encoding)
+    guarded(stream).write("turns 34° left ◎")
+    stream.flush()
+    assert raw.getvalue().decode(encoding) == written
