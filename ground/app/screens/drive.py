@@ -115,6 +115,7 @@ class DriveScreen(AppScreen):
         grid.styles.grid_columns = "1fr" if is_hidden else f"{layout.map_columns} 1fr"
         rows = f"{side} 1fr" if layout.beside else f"1fr {layout.lower_rows}"
         grid.styles.grid_rows = rows
+        self.call_after_refresh(self.redraw)  # the panels have their new sizes then
 
     def draw_side(self) -> None:
         """Draw the values."""

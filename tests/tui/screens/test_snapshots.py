@@ -20,7 +20,7 @@ from tests.support.tui.recording import recorded
 from tests.support.tui.snapshots import ACTUAL, compare
 from tests.support.tui.underway import driving
 
-SIZES = ((80, 24), (110, 30), (160, 50), (40, 12))
+SIZES = ((80, 24), (120, 40), (200, 60), (40, 12))
 THEMES = ("dark", "light", "mono")
 OTHERS = {"plots": "2", "params": "3", "log": "4", "links": "5"}
 
