@@ -56,7 +56,8 @@ def dispatch(arguments: list[str]) -> int:
     if wants_traceback:
         del arguments[0]
     if not arguments:
-        return complain("which verb? see `sidestep --help`")
+        print(overview(), file=sys.stderr)
+        return EXIT_USAGE
     if arguments[0] == "help" and arguments[1:]:
         arguments = [*arguments[1:], "--help"]
     word = arguments[0]

@@ -61,7 +61,7 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of `sidestep run robot`."""
     parser = new_parser("robot")
     add_network_options(parser)
-    parser.add_argument("--id", metavar="NAME", help="the robot's name (r1)")
+    parser.add_argument("--id", metavar="NAME", help="the robot's name (default r1)")
     add_start_options(parser)
     add_param_option(parser, "a parameter; the names are in `sidestep param list`")
     parser.add_argument(
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
         "--gc-freeze",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="exclude objects that exist at the start from garbage collection (yes)",
+        help="exclude objects that exist at the start from garbage collection (default yes)",
     )
     return parser
 
@@ -94,7 +94,7 @@ def add_start_options(parser: argparse.ArgumentParser) -> None:
         nargs=3,
         type=finite,
         default=(0.0, 0.0, 0.0),
-        help="start pose in the world frame, so that goals are in it too (0 0 0)",
+        help="start pose in the world frame, so that goals are in it too (default 0 0 0)",
     )
     parser.add_argument(
         "--encoders",

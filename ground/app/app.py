@@ -82,8 +82,7 @@ class GroundApp(App[int]):
         # With NO_COLOR, Textual would remove the colours of its default theme at this moment,
         # before ours is set. With a terminal's own colours, that leaves black on black.
         super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
-        self.player = player
-        self.recording = recording
+        self.player, self.recording = player, recording
         self.appearance = appearance or Appearance()
         self._station, self.commands = station, commands
         self._keymap_in_force = keymap or Keymap()

@@ -34,7 +34,7 @@ class CommandWords(Words):
             "--timeout",
             type=seconds,
             metavar="S",
-            help="give up after this time, in three attempts (1.5)",
+            help="give up after this time, in three attempts (default 1.5)",
         )
 
     def operation(self) -> Operation[Outcome]:
@@ -133,7 +133,7 @@ class StopWords(AllWords):
         """Declare the arguments."""
         add_all(parser)
         add_common(parser)
-        help = f"repeat until the robot's status shows it, for at most ({STOP_S:g})"
+        help = f"repeat until the robot's status shows it, for at most (default {STOP_S:g})"
         parser.add_argument("--timeout", type=seconds, metavar="S", help=help)
 
     def operation(self) -> operations.StopNow | operations.StopAll:

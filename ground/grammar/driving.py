@@ -33,7 +33,7 @@ class GotoWords(Words):
             "--frame",
             choices=FRAMES,
             default="world",
-            help="body: X ahead of the robot, Y to its left, DEG from its heading (world)",
+            help="body: X ahead of the robot, Y to its left, DEG from its heading (default world)",
         )
         add_common(parser)
         parser.add_argument(
@@ -70,14 +70,14 @@ def declare_tolerances(parser: argparse.ArgumentParser) -> None:
         type=positive,
         default=POSITION_TOLERANCE_M,
         metavar="M",
-        help=f"arrived within this distance ({POSITION_TOLERANCE_M:g})",
+        help=f"arrived within this distance (default {POSITION_TOLERANCE_M:g})",
     )
     parser.add_argument(
         "--heading-tolerance",
         type=positive,
         default=HEADING_TOLERANCE_DEG,
         metavar="DEG",
-        help=f"aligned within this angle ({HEADING_TOLERANCE_DEG:g})",
+        help=f"aligned within this angle (default {HEADING_TOLERANCE_DEG:g})",
     )
 
 

@@ -37,7 +37,7 @@ class DoctorWords(Words):
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         add_common(parser)
-        help = f"listen for this time ({LISTEN_S:g})"
+        help = f"listen for this time (default {LISTEN_S:g})"
         parser.add_argument("--timeout", type=seconds, default=LISTEN_S, metavar="S", help=help)
 
     def operation(self) -> Diagnose:

@@ -46,7 +46,7 @@ class ExplainWords(RecordingWords):
         """Declare the arguments."""
         help = "a recording, as for replay; without --at and --turns the robot, now"
         parser.add_argument("file", nargs="?", metavar="FILE", help=help)
-        help = "seconds of the recording (the last turning point)"
+        help = "seconds of the recording (default the last turning point)"
         parser.add_argument("--at", type=moment, metavar="S", help=help)
         parser.add_argument("--turns", action="store_true", help="list its turning points")
         add_common(parser)
@@ -85,10 +85,12 @@ class ExportWords(RecordingWords):
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         cls.declare_file(parser)
-        parser.add_argument("--format", choices=("csv", "parquet"), default="csv", help="(csv)")
-        help = "a row per value that came, or per instant of a grid (long)"
+        parser.add_argument(
+            "--format", choices=("csv", "parquet"), default="csv", help="(default csv)"
+        )
+        help = "a row per value that came, or per instant of a grid (default long)"
         parser.add_argument("--shape", choices=("long", "wide"), default="long", help=help)
-        help = "instants of wide: the last value not older than its stale-after, else empty (20)"
+        help = "instants of wide: the last value unless it is stale, else empty (default 20)"
         parser.add_argument("--rate", type=finite, metavar="HZ", help=help)
         help = "begin at this second of the robot's stamps"
         parser.add_argument("--from", dest="begin", type=finite, metavar="S", help=help)
@@ -124,9 +126,9 @@ class PlotWords(RecordingWords):
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         cls.declare_file(parser)
-        help = "a .png, .svg or .pdf (FILE.png)"
+        help = "a .png, .svg or .pdf (default FILE.png)"
         parser.add_argument("--out", default="", metavar="FILE", help=help)
-        help = f"for the screen, or one column of a paper ({SCREEN.name})"
+        help = f"for the screen, or one column of a paper (default {SCREEN.name})"
         parser.add_argument("--style", choices=list(STYLES), default=SCREEN.name, help=help)
         help = "the world of the run; an .mcap contains it"
         parser.add_argument("--world", metavar="W", help=help)
@@ -156,7 +158,7 @@ class ShareWords(RecordingWords):
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
         cls.declare_file(parser)
-        help = "a .zip (FILE.zip)"
+        help = "a .zip (default FILE.zip)"
         parser.add_argument("--out", default="", metavar="FILE", help=help)
         add_json(parser)
 

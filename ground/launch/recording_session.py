@@ -45,7 +45,7 @@ def add_keep(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--keep",
         metavar="SIZE",
-        help=f"delete the oldest recordings there beyond this size ({size})",
+        help=f"delete the oldest recordings there beyond this size (default {size})",
     )
 
 

@@ -25,7 +25,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="HOST:PORT",
-        help=f"serve browsers instead of this terminal ({DEFAULT_HOST}:{DEFAULT_PORT})",
+        help=f"serve browsers instead of this terminal (default {DEFAULT_HOST}:{DEFAULT_PORT})",
     )
     parser.add_argument(
         "--shown",
@@ -33,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="the address that browsers use when it differs, as with the port of a container",
     )
     parser.add_argument(
-        "--token-file", metavar="FILE", help="read the token from a file (a new random one)"
+        "--token-file", metavar="FILE", help="read the token from a file (default a new random one)"
     )
 
 

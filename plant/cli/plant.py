@@ -58,15 +58,25 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of `sidestep run plant`."""
     parser = new_parser("plant")
     add_network_options(parser)
-    parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
     parser.add_argument(
-        "--seed", metavar="S", type=whole(0), default=0, help="seed of all random numbers (0)"
+        "--world", metavar="W", default="box", help="a world's name or file (default box)"
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="S",
+        type=whole(0),
+        default=0,
+        help="seed of all random numbers (default 0)",
     )
     parser.add_argument("--noise", metavar="LEVEL", choices=sorted(LEVELS), help=", ".join(LEVELS))
-    parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (r1)")
+    parser.add_argument("--robots", metavar="NAMES", help="as in r1,r2 (default r1)")
     parser.add_argument("--lockstep", action="store_true", help="advance when all robots answered")
     parser.add_argument(
-        "--speed", metavar="F", type=speed, default=inf, help="in lockstep, times real time (max)"
+        "--speed",
+        metavar="F",
+        type=speed,
+        default=inf,
+        help="in lockstep, times real time (default max)",
     )
     parser.add_argument("--paused", action="store_true", help="wait for a START")
     return parser

@@ -121,17 +121,23 @@ def check_options(options: argparse.Namespace) -> None:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_parser("calibrate", details=f"{DETAILS}\n{log.__doc__}".rstrip(), allow_abbrev=True)
-    made.add_argument("--noise", choices=LEVELS, default="default", help="of the plant (default)")
-    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (0)")
+    made.add_argument(
+        "--noise", choices=LEVELS, default="default", help="of the plant (default default)"
+    )
+    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (default 0)")
     made.add_argument(
         "--runs",
         type=whole(2, MAX_RUNS),
         default=RUNS,
         metavar="N",
-        help=f"squares in each direction ({RUNS})",
+        help=f"squares in each direction (default {RUNS})",
     )
     made.add_argument(
-        "--side", type=length, default=SIDE_M, metavar="M", help=f"of the square ({SIDE_M:g})"
+        "--side",
+        type=length,
+        default=SIDE_M,
+        metavar="M",
+        help=f"of the square (default {SIDE_M:g})",
     )
     add_param_option(made, "the robot's present parameters, as often as needed")
     made.add_argument("--log", metavar="FILE", help="use the runs in this file (see below)")

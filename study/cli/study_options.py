@@ -62,13 +62,13 @@ def _add_worlds(made: argparse.ArgumentParser) -> None:
         type=whole(1),
         default=PER_FAMILY,
         metavar="N",
-        help=f"worlds generated of each family ({PER_FAMILY})",
+        help=f"worlds generated of each family (default {PER_FAMILY})",
     )
     made.add_argument(
         "--corpus-seed",
         type=whole(0),
         default=CORPUS_SEED,
-        help=f"for generated worlds ({CORPUS_SEED})",
+        help=f"for generated worlds (default {CORPUS_SEED})",
     )
 
 
@@ -103,7 +103,7 @@ def _add_what(made: argparse.ArgumentParser) -> None:
 
 def _add_how(made: argparse.ArgumentParser) -> None:
     made.add_argument(
-        "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (all cores)"
+        "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (default all cores)"
     )
     made.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
     made.add_argument(

@@ -131,14 +131,21 @@ def parser() -> argparse.ArgumentParser:
     made = new_parser("trial", allow_abbrev=True)
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument(
-        "--navigator", choices=NAVIGATORS, default=USUAL_NAVIGATOR, help=f"({USUAL_NAVIGATOR})"
+        "--navigator",
+        choices=NAVIGATORS,
+        default=USUAL_NAVIGATOR,
+        help=f"(default {USUAL_NAVIGATOR})",
     )
     made.add_argument("--side", choices=SIDES, default="left", help="side to pass obstacles on")
-    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (0)")
-    made.add_argument("--noise", choices=LEVELS, help="noise level (that of the world)")
+    made.add_argument("--seed", type=whole(0), default=0, help="of the random numbers (default 0)")
+    made.add_argument("--noise", choices=LEVELS, help="noise level (default that of the world)")
     _add_placement(made)
     made.add_argument(
-        "--timeout", type=seconds, default=300.0, metavar="S", help="simulated time limit (300)"
+        "--timeout",
+        type=seconds,
+        default=300.0,
+        metavar="S",
+        help="simulated time limit (default 300)",
     )
     add_param_option(made)
     made.add_argument(
@@ -152,18 +159,26 @@ def parser() -> argparse.ArgumentParser:
 def _add_placement(made: argparse.ArgumentParser) -> None:
     made.add_argument("--start", type=finite, nargs=3, metavar=("X", "Y", "DEG"), help="start pose")
     made.add_argument(
-        "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] (that of the world)"
+        "--goal", type=finite, nargs="+", metavar="N", help="X Y [DEG] (default that of the world)"
     )
     made.add_argument(
-        "--tolerance", type=above_zero(1.0), default=0.05, metavar="M", help="of --goal (0.05)"
+        "--tolerance",
+        type=above_zero(1.0),
+        default=0.05,
+        metavar="M",
+        help="of --goal (default 0.05)",
     )
     made.add_argument(
         "--heading-tolerance",
         type=above_zero(180.0),
         default=3.0,
         metavar="DEG",
-        help="of --goal (3)",
+        help="of --goal (default 3)",
     )
     made.add_argument(
-        "--at", type=moment, default=0.0, metavar="S", help="time of the world at the start (0)"
+        "--at",
+        type=moment,
+        default=0.0,
+        metavar="S",
+        help="time of the world at the start (default 0)",
     )

@@ -66,21 +66,21 @@ def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_subcommand_parser("study", "report")
     made.add_argument("study", type=Path, metavar="DIR", help="the study's directory")
-    made.add_argument("--output", type=Path, metavar="DIR", help="for the report (DIR)")
+    made.add_argument("--output", type=Path, metavar="DIR", help="for the report (default DIR)")
     made.add_argument("--readme", type=Path, metavar="FILE", help="also update the table in it")
     made.add_argument(
         "--failures",
         type=whole(0, MAX_FAILURES),
         default=PER_NAVIGATOR,
         metavar="N",
-        help=f"failures drawn per navigator ({PER_NAVIGATOR})",
+        help=f"failures drawn per navigator (default {PER_NAVIGATOR})",
     )
     made.add_argument(
         "--jobs",
         type=whole(1, MAX_JOBS),
         default=cpu_count() or 1,
         metavar="N",
-        help="processes (one per core)",
+        help="processes (default one per core)",
     )
     made.add_argument(
         "--paper-seeds",

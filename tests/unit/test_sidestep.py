@@ -134,7 +134,10 @@ def test_unknown_verb_gets_no_guess_and_no_verb_the_usage(
     assert sidestep.main(["xyzzy"]) == 2
     assert "did you mean" not in capsys.readouterr().err
     assert sidestep.main([]) == 2
-    assert "usage: sidestep" in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert "usage: sidestep" in said.err
+    assert "  goto " in said.err
+    assert said.out == ""
 
 
 def verbs_in(help_text: str) -> list[str]:

@@ -38,7 +38,7 @@ class Place(NamedTuple):
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `bridge`."""
-    text = f"address for viewers; port 0 selects a free port ({DEFAULT_PLACE})"
+    text = f"address for viewers; port 0 selects a free port (default {DEFAULT_PLACE})"
     parser.add_argument("--at", type=place, default=place(DEFAULT_PLACE), metavar="H:P", help=text)
     add_common(parser)
 

@@ -50,21 +50,30 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a recording (-1 the newest); without it a running simulation",
     )
     parser.add_argument(
-        "--at", type=moment, metavar="S", help="second of the recording (when its goal was set)"
+        "--at",
+        type=moment,
+        metavar="S",
+        help="second of the recording (default when its goal was set)",
     )
     parser.add_argument("--world", metavar="FILE", help="instead of the recorded one")
     parser.add_argument("--goal", nargs="+", type=finite, metavar="N", help="X Y [DEG] instead")
     parser.add_argument(
-        "--side", choices=list(SIDES), help="side on which obstacles are passed (the robot's)"
+        "--side",
+        choices=list(SIDES),
+        help="side on which obstacles are passed (default the robot's)",
     )
-    parser.add_argument(
-        "--noise", choices=NOISES, default="none", help="noise of the ghosts (none)"
-    )
-    parser.add_argument("--seed", type=whole(0), default=0, help="seed of all random numbers (0)")
-    parser.add_argument(
-        "--timeout", type=seconds, default=300.0, metavar="S", help="limit of simulated time (300)"
-    )
+    declare_run(parser)
     add_common(parser)
+
+
+def declare_run(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the simulated runs."""
+    help = "noise of the ghosts (default none)"
+    parser.add_argument("--noise", choices=NOISES, default="none", help=help)
+    help = "seed of all random numbers (default 0)"
+    parser.add_argument("--seed", type=whole(0), default=0, help=help)
+    help = "limit of simulated time (default 300)"
+    parser.add_argument("--timeout", type=seconds, default=300.0, metavar="S", help=help)
 
 
 def run(options: argparse.Namespace, output: Output) -> int:

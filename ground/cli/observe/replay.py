@@ -41,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--id", metavar="NAME", help=text)
     parser.add_argument("--plain", action="store_true", help="one line per second of the run")
     parser.add_argument(
-        "--at", type=finite, default=0.0, metavar="S", help="begin at this second (0)"
+        "--at", type=finite, default=0.0, metavar="S", help="begin at this second (default 0)"
     )
     text = "print the lines at this multiple of real time; without it, all at once"
     parser.add_argument("--speed", type=positive, metavar="K", help=text)

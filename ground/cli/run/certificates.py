@@ -41,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     revoke.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
     actions["check"].add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
     for action in (new, renew):
-        text = f"days of validity ({DEFAULT_DAYS})"
+        text = f"days of validity (default {DEFAULT_DAYS})"
         action.add_argument("--days", type=days, default=DEFAULT_DAYS, metavar="N", help=text)
     for action in actions.values():
         add_json(action)
@@ -51,7 +51,7 @@ def add_new(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `keys new`, except the validity."""
     text = "folder to create; no file is overwritten"
     parser.add_argument("folder", type=Path, metavar="DIR", help=text)
-    text = "names of the robots (r1)"
+    text = "names of the robots (default r1)"
     parser.add_argument("--robots", nargs="+", default=["r1"], metavar="NAME", help=text)
     text = "operators with a certificate of their own, ground-NAME, which reserves the name"
     parser.add_argument("--operators", nargs="+", default=[], metavar="NAME", help=text)

@@ -62,15 +62,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--replica", metavar="STEM", help="this is one of the containers STEM1, STEM2 and so on"
     )
-    parser.add_argument("--world", metavar="W", default="box", help="world (box)")
-    parser.add_argument("--noise", metavar="LEVEL", default="", help="noise level (the world's)")
-    parser.add_argument("--seed", metavar="S", default="0", help="seed (0)")
+    parser.add_argument("--world", metavar="W", default="box", help="world (default box)")
+    parser.add_argument(
+        "--noise", metavar="LEVEL", default="", help="noise level (default the world's)"
+    )
+    parser.add_argument("--seed", metavar="S", default="0", help="seed (default 0)")
     parser.add_argument(
         "--robots",
         type=whole(1, MAX_ROBOTS),
         default=1,
         metavar="K",
-        help="number of robots (1)",
+        help="number of robots (default 1)",
     )
     parser.add_argument(
         "--users",

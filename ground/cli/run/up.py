@@ -38,6 +38,7 @@ from ground.launch.scenario import (
 from ground.launch.tls_configs import ground_file
 from ground.text.output import Output
 from ground.text.status_parts import Part
+from ground.text.status_parts import in_words as in_line
 from ground.user.folders import recordings_folder
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import MAX_ROBOTS
@@ -63,6 +64,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `up`."""
     add_scenario(parser)
     parser.add_argument("--headless", action="store_true", help="no screen: wait for the end")
+    help = "no screen, and one line per second, as in `ground --plain`"
+    parser.add_argument("--plain", action="store_true", help=help)
     add_recording(parser)
     add_appearance_options(parser)
     parser.add_argument("--router", action="store_true", help="a router between the processes")
@@ -74,14 +77,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_scenario(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the world, the robots, their goals and the simulation."""
-    parser.add_argument("--world", metavar="W", default="box", help="a world's name or file (box)")
+    parser.add_argument(
+        "--world", metavar="W", default="box", help="a world's name or file (default box)"
+    )
     parser.add_argument(
         "--navigator",
         choices=list(NAVIGATORS),
         default=USUAL_NAVIGATOR,
-        help=f"({USUAL_NAVIGATOR})",
+        help=f"(default {USUAL_NAVIGATOR})",
     )
-    text = "side on which obstacles are passed (left)"
+    text = "side on which obstacles are passed (default left)"
     parser.add_argument("--side", choices=list(SIDES), default="left", help=text)
     text = "X Y [DEG] instead of the world's goal"
     parser.add_argument("--goal", nargs="+", type=finite, metavar="N", help=text)
@@ -90,25 +95,25 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
         " room, to the nearest free place in sight of the goal (1)"
     )
     parser.add_argument("--robots", type=whole(1, MAX_ROBOTS), default=1, metavar="K", help=text)
-    text = "simulated time over real time, at most; or max (1)"
+    text = "simulated time over real time, at most; or max (default 1)"
     parser.add_argument("--speed", type=speed, default="1", metavar="F", help=text)
     text = (
         "paced: the simulation waits for each robot, so a busy computer slows it down and changes"
         " nothing; wall: it never waits, so a late robot stops, as a real one does (paced)"
     )
     parser.add_argument("--clock", choices=CLOCKS, default=PACED, help=text)
-    text = "seed of all random numbers (0)"
+    text = "seed of all random numbers (default 0)"
     parser.add_argument("--seed", type=whole(0), default=0, metavar="S", help=text)
     parser.add_argument("--noise", choices=NOISES, help="instead of the world's noise")
     text = "robots that are not calibrated for the noise"
     parser.add_argument("--uncalibrated", action="store_true", help=text)
-    text = f"limit of simulated time ({TIMEOUT_S:g})"
+    text = f"limit of simulated time (default {TIMEOUT_S:g})"
     parser.add_argument("--timeout", type=seconds, default=TIMEOUT_S, metavar="S", help=text)
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Run the stack; return 0 if every robot reached its goal without contact, else 1."""
-    on_screen = has_screen() and not (options.headless or options.json)
+    on_screen = has_screen() and not (options.headless or options.plain or options.json)
     if on_screen and not options.no_record:
         options.record = str(folder_of(options))  # kept when the operator changes the world
     facts = world_facts(command(world_query(options), os.getpid()))
@@ -138,7 +143,7 @@ def run_headless(
                 goal_runs,
                 clock,
                 partial(report_events, stack, output),
-                progress_display(output, clock),
+                progress_display(output, clock, in_lines=options.plain),
             )
             try:
                 outcomes = fleet_run.run(
@@ -246,15 +251,25 @@ def connect(common: Common, clock: Clock, check: Callable[[], None]) -> Bus:
             )
 
 
-def progress_display(output: Output, clock: Clock) -> Callable[[list[Part]], None]:
-    """Return a display: a live line in a terminal, elsewhere a note every few seconds."""
-    shown_ns = clock.now_ns() - PLAIN_NS
+def progress_display(
+    output: Output, clock: Clock, *, in_lines: bool = False
+) -> Callable[[list[Part]], None]:
+    """Return a display: a live line in a terminal, elsewhere a note every few seconds.
+
+    `in_lines`: a note every second, in a terminal, too.
+    """
+    every_ns = NS_PER_S if in_lines else PLAIN_NS
+    shown_ns = clock.now_ns() - every_ns
 
     def run_with_app(parts: list[Part]) -> None:
         nonlocal shown_ns
-        if output.live or clock.now_ns() - shown_ns >= PLAIN_NS:
+        is_live = output.live and not in_lines
+        if is_live or clock.now_ns() - shown_ns >= every_ns:
             shown_ns = clock.now_ns()
-            output.line(parts)
+            if is_live:
+                output.line(parts)
+            else:
+                output.note(in_line(parts))
 
     return run_with_app
 
@@ -270,4 +285,7 @@ def speed(text: str) -> str:
     """Parse a factor or `max`, as the plant takes it."""
     if text == "max":
         return text
-    return f"{positive(text):g}"
+    try:
+        return f"{positive(text):g}"
+    except argparse.ArgumentTypeError as error:
+        raise argparse.ArgumentTypeError(f"{error}: give a number above 0, or max") from error

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import parse
-from ground.cli.run.up import await_complete_records, await_records
+from ground.cli.run.up import await_complete_records, await_records, progress_display
 from ground.launch.child_command import command
 from ground.launch.scenario import Scenario, scenario_of, world_facts, world_query
 from ground.text.output import Output
+from ground.text.status_parts import Part
 from runtime.clock import ManualClock
 
 
@@ -89,3 +90,32 @@ def test_the_end_of_a_lockstep_run_waits_for_a_slow_recorder(
     clock = GrowingLog(log, until_s)
     await_complete_records(str(tmp_path), set(), clock)
     assert clock.now_ns() / 1e9 == pytest.approx(end_s, abs=0.05)
+
+
+@pytest.mark.parametrize(("in_lines", "every_s"), [(False, 5), (True, 1)])
+def test_progress_is_a_line_every_few_seconds_or_every_second(
+    capsys: pytest.CaptureFixture[str], *, in_lines: bool, every_s: int
+) -> None:
+    clock = ManualClock()
+    show = progress_display(Output(as_json=False), clock, in_lines=in_lines)
+    for number in range(101):
+        show([Part(f"driving {number}")])
+        clock.advance(100_000_000)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [f"driving {10 * every_s * number}" for number in range(10 // every_s + 1)]
+
+
+def test_plain_progress_never_rewrites_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = Output(as_json=False)
+    monkeypatch.setattr(output, "live", True)
+    progress_display(output, ManualClock(), in_lines=True)([Part("driving")])
+    assert capsys.readouterr().err == "driving\n"
+
+
+def test_a_wrong_speed_is_refused_with_the_word_max(capsys: pytest.CaptureFixture[str]) -> None:
+    for text in ("fast", "0", "-1"):
+        with pytest.raises(SystemExit):
+            parse(["up", f"--speed={text}"])
+        assert "give a number above 0, or max" in capsys.readouterr().err
