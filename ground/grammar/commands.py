@@ -156,7 +156,7 @@ class LeaseWords(Words):
         help = "take is refused while another operator holds it"
         parser.add_argument("action", choices=LEASE_ACTIONS, help=help)
         parser.add_argument(
-            "--name", metavar="N", help="name shown to other operators (user@host:terminal)"
+            "--name", metavar="N", help="name shown to other operators (default user@host:terminal)"
         )
         parser.add_argument(
             "--for", dest="hold", type=seconds, metavar="S", help="give it back after this time"

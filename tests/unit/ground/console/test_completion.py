@@ -108,7 +108,7 @@ def test_verbs_used_often_come_first() -> None:
         ("disa", "disarm the motors"),
         ("navigator vgm_", "vgm with a memory of recent echoes (the default)"),
         ("mission up", "send a mission and its fence, if any, to the robot"),
-        ("hold --time", "give up after this time, in three attempts (1.5)"),
+        ("hold --time", "give up after this time, in three attempts (default 1.5)"),
     ],
 )
 def test_completion_has_its_meaning(typed: str, meaning: str) -> None:
