@@ -20,6 +20,7 @@ from textual.widgets import Input
 from ground.app.appearance import Appearance
 from ground.app.background import BackgroundJobs
 from ground.app.chrome.tabs import LOG, UnreadWarnings
+from ground.app.chrome.tutorial import Tutorial
 from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
@@ -98,6 +99,7 @@ class GroundApp(App[int]):
         self._printable = Printable()
         self._unread = UnreadWarnings()
         self.palette_uses: Counter[str] = Counter()
+        self._tutorial: Tutorial | None = None
         self._robot_keys = RobotKeys(self)
         self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
         for theme in THEMES:
@@ -137,6 +139,15 @@ class GroundApp(App[int]):
             return SessionInfo(recording=words)
         factor, now_ns = self._time_factor, self._station.now_ns
         return SessionInfo(factor.words(now_ns), words, factor.hint(now_ns))
+
+    def begin_tutorial(self) -> None:
+        """Show the first step of the tutorial."""
+        self._tutorial = Tutorial(self.key_shown)
+
+    @property
+    def lesson(self) -> str:
+        """The present step of the tutorial; empty without one."""
+        return "" if self._tutorial is None else self._tutorial.words
 
     @property
     def unread_warnings(self) -> int:
@@ -261,6 +272,8 @@ class GroundApp(App[int]):
 
     def redraw(self) -> None:
         """Redraw the base screen."""
+        if self._tutorial is not None:
+            self._tutorial.poll(self.station, len(self.commands.draft_items))
         sheet = self.base_screen
         if sheet is not None:
             sheet.redraw()

@@ -47,8 +47,10 @@ def run(
     common: Common,
     stack: "Stack | None" = None,
     recording: "RecordingSession | None" = None,
+    *,
+    lessons: bool = False,
 ) -> int:
-    """Run the app until the operator leaves, and return 0.
+    """Run the app until the operator leaves, and return 0. With `lessons`, the tutorial guides.
 
     Raise ConfigError for settings or keys that cannot be used. The app monitors the processes of
     its `stack`, and may restart them.
@@ -71,6 +73,8 @@ def run(
     commands.hints = key_hints(keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     app.is_first_start, app.remember_theme = is_first_start(state_folder()), remember_theme
+    if lessons:
+        app.begin_tutorial()
     commands.local = LocalCommands(app).do_command
     try:
         with capture_output(state_folder() / "ground.log") as terminal:

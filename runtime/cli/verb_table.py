@@ -76,6 +76,13 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.up",
             run="run",
         ),
+        "tutorial": Verb(
+            DRIVE,
+            "the first ten minutes: a drive with a guide on the screen",
+            "tutorial",
+            "ground.cli.run.tutorial",
+            run="run",
+        ),
         "ground": Verb(
             DRIVE,
             "the ground station, in this terminal or in a browser",

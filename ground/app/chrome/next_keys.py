@@ -3,6 +3,7 @@
 from typing import Final, NamedTuple
 
 from ground.app.panels.aged import live
+from ground.app.stops.band import lost_in
 from ground.map.scene import MapTarget
 from ground.station.station import Station
 from protocol.topics import MISSION, STATUS
@@ -36,8 +37,9 @@ REPLAY: Final = (
     NextKey("replay-open", "Open"),
 )
 STOPPED: Final = (NextKey("clear-estop", "Clear E-STOP", 2),)
-FAILED: Final = (NextKey("arm", "Arm"), NextKey("resume", "Go on"), NextKey("goal", "Goal"))
-LOST_GOAL: Final = (NextKey("resume", "Go on"), NextKey("goal", "Goal"), NextKey("arm", "Arm"))
+ARM: Final = NextKey("arm", "Arm")
+GO_ON: Final = NextKey("resume", "Go on")
+GOAL: Final = NextKey("goal", "Goal")
 HELD: Final = (NextKey("resume", "Resume"), NextKey("abort", "Abort"), NextKey("goal", "Goal"))
 UNDER_WAY: Final = (NextKey("hold", "Hold"), NextKey("abort", "Abort"), NextKey("explain", "Why"))
 IDLE: Final = (NextKey("goal", "Goal"), NextKey("cursor", "Cursor"), NextKey("arm", "Arm"))
@@ -55,6 +57,14 @@ def mission_is_ready(station: Station) -> bool:
     return isinstance(mission, MissionStatus) and mission.state == MissionState.READY
 
 
+def mission_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
+    """Return the key that sends the draft, or that starts the mission which was sent, if any."""
+    waypoints = len(unsent(draft, station))
+    if waypoints:
+        return (NextKey("missions", f"Send {waypoints} waypoint{'s' * (waypoints > 1)}"),)
+    return (START_MISSION,) if mission_is_ready(station) else ()
+
+
 def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
     """Return the keys that continue from the present state, the first one first."""
     status = live(station.seen(STATUS))
@@ -62,13 +72,17 @@ def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, 
         return ()
     if status.vehicle == Vehicle.EMERGENCY_STOP:
         return STOPPED
+    lost = lost_in(station, status) is not None
     if status.vehicle == Vehicle.FAILSAFE:
-        return FAILED
-    waypoints = len(unsent(draft, station))
-    if waypoints:
-        return (NextKey("missions", f"Send {waypoints} waypoint{'s' * (waypoints > 1)}"), *IDLE)
+        return (ARM, GO_ON, GOAL) if lost else (ARM, GOAL)
+    mission = mission_keys(station, draft)
     if status.goal in DRIVING:
-        return HELD if status.mode == Mode.HOLD else UNDER_WAY
-    if mission_is_ready(station):
-        return (START_MISSION, *IDLE)
-    return LOST_GOAL if status.goal == GoalState.ABORTED else IDLE
+        return (*mission, *(HELD if status.mode == Mode.HOLD else UNDER_WAY))
+    if mission or not lost:
+        return (*mission, *IDLE)
+    return (GO_ON, GOAL) if status.vehicle == Vehicle.ACTIVE else (ARM, GO_ON, GOAL)
+
+
+def cursor_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
+    """Return the keys of the cursor, with that of the mission behind the first two."""
+    return (*CURSOR[:2], *mission_keys(station, draft), *CURSOR[2:])

@@ -39,6 +39,10 @@ class AppInterface(Protocol):
         """True while the hints for a new operator are shown."""
 
     @property
+    def lesson(self) -> str:
+        """The present step of the tutorial; empty without one."""
+
+    @property
     def unread_warnings(self) -> int:
         """The number of warnings and errors since the log screen was last shown."""
 

@@ -77,7 +77,7 @@ class ReadOnlyApp:
         self._app = app
         self.commands = ReadOnlyCommands(app.commands, self.note)
         self.ascii_only, self.stack = app.ascii_only, app.stack
-        self.is_first_start = False
+        self.is_first_start, self.lesson = False, ""
         self.keys_now, self.choose = app.keys_now, app.choose
         self.stop_band, self.key_shown = app.stop_band, app.key_shown
         self.run_in_background = app.run_in_background

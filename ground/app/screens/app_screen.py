@@ -67,6 +67,7 @@ class AppScreen(Screen[None]):
         with Container(id="middle"):
             yield from self.compose_content()
             yield Lines(id="candidates")
+        yield Lines(id="lesson")
         with Horizontal(id="typing"):
             yield Lines(id="prompt")
             yield CommandLine(self.interface.commands.assist)
@@ -108,12 +109,22 @@ class AppScreen(Screen[None]):
         self.draw_prompt()
         self.draw_candidates()
         self.draw_answer()
+        self.draw_lesson()
         keys = key_buttons(self.interface.keys_now(), width, self.following_keys())
         self.buttons("keybar").show_buttons(*keys)
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return the actions that continue from the present state, for the key bar."""
+        if not self.commands_robot:
+            return ()
         return next_keys(self.interface.station, self.interface.commands.draft_items)
+
+    def draw_lesson(self) -> None:
+        """Draw the present step of the tutorial."""
+        lesson, words = self.lines("lesson"), self.interface.lesson
+        rows = across(words, "reverse", self.size.width) if words else []
+        lesson.display, lesson.styles.height = bool(rows), max(1, len(rows))
+        lesson.show(rows)
 
     def draw_answer(self) -> None:
         """Draw the last answer, or the hints of the first start."""

@@ -9,7 +9,7 @@ from textual import events
 from textual.app import ComposeResult
 from textual.containers import Grid, Vertical
 
-from ground.app.chrome.next_keys import CURSOR, TELEOP, NextKey, unsent
+from ground.app.chrome.next_keys import TELEOP, NextKey, cursor_keys, unsent
 from ground.app.input.default_keys import Layer
 from ground.app.input.map_cursor import MapCursor
 from ground.app.input.map_menu import MapMenu
@@ -183,7 +183,9 @@ class DriveScreen(AppScreen):
         """Return those of teleop or of the cursor while they are in use."""
         if self.teleop.held:
             return TELEOP
-        return super().following_keys() if self.map_cursor.cursor is None else CURSOR
+        if self.map_cursor.cursor is None:
+            return super().following_keys()
+        return cursor_keys(self.interface.station, self.interface.commands.draft_items)
 
     def close_what_is_open(self) -> None:
         """Close the explanation."""

@@ -173,7 +173,9 @@ def run_with_app(
             with RecordingSession(folder, stack.common, clock, config, options.keep) as recording:
                 if scenario.record is not None:
                     recording.watch(stack.logs_before)
-                return run_app(options, goal_runs[0].link, stack.common, stack, recording)
+                lessons = vars(options).get("lessons", False)
+                link = goal_runs[0].link
+                return run_app(options, link, stack.common, stack, recording, lessons=lessons)
 
 
 def report_events(stack: Stack, output: Output) -> None:

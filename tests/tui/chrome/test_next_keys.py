@@ -27,7 +27,9 @@ def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
     [
         (Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD, "D D Clear E-STOP"),
         (Vehicle.FAILSAFE, GoalState.ABORTED, Mode.HOLD, "a Arm  r Go on  g Goal"),
-        (Vehicle.STANDBY, GoalState.ABORTED, Mode.HOLD, "r Go on  g Goal  a Arm"),
+        (Vehicle.FAILSAFE, GoalState.NONE, Mode.HOLD, "a Arm  g Goal"),
+        (Vehicle.STANDBY, GoalState.ABORTED, Mode.HOLD, "a Arm  r Go on  g Goal"),
+        (Vehicle.ACTIVE, GoalState.ABORTED, Mode.HOLD, "r Go on  g Goal"),
         (Vehicle.ACTIVE, GoalState.AVOIDING, Mode.GUIDED, "h Hold  x Abort  e Why"),
         (Vehicle.ACTIVE, GoalState.DRIVING, Mode.HOLD, "r Resume  x Abort  g Goal"),
         (Vehicle.ACTIVE, GoalState.REACHED, Mode.GUIDED, "g Goal  G Cursor  a Arm"),
