@@ -85,10 +85,9 @@ class GroundApp(App[int]):
         super().__init__(ansi_color=True if os.environ.get("NO_COLOR") else None)
         self.player, self.recording = player, recording
         self.appearance = appearance or Appearance()
-        self._station, self.commands = station, commands
+        self._station, self.commands, self.stack = station, commands, stack
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
-        self.stack = stack
         self.ascii_only = self.appearance.ascii_only
         self.is_first_start = False
         self._jobs = BackgroundJobs(self.note)

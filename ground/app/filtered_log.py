@@ -39,7 +39,6 @@ COLUMNS: Final = (
         7,
         lambda line: f"{line.time_s:.1f}",
         lambda line: line.time_s,
-        unit="s",
         numeric=True,
     ),
     Column[LogLine](

@@ -11,12 +11,13 @@ from ground.app.filtered_log import FilteredLog
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
 from ground.app.lists.list_filter import nothing_row
+from ground.app.panels.log import lead_of
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action
 from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.log_view import LogView
-from ground.app.widgets.rows import Row, Span, faint, row
+from ground.app.widgets.rows import Row, Span, faint, row, words_of
 from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity
 
@@ -75,8 +76,10 @@ class LogScreen(ScrolledScreen):
         is_following, shown = self.list_view.following, len(self.filtered.lines)
         follows = Span("following", "ok") if is_following else Span("paused (f follows)", "caution")
         levels = WORST[self._worst][1]
+        lines = self.filtered.lines
+        unit = "" if not lines or lines[-1].clock_s is not None else "time in s, "
         filtered = self.filter_spans(shown, len(self.interface.station.log))
-        counts = faint(f" {levels}, " if filtered else f" {shown} lines, {levels}, ")
+        counts = faint(f" {unit}{levels}, " if filtered else f" {shown} lines, {unit}{levels}, ")
         found = f"   find {self._find_words!r}" if self._find_words else ""
         return row(counts, follows, *filtered, Span(found, "accent"))
 
@@ -124,7 +127,7 @@ class LogScreen(ScrolledScreen):
     def row_text(self) -> str:
         """Return the chosen line, else the newest one."""
         line = self._at or (self.filtered.lines[-1] if self.filtered.lines else None)
-        return "" if line is None else f"{line.time_s:.1f} {line.letter} {line.source} {line.text}"
+        return "" if line is None else f"{words_of(lead_of(line)).strip()} {line.text}"
 
     def follow(self) -> None:
         """Follow the newest line, or pause."""

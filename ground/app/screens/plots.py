@@ -170,10 +170,10 @@ class PlotsScreen(AppScreen):
         """Add a plot, or remove it if it is there."""
         if key in self._chosen:
             self._chosen.remove(key)
-        elif len(self._chosen) >= MAX_PLOTS:
-            self.interface.note(f"{MAX_PLOTS} plots at most: remove one first, with e")
-        else:
-            self._chosen.append(key)
+            return
+        if len(self._chosen) >= MAX_PLOTS:
+            self.interface.note(f"{key} replaces {self._chosen.pop()}: {MAX_PLOTS} plots at most")
+        self._chosen.append(key)
 
 
 def figure_of(key: str, number: int) -> Sparkline:

@@ -88,13 +88,14 @@ def test_field_of_a_message_is_plotted_and_remembered() -> None:
     play(story)
 
 
-def test_seventh_plot_is_refused() -> None:
+def test_seventh_plot_replaces_the_last() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("2", "slash", "slash")
             await stage.type("odometry y_m")
             await stage.press("enter")
-            assert "6 plots at most: remove one first, with e" in stage.log()
+            assert "tlm/odometry y_m replaces late: 6 plots at most" in stage.log()
+            assert title(stage, 5).split()[1] == "y_m"
 
     play(story)
 
