@@ -80,10 +80,22 @@ class _Reader:
             names = ", ".join(field.name for field in fields(schema))  # type: ignore[arg-type]
             self._blame(key, "is not a table", f"it has {names}")
             return None
-        try:
-            return parse(table, schema, file=self._file)
-        except ConfigError as error:
-            self._blame((*key, *_parts(error.key)), error.reason, error.fix)
+        rest, blamed = dict(table), set[str]()
+        for _ in range(2 * (len(table) + len(fields(schema)))):  # type: ignore[arg-type]
+            try:
+                found = parse(rest, schema, file=self._file)
+            except ConfigError as error:
+                parts = _parts(error.key)
+                name = str(parts[0]) if parts else ""
+                if name not in blamed:
+                    self._blame((*key, *parts), error.reason, error.fix)
+                blamed.add(name)
+                if name in rest:
+                    del rest[name]  # the next round finds the next fault
+                else:
+                    rest[name] = 0.0  # stands in for a key that must be there
+            else:
+                return None if blamed else found
         return None
 
     def _blame(self, key: Key, reason: str, fix: str) -> None:

@@ -105,6 +105,17 @@ def test_errors_of_all_tables_are_listed_together() -> None:
     ]
 
 
+def test_every_error_of_a_waypoint_is_listed() -> None:
+    with pytest.raises(MissionError) as caught:
+        read_text('[[waypoint]]\nx_m = "a"\nhold_s = -1\nhld_s = 3\n', "m.toml")
+    assert [(problem.where, problem.line) for problem in caught.value.problems] == [
+        ("waypoint[0].y_m", 1),
+        ("waypoint[0].x_m", 2),
+        ("waypoint[0].hold_s", 3),
+        ("waypoint[0].hld_s", 4),
+    ]
+
+
 @given(missions(st.none() | homes, thousandths(200, 180_000)))
 def test_what_is_written_reads_back_as_the_same_mission(mission: Mission) -> None:
     assert read_text(text_of(mission), "m.toml") == mission
