@@ -67,6 +67,8 @@ class GroundApp(App[int]):
     TITLE = "sidestep"
     DEFAULT_MODE = "drive"
     AUTO_FOCUS = ""
+    is_first_start = False
+    _tutorial: Tutorial | None = None
     COMMANDS: ClassVar[set[type[Provider] | Callable[[], type[Provider]]]] = {palette}
 
     def __init__(
@@ -89,7 +91,6 @@ class GroundApp(App[int]):
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
         self.ascii_only = self.appearance.ascii_only
-        self.is_first_start = False
         self._jobs = BackgroundJobs(self.note)
         self.reader = RecordingReader(self.run_in_background)
         self._frame_rate = FrameRate(self.appearance.hz)
@@ -98,7 +99,6 @@ class GroundApp(App[int]):
         self._printable = Printable()
         self._unread = UnreadWarnings()
         self.palette_uses: Counter[str] = Counter()
-        self._tutorial: Tutorial | None = None
         self._robot_keys = RobotKeys(self)
         self._alerts = Alerts(self, quiet=self.appearance.quiet_bell)
         for theme in THEMES:

@@ -29,8 +29,10 @@ from runtime.gc_freeze import freeze_heap
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
+    from ground.app.commands.runner import CommandRunner
     from ground.launch.launcher import Stack
     from ground.launch.recording_session import RecordingSession
+    from ground.station.station import Station
 
 SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 EXIT_SIGNAL: Final = 128
@@ -60,17 +62,12 @@ def run(
     # Textual is imported only here, so that other verbs start fast.
     from ground.app.app import GroundApp
     from ground.app.commands.local_commands import LocalCommands
-    from ground.app.commands.runner import CommandRunner
     from ground.app.output_capture import capture_output
-    from ground.console.history import History
     from ground.station.station import Station
 
     clock = WallClock()
     station = Station(link.bus, link.robot, clock, name=operator_name(None))
-    common = replace(common, robot=link.robot)
-    history = History(state_folder() / "history")
-    commands = CommandRunner(lambda: station, link.bus, common, clock, history)
-    commands.hints = key_hints(keymap)
+    commands = runner_of(link, common, station, clock, keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
     app.is_first_start, app.remember_theme = is_first_start(state_folder()), remember_theme
     if lessons:
@@ -84,6 +81,20 @@ def run(
         return code
     finally:
         run_with_timeout(station.close)
+
+
+def runner_of(
+    link: Link, common: Common, station: "Station", clock: WallClock, keymap: Keymap
+) -> "CommandRunner":
+    """Return a runner of the commands of a robot, with the history of this user."""
+    from ground.app.commands.runner import CommandRunner
+    from ground.console.history import History
+
+    common = replace(common, robot=link.robot)
+    history = History(state_folder() / "history")
+    commands = CommandRunner(lambda: station, link.bus, common, clock, history)
+    commands.hints = key_hints(keymap)
+    return commands
 
 
 def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
