@@ -25,13 +25,17 @@ NO_PASSWORD: Final = ""
 
 
 class CertificateStatus(NamedTuple):
-    """Common name, expiry, and why others reject the certificate: empty if they do not."""
+    """Common name, expiry, and why others reject the certificate: empty if they do not.
+
+    `is_early`: they reject it because it is not valid yet.
+    """
 
     name: str
     until_s: float | None = None
     """Expiry in seconds since 1970; None if unknown."""
 
     trouble: str = ""
+    is_early: bool = False
 
 
 def own_certificate(tls: Tls) -> CertificateStatus:
@@ -49,7 +53,8 @@ def own_certificate(tls: Tls) -> CertificateStatus:
     when = f"is not valid before {seen['notBefore']}"
     if code == EXPIRED:
         when = f"expired at {seen['notAfter']}"
-    return status_of(seen)._replace(trouble=f"{tls.certificate} {when}")
+    trouble = f"{tls.certificate} {when}"
+    return status_of(seen)._replace(trouble=trouble, is_early=code == NOT_YET_VALID)
 
 
 def holder(tls: Tls | None, role: Role | None, robot: str) -> str | None:

@@ -18,6 +18,8 @@ HANDSHAKE_S: Final = 1.5
 MAKE_NEW: Final = "make a new set with `sidestep keys new`, or use the one of that authority"
 RENEW: Final = "run `sidestep keys new` again"
 """For a certificate that has expired or expires soon."""
+WAIT: Final = "set the clock of this computer, or wait until the certificate is valid"
+"""For a certificate that is not valid yet."""
 EXPIRES_SOON: Final = timedelta(days=30)
 """Remaining validity below which a certificate is reported."""
 EXPIRED_THERE: Final = (9, 10)
@@ -43,7 +45,9 @@ def remedy(own: CertificateStatus) -> str:
 
     The name of one that another authority has signed is empty.
     """
-    return RENEW if own.name else MAKE_NEW
+    if not own.name:
+        return MAKE_NEW
+    return WAIT if own.is_early else RENEW
 
 
 def peer_refusal(network: Network) -> AccessDeniedError | None:
@@ -145,7 +149,7 @@ def refused_by_peer(endpoint: str, tls: Tls, error: ssl.SSLError) -> AccessDenie
         return None
     seen = own_certificate(tls)
     why = f"the process at {endpoint} rejects this one: {complaint(seen, tls, reason)}"
-    return AccessDeniedError(why, MAKE_NEW)
+    return AccessDeniedError(why, remedy(seen) if seen.trouble else MAKE_NEW)
 
 
 def complaint(seen: CertificateStatus, tls: Tls, reason: str) -> str:

@@ -11,7 +11,7 @@ from ground.cli.main import main
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Hub, Network, Tls
 from protocol.bus.tls import certificate_advice
-from protocol.bus.tls.certificate_advice import NO_TLS
+from protocol.bus.tls.certificate_advice import NO_TLS, RENEW, WAIT
 from protocol.topics import Role
 from runtime.errors import AccessDeniedError, KeysError, PeerHangsError, UserError
 from tests.support.keyring import Keyring
@@ -56,12 +56,16 @@ def test_valid_certificate_is_accepted(ring: Keyring) -> None:
 
 def test_an_expired_certificate_is_named_with_its_end(ring: Keyring) -> None:
     tls = ring.expired("ground")
-    assert f"{tls.certificate} expired at" in refusal(ring, tls).why
+    refused = refusal(ring, tls)
+    assert f"{tls.certificate} expired at" in refused.why
+    assert refused.do == RENEW
 
 
 def test_future_certificate_error_names_its_start(ring: Keyring) -> None:
     tls = ring.early("ground")
-    assert f"{tls.certificate} is not valid before" in refusal(ring, tls).why
+    refused = refusal(ring, tls)
+    assert f"{tls.certificate} is not valid before" in refused.why
+    assert refused.do == WAIT
 
 
 def test_another_authority_is_named(ring: Keyring, tmp_path: Path) -> None:

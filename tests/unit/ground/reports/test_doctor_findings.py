@@ -9,7 +9,7 @@ import pytest
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.tls.certificate import CertificateStatus
-from protocol.bus.tls.certificate_advice import MAKE_NEW, RENEW
+from protocol.bus.tls.certificate_advice import MAKE_NEW, RENEW, WAIT
 from protocol.topics import CLOCK, HEARTBEAT, MISSION, OPERATOR, SONAR, TEXT, TOPICS, Role, Topic
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
@@ -189,16 +189,17 @@ def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, w
 
 
 @pytest.mark.parametrize(
-    ("name", "trouble", "advice"),
+    ("name", "trouble", "is_early", "advice"),
     [
-        ("ground", "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT", RENEW),
-        ("", "/keys/ground.pem is not signed by /keys/ca.pem", MAKE_NEW),
+        ("ground", "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT", False, RENEW),
+        ("ground", "/keys/ground.pem is not valid before Jan 1 2099 GMT", True, WAIT),
+        ("", "/keys/ground.pem is not signed by /keys/ca.pem", False, MAKE_NEW),
     ],
 )
 def test_rejected_certificate_is_reported_with_its_remedy(
-    name: str, trouble: str, advice: str
+    name: str, trouble: str, is_early: bool, advice: str
 ) -> None:
-    own = CertificateStatus(name, 1.0, trouble)
+    own = CertificateStatus(name, 1.0, trouble, is_early)
     report = examine(replace(seen(), certified=own))
     assert not report.healthy
     assert [(found.what, found.do) for found in report.findings] == [(trouble, advice)]
