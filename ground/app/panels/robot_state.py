@@ -7,7 +7,7 @@ from ground.app.panels.aged import aged, live, number, role_of
 from ground.app.panels.health import health_rows
 from ground.app.panels.mission import draft_rows, mission_rows
 from ground.app.panels.progress import progress_rows
-from ground.app.panels.sentence import Sentence
+from ground.app.panels.sentence import RENEWED_NS, Sentence
 from ground.app.panels.sonar import sonar_rows
 from ground.app.widgets.rows import Row, Span, cut, head, row
 from ground.app.widgets.sparklines import spark_rows
@@ -66,6 +66,7 @@ class SidePanel:
 
     def __init__(self) -> None:
         self._sentence = Sentence()
+        self._sparks: tuple[object, list[Row]] = (None, [])
 
     def rows(
         self, station: Station, height: int, width: int, *, recording: str = "", draft: int = 0
@@ -80,7 +81,7 @@ class SidePanel:
             self._sentence.rows(station, width, form.sentence),
             progress_rows(station, width),
             place,
-            spark_rows(station, width, form.sparks),
+            self._spark_rows(station, width, form.sparks),
             sonar_rows(station, width, form.bars),
             mission if form.mission else [],
             health_rows(station, recording, width),
@@ -91,6 +92,13 @@ class SidePanel:
                 rows.append(row(Span(RULE * width, "rule")))
             rows += part
         return [cut(one, width) for one in rows[:height]]
+
+    def _spark_rows(self, station: Station, width: int, most: int) -> list[Row]:
+        """Return the sparklines, renewed twice a second: they read a minute of values."""
+        key = station.robot, id(station), width, most, station.now_ns // RENEWED_NS
+        if key != self._sparks[0]:
+            self._sparks = key, spark_rows(station, width, most)
+        return self._sparks[1]
 
     def fitting(self, station: Station, height: int, draft: int) -> int:
         """Return the rows of the largest form that fits into `height` rows."""

@@ -24,7 +24,8 @@ def test_drive_screen_shows_pose_and_state() -> None:
             side = stage.words("side")
             assert "4.12   2.84    30° ±45 mm" in side
             assert "AVOIDING" in side
-            assert ".08!" in side
+            assert "0.08" in side
+            assert "!!" in side
             assert "dead" in side
             assert "us" not in side.split()
             assert stage.words("status").startswith("● r1 ▸ GUIDED ▸ ARMED  vgm/left")
