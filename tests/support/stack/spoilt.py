@@ -7,12 +7,16 @@ from typing import Any, Final
 
 from runtime.cli.verb_lookup import find
 
-START: Final = (
-    "import sys; sys.path.insert(0, sys.argv.pop(1));"
-    " from tests.support.stack.spoilt import spoil; spoil({folder!r}, sys.argv[2:]);"
-    " from ground.launch.child_command import main; sys.exit(main(sys.argv[1:]))"
-)
-"""In place of the one in `ground.launch.child_command`."""
+ROOT: Final = Path(__file__).parents[3]
+SCRIPT: Final = """
+import sys
+sys.path.insert(0, {root!r})
+from tests.support.stack.spoilt import spoil
+spoil({folder!r}, sys.argv[2:])
+from ground.launch.child_command import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""In place of ground/launch/sidestep_process.py."""
 
 
 class Sabotage:
@@ -22,8 +26,11 @@ class Sabotage:
         self._folder = folder
 
     @property
-    def start(self) -> str:
-        return START.format(folder=str(self._folder))
+    def start(self) -> Path:
+        """The script that starts a process which looks for the files."""
+        script = self._folder / "sabotaged_process.py"
+        script.write_text(SCRIPT.format(root=str(ROOT), folder=str(self._folder)))
+        return script
 
     def hang(self, verb: str) -> None:
         """Hang until the process is killed; threads of libraries continue."""
