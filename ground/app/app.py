@@ -32,7 +32,7 @@ from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.stops.alerts import Alerts
-from ground.app.stops.band import Band, BandKeys, stop_band
+from ground.app.stops.band import Band, BandKeys, is_in_emergency_stop, stop_band
 from ground.app.textual_themes import THEMES
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
@@ -344,6 +344,14 @@ class GroundApp(App[int]):
         """Select a robot of the roster, and redraw."""
         self.station.select(robot)
         self.redraw()
+
+    async def action_clicked(self, action: str) -> None:
+        """Run the action of a click; in an emergency stop, none that commands the robot."""
+        moving = {f"do('{key.id}')" for key in self._keymap_in_force.keys if key.may_move}
+        if action in moving and is_in_emergency_stop(self.station):
+            self.note("in an emergency stop the robot is commanded by keys only")
+            return
+        await self.run_action(action)
 
     def action_do(self, id: str) -> None:
         """Run the action with this id, and redraw."""

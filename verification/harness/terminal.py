@@ -20,7 +20,7 @@ CHUNK: Final = 65_536
 SLOW_READ_S: Final = 0.05
 ENDS_WITHIN_S: Final = 10.0
 QUIET: Final = "\x11"
-"""ctrl+q, which quits the ground station on every screen."""
+"""ctrl+q, which quits the ground station on every screen; twice while a robot drives."""
 USUAL: Final[Mapping[str, str]] = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
 UNWANTED: Final = ("NO_COLOR", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
@@ -87,7 +87,7 @@ class Terminal:
 
     def __exit__(self, *_: object) -> None:
         self._pause_s, self._chunk = 0.0, CHUNK
-        self.type(QUIET)
+        self.type(QUIET + QUIET)
         try:
             self._process.wait(ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:

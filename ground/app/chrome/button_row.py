@@ -49,4 +49,4 @@ class ButtonRow(Lines):
         event.stop()
         action = self.action_at(event.x)
         if action:
-            await self.app.run_action(action)
+            await self.app.run_action(f"clicked({action!r})")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from ground.app.chrome.help_pane import show_help
 from ground.app.chrome.next_keys import mission_is_ready, unsent
 from ground.app.chrome.pictures import saved_picture
+from ground.app.commands.leaving import Leaving
 from ground.app.commands.sharing import share_run
 from ground.app.commands.stop_keys import StopKeys
 from ground.app.panels.status import NAMES as NAVIGATOR_NAMES
@@ -49,6 +50,7 @@ class RobotKeys:
     def __init__(self, app: "GroundApp") -> None:
         self._app = app
         self._stop_keys = StopKeys(app)
+        self._leaving = Leaving(app)
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions by id."""
@@ -73,7 +75,8 @@ class RobotKeys:
             "shot": self.save_screenshot,
             "share": self.share,
             "theme": self.next_theme,
-            "quit": partial(app.exit, 0),
+            "quit": self._leaving.quit,
+            "quit-hint": self._leaving.explain,
         }
 
     def choose_mode(self) -> None:

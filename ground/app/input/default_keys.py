@@ -38,6 +38,15 @@ class KeyBinding(NamedTuple):
     layer: Layer
     short: str = ""
 
+    @property
+    def may_move(self) -> bool:
+        """True if it can move a robot, release its emergency stop, or replace the robot."""
+        return self.layer in (Layer.CURSOR, Layer.TELEOP, Layer.ROBOT) or self.id in MOVING
+
+
+MOVING: Final = ("teleop", "world-start", "fault-begin")
+"""Ids of keys that can move a robot, besides those of the layers that command it."""
+
 
 def _keys(layer: Layer, *rows: tuple[str, str, str, str]) -> tuple[KeyBinding, ...]:
     return tuple(KeyBinding(row[0], tuple(row[1].split()), row[2], layer, row[3]) for row in rows)
@@ -218,5 +227,6 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("shot", "Y", "save the screen as an SVG", ""),
         ("share", "Z", "put the run into one .zip", ""),
         ("theme", "T", "next theme", ""),
+        ("quit-hint", "q ctrl+c", "say which key leaves", ""),
     ),
 )

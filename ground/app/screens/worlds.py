@@ -9,6 +9,7 @@ from typing import Any, Final
 from textual.app import ComposeResult
 from textual.containers import Horizontal, Vertical
 
+from ground.app.commands.second_press import SecondPress
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
 from ground.app.lists.table import Column, Table
@@ -27,6 +28,7 @@ from ground.map.scene import MapScene
 from ground.station.scene import preview_of
 from ground.station.world import parse_world
 
+START_WITHIN_S: Final = 3.0
 REACHED: Final = "reached of 10 seeds: "
 RESTARTS: Final = "s: stop this run and start the selected world"
 NOT_OURS: Final = "this app did not start the processes, so it cannot restart them"
@@ -44,6 +46,7 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         self._scenes: dict[str, MapScene] = {}
         self._asked: set[str] = set()
         self._reached: Reached = {}
+        self._starting = SecondPress(lambda: interface.station.time_s, START_WITHIN_S)
 
     def compose_content(self) -> ComposeResult:
         """Compose heading, list, preview and facts."""
@@ -134,6 +137,11 @@ class WorldsScreen(ListScreen[Mapping[str, str]]):
         stack, name = self.interface.stack, self.chosen_world["name"]
         if stack is None:
             self.interface.note(f"{NOT_OURS}; in another terminal: sidestep up --world {name}")
+        elif name and not self._starting.is_second(name):
+            key = self.interface.key_shown("world-start")
+            self.interface.note(
+                f"press {key} again within {START_WITHIN_S:g} s to stop this run and start {name}"
+            )
         elif name:
             self.interface.note(f"reading world {name}")
             self.interface.run_in_background(partial(stack.scenario_in, name), self.start)

@@ -82,6 +82,10 @@ class Alerts:
             self._app.clear_notifications()
             shown = self._alerts.keys()
         for kind, cause in shown:
+            if kind is not EventKind.REACHED and self._alerts[kind, cause].robots == (
+                self._app.station.robot,
+            ):
+                continue  # the band across the screen has it
             words = f"{names_of(self._alerts[kind, cause].robots)} {kind.value}"
             text = f"{words}: {cause}" if cause else words
             self._app.notify(text, severity=SEVERITIES[kind], timeout=SHOWN_S, markup=False)

@@ -69,6 +69,13 @@ def stop_band(
     return Band(others)
 
 
+def is_in_emergency_stop(station: Station) -> bool:
+    """Return whether the selected robot shows an emergency stop, or one is being sent to it."""
+    status: NavigatorStatus | None = live(station.seen(STATUS))
+    shown = status is not None and status.vehicle == Vehicle.EMERGENCY_STOP
+    return shown or bool(station.stopping)
+
+
 def lost_in(station: Station, status: NavigatorStatus) -> LostDrive | None:
     """Return the drive that the selected robot has lost."""
     mission: MissionStatus | None = live(station.seen(MISSION))

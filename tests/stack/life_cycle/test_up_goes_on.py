@@ -164,7 +164,7 @@ def test_app_shows_which_process_was_restarted_and_why(clock: str, tmp_path: Pat
             "the plant of r1 has been restarted (1)",
             within_s=15.0,
         )
-        tmux.press("C-q")
+        tmux.press("C-q", "C-q")
         assert tmux.ends() == 0
 
 
@@ -179,7 +179,7 @@ def test_app_changes_the_world_and_drives_without_a_loss(clock: str, tmp_path: P
         tmux.shows("18 worlds", "shortest way")
         tmux.press("j", "j", "j")
         tmux.shows("One round obstacle", "disc  ")
-        tmux.press("s", "4")
+        tmux.press("s", "s", "4")
         tmux.shows("disc: to (5.400, 2.000)", within_s=20.0)
         tmux.press("1")
         shown = tmux.shows("disc: to (5.400, 2.000)", "AUTO ▸ ARMED", within_s=20.0)
@@ -187,5 +187,5 @@ def test_app_changes_the_world_and_drives_without_a_loss(clock: str, tmp_path: P
         tmux.press("4")
         log = tmux.shows("vehicle ACTIVE", "read: ready")
         assert not [words for words in ("DEAD", "disconnected", "restarted") if words in log]
-        tmux.press("C-q")
+        tmux.press("C-q", "C-q")
         assert tmux.ends() == 0

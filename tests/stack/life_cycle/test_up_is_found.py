@@ -60,7 +60,7 @@ def test_the_app_prints_outcome_and_recording_when_it_is_left(tmp_path: Path) ->
     words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--world", "open"]
     with Tmux(tmp_path, words, (110, 30)) as tmux:
         tmux.shows("pose", "AUTO")
-        tmux.press("C-q")
+        tmux.press("C-q", "C-q")
         assert tmux.ends() == 0
         screen = tmux.shows("recording:", "sidestep replay")
         assert "r1: was driving to (5.400, 2.000)" in screen

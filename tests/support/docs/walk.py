@@ -27,8 +27,10 @@ PAGES: Final = (
 )
 MACHINE: Final = """apt-get -qq update && apt-get -qq install -y git sudo && useradd -m newcomer
 echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >/etc/sudoers.d/newcomer"""
-SCREEN: Final = "(sleep 15; printf '\\021') | script -qec '{}' /dev/null >/dev/null"
-"""Run a command in a terminal, and press ctrl+q after 15 s."""
+SCREEN: Final = (
+    "(sleep 15; printf '\\021'; sleep 1; printf '\\021') | script -qec '{}' /dev/null >/dev/null"
+)
+"""Run a command in a terminal, and press ctrl+q twice after 15 s: a robot may drive."""
 BACKGROUND: Final = "echo $$ >>/tmp/pids; exec {} >/tmp/{}.log 2>&1"
 END: Final = "test ! -e /tmp/pids || (kill -INT $(cat /tmp/pids); rm /tmp/pids)"
 

@@ -137,7 +137,7 @@ def test_filtered_world_is_the_one_that_starts() -> None:
         await stage.type("walker")
         await stage.press("enter")
         assert "1 of 2" in stage.words("heading")
-        await stage.press("s")
+        await stage.press("s", "s")
         assert stack.begun == ["wall"]
 
     play(lambda: on("6", stack, story))

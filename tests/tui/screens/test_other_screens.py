@@ -213,6 +213,10 @@ def test_another_world_starts_with_own_processes() -> None:
         assert stack.begun == []
         stage.commands.draft_items = (MapTarget(1.0, 2.0, None),)
         await stage.press("s")
+        assert "press s again within 3 s to stop this run and start wall" in stage.log()
+        await stage.press("up", "s", "down", "s")
+        assert stack.begun == []
+        await stage.press("s")
         assert (stack.begun, stack.driven) == (["wall"], ["wall"])
         assert stage.station.begun_again == 1
         assert len(stage.commands.draft_items) == 0

@@ -58,10 +58,7 @@ def test_bell_rings_once_for_each_stop() -> None:
             assert ear.rings == 2
             show(stage, "r1", stopped_status(Vehicle.STANDBY, now_ns))
             assert ear.rings == 2
-            assert ear.messages == [
-                "r1 FAILSAFE: control loop too slow (computer busy)",
-                "r1 EMERGENCY STOP: by the operator",
-            ]
+            assert ear.messages == []  # the band has it
 
     play(story)
 
@@ -163,7 +160,7 @@ def test_quiet_bell_shows_the_message_only() -> None:
         app = GroundApp(station, FakeCommandSink(), None, Appearance(quiet_bell=True, hz=0.0))
         async with app.run_test(size=(80, 24)) as pilot:
             stage, ear = Stage(app, pilot, station, FakeCommandSink()), Ear(app)
-            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, station.now_ns))
+            show(stage, "r2", stopped_status(Vehicle.FAILSAFE, station.now_ns))
             assert ear.rings == 0
             assert len(ear.messages) == 1
 
@@ -174,7 +171,7 @@ def test_small_terminal_rings_without_a_message() -> None:
     async def story() -> None:
         async with staged((40, 12)) as stage:
             ear = Ear(stage.app)
-            show(stage, "r1", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
+            show(stage, "r2", stopped_status(Vehicle.FAILSAFE, stage.station.now_ns))
             assert (ear.rings, ear.messages) == (1, [])
 
     play(story)
