@@ -77,6 +77,10 @@ BENCHMARKS = {
         "benchmarks.ground_station.main",
         "the app on a terminal: CPU, bytes, first paint, key to robot, a flood of log lines",
     ),
+    "stop_all": BenchmarkEntry(
+        "benchmarks.ground_station.stop_all",
+        "stop of all robots: key in the terminal to the last wheel standing",
+    ),
     "restarts": BenchmarkEntry(
         "verification.restarts",
         "time from killing a process of `up` until robot and plant publish again",

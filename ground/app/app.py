@@ -346,12 +346,22 @@ class GroundApp(App[int]):
         self.redraw()
 
     async def action_clicked(self, action: str) -> None:
-        """Run the action of a click; in an emergency stop, none that commands the robot."""
+        """Run the action of a click; in an emergency stop, none that may move the robot."""
         moving = {f"do('{key.id}')" for key in self._keymap_in_force.keys if key.may_move}
-        if action in moving and is_in_emergency_stop(self.station):
+        if action not in moving or not self._is_held_back():
+            await self.run_action(action)
+
+    def run_chosen(self, id: str) -> None:
+        """Run an action chosen from a list; in an emergency stop, none that may move the robot."""
+        if not (self._keymap_in_force[id].may_move and self._is_held_back()):
+            self.action_do(id)
+
+    def _is_held_back(self) -> bool:
+        """Return whether an emergency stop holds the robot, and say so."""
+        held = is_in_emergency_stop(self.station)
+        if held:
             self.note("in an emergency stop the robot is commanded by keys only")
-            return
-        await self.run_action(action)
+        return held
 
     def action_do(self, id: str) -> None:
         """Run the action with this id, and redraw."""

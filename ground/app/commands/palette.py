@@ -59,7 +59,7 @@ class CommandPalette(Provider):
         keys.sort(key=lambda key: first.index(key.id) if key.id in first else len(first))
         for key in keys:
             words = f"{shown(key.keys)}   {key.description}"
-            yield PaletteEntry(key.id.replace("-", " "), partial(app.action_do, key.id), words)
+            yield PaletteEntry(key.id.replace("-", " "), partial(app.run_chosen, key.id), words)
         for name in THEMES:
             set_theme = partial(app.commands.perform, SetTheme(name))
             yield PaletteEntry(f"theme {name}", set_theme, "colours")

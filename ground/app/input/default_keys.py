@@ -44,7 +44,7 @@ class KeyBinding(NamedTuple):
         return self.layer in (Layer.CURSOR, Layer.TELEOP, Layer.ROBOT) or self.id in MOVING
 
 
-MOVING: Final = ("teleop", "world-start", "fault-begin")
+MOVING: Final = ("clear-estop", "teleop", "world-start", "fault-begin")
 """Ids of keys that can move a robot, besides those of the layers that command it."""
 
 
