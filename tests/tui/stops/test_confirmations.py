@@ -13,7 +13,6 @@ from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import entry, stopped
 from tests.support.tui.underway import driving, status
 
-
 KEY_BAR = [(x, 23) for x in range(14, 120, 7)]
 """Places on the key bar, without those of the stop key."""
 
