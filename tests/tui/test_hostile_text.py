@@ -8,6 +8,7 @@ from textual.color import Color
 
 from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
+from ground.console.completion import Assistance, Candidate
 from ground.station.link.loss import Loss, LossKind
 from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import LeaseView
@@ -62,7 +63,8 @@ def worlds(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("worlds")
 def test_no_screen_shows_a_control_character(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FakeCommandSink, "complete", lambda _self, _text: [f"g{TEXT}"])
+    offered = Assistance((Candidate(f"g{TEXT}", f"g{TEXT}", f"meaning {TEXT}"),), f"hint {TEXT}")
+    monkeypatch.setattr(FakeCommandSink, "assist", lambda _self, _text: offered)
 
     async def story() -> None:
         async with staged((120, 40), station=hostile()) as stage:
