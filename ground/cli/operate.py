@@ -5,9 +5,10 @@ from functools import partial
 from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.link import UnansweredError, open_link
-from ground.client.operations import Session
+from ground.client.operations import Operation, Session
+from ground.client.operations.commands import PlainCommand
 from ground.client.operations.floor import floor_of
-from ground.client.results import Outcome
+from ground.client.results import Accepted, Outcome
 from ground.grammar.looking import WatchWords
 from ground.grammar.words import FromFile, Offline, Words
 from ground.reports.doctor import Diagnose
@@ -30,12 +31,8 @@ def run(words: Words, output: Output) -> int:
     common = common_of(words, output)
     try:
         with open_link(common) as link:
-            return print_outcome(
-                output,
-                words,
-                link.robot,
-                operation.perform(Session(link, output, floor=partial(floor_of, link))),
-            )
+            outcome = operation.perform(Session(link, output, floor=partial(floor_of, link)))
+            return print_outcome(output, words, link.robot, outcome, effect_of(operation, outcome))
     except UnansweredError as error:
         if (instead := words.without_robot()) is not None:
             output.note(f"no robot answers at {common.endpoint}: this is the newest recording")
@@ -54,10 +51,22 @@ def run_offline(operation: Offline, words: Words, output: Output) -> int:
     return print_outcome(output, words, "", operation.run(output))
 
 
-def print_outcome(output: Output, words: Words, robot: str, outcome: Outcome) -> int:
-    """Print the outcome; a table that went to standard output is the result already."""
+def effect_of(operation: Operation[Outcome], outcome: Outcome) -> str:
+    """Return what is so after an accepted command, such as `: motors armed`."""
+    if isinstance(operation, PlainCommand) and type(outcome) is Accepted and operation.effect:
+        return f": {operation.effect}"
+    return ""
+
+
+def print_outcome(
+    output: Output, words: Words, robot: str, outcome: Outcome, effect: str = ""
+) -> int:
+    """Print the outcome; a table that went to standard output is the result already.
+
+    `effect` is added to the text for people.
+    """
     if isinstance(outcome, Exported) and outcome.out is None:
         output.note(outcome.text)
     else:
-        output.result(outcome.as_json(words.title, robot), outcome.text)
+        output.result(outcome.as_json(words.title, robot), outcome.text + effect)
     return 0 if outcome.ok else 1

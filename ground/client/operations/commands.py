@@ -30,11 +30,15 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlainCommand:
-    """One command; gives up after `timeout_s`; None: after the usual attempts."""
+    """One command; gives up after `timeout_s`; None: after the usual attempts.
+
+    `effect` is what is so when the robot has accepted it.
+    """
 
     verb: ClassVar[str]
     moves: ClassVar[bool] = True
     parts: ClassVar[Parts]
+    effect: ClassVar[str] = ""
     timeout_s: float | None = None
 
     def perform(self, session: Session) -> Answer:
@@ -53,6 +57,7 @@ class Hold(PlainCommand):
     """Stop and keep the goal."""
 
     verb = "hold"
+    effect = "holding, the goal is kept"
     moves = False
     parts = Parts(Command.DO_PAUSE_CONTINUE, 0.0)
 
@@ -62,6 +67,7 @@ class Resume(PlainCommand):
     """Continue to the goal, also to one that a failsafe, an emergency stop or an abort ended."""
 
     verb = "resume"
+    effect = "driving on"
     parts = Parts(Command.DO_PAUSE_CONTINUE, 1.0)
 
     def perform(self, session: Session) -> Answer:
@@ -77,6 +83,7 @@ class Abort(PlainCommand):
     """Cancel the goal and stop."""
 
     verb = "abort"
+    effect = "stopped, the goal is dropped"
     moves = False
     parts = Parts(Command.SIDESTEP_ABORT_GOAL)
 
@@ -86,6 +93,7 @@ class ReturnHome(PlainCommand):
     """Drive back along the robot's own trail."""
 
     verb = "rtl"
+    effect = "driving back along the trail"
     parts = Parts(Command.NAV_RETURN_TO_LAUNCH)
 
 
@@ -94,6 +102,7 @@ class Arm(PlainCommand):
     """Allow the wheels to turn."""
 
     verb = "arm"
+    effect = "motors armed"
     parts = Parts(Command.COMPONENT_ARM_DISARM, 1.0)
 
 
@@ -102,6 +111,7 @@ class Disarm(PlainCommand):
     """Block the wheels."""
 
     verb = "disarm"
+    effect = "motors disarmed"
     moves = False
     parts = Parts(Command.COMPONENT_ARM_DISARM, 0.0)
 
@@ -111,6 +121,7 @@ class ClearEmergencyStop(PlainCommand):
     """Release the emergency stop."""
 
     verb = "clear-estop"
+    effect = "emergency stop cleared"
     parts = Parts(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
 
 
@@ -119,6 +130,7 @@ class SetMode(PlainCommand):
     """Choose the mode."""
 
     verb = "mode"
+    effect = "mode set"
     mode: Mode
 
     def wire(self) -> Parts:
@@ -134,6 +146,7 @@ class SetNavigator(PlainCommand):
     """
 
     verb = "navigator"
+    effect = "navigator set"
     navigator: Navigator
     side: int = 0
 
