@@ -21,6 +21,7 @@ class NextKey(NamedTuple):
     presses: int = 1
 
 
+STOPS: Final = (Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE)
 CURSOR: Final = (
     NextKey("goal-at-cursor", "Go"),
     NextKey("waypoint", "Waypoint"),
@@ -84,5 +85,11 @@ def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, 
 
 
 def cursor_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, ...]:
-    """Return the keys of the cursor, with that of the mission behind the first two."""
+    """Return the keys of the cursor, with that of the mission behind the first two.
+
+    While the robot is stopped, the keys that lead out of the stop come instead.
+    """
+    status = live(station.seen(STATUS))
+    if isinstance(status, NavigatorStatus) and status.vehicle in STOPS:
+        return next_keys(station, draft)
     return (*CURSOR[:2], *mission_keys(station, draft), *CURSOR[2:])

@@ -61,6 +61,16 @@ def test_key_bar_follows_cursor_teleop_and_typing() -> None:
     play(story)
 
 
+def test_way_out_of_a_stop_comes_before_the_keys_of_the_cursor() -> None:
+    async def story() -> None:
+        station = station_in(Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD)
+        async with staged(station=station) as stage:
+            await stage.press("G")
+            assert stage.words("keybar").startswith(" space E-STOP  D D Clear E-STOP ")
+
+    play(story)
+
+
 def test_one_key_sends_starts_and_lists_the_mission() -> None:
     async def story() -> None:
         station = station_in(Vehicle.STANDBY, GoalState.NONE, Mode.HOLD)
