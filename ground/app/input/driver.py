@@ -22,6 +22,8 @@ TICK_S: Final = 0.1
 WEB: Final = "WebDriver"
 CHORD: Final = 2
 """A key is escape, or escape and a letter, even if Textual has no name for it."""
+ESCAPE_AND_STOP: Final = f"{ESCAPE} "
+"""Escape and space in quick succession: the one closes what is open, so that the other stops."""
 LONGEST_KNOWN: Final = 32
 """Textual splits a longer sequence, and one that contains an escape, into letters."""
 KEPT: Final = ("last_x", "last_y", "mouse_pixels", "terminal_size", "terminal_pixel_size")
@@ -110,6 +112,8 @@ class InputParser:
 
     def _parsed(self, key: str) -> list[Message]:
         """Return nothing for a sequence that Textual does not know or fails on."""
+        if key == ESCAPE_AND_STOP:
+            return [*self._parsed(ESCAPE), *self._parsed(key[1:])]
         if not key.startswith(ESCAPE):
             return list(self._parser.feed(key))
         found: list[Message] = []

@@ -3,6 +3,7 @@
 import pytest
 from textual import events
 
+from ground.app.input.driver import InputParser
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from tests.support.tui.pilot import Stage, play, staged
@@ -148,5 +149,21 @@ def test_space_stops_the_robot_during_teleop() -> None:
         async with staged() as stage:
             await stage.press("t", "up", "space")
             assert stage.station.stops == 1
+
+    play(story)
+
+
+@pytest.mark.parametrize("opening", ["colon", "m", "e"])
+def test_escape_and_a_quick_space_stop_the_robot(opening: str) -> None:
+    """A terminal sends both in one piece, as the bytes of alt and space."""
+
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press(opening)
+            for event in InputParser().feed("\x1b ", 0.0):
+                stage.app.post_message(event)
+                await stage.redraw()
+            assert stage.station.stops == 1
+            assert stage.commands.given == []
 
     play(story)
