@@ -101,7 +101,7 @@ def main(arguments: Sequence[str]) -> int:
         screens.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         state = f"XDG_STATE_HOME={folder} XDG_CONFIG_HOME={folder} PYTHONPATH={ROOT}"
-        command = f"env {state} {sys.executable} -m sidestep tutorial"
+        command = f"env -u COLUMNS -u LINES {state} {sys.executable} -m sidestep tutorial"
         window = Window(Path(folder), command)
         try:
             walk(window, screens)
