@@ -176,8 +176,8 @@ class AppScreen(Screen[None]):
 
     @property
     def typing(self) -> bool:
-        """True while the command line has the focus."""
-        return self.focused is self.command_line
+        """True while the command line has the focus; False before the screen has its widgets."""
+        return isinstance(self.focused, CommandLine)
 
     def key_layers(self) -> tuple[Layer, ...]:
         """Return the layers of keys that are active now."""

@@ -1,6 +1,6 @@
 """Test the Plots screen: chosen fields, pause, cursor and time axis."""
 
-from ground.app.screens.plots import TimeSpan, axis_row
+from ground.app.screens.plots import PlotsScreen, TimeSpan, axis_row
 from ground.app.widgets.rows import words_of
 from ground.station.history.message_series import MessageSeries, numeric_fields
 from protocol.topics import ODOMETRY, SONAR, STATUS
@@ -129,3 +129,15 @@ def test_time_axis_has_seconds_in_every_width() -> None:
             assert len(words_of(axis_row(span, width, columns))) <= max(width, 18)
     words = words_of(axis_row(span, 80, 1))
     assert (words.split(), len(words)) == (["-60", "s", "-30", "s", "0", "s"], 80)
+
+
+def test_keys_are_known_before_the_screen_has_its_widgets() -> None:
+    async def story() -> None:
+        async with staged(station=after_drive()) as stage:
+            shown = stage.app.base_screen
+            assert shown
+            screen = PlotsScreen(shown.interface)
+            assert not screen.typing
+            assert screen.key_layers()
+
+    play(story)
