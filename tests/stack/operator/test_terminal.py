@@ -29,6 +29,7 @@ SIDESTEP = Path(__file__).parents[3] / "sidestep.py"
 USUAL = (80, 24)
 READY = "read: ready"
 KEYS = "ctrl+p Palette  ? Help"
+FIRST_KEY = " space E-STOP  "
 GARBAGE = "goal 9 7\x07\r\nestop\t é✓\u202e{}[]'\"\\ $(reboot) `x` " + "A" * 3000
 STORM = ((81, 25), (40, 12), (1, 1), (120, 30), (200, 60), (20, 5), (79, 23), (3, 40))
 
@@ -97,9 +98,9 @@ def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
         tmux.shows(READY)
         drive_to_the_cursor(tmux)
         until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
-        choose_navigator(tmux, "bug1", "jj")
+        choose_navigator(tmux, "bug1")
         tmux.shows(" bug1/", "DRIVING")
-        tmux.shows("state REACHED", within_s=30.0)
+        tmux.shows("│REACHED  ", "goal REACHED", within_s=30.0)
         assert abs(witness.truth.x_m - 2.2) < 0.15
         stop_at_once(tmux, witness)
         fly(tmux)
@@ -118,11 +119,14 @@ def drive_to_the_cursor(tmux: Tmux) -> None:
     tmux.shows("GUIDED", " ARMED")
 
 
-def choose_navigator(tmux: Tmux, name: str = "vgm", steps: str = "j") -> None:
-    """Choose a navigator from the list, the second one by default."""
+def choose_navigator(tmux: Tmux, name: str) -> None:
+    """Choose a navigator by a filter of the menu, which begins at the one in force."""
     tmux.press("v")
-    tmux.shows("navigator", name)
-    tmux.press(*steps, "Enter")
+    tmux.shows("│ navigator ", f" {name} ", "/ filters")
+    tmux.press("/")
+    tmux.type(name)
+    tmux.press("Enter")
+    tmux.shows(f"navigator {name}: ok")
 
 
 def stop_at_once(tmux: Tmux, witness: Witness) -> None:
@@ -131,12 +135,12 @@ def stop_at_once(tmux: Tmux, witness: Witness) -> None:
     tmux.press("Enter")
     until(lambda: witness.truth.speed_m_s > 0.2, what="driving")
     tmux.press("Space")
-    tmux.shows("E-STOP acknowledged", "state EMERGENCY STOP")
+    tmux.shows("▸ E-STOP ", "EMERGENCY STOP r1", "by you", "E-STOP acknowledged by r1")
     until(witness.standing, what="standing")
     tmux.press("D")
-    tmux.shows("press again")
+    tmux.shows("press D again")
     tmux.press("D")
-    tmux.shows("DISARMED")
+    tmux.shows("▸ DISARMED", "clear-estop: ok")
 
 
 def fly(tmux: Tmux) -> None:
@@ -194,7 +198,7 @@ def test_a_storm_of_sizes_leaves_it_as_it_was(own_stack: Simulated, tmp_path: Pa
         for _, size in zip(range(80), cycle(STORM), strict=False):
             tmux.resize(*size)
         tmux.resize(*USUAL)
-        screen = tmux.shows(READY, KEYS, "pose    0.60   2.00")
+        screen = tmux.shows(READY, KEYS, "pose   0.60   2.00")
         assert len(screen.splitlines()) == USUAL[1]
         drive_to_the_cursor(tmux)
 
@@ -236,7 +240,7 @@ def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
         tmux.shows("E-STOP acknowledged", within_s=10.0)
         tmux.press("4")
         screen = tmux.shows("Severity", "E-STOP acknowledged")
-        for word in ("arm", "rtl", "press again"):
+        for word in ("arm", "rtl", "press D", "clear-estop"):
             assert f"ground {word}" not in screen
 
 
@@ -261,8 +265,8 @@ def test_nothing_but_the_app_writes_to_the_terminal(own_stack: Simulated, tmp_pa
     with opened(own_stack, tmp_path) as tmux:
         before = tmux.shows(READY, KEYS)
         own_stack.robot.send(signal.SIGKILL)
-        tmux.shows("ROBOT DEAD", within_s=20.0)
-        assert frame(tmux.screen) == frame(before)
+        dead = tmux.shows("ROBOT DEAD", within_s=20.0)
+        assert frame(dead) == frame(before)
         tmux.resize(81, 24)
         tmux.resize(*USUAL)
         tmux.shows(KEYS)
@@ -276,6 +280,10 @@ def vehicle(witness: Witness) -> str:
 
 
 def frame(screen: str) -> list[str]:
-    """Return the constant parts of the screen: the rule above the log, the prompt, the keys."""
+    """Return the constant parts of the screen: the rule above the log, the prompt, both ends of
+    the keys, between which are those that are of use now.
+    """
     lines = screen.splitlines()
-    return [lines[at] for at in (-7, -2, -1)]
+    rule, prompt, keys = (lines[at] for at in (-6, -2, -1))
+    assert set(rule) == {"─"}
+    return [rule, prompt, keys[: len(FIRST_KEY)], keys[-len(KEYS) :]]
