@@ -96,7 +96,7 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                job = partial(self._done_undoably, command, line)
+                job = partial(self._done, command, line)
                 self._station.submit(line, job, moves=command.moves)
 
     def is_local(self, line: str) -> bool:
@@ -158,13 +158,18 @@ class CommandRunner:
         self._stick = None
         self.perform(SetMode(mode=Mode.HOLD))
 
-    def _done(self, operation: Operation[Outcome]) -> JobResult:
+    def _done(self, operation: Operation[Outcome], line: str = "") -> JobResult:
         """Perform an operation in another thread.
 
-        It has its own link, so that request ids are unique.
+        It has its own link, so that request ids are unique. With the `line` that was typed, it can
+        be taken back.
         """
+        robot, parameters = self._station.robot, self._station.parameters or ()
         session = Session(self._link(), attended=True, floor=self._floor)
+        back = inverse_of(operation, parameters, session) if line else None
         outcome = operation.perform(session)
+        if outcome.ok and back is not None:
+            self._undo_list.add(Change(robot, line, back))
         text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)
 
@@ -172,16 +177,6 @@ class CommandRunner:
         """Return the floor of the robot's world, if it is known."""
         world = self._station.world
         return None if world is None else floor_in(world.text)
-
-    def _done_undoably(self, operation: Operation[Outcome], line: str) -> JobResult:
-        """Perform an operation, and remember how to take it back."""
-        robot, parameters = self._station.robot, self._station.parameters or ()
-        session = Session(self._link(), attended=True)
-        back = inverse_of(operation, parameters, session)
-        outcome = self._done(operation)
-        if outcome.ok and back is not None:
-            self._undo_list.add(Change(robot, line, back))
-        return outcome
 
     def _take_back(self) -> str:
         """Take back the last change; a refused one can be taken back again."""

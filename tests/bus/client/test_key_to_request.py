@@ -70,4 +70,4 @@ def test_key_reaches_the_bus_in_fifteen_calls(monkeypatch: pytest.MonkeyPatch) -
         asyncio.run(press())
         seen.until(lambda: not seen.station.busy)
     assert to_thread
-    assert len(to_thread) + len(to_bus) <= LIMIT, to_thread + to_bus
+    assert len(to_thread) + len(to_bus) <= LIMIT, " ".join(to_thread + to_bus)
