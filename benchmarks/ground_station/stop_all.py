@@ -18,6 +18,7 @@ from protocol.topics import TRUTH, Role
 from protocol.wire.codec import decode
 from protocol.wire.messages import GroundTruth
 from runtime.clock import WallClock
+from runtime.units import NS_PER_S
 from verification.harness.figures import Figure, Report
 from verification.harness.motion import Seen, standing_from, stood_s
 from verification.harness.terminal import Terminal
@@ -64,7 +65,9 @@ class Wheels:
         """Return the motion of each robot from a moment on, with times since then."""
         with self._lock:
             return {
-                robot: [Seen((at - pressed_ns) / 1e9, one) for at, one in seen if at > pressed_ns]
+                robot: [
+                    Seen((at - pressed_ns) / NS_PER_S, one) for at, one in seen if at > pressed_ns
+                ]
                 for robot, seen in self._seen.items()
             }
 
