@@ -1,6 +1,7 @@
 """Verbs over a real bus: each command returns a reason, or an error that names the missing peer."""
 
 import json
+import re
 
 import pytest
 
@@ -15,18 +16,24 @@ from tests.support.bus.robots import PlayedRobot, Say
 
 
 @pytest.mark.parametrize(
-    ("words", "command", "param1", "param2"),
+    ("words", "command", "param1", "param2", "effect"),
     [
-        (("hold",), Command.DO_PAUSE_CONTINUE, 0.0, 0.0),
-        (("resume",), Command.DO_PAUSE_CONTINUE, 1.0, 0.0),
-        (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0, 0.0),
-        (("clear-estop",), Command.SIDESTEP_CLEAR_EMERGENCY_STOP, 0.0, 0.0),
-        (("arm",), Command.COMPONENT_ARM_DISARM, 1.0, 0.0),
-        (("disarm",), Command.COMPONENT_ARM_DISARM, 0.0, 0.0),
-        (("rtl",), Command.NAV_RETURN_TO_LAUNCH, 0.0, 0.0),
-        (("mode", "AUTO"), Command.DO_SET_MODE, 1.0, float(Mode.AUTO)),
-        (("navigator", "bug", "right"), Command.SIDESTEP_SET_NAVIGATOR, 1.0, -1.0),
-        (("navigator", "vgm"), Command.SIDESTEP_SET_NAVIGATOR, 2.0, 0.0),
+        (("hold",), Command.DO_PAUSE_CONTINUE, 0.0, 0.0, "holding, the goal is kept"),
+        (("resume",), Command.DO_PAUSE_CONTINUE, 1.0, 0.0, "driving on"),
+        (("abort",), Command.SIDESTEP_ABORT_GOAL, 0.0, 0.0, "stopped, the goal is dropped"),
+        (
+            ("clear-estop",),
+            Command.SIDESTEP_CLEAR_EMERGENCY_STOP,
+            0.0,
+            0.0,
+            "emergency stop cleared",
+        ),
+        (("arm",), Command.COMPONENT_ARM_DISARM, 1.0, 0.0, "motors armed"),
+        (("disarm",), Command.COMPONENT_ARM_DISARM, 0.0, 0.0, "motors disarmed"),
+        (("rtl",), Command.NAV_RETURN_TO_LAUNCH, 0.0, 0.0, "driving back along the trail"),
+        (("mode", "AUTO"), Command.DO_SET_MODE, 1.0, float(Mode.AUTO), "mode set"),
+        (("navigator", "bug", "right"), Command.SIDESTEP_SET_NAVIGATOR, 1.0, -1.0, "navigator set"),
+        (("navigator", "vgm"), Command.SIDESTEP_SET_NAVIGATOR, 2.0, 0.0, "navigator set"),
     ],
 )
 def test_each_verb_sends_its_command_and_prints_the_answer(
@@ -36,11 +43,11 @@ def test_each_verb_sends_its_command_and_prints_the_answer(
     command: Command,
     param1: float,
     param2: float,
+    effect: str,
 ) -> None:
     code, out, err = say(*words)
     assert code == 0
-    assert out.startswith("ok ")
-    assert out.endswith(" ms\n")
+    assert re.fullmatch(rf"ok \d+ ms: {effect}\n", out)
     assert err == ""
     (asked,) = set(robot.asked)  # a busy machine repeats it
     assert isinstance(asked, CommandRequest)
