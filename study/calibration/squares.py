@@ -57,7 +57,7 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Squar
     """Drive one square from the present pose, with an odometry that starts at zero."""
     turn = 1.0 if direction == CCW else -1.0
     begun = plant.truth()
-    driver = SquareDriver(plant, CoreLoop(params, Pose(0.0, 0.0, 0.0)))
+    driver = SquareDriver(plant, CoreLoop(params, Pose(0.0, 0.0, 0.0), totals_of(plant)))
     for k, (x, y) in enumerate(CORNERS):
         driver.go(side_m * x, turn * side_m * y, wrap(turn * radians(90.0) * (k + 1)))
     ended = plant.truth()
@@ -66,6 +66,14 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Squar
     heading_rad = wrap(ended.heading_rad - begun.heading_rad)
     measured = Pose(cosine * dx_m + sine * dy_m, cosine * dy_m - sine * dx_m, heading_rad)
     return SquareRun(direction=direction, ticks=driver.ticks, measured=measured)
+
+
+def totals_of(plant: Plant) -> tuple[int, int]:
+    """Return the encoder counters now, which belong to the start of the next square."""
+    wheels, _ = plant.senses()
+    if wheels is None:
+        raise SquareError("the plant sent no wheel ticks")
+    return wheels.left, wheels.right
 
 
 class SquareDriver:
