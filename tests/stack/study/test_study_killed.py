@@ -226,7 +226,7 @@ def test_a_shard_spoilt_meanwhile_is_set_aside_and_run_again(
 
 def test_two_studies_in_one_place_do_not_mix(tmp_path: Path) -> None:
     with begun(tmp_path) as process:
-        until(lambda: workers(process), SOON_S, "a worker")
+        underway(process, tmp_path)
         second = subprocess.run(
             command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=False
         )
