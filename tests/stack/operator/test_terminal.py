@@ -1,5 +1,6 @@
 """The app in tmux beside real processes, driven by keys alone, and what a terminal may do to it."""
 
+import re
 import shutil
 import signal
 import sys
@@ -120,12 +121,11 @@ def drive_to_the_cursor(tmux: Tmux) -> None:
 
 
 def choose_navigator(tmux: Tmux, name: str) -> None:
-    """Choose a navigator by a filter of the menu, which begins at the one in force."""
+    """Choose a navigator by its number in the menu, which begins at the one in force."""
     tmux.press("v")
-    tmux.shows("│ navigator ", f" {name} ", "/ filters")
-    tmux.press("/")
-    tmux.type(name)
-    tmux.press("Enter")
+    numbered = re.search(rf"│ (\d) +{name} ", tmux.shows("│ navigator ", f" {name} ", "/ filters"))
+    assert numbered is not None
+    tmux.press(numbered[1])
     tmux.shows(f"navigator {name}: ok")
 
 
@@ -159,7 +159,7 @@ def fly(tmux: Tmux) -> None:
     ):
         tmux.type(f":{line}")
         tmux.press("Enter")
-        tmux.shows(answer)
+        tmux.shows(f"ground {line}: ", answer)
 
 
 @pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "linux"}, {"LC_ALL": "C"}])
