@@ -27,7 +27,7 @@ from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.input.keymap import Keymap, shown
 from ground.app.input.textual_bindings import bindings_of
-from ground.app.panels.status import SessionInfo
+from ground.app.panels.status import SIMULATION, SessionInfo
 from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.app_screen import Action, AppScreen
@@ -38,7 +38,7 @@ from ground.app.widgets.printable import Printable
 from ground.client.telemetry import Age
 from ground.client.time_factor import TimeFactor
 from ground.station.station import Station
-from protocol.topics import HEARTBEAT, TRUTH
+from protocol.topics import HEARTBEAT, TRUTH, Role
 from protocol.wire.enums import Severity
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ class GroundApp(App[int]):
             return SessionInfo(kind="REPLAY")
         words = "" if self.recording is None else self.recording.words
         if self._station.world is None:
-            return SessionInfo(recording=words)
+            return SessionInfo(self._kind_without_world(self._station), words)
         factor, now_ns = self._time_factor, self._station.now_ns
         return SessionInfo(factor.words(now_ns), words, factor.hint(now_ns))
 
@@ -167,6 +167,12 @@ class GroundApp(App[int]):
         on_drive = self.current_mode == self.DEFAULT_MODE
         where = self.key_shown("leave-line") if on_drive else f"{self.key_shown('screen-1')} Drive"
         return BandKeys(self.key_shown, where)
+
+    def _kind_without_world(self, station: Station) -> str:
+        """Return SIM with a plant, REAL without one; empty while the robot is not known."""
+        if self.stack is not None or station.present.has(station.robot, Role.PLANT):
+            return SIMULATION
+        return SessionInfo().kind if station.ready else ""
 
     def run_in_background(self, job: Callable[[], T], done: Callable[[T], None]) -> None:
         """Run a slow job in a thread; `done` gets its result in this thread."""

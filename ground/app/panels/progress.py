@@ -15,6 +15,7 @@ from runtime.units import NS_PER_S
 LEAST_BAR: Final = 8
 FULL: Final = 40
 """From so many columns on, the time driven is named."""
+UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
 ENDED: Final = {
     GoalState.REACHED: "reached in",
     GoalState.STUCK: "given up after",
@@ -71,6 +72,6 @@ def driven_s(status: NavigatorStatus) -> float:
 def waypoint_words(station: Station) -> str:
     """Return which waypoint of the mission is under way; empty without a running mission."""
     status = live(station.seen(MISSION))
-    if not isinstance(status, MissionStatus) or status.state == MissionState.NONE:
+    if not isinstance(status, MissionStatus) or status.state not in UNDER_WAY:
         return ""
     return f"waypoint {min(status.current + 1, status.count)} of {status.count}"

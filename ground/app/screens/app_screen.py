@@ -16,7 +16,7 @@ from ground.app.chrome.key_bar import key_buttons
 from ground.app.chrome.next_keys import NextKey, next_keys
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
-from ground.app.input.default_keys import Layer
+from ground.app.input.default_keys import KeyBinding, Layer
 from ground.app.panels.status import status_row
 from ground.app.playback.app_interface import AppInterface
 from ground.app.widgets.command_line import (
@@ -110,8 +110,15 @@ class AppScreen(Screen[None]):
         self.draw_candidates()
         self.draw_answer()
         self.draw_lesson()
-        keys = key_buttons(self.interface.keys_now(), width, self.following_keys())
+        keys = key_buttons(self.bar_keys(), width, self.following_keys())
         self.buttons("keybar").show_buttons(*keys)
+
+    def bar_keys(self) -> list[KeyBinding]:
+        """Return the keys for the key bar: below a dialog only those that work in it, too."""
+        keys = self.interface.keys_now()
+        return (
+            keys if self.app.screen is self else [key for key in keys if key.layer is Layer.ALWAYS]
+        )
 
     def following_keys(self) -> tuple[NextKey, ...]:
         """Return the actions that continue from the present state, for the key bar."""

@@ -3,6 +3,8 @@
 import msgspec
 import pytest
 
+from ground.app.chrome.button_row import ButtonRow
+from ground.app.widgets.rows import words_of
 from ground.map.scene import MapTarget
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
@@ -102,5 +104,21 @@ def test_waypoint_ends_the_heading_of_the_cursor() -> None:
             await stage.press("G", ">", "w", "right", "w")
             first, second = stage.commands.given
             assert len(first.split()) == len(second.split()) + 1
+
+    play(story)
+
+
+@pytest.mark.parametrize("opening", ["v", "ctrl+p", "?"])
+def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            screen = stage.app.screen
+            await stage.press(opening)
+            rows = screen.query_one("#keybar", ButtonRow).rows
+            words = " ".join(words_of(one) for one in rows).split()
+            assert words[:2] == ["f12", "E-STOP"]
+            assert not {"Hold", "Abort", "space"} & set(words)
+            await stage.press("escape")
+            assert stage.words("keybar").startswith(" space E-STOP ")
 
     play(story)
