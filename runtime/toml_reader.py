@@ -43,8 +43,14 @@ def table_in(text: str) -> dict[str, Any]:
 
 
 def key_lines(text: str) -> dict[Key, int]:
-    """Map each key path, list indices included, to its line; `text` must be valid TOML."""
-    return _Scanner(text).document()
+    """Map each key path, list indices included, to its line; `text` must be valid TOML.
+
+    Raises TooDeepError.
+    """
+    try:
+        return _Scanner(text).document()
+    except RecursionError as error:
+        raise TooDeepError("nested too deeply") from error
 
 
 class _Scanner:

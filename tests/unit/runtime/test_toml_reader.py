@@ -1,9 +1,10 @@
 import tomllib
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from runtime.toml_reader import key_lines
+from runtime.toml_reader import TooDeepError, key_lines
 
 TEXT = '''# a comment with [[obstacle]] in it
 name = "a # no comment"   # but this is one
@@ -81,3 +82,8 @@ def test_a_flat_file_has_one_key_per_line(table: dict[str, str]) -> None:
 @given(st.text("[]{}=.,\"'#\n ab1", max_size=60))
 def test_even_nonsense_is_scanned_to_its_end(text: str) -> None:
     assert all(1 <= line <= text.count("\n") + 1 for line in key_lines(text).values())
+
+
+def test_lists_nested_too_deeply_are_refused() -> None:
+    with pytest.raises(TooDeepError, match="nested too deeply"):
+        key_lines("a = " + "[" * 100_000)

@@ -63,6 +63,12 @@ def test_invalid_toml_has_its_line(file: Path) -> None:
         load_settings()
 
 
+def test_settings_nested_too_deeply_are_refused(file: Path) -> None:
+    file.write_text("a = " + "[" * 100_000)
+    with pytest.raises(ConfigError, match="nested too deeply"):
+        load_settings()
+
+
 def test_a_faulty_key_has_its_line_in_both_files(file: Path, tmp_path: Path) -> None:
     text = '# keys\n[keys]\nhold = "P"\nhodl = "x"\n'
     keys = tmp_path / "keys.toml"
