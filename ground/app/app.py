@@ -334,9 +334,13 @@ class GroundApp(App[int]):
             self.base_screen.ask("", text, self.base_screen.interface.commands.run_line)
 
     def doable(self) -> Mapping[str, Action]:
-        """Return the actions that are possible now, by id."""
+        """Return the actions that are possible now, by id.
+
+        Before a screen has its widgets, those are the actions that need none of them.
+        """
         sheet = self.base_screen
-        return {**self._robot_keys.actions(), **(sheet.actions() if sheet is not None else {})}
+        own = sheet.actions() if sheet is not None and sheet.is_mounted else {}
+        return {**self._robot_keys.actions(), **own}
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Return whether the key of an action is active now."""

@@ -6,6 +6,7 @@ import pytest
 from textual.app import ScreenStackError
 
 from ground.app.app import GroundApp
+from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
@@ -328,3 +329,20 @@ def test_clearing_the_selection_needs_no_screen() -> None:
     with pytest.raises(ScreenStackError):
         _ = app.screen
     app.clear_selection()  # Textual calls this before there is a screen (Python >= 3.12)
+
+
+@pytest.mark.parametrize("name", SCREENS)
+def test_keys_act_before_a_screen_has_its_widgets(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            shown = stage.app.base_screen
+            assert shown is not None
+            coming = screen_of(name, shown.interface)
+            monkeypatch.setattr(type(stage.app), "base_screen", coming)
+            assert coming.key_layers()
+            assert "estop" in stage.app.doable()
+            monkeypatch.undo()
+
+    play(story)
