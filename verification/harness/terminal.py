@@ -23,7 +23,7 @@ QUIET: Final = "\x11"
 """ctrl+q, which quits the ground station on every screen; twice while a robot drives."""
 USUAL: Final[Mapping[str, str]] = {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
-UNWANTED: Final = ("NO_COLOR", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
+UNWANTED: Final = ("COLUMNS", "LINES", "NO_COLOR", "PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
 """Set in test environments, but not by users."""
 
 
