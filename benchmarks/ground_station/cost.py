@@ -76,7 +76,7 @@ def on_a_slow_line(observer: Observer, options: argparse.Namespace) -> list[Figu
         spent = terminal.spent(options.seconds)
         for turn in range(options.slow_presses):
             terminal.forget()
-            key, words = (("G", "Heading"), ("\x1b", "Cursor"))[turn % 2]
+            key, words = (("G", "Heading"), ("\x1b", "Command"))[turn % 2]
             at_ns = terminal.type(key)
             waits_ms.append((terminal.shown(words, 10.0) - at_ns) / 1e6)
             Event().wait(options.settle / 3)

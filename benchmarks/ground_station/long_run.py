@@ -20,7 +20,7 @@ GROWTH_AT_MOST_MB: Final = 15.0
 KEY_AT_MOST_MS: Final = 100.0
 LINES_PER_S: Final = 5000
 BURST_S: Final = 0.02
-TURNS: Final = (("4", "Severity"), ("1", "Cursor"))
+TURNS: Final = (("4", "Severity"), ("1", "Command"))
 """A key, and a word that only the key bar of its screen contains."""
 APART_S: Final = 0.4
 PRESSES_AFTER: Final = 20

@@ -72,7 +72,7 @@ def test_unanswered_endpoint_is_named(tmp_path: Path) -> None:
         for running in verbs.values():
             refused(running, 1, crew.endpoint, "no process answers")
         refused(plant, 2, crew.endpoint, "no process answers")
-        refused(stray, 1, unknown, "no process answers")
+        refused(stray, 1, unknown, "does not resolve")
         refused(crew.start("robot", "--listen", unknown), 2, unknown)
 
 
@@ -95,7 +95,7 @@ def test_an_endpoint_that_is_none_is_named_with_how_to_write_it(endpoint: str) -
         (("goto", "nan", "1"), 2, "finite"),
         (("goto", "1", "inf"), 2, "finite"),
         (("goto", "1e9", "1"), 2, "out of range"),
-        (("goto", "20000", "1"), 1, "farther than the robot accepts"),
+        (("goto", "20000", "1", "--anyway"), 1, "farther than the robot accepts"),
         (("param", "set", "d_obs_m", "nan"), 2, "finite"),
         (("param", "set", "d_obs_m", "-1"), 1, "out of its range; allowed: 0.05 to 3 m"),
         (("param", "set", "d_obs", "0.3"), 1, "no such parameter; did you mean d_obs_m?"),
