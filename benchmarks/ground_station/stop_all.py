@@ -141,7 +141,7 @@ def figures_of(worst_ms: list[float], of_robot: dict[str, list[float]]) -> list[
 
 
 def notes_of(fleet: DrivingFleet, presses: int) -> tuple[str, ...]:
-    """Return what was measured."""
+    """Return the report of all presses."""
     return (
         f"{len(fleet.robots)} robots driving in wall time, {presses} presses of {KEY} in the app",
         "from the write of the key into the pty to the beginning of the first period without"
