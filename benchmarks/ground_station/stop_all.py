@@ -141,7 +141,7 @@ def figures_of(worst_ms: list[float], of_robot: dict[str, list[float]]) -> list[
 
 
 def notes_of(fleet: DrivingFleet, presses: int) -> tuple[str, ...]:
-    """Return the report of all presses."""
+    """Return the notes below the figures: the setting, and how each press was timed."""
     return (
         f"{len(fleet.robots)} robots driving in wall time, {presses} presses of {KEY} in the app",
         "from the write of the key into the pty to the beginning of the first period without"
