@@ -9,7 +9,7 @@ from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
-from ground.client.status_line import goal_line
+from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
 from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
@@ -83,17 +83,26 @@ class Goto:
             raise UserError("--timeout cannot be used here: this command does not wait for the end")
         if self.timeout_s is not None and not self.wait:
             raise UserError("--timeout cannot be combined with --no-wait")
-        if not (self.anyway or self.seen_by_robot):
-            session.refuse_outside((f"goal {self.goal}", self.goal.x_m, self.goal.y_m))
+        if not self.seen_by_robot:
+            self._refuse_outside(session, self.goal)
         with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
             drive = _Drive(session, telemetry)
-            goal = drive.placed(self.goal) if self.seen_by_robot else self.goal
+            goal = self.goal
+            if self.seen_by_robot:
+                goal = drive.placed(self.goal)
+                if drive.knows_place():
+                    self._refuse_outside(session, goal)
             if not self.wait or session.attended:
                 mode = Mode.GUIDED if self.wait else Mode.AUTO
                 return send_goal(session, goal, mode, from_robot=self.seen_by_robot)[0]
             timeout_ns = None if self.timeout_s is None else round(self.timeout_s * NS_PER_S)
             with leased(session):
                 return drive.to_the_end(goal, timeout_ns, from_robot=self.seen_by_robot)
+
+    def _refuse_outside(self, session: Session, goal: Destination) -> None:
+        """Raise UserError for a goal outside of the known world, unless it is sent anyway."""
+        if not self.anyway:
+            session.refuse_outside((f"goal {goal}", goal.x_m, goal.y_m))
 
 
 class _Drive:
@@ -113,6 +122,11 @@ class _Drive:
         if pose is None:
             raise RemoteError(f"the robot publishes no pose: {self._link.diagnosis()}")
         return from_robot(seen, pose.x_m, pose.y_m, pose.heading_rad)
+
+    def knows_place(self) -> bool:
+        """Return whether the robot knows its place, by its newest pose."""
+        newest = self._telemetry.latest(ODOMETRY)
+        return newest is not None and knows_place(newest[0])
 
     def to_the_end(
         self, goal: Destination, timeout_ns: int | None, *, from_robot: bool

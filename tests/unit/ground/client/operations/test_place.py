@@ -6,6 +6,8 @@ import pytest
 
 from ground.client.goal import destination
 from ground.client.operations import Goto, SetPose, SetTruePose
+from ground.client.operations.floor import Floor
+from ground.client.operations.session import Session
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import knows_place, pose_of
 from protocol.topics import ODOMETRY, TRUTH
@@ -91,3 +93,17 @@ def test_pose_of_a_robot_without_a_place_is_no_number() -> None:
     assert pose_of(lost) == "PLACE UNKNOWN"
     assert isnan(lost.cov_hh_rad2)
     assert nan != lost.cov_xx_m2
+
+
+@pytest.mark.parametrize(("placed", "anyway"), [(True, False), (True, True), (False, False)])
+def test_goal_ahead_that_is_outside_the_world_is_refused(placed: bool, anyway: bool) -> None:
+    stage = Stage()
+    stage.bus.set_newest(ODOMETRY, Robot(x_m=3.0, placed=placed).odometry())
+    session = Session(stage.session.link, floor=lambda: Floor("box", 6.0, 4.0))
+    goto = Goto(goal=destination([4.0, 0.0]), seen_by_robot=True, wait=False, anyway=anyway)
+    if placed and not anyway:
+        with pytest.raises(UserError, match=r"goal \(7\.000, 0\.000\) lies outside the world box"):
+            goto.perform(session)
+        assert stage.bus.requests == []
+    else:
+        assert goto.perform(session).ok
