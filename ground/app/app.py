@@ -193,7 +193,8 @@ class GroundApp(App[int]):
                 done(choice)
             self.redraw()
 
-        self.push_screen(ChoiceScreen(title, choices), take)
+        held_back = partial(is_in_emergency_stop, self.station)
+        self.push_screen(ChoiceScreen(title, choices, held_back), take)
 
     def open_replay(self, path: Path) -> None:
         """Read a recording in the background, and show it. Raise UserError if there is none."""

@@ -63,7 +63,7 @@ class RobotKeys:
             "mode": self.choose_mode,
             "navigator": self.choose_navigator,
             "side": self.choose_side,
-            **dict.fromkeys(("undo", "undo-here"), partial(app.commands.perform, Undo())),
+            "undo": partial(app.commands.perform, Undo()),
             "missions": self.next_of_mission,
             "lease": self.take_or_release,
             "robot-before": partial(self.select_by, -1),

@@ -117,7 +117,7 @@ KEYS: Final[tuple[KeyBinding, ...]] = (
         ("row-first", "home", "the first row", ""),
         ("row-last", "end", "the last row", ""),
         ("row-choose", "enter", "change the value", ""),
-        ("undo-here", "z", "undo the last change", ""),
+        ("undo-here", "z", "undo the last change: Enter confirms", ""),
         ("sort", "o", "sort by the next column", "Sort"),
         ("sort-turn", "O", "reverse the order", ""),
     ),

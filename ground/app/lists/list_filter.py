@@ -63,3 +63,9 @@ def filter_spans(words: str, shown: int, total: int, *, typing: bool) -> Row:
 def nothing_row(words: str) -> Row:
     """Return the row that is shown instead of an empty list."""
     return row(faint(" nothing matches "), Span(words, "caution"), faint(": Esc clears the filter"))
+
+
+def hidden_spans(above: int, below: int) -> Row:
+    """Return how many rows are out of sight, for the heading; empty when all are in sight."""
+    signs = [f"▲ {above} above"] * bool(above) + [f"▼ {below} below"] * bool(below)
+    return (Span(f"   {'  '.join(signs)}", "key"),) if signs else ()

@@ -1,6 +1,6 @@
 """Let the operator choose one of a few: by arrows, by number, or by a filter."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, Final, NamedTuple
 
 from textual import events
@@ -10,11 +10,13 @@ from textual.containers import Vertical
 from textual.screen import ModalScreen
 from textual.widgets import Input
 
-from ground.app.lists.list_filter import ListFilter, filter_spans, nothing_row
+from ground.app.lists.list_filter import ListFilter, filter_spans, hidden_spans, nothing_row
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, row
 
 KEYS: Final = "Enter takes, / filters, Esc closes"
+HIDDEN: Final = 44
+"""Columns of a title for the counts of the filter and of the choices out of sight."""
 AROUND: Final = 6
 """Rows of the screen that the box does not use for choices."""
 
@@ -42,9 +44,15 @@ class ChoiceScreen(ModalScreen[str]):
     ]
     AUTO_FOCUS = ""
 
-    def __init__(self, title: str, choices: Sequence[str | Choice]) -> None:
+    def __init__(
+        self,
+        title: str,
+        choices: Sequence[str | Choice],
+        is_held_back: Callable[[], bool] = lambda: False,
+    ) -> None:
+        """While `is_held_back` returns True, a click only selects."""
         super().__init__()
-        self._title = title
+        self._title, self._is_held_back = title, is_held_back
         self._every = [Choice(one) if isinstance(one, str) else one for one in choices]
         self._choices = self._every
         self._at = next((at for at, one in enumerate(self._every) if one.is_current), 0)
@@ -61,7 +69,8 @@ class ChoiceScreen(ModalScreen[str]):
         about = max(len(one.description) for one in self._every)
         self._wide = names if about else 0
         box = self.query_one("#box")
-        box.styles.width = max(24, len(self._title) + 8, len(KEYS) + 4, names + about + 12)
+        head = len(self._title) + (8 if len(self._every) <= self.room() else HIDDEN)
+        box.styles.width = max(24, head, len(KEYS) + 4, names + about + 12)
         box.styles.max_width = "100%"
         box.styles.height = self.room() + 4
         self.query_one(Input).display = False
@@ -71,20 +80,26 @@ class ChoiceScreen(ModalScreen[str]):
         """Return how many choices are in sight."""
         return max(1, min(len(self._every), self.app.size.height - AROUND))
 
+    def first(self) -> int:
+        """Return the position of the first choice in sight."""
+        room = self.room()
+        return max(0, min(self._at - room // 2, len(self._choices) - room))
+
     def show(self) -> None:
         """Draw the choices; rows change in number, the box does not."""
         panel, words = self.query_one(Lines), self.query_one(Input).value.strip()
         panel.styles.height = self.room() + 2 - self.query_one(Input).display
         counts = filter_spans(words, len(self._choices), len(self._every), typing=False)[:1]
         rows = self.rows() if self._choices else [nothing_row(words)]
-        title = row(Span(f" {self._title}", "accent"), *counts)
+        below = max(0, len(self._choices) - self.first() - self.room())
+        hidden = hidden_spans(self.first(), below)
+        title = row(Span(f" {self._title}", "accent"), *counts, *hidden)
         foot = [] if self.query_one(Input).display else [row(faint(f" {KEYS}"))]
         panel.show([title, *rows, *foot])
 
     def rows(self) -> list[Row]:
         """Return one row for each choice in sight; a dot marks the one in force."""
-        room = self.room()
-        first = max(0, min(self._at - room // 2, len(self._choices) - room))
+        room, first = self.room(), self.first()
         width = self.query_one("#box").size.width or 200
         return [
             cut(
@@ -144,6 +159,18 @@ class ChoiceScreen(ModalScreen[str]):
         """Return the selected choice."""
         event.stop()
         self.action_take()
+
+    def on_click(self, event: events.Click) -> None:
+        """Return the choice that was clicked; in an emergency stop only select it."""
+        place = event.get_content_offset(self.query_one(Lines))
+        if place is None or not 1 <= place.y <= self.room():
+            return
+        at = self.first() + place.y - 1
+        if at < len(self._choices):
+            self._at = at
+            self.show()
+            if not self._is_held_back():
+                self.action_take()
 
     def on_key(self, event: events.Key) -> None:
         """Choose by a digit."""

@@ -11,14 +11,14 @@ from textual.widgets import Input
 from ground.app.chrome.next_keys import FILTERED, NextKey
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
-from ground.app.lists.list_filter import filter_spans, nothing_row
+from ground.app.lists.list_filter import filter_spans, hidden_spans, nothing_row
 from ground.app.lists.table import Table
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.list_view import ListView
 from ground.app.widgets.log_view import LogView
-from ground.app.widgets.rows import Row, Span
+from ground.app.widgets.rows import Row
 
 T = TypeVar("T")
 ALL_ROWS: Final = 1_000_000
@@ -64,6 +64,7 @@ class ScrolledScreen(AppScreen):
         return {
             **super().actions(),
             "find": self.begin_filter,
+            "undo-here": partial(self.ask, "", "undo", self.interface.commands.run_line),
             "copy": self.copy_row,
             "filter-drop": self.clear_filter,
             **dict.fromkeys(("row-up", "filter-up"), partial(move, -1)),
@@ -177,9 +178,3 @@ class ListScreen(ScrolledScreen, Generic[T]):
             view.window((), self.table.paint)
             view.show([nothing_row(self.words)])
         self.lines("heading").show([(*about, *counts, *hidden_spans(*view.hidden))])
-
-
-def hidden_spans(above: int, below: int) -> Row:
-    """Return how many rows are out of sight, for the heading; empty when all are in sight."""
-    signs = [f"▲ {above} above"] * bool(above) + [f"▼ {below} below"] * bool(below)
-    return (Span(f"   {'  '.join(signs)}", "key"),) if signs else ()

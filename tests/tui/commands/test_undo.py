@@ -146,6 +146,8 @@ def test_keys_undo_on_lists_and_on_the_map() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("ctrl+z", "3", "z")
+            assert stage.commands.given == ["undo"]
+            await stage.press("enter")
             assert stage.commands.given == ["undo", "undo"]
             await stage.press("colon", "ctrl+z")
             assert stage.commands.given == ["undo", "undo"]

@@ -1,7 +1,9 @@
 """Test the dialog of choices: descriptions, the choice in force, and its filter."""
 
 from ground.app.screens.choice import Choice, ChoiceScreen
+from protocol.wire.enums import Vehicle
 from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.stopped import stopped
 
 MANY = [Choice(f"run-{number}", f"file {number}") for number in range(1, 60)]
 
@@ -77,5 +79,45 @@ def test_chosen_row_of_a_long_list_stays_in_sight() -> None:
             assert "run-59" in stage.words("choices")
             await stage.press("enter")
             assert found == ["run-59"]
+
+    play(story)
+
+
+def test_click_takes_a_choice() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            found = taken(stage, MANY[:5])
+            await stage.redraw()
+            await stage.pilot.click("#choices", offset=(5, 0))
+            assert found == []
+            await stage.pilot.click("#choices", offset=(5, 3))
+            assert found == ["run-3"]
+
+    play(story)
+
+
+def test_click_only_selects_in_an_emergency_stop() -> None:
+    async def story() -> None:
+        async with staged(station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
+            found = taken(stage, MANY[:5])
+            await stage.redraw()
+            await stage.pilot.click("#choices", offset=(5, 3))
+            assert found == []
+            await stage.press("enter")
+            assert found == ["run-3"]
+
+    play(story)
+
+
+def test_title_counts_the_choices_out_of_sight() -> None:
+    async def story() -> None:
+        async with staged((60, 20)) as stage:
+            taken(stage, MANY)
+            await stage.redraw()
+            assert "▼ 45 below" in stage.words("choices").splitlines()[0]
+            assert "▲" not in stage.words("choices").splitlines()[0]
+            await stage.press("up")
+            assert "▲ 45 above" in stage.words("choices").splitlines()[0]
+            assert "▼" not in stage.words("choices").splitlines()[0]
 
     play(story)

@@ -10,7 +10,7 @@ from tests.support.tui.plant_side import FakeStack, on
 from tests.support.tui.underway import driving, parameter
 
 LISTS = ("3", "4", "5", "6", "7")
-ROBOT_KEYS = "hrxaAmvbRLdtW"
+ROBOT_KEYS = "hrxaAmvbRLdtWiz"
 
 
 def with_parameters() -> FakeStation:
