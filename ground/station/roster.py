@@ -5,12 +5,12 @@ from enum import IntEnum
 from math import isfinite
 from typing import Final, NamedTuple
 
-from ground.client.status_line import doing
+from ground.client.status_line import PLACE_UNKNOWN, doing, knows_place
 from ground.client.telemetry import Age, AgedMessage
 from ground.station.fleet import Fleet
 from ground.station.link.loss import Loss, LossKind
 from ground.station.robot.lease_state import UNKNOWN, LeaseView
-from protocol.topics import LEASE, STATUS
+from protocol.topics import LEASE, ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
 
@@ -23,7 +23,9 @@ class Attention(IntEnum):
     STUCK = 1
     LOST = 2
     """No live status, or a loss."""
-    NONE = 3
+    UNPLACED = 3
+    """It does not know its place, so it refuses goals in the world."""
+    NONE = 4
 
 
 LOST_WORDS: Final = {
@@ -57,7 +59,7 @@ class RosterEntry(NamedTuple):
 
     @property
     def needs_attention(self) -> bool:
-        """True for a robot that stopped itself, is stuck, or is lost."""
+        """True for a robot that stopped itself, is stuck or lost, or has no known place."""
         return self.attention is not Attention.NONE
 
 
@@ -96,12 +98,14 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
     stopping = "" if session is None else session.stop.words
     trip_ns = None if session is None else session.link_monitor.round_trip_ns
     lease_seen = model.telemetry.seen(LEASE, now_ns)
+    odometry = model.telemetry.latest(ODOMETRY)
+    placed = odometry is None or knows_place(odometry[0])
     lease_known = session is not None and lease_seen.age is not Age.GONE
     return RosterEntry(
         robot=robot,
         is_selected=is_selected,
-        attention=attention_of(status, loss, stopping),
-        words=words_of(status, loss),
+        attention=attention_of(status, loss, stopping, placed=placed),
+        words=words_of(status, loss, placed=placed),
         status=status,
         goal_distance_m=distance_m(status),
         loss=loss,
@@ -111,7 +115,9 @@ def _entry(fleet: Fleet, robot: str, is_selected: bool, now_ns: int) -> RosterEn
     )
 
 
-def attention_of(status: AgedMessage, loss: Loss | None, stopping: str = "") -> Attention:
+def attention_of(
+    status: AgedMessage, loss: Loss | None, stopping: str = "", *, placed: bool = True
+) -> Attention:
     """Return the rank of a robot with this newest status.
 
     A robot that stopped itself and is then lost keeps its rank: it is still stopped.
@@ -125,18 +131,21 @@ def attention_of(status: AgedMessage, loss: Loss | None, stopping: str = "") -> 
         if status.age is not Age.GONE and message.goal == GoalState.STUCK:
             return Attention.STUCK
     lost = loss is not None and loss.kind is not LossKind.OTHER_OPERATOR
-    return Attention.LOST if lost or status.age is Age.GONE else Attention.NONE
+    if lost or status.age is Age.GONE:
+        return Attention.LOST
+    return Attention.NONE if placed else Attention.UNPLACED
 
 
-def words_of(status: AgedMessage, loss: Loss | None) -> str:
-    """Return the state in words: the vehicle or goal state, and what is lost."""
+def words_of(status: AgedMessage, loss: Loss | None, *, placed: bool = True) -> str:
+    """Return the state in words: the vehicle or goal state, and what is lost or unknown."""
     message = status.message
     lost = "" if loss is None else LOST_WORDS.get(loss.kind, "")
     if not isinstance(message, NavigatorStatus):
         return lost or "no data"
     if status.age is Age.GONE:
         return lost or "stale"
-    return f"{doing(message)}, {lost}" if lost else doing(message)
+    unknown = "" if placed else PLACE_UNKNOWN.lower()
+    return ", ".join(filter(None, (doing(message), lost or unknown)))
 
 
 def distance_m(status: AgedMessage) -> float | None:

@@ -87,4 +87,6 @@ def entry_role(entry: RosterEntry) -> str:
     if entry.attention is Attention.LOST:
         return DANGER
     status = live(entry.status)
-    return CAUTION if status is None else state_role(status)
+    if status is None or entry.attention is Attention.UNPLACED:
+        return CAUTION
+    return state_role(status)

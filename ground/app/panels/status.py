@@ -19,6 +19,7 @@ TIGHT: Final = Span(" ", "text")
 CRUMB: Final = " ▸ "
 LEAST_FOR_CRUMBS: Final = 40
 """On fewer columns, the steps of the path are separated by a space."""
+STOPPED: Final = (Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE)
 NAMES: Final[dict[int, str]] = {number: name for name, number in NAVIGATORS.items()}
 SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.items()}
 
@@ -89,11 +90,13 @@ def lease_part(station: Station) -> Row:
 
 
 def presence(station: Station) -> Span:
-    """Return a filled circle while heartbeats arrive."""
+    """Return a filled circle while heartbeats arrive, green unless the vehicle is stopped."""
     seen = station.seen(HEARTBEAT)
     if seen.age is Age.GONE:
         return Span("○", "danger")
-    return Span("●", role_of(seen, "ok"))
+    status = live(station.seen(STATUS))
+    stopped = status is not None and status.vehicle in STOPPED
+    return Span("●", role_of(seen, vehicle_role(status.vehicle) if stopped else "ok"))
 
 
 def mode_words(status: NavigatorStatus) -> str:

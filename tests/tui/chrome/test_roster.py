@@ -74,6 +74,13 @@ def test_lost_robot_has_a_hollow_mark() -> None:
     assert "r5 ○ dead" in text([lost, DRIVING], 80)
 
 
+def test_robot_without_a_place_is_in_the_colour_of_caution() -> None:
+    unplaced = DRIVING._replace(attention=Attention.UNPLACED, words="ready, place unknown")
+    assert "r2 ▲ ready, place unknown" in text([unplaced, SELECTED], 80)
+    (shown, *_) = roster_buttons([unplaced, SELECTED], 80)
+    assert [span.role for span in shown.row if "place" in span.text] == ["caution"]
+
+
 def test_place_of_the_roster_depends_on_the_number_of_robots() -> None:
     assert fits_beside(FLEET, 54)
     assert not fits_beside(FLEET, 53)

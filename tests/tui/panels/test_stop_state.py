@@ -43,7 +43,9 @@ def test_stopped_robot_has_the_colour_of_its_vehicle_state(
 ) -> None:
     station = shown(vehicle=vehicle, goal=goal)
     assert role_of(side_rows(station), name) == role
-    assert role_of([status_row(station, SessionInfo(), 120)], short) == role
+    status_line = [status_row(station, SessionInfo(), 120)]
+    assert role_of(status_line, short) == role
+    assert role_of(status_line, "●") == role
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])

@@ -117,6 +117,13 @@ def test_attention_sorts_the_roster() -> None:
     assert words["r5"] == ("hung", None)
 
 
+def test_unknown_place_of_a_watched_robot_needs_attention() -> None:
+    (first, second) = fleet(Robot("r2", placed=False)).station.roster()
+    assert (first.robot, first.attention) == ("r2", Attention.UNPLACED)
+    assert first.words.endswith("place unknown")
+    assert (second.robot, second.attention) == ("r1", Attention.NONE)
+
+
 def test_death_of_a_watched_robot_is_reported() -> None:
     other = Robot("r2")
     play = fleet(other)
