@@ -15,6 +15,7 @@ from ground.explain.names import (
     vehicle_words,
 )
 from ground.explain.turning import changes
+from ground.text.state_roles import present_reason
 from ground.text.wording import (
     NONE,
     echo,
@@ -127,10 +128,10 @@ def guard(decision: AvoidanceDecision) -> str:
 
 
 def state(status: NavigatorStatus) -> str:
-    """Return vehicle state, mode, goal state and navigator, with a reason."""
+    """Return vehicle state, mode, goal state and navigator, with the present reason."""
     names = (vehicle_words(status.vehicle), mode_words(status.mode), goal_words(status.goal))
     words = f"{' '.join(names)}, {navigator_words(status.navigator)}"
-    return because(words, status.vehicle_reason, status.goal_reason)
+    return because(words, present_reason(status))
 
 
 def cost(cycle: CycleReport) -> str:

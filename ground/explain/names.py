@@ -71,7 +71,6 @@ def word(kind: type[Navigator | Mode | Vehicle | GoalState], number: int, what: 
         return f"{what} {number}"
 
 
-def because(what: str, *reasons: int) -> str:
-    """Append the first reason other than NONE."""
-    reason = next((one for one in reasons if one != Reason.NONE), Reason.NONE)
+def because(what: str, reason: int) -> str:
+    """Append a reason other than NONE."""
     return what if reason == Reason.NONE else f"{what}: {reason_text(reason)}"

@@ -274,3 +274,11 @@ def test_line_names_are_aligned_in_one_column() -> None:
 def test_guard_line_contains_the_reason_text() -> None:
     for reason in (Reason.OBSTACLE_AHEAD, Reason.SLOWED, Reason.WHEEL_LIMIT, Reason.BUMPER):
         assert reason_text(reason) in line("guard", decided(guard=reason))
+
+
+@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
+def test_reason_of_a_stop_that_is_over_is_not_given(mode: Mode) -> None:
+    over: dict[str, float] = {"goal": GoalState.ABORTED, "goal_reason": Reason.BUDGET, "mode": mode}
+    assert reason_text(Reason.BUDGET) not in explain(decided(), standing(**over)).text()
+    over |= {"vehicle": Vehicle.FAILSAFE, "vehicle_reason": Reason.BUDGET}
+    assert reason_text(Reason.BUDGET) in explain(decided(), standing(**over)).text()
