@@ -1,7 +1,7 @@
 """Test that each key id runs its action on the screens where it is active."""
 
 import pytest
-from textual.command import CommandList, DiscoveryHit
+from textual.command import CommandList, DiscoveryHit, Hit
 from textual.content import Content
 
 from ground.app.commands.palette import CommandPalette
@@ -241,6 +241,8 @@ def test_palette_shows_brackets_and_what_was_used_first() -> None:
             goto = next(hit for hit in hits if hit.display == ": goto")
             assert goto.help is not None
             assert "X Y [DEG]" in Content.from_markup(goto.help).plain
+            found = [hit async for hit in provider.search(": goto") if isinstance(hit, Hit)]
+            assert any("X Y [DEG]" in Content.from_markup(hit.help or "").plain for hit in found)
             assert hits[0].display == "hold"
             goto.command()
             hits = [hit async for hit in provider.discover() if isinstance(hit, DiscoveryHit)]
