@@ -237,7 +237,7 @@ def line(
         (
             "state",
             None,
-            standing(vehicle=9, mode=9, goal=99, goal_reason=60),
+            standing(vehicle=9, mode=9, goal=99, vehicle_reason=60),
             "vehicle 9 mode 9 goal 99, vgm: has not moved although it tries to",
         ),
     ],
