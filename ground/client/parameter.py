@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from math import isclose
 
 from ground.client.parameter_rows import rows_in
+from ground.client.vocabulary import value_words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,3 +79,9 @@ def _parameter(row: Mapping[str, object]) -> Parameter:
         saved=saved if isinstance(saved, bool) else None,
         received=row,
     )
+
+
+def line(parameter: Parameter) -> str:
+    """Format a parameter as NAME = VALUE UNIT."""
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    return f"{parameter.name} = {value_words(parameter.name, parameter.value)}{unit}"

@@ -168,8 +168,8 @@ class CommandRunner:
         session = Session(self._link(), attended=True, floor=self._floor)
         back = inverse_of(operation, parameters, session) if line else None
         outcome = operation.perform(session)
-        if outcome.ok and back is not None:
-            self._undo_list.add(Change(robot, line, back))
+        if line:
+            self._undo_list.note(robot, line, operation, outcome, back)
         text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)
 
@@ -185,6 +185,7 @@ class CommandRunner:
             self.draft.mission = change.back
             return f"undone: {change.line}; {self.draft.listed()}"
         back = change.back
+        assert back is not None, "refused by take()"
 
         def take_back() -> JobResult:
             outcome = self._done(back)

@@ -2,17 +2,20 @@
 
 from collections import deque
 from collections.abc import Iterable
-from typing import Final, NamedTuple, TypeAlias
+from dataclasses import dataclass
+from typing import ClassVar, Final, NamedTuple, TypeAlias
 
 from ground.client.operations import (
     ClearFence,
     Operation,
+    ParametersLoaded,
     ResetParameter,
     SetFence,
     SetParameter,
     ShowFence,
 )
 from ground.client.operations.fences import FenceShown
+from ground.client.operations.parameters import fetch, set_values
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter
 from ground.client.results import Outcome
@@ -22,18 +25,36 @@ from runtime.errors import UserError
 
 MAX_CHANGES: Final = 50
 FENCES: Final = (SetFence, SetFenceOfFile, ClearFence)
+CHANGES: Final = (SetParameter, ResetParameter, *FENCES)
 Back: TypeAlias = Operation[Outcome] | Mission
 
 
 class Change(NamedTuple):
     """A change: the robot, the line that made it, and what takes it back.
 
-    A mission is the draft before the change.
+    A mission is the draft before the change. None: the state before it is not known.
     """
 
     robot: str
     line: str
-    back: Back
+    back: Back | None
+
+
+@dataclass(frozen=True, slots=True)
+class RestoreParameters:
+    """Set parameters back to these values, by name."""
+
+    values: tuple[tuple[str, float], ...]
+    moves: ClassVar[bool] = True
+
+    @property
+    def verb(self) -> str:
+        """What it does, for the log."""
+        return f"set back {', '.join(name for name, _ in self.values)}"
+
+    def perform(self, session: Session) -> ParametersLoaded:
+        """Set the values that differ, until one is refused."""
+        return set_values(session.link, fetch(session.link), dict(self.values))
 
 
 class UndoList:
@@ -46,8 +67,26 @@ class UndoList:
         """Append a change."""
         self._changes.append(change)
 
+    def note(
+        self,
+        robot: str,
+        line: str,
+        operation: Operation[Outcome],
+        outcome: Outcome,
+        back: Back | None,
+    ) -> None:
+        """Append the change that an operation has made, if any, with its inverse."""
+        if isinstance(outcome, ParametersLoaded):  # perhaps only some of them
+            if outcome.before:
+                self.add(Change(robot, line, RestoreParameters(outcome.before)))
+        elif outcome.ok and isinstance(operation, CHANGES):
+            self.add(Change(robot, line, back))
+
     def take(self, robot: str) -> Change:
-        """Remove and return the newest change; UserError if it is of another robot."""
+        """Remove and return the newest change; UserError if it is of another robot.
+
+        A change that cannot be taken back is removed, too, with a UserError.
+        """
         if not self._changes:
             raise UserError("nothing to undo: no parameter, fence or draft was changed here")
         newest = self._changes[-1]
@@ -55,7 +94,10 @@ class UndoList:
             raise UserError(
                 f"the last change is of {newest.robot}: {newest.line}; select {newest.robot} first"
             )
-        return self._changes.pop()
+        self._changes.pop()
+        if newest.back is None:
+            raise UserError(f"{newest.line} cannot be undone: what was before it is not known")
+        return newest
 
 
 def inverse_of(

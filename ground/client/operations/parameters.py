@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from types import MappingProxyType
 from typing import ClassVar, Final
@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 from ground.client import parameter_file
 from ground.client.link import Link, UnansweredError
 from ground.client.operations.session import Session
-from ground.client.parameter import Parameter, parameters_in, same
+from ground.client.parameter import Parameter, line, parameters_in, same
 from ground.client.parameter_rows import NAME_RULE
 from ground.client.requests import Exchange, GaveUp, is_saving
 from ground.client.results import Refused, Success
@@ -266,10 +266,15 @@ class SaveParameters:
 
 @dataclass(frozen=True, slots=True)
 class ParametersLoaded:
-    """The parameters that were set, and the refusal that ended the loading, if any."""
+    """The parameters that were set, with the values before, and the refusal that ended it."""
 
-    names: tuple[str, ...]
+    before: tuple[tuple[str, float], ...]
     refusal: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of those that were set."""
+        return tuple(name for name, _ in self.before)
 
     @property
     def ok(self) -> bool:
@@ -284,8 +289,7 @@ class ParametersLoaded:
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
         """Return names and refusal as a row."""
-        names = list(self.names)
-        return {"verb": "param load", "ok": self.ok, "set": names, "reason": self.refusal}
+        return {"verb": "param load", "ok": self.ok, "set": [*self.names], "reason": self.refusal}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,18 +303,24 @@ class LoadParameters:
     def perform(self, session: Session) -> ParametersLoaded:
         """Set the values that differ, until one is refused."""
         found = fetch(session.link)
-        wanted = parameter_file.read(self.file, found)
-        values = {one.name: one.value for one in found}
-        done: list[str] = []
-        for name, value in wanted.items():
-            if same(values[name], value):
-                continue
-            answer = set_value(session.link, name, value)
-            if isinstance(answer, Refused):
-                refusal = f"refused: {name} = {number(value)}: {reason_text(answer.reason)}"
-                return ParametersLoaded(tuple(done), refusal)
-            done.append(name)
-        return ParametersLoaded(tuple(done))
+        return set_values(session.link, found, parameter_file.read(self.file, found))
+
+
+def set_values(
+    link: Link, found: Sequence[Parameter], wanted: Mapping[str, float]
+) -> ParametersLoaded:
+    """Set the values that differ from those found, until one is refused."""
+    values = {one.name: one.value for one in found}
+    done: list[tuple[str, float]] = []
+    for name, value in wanted.items():
+        if same(before := values.get(name, nan), value):
+            continue
+        answer = set_value(link, name, value)
+        if isinstance(answer, Refused):
+            refusal = f"refused: {name} = {number(value)}: {reason_text(answer.reason)}"
+            return ParametersLoaded(tuple(done), refusal)
+        done.append((name, before))
+    return ParametersLoaded(tuple(done))
 
 
 def set_value(link: Link, name: str, value: float) -> float | Refused:
@@ -363,12 +373,6 @@ def hint(link: Link, name: str, reason: int) -> str:
         return ""
     limits = f"{number(one.minimum)} to {number(one.maximum)} {one.unit}"
     return f"; allowed: {limits.rstrip()}"
-
-
-def line(parameter: Parameter) -> str:
-    """Format a parameter as NAME = VALUE UNIT."""
-    unit = f" {parameter.unit}" if parameter.unit else ""
-    return f"{parameter.name} = {value_words(parameter.name, parameter.value)}{unit}"
 
 
 def table(parameters: Sequence[Parameter]) -> str:

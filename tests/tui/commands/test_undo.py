@@ -1,17 +1,28 @@
 """Test that parameters, fences and drafts are taken back."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ground.app.commands import undo
 from ground.app.commands.local_commands import LocalCommands
 from ground.app.commands.runner import CommandRunner
 from ground.app.commands.undo import MAX_CHANGES, Change, UndoList, inverse_of
 from ground.client.connection import Common
-from ground.client.operations import ClearFence, Hold, ResetParameter, SetFence, SetParameter
+from ground.client.operations import (
+    ClearFence,
+    Hold,
+    ResetParameter,
+    SetFence,
+    SetParameter,
+    parameters,
+)
 from ground.client.operations.fences import FenceShown
-from ground.client.operations.parameters import ParameterChanged
+from ground.client.operations.parameters import ParameterChanged, ParametersLoaded
 from ground.client.operations.session import Session
+from ground.client.parameter import Parameter
 from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY
@@ -38,7 +49,15 @@ class RobotStub:
         def change(operation: SetParameter, session: Session) -> ParameterChanged:
             return stub.change(operation)
 
+        def set_all(
+            link: object, found: list[Parameter], wanted: Mapping[str, float]
+        ) -> ParametersLoaded:
+            return stub.set_all(found, wanted)
+
         monkeypatch.setattr(SetParameter, "perform", change)
+        for module in (parameters, undo):
+            monkeypatch.setattr(module, "fetch", lambda link: list(station.parameters or ()))
+            monkeypatch.setattr(module, "set_values", set_all)
         monkeypatch.setattr(CommandRunner, "_link", lambda runner: None)
 
     def change(self, operation: SetParameter) -> ParameterChanged:
@@ -47,6 +66,20 @@ class RobotStub:
         self.set.append((operation.name, operation.value))
         self._station.parameters_now = (parameter(operation.name, 0.3, operation.value, ""),)
         return ParameterChanged(name=operation.name, asked=operation.value, now=operation.value)
+
+    def set_all(self, found: list[Parameter], wanted: Mapping[str, float]) -> ParametersLoaded:
+        """Set values until one is above 4.5."""
+        values = {one.name: one.value for one in found}
+        before: list[tuple[str, float]] = []
+        for name, value in wanted.items():
+            if value > 4.5:
+                return ParametersLoaded(tuple(before), f"refused: {name}")
+            self.set.append((name, value))
+            before.append((name, values[name]))
+            values[name] = value
+            now = (parameter(key, 0.3, one, "") for key, one in values.items())
+            self._station.parameters_now = tuple(now)
+        return ParametersLoaded(tuple(before))
 
 
 def command_runner() -> tuple[CommandRunner, FakeStation]:
@@ -75,6 +108,37 @@ def test_refused_change_cannot_be_undone(monkeypatch: pytest.MonkeyPatch) -> Non
     runner.run_line("undo")
     assert robot.set == []
     assert "nothing to undo" in log(station)
+
+
+@pytest.mark.parametrize(("last", "count"), [(4.0, 3), (4.9, 2)])
+def test_all_parameters_of_a_loaded_file_return(
+    last: float, count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    file = tmp_path / "p.toml"
+    values = f"d_obs_m = 0.5\nguard_stop_m = 0.2\nsonar_max_m = {last}\n"
+    file.write_text(f"[parameters]\n{values}")
+    runner.run_line(f"param load {file}")
+    assert len(robot.set) == count, "the last value is refused if it is above 4.5"
+    runner.run_line("undo")
+    before = [("d_obs_m", 0.4), ("guard_stop_m", 0.1), ("sonar_max_m", 3.0)]
+    assert robot.set[count:] == before[:count]
+    runner.run_line("undo")
+    assert "nothing to undo" in log(station)
+
+
+def test_change_that_cannot_be_undone_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    runner.run_line("set d_obs_m 0.5")
+    station.parameters_now = ()
+    runner.run_line("set d_obs_m 0.7")
+    runner.run_line("undo")
+    assert "set d_obs_m 0.7 cannot be undone: what was before it is not known" in log(station)
+    assert [value for _, value in robot.set] == [0.5, 0.7]
+    runner.run_line("undo")
+    assert robot.set[-1] == ("d_obs_m", 0.4)
 
 
 def test_change_of_another_robot_is_not_undone(monkeypatch: pytest.MonkeyPatch) -> None:
