@@ -169,6 +169,11 @@ def values(word: str, action: argparse.Action, begun: str) -> list[str]:
         return [*shipped, *files(begun, Path(), WORLD_SUFFIXES)]
     if action.dest == "navigators":
         return [name.name.lower() for name in import_module("protocol.wire.enums").Navigator]
+    if action.option_strings and action.dest == "run":
+        return [one.name for one in import_module("ground.user.runs").read_runs().found]
+    is_option = bool(action.option_strings)
+    if (is_option and action.dest == "context") or (word, action.dest) == ("config", "name"):
+        return [*import_module("ground.user.settings").load_settings().contexts]
     if action.dest == "param":
         return [f"{name}=" for name in parameters()]
     if word == "param" and action.dest in ("name", "pattern"):

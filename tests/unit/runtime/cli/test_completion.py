@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from ground.user.settings import settings_file
 from plant.world.file import shipped
 from runtime.cli.completion import completions, main
 from runtime.cli.completion_script import SCRIPTS
 from runtime.cli.completion_script import main as print_script
 from runtime.cli.verb_lookup import command_of
 from runtime.cli.verb_table import GROUPS, VERBS
+from tests.support.ground.runs import written
 
 ROOT = Path(__file__).parents[4]
 
@@ -76,6 +78,33 @@ def test_words_that_fit(line: str, found: list[str]) -> None:
 
 def test_every_world_is_offered_in_the_order_of_the_list() -> None:
     assert words_for("run plant --world ")[: len(shipped())] == shipped()
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("hold --run ", ["box", "box-2"]),
+        ("goto 1 2 --run box-", ["box-2"]),
+        ("ground --run=box-", ["--run=box-2"]),
+        ("watch --context ", ["lab", "yard"]),
+        ("watch --context=y", ["--context=yard"]),
+        ("config context l", ["lab"]),
+        ("up --goal 1 2 --world u", ["u_trap"]),
+    ],
+)
+def test_running_systems_and_contexts_are_offered(
+    line: str, found: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(folder))
+    files = [written(), written()]
+    settings = settings_file()
+    settings.parent.mkdir(exist_ok=True)
+    contexts = (f'[contexts.{name}]\nconnect = "tcp/h:5"' for name in ("lab", "yard"))
+    settings.write_text("\n".join(contexts))
+    assert words_for(line) == found
+    for file in files:
+        file.remove()
 
 
 def test_first_word_is_a_group_or_a_short_verb_with_its_summary() -> None:
