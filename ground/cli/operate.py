@@ -45,7 +45,7 @@ def run(words: Words, output: Output) -> int:
 
 
 def run_offline(operation: Offline, words: Words, output: Output) -> int:
-    """Carry out an operation on files; print which file was chosen if none was named."""
+    """Carry out an operation on files; print the remark on their choice, if any."""
     if words.chosen:
         output.note(words.chosen)
     return print_outcome(output, words, "", operation.run(output))

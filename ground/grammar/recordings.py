@@ -6,7 +6,7 @@ from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.grammar.looking import moment
 from ground.grammar.words import Words, add_common, add_json
-from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in
+from ground.recording.catalogue import FILE_HELP, recording_named, recordings_in, remark_on
 from ground.reports.explain import ExplainNow, ExplainRecording
 from ground.reports.export import Export
 from ground.reports.figure.style import SCREEN, STYLES
@@ -19,7 +19,7 @@ from runtime.errors import UserError
 
 
 class RecordingWords(Words):
-    """The arguments of a verb that reads a recording; without FILE it is the newest one."""
+    """The arguments of a verb that reads a recording; by default the newest finished one."""
 
     file: str | None
 
@@ -30,9 +30,9 @@ class RecordingWords(Words):
 
     def recording(self) -> str:
         """Return the path of the recording; UserError if there is none."""
-        path = str(recording_named(self.file))
-        self.chosen = "" if path == self.file else path
-        return path
+        path = recording_named(self.file)
+        self.chosen = remark_on(path, self.file)
+        return str(path)
 
 
 class ExplainWords(RecordingWords):

@@ -23,7 +23,7 @@ class Words:
     verb: str
     action: str
     chosen: str = ""
-    """The file that was chosen because none was named; it is printed."""
+    """The file that was chosen because none was named, or a remark on it; it is printed."""
     connect: str | None
     id: str | None
     config: str | None

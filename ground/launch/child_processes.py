@@ -15,6 +15,7 @@ from runtime.errors import RemoteError
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
+FIRST_BYTES: Final = 4000
 MAX_OUTPUT: Final = 4 << 20
 """Largest size of a child's output file; beyond it the file is truncated."""
 LATE_EXIT_NS: Final = 300_000_000
@@ -58,6 +59,16 @@ class Child(NamedTuple):
         self.output.seek(max(0, size - TAIL_BYTES))
         lines = self.output.read().decode(errors="replace").splitlines()
         return "\n".join(f"  {line}" for line in lines[-LAST_LINES:])
+
+    def first_output(self) -> str:
+        """Return the beginning of the child's output; empty if another thread has ended it.
+
+        Parent and child share the file offset, which must not move.
+        """
+        try:
+            return os.pread(self.output.fileno(), FIRST_BYTES, 0).decode(errors="replace")
+        except ValueError:  # the file is closed
+            return ""
 
     def trim(self) -> None:
         """Truncate the output file when it is too large; children may run for months.
@@ -112,6 +123,10 @@ class Children:
     def roles(self) -> list[str]:
         """Roles of the children."""
         return [child.role for child in self._children]
+
+    def snapshot(self) -> tuple[Child, ...]:
+        """Return the children that have not been ended."""
+        return tuple(self._children)
 
     def send(self, role: str, number: int) -> bool:
         """Send a signal to a child; return False if it is not running."""

@@ -18,9 +18,9 @@ from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.goal_run import NoOutcomeError
 from ground.launch.hang_detector import ROUTER, HangDetector
+from ground.launch.recorder_files import RECORDER, RecorderFiles
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import (
-    RECORDER,
     RunOptions,
     Scenario,
     process_arguments,
@@ -81,7 +81,7 @@ class Stack:
         self._folder: TemporaryDirectory[str] | None = None
         self._supervisor: Supervisor | None = None
         self._bus: Bus | None = None
-        self.logs_before: set[Path] = set()
+        self._recorder_files = RecorderFiles()
         self.on_change: Callable[[], None] = lambda: None
 
     def __enter__(self) -> Self:
@@ -107,7 +107,6 @@ class Stack:
         """
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
-            self.logs_before = set(Path(self.scenario.record).glob("*.tlog"))
         *first, (role, words) = commands = process_arguments(self.scenario, self.endpoint)
         self._roles = [name for name, _ in commands]
         check(self.scenario.locks, self._roles)
@@ -145,6 +144,17 @@ class Stack:
         roles = [role for role in self._children.roles if role.startswith(RECORDER)]
         return self._children.end(roles, CLOSE_NS)
 
+    def recordings(self) -> list[Path]:
+        """Return the .tlog files of this run, the newest last."""
+        if self.scenario.record is not None:
+            self._recorder_files.update(self._children, Path(self.scenario.record))
+        return self._recorder_files.all
+
+    def recording_of(self, robot: str) -> Path | None:
+        """Return the newest .tlog of a robot of this run, or None before there is one."""
+        self.recordings()
+        return self._recorder_files.newest(robot)
+
     def next_event(self) -> str:
         """Return the next event of a process in words; empty when there is none."""
         if self._supervisor is None:
@@ -153,9 +163,10 @@ class Stack:
         return self._supervisor.next_event()
 
     def _supervise_once(self, supervisor: Supervisor) -> None:
-        before = self._children.pids
+        before = self._children.pids, self._recorder_files.all
+        files = self.recordings()
         supervisor.round(self._clock.now_ns())
-        if self._children.pids != before:
+        if (self._children.pids, files) != before:
             self.on_change()
 
     def void(self, robot: str) -> VoidRun | None:

@@ -6,13 +6,14 @@ or has no room on its disk is therefore reported in the same way.
 
 import argparse
 import os
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol, Self
 
 from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
-from ground.recording.log_reader import robot_in
+from ground.launch.recorder_files import RECORDER, RecorderFiles
 from ground.recording.retention import Retention, size_in, size_of
 from ground.user.folders import recordings_folder
 from runtime.clock import Clock
@@ -21,7 +22,6 @@ from runtime.units import NS_PER_S
 
 WRITING: Final = "REC"
 STALLED: Final = "REC!"
-ROLE: Final = "recorder"
 CHECK_NS: Final = NS_PER_S // 2
 STALL_NS: Final = 3 * NS_PER_S
 FULL_BYTES: Final = 1 << 20
@@ -97,8 +97,9 @@ class RecordingSession:
         self._command = ["record", str(folder), "--connect", common.endpoint, "--id", common.robot]
         self._command += [] if config is None else ["--config", config]
         self._command += [] if keep is None else ["--keep", keep]
-        self._before = self._files()
-        self._last: Path | None = None
+        self._own_files = RecorderFiles()
+        self._newest: Callable[[], Path | None] = self._newest_own
+        self._file: Path | None = None
         self._size = 0
         self._grew_ns = self._look_ns = clock.now_ns()
         self._is_watching = self._is_child = False
@@ -117,10 +118,10 @@ class RecordingSession:
             raise UserError("already recording: end it with `record stop` first")
         self._children.stop()
         self._delete_old()
-        self._before = self._files()
-        self._children.start(ROLE, self._command)
+        self._own_files = RecorderFiles()
+        self._children.start(RECORDER, self._command)
         self._is_child = True
-        self.watch(self._before)
+        self.watch(self._newest_own)
 
     def end(self) -> str:
         """Stop the recorder that was started here and return the name of its file."""
@@ -132,18 +133,18 @@ class RecordingSession:
         self.words = ""
         return str(file) if file else "nothing was written"
 
-    def watch(self, before: set[Path]) -> None:
-        """Check a recorder from now on; `before` are the files that existed before it started."""
-        self._before = before
-        self._last, self._size = None, 0
+    def watch(self, newest: Callable[[], Path | None]) -> None:
+        """Check a recorder from now on; `newest` returns its file, None before there is one."""
+        self._newest = newest
+        self._file, self._size = None, 0
         self._grew_ns = self._clock.now_ns()
         self._is_watching, self.words = True, WRITING
 
     @property
     def file(self) -> Path | None:
-        """The newest file of this robot that did not exist before."""
-        new = self._files() - self._before
-        return max(new, key=lambda path: path.name, default=None)
+        """The newest file of the recorder; None before it has created one."""
+        self._file = self._newest() or self._file
+        return self._file
 
     def poll(self, *, is_receiving: bool) -> list[str]:
         """Return new messages for the operator: the recording has stopped and why, or has resumed.
@@ -156,7 +157,7 @@ class RecordingSession:
         if not self._is_watching or now_ns < self._look_ns:
             return messages
         self._look_ns = now_ns + CHECK_NS
-        size = self._size_now()
+        size = 0 if self.file is None else size_of(self.file)
         if size != self._size:
             self._size, self._grew_ns = size, now_ns
         elif not is_receiving and self.words == WRITING:
@@ -174,14 +175,6 @@ class RecordingSession:
         with suppress(OSError):  # a folder that is not there yet is made by the recorder
             self._messages += filter(None, (retention.delete_oldest(), retention.warning()))
 
-    def _size_now(self) -> int:
-        """Return the file's size; search for a newer file only when this one does not grow."""
-        size = 0 if self._last is None else size_of(self._last)
-        if size == self._size:
-            self._last = self.file
-            size = 0 if self._last is None else size_of(self._last)
-        return size
-
     def _why(self) -> str:
         try:
             self._children.check()
@@ -195,5 +188,7 @@ class RecordingSession:
             return f"the disk is full ({self._folder})"
         return f"nothing was written to {self._folder} for {STALL_NS // NS_PER_S} s"
 
-    def _files(self) -> set[Path]:
-        return {path for path in self._folder.glob("*.tlog") if robot_in(path) == self._robot}
+    def _newest_own(self) -> Path | None:
+        """Return the file of the recorder that was started here."""
+        self._own_files.update(self._children, self._folder)
+        return self._own_files.newest(self._robot)

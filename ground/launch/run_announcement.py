@@ -30,6 +30,7 @@ def announced(stack: Stack, output: Output) -> Iterator[None]:
             world=scenario.name,
             locks=scenario.locks,
             record=scenario.record,
+            recordings=[str(log.with_suffix(".mcap")) for log in stack.recordings()],
             processes=stack.processes(),
             since=since,
         )

@@ -11,6 +11,7 @@ from typing import Any, Final, Protocol
 from ground.client.goal import Destination, destination
 from ground.client.operations.floor import Floor
 from ground.client.time_factor import chosen_speed
+from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks
 from protocol.outcome import RunSettings
 from protocol.wire.goal import start_arguments
@@ -21,7 +22,6 @@ SHOW_S: Final = 60.0
 PACED: Final = "paced"
 WALL: Final = "wall"
 CLOCKS: Final = (PACED, WALL)
-RECORDER: Final = "recorder"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,16 +6,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from ground.recording.log_reader import NAMED, SUFFIXES
+from ground.recording.log_reader import NAMED, SUFFIXES, is_running
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 
 BACK: Final = re.compile(r"-(?P<number>[1-9]\d{0,3})\Z")
 STAMP: Final = "%Y%m%dT%H%M%SZ"
 STAMP_CHARS: Final = 16
+UNFINISHED: Final = "is still being recorded"
 FILE_HELP: Final = (
-    "a .tlog or .mcap, or a folder: its newest one (default the newest of `sidestep rec list`;"
-    " -2 is the one before)"
+    "a .tlog or .mcap, or a folder: its newest one (default the newest finished one of"
+    " `sidestep rec list`; -2 is the one before)"
 )
 
 
@@ -53,8 +54,8 @@ def began(path: Path) -> datetime:
 def recording_named(text: str | None) -> Path:
     """Return the recording for an argument FILE.
 
-    None is the newest one of the user, `-2` the one before, and a folder its newest one. Raises
-    UserError if there is none.
+    None is the newest one of the user, `-2` the one before, and a folder its newest one. Only a
+    name chooses one that is still being recorded. Raises UserError if there is none.
     """
     back = BACK.match(text or "-1")
     if text is not None and (back is None or Path(text).exists()):
@@ -65,10 +66,20 @@ def recording_named(text: str | None) -> Path:
 
 
 def newest(folder: Path, number: int) -> Path:
-    """Return the newest recording of a folder, or with 2 the one before."""
+    """Return the newest finished recording of a folder, or with 2 the one before."""
     found = recordings_in(folder)
     if not found:
         raise UserError(f"{folder}: there is no recording; `sidestep up` makes one, or name a FILE")
-    if number > len(found):
-        raise UserError(f"-{number}: there are only {len(found)} recordings in {folder}")
-    return found[number - 1]
+    finished = [path for path in found if not is_running(path)]
+    if not finished:
+        raise UserError(f"{found[0]} {UNFINISHED}, and there is no other: end the run, or name it")
+    if number > len(finished):
+        raise UserError(f"-{number}: there are only {len(finished)} recordings in {folder}")
+    return finished[number - 1]
+
+
+def remark_on(path: Path, named: str | None) -> str:
+    """Return what a verb prints about its recording: which was chosen, and if it is unfinished."""
+    if is_running(path):
+        return f"{path} {UNFINISHED}: this is what it holds so far"
+    return "" if str(path) == named else str(path)

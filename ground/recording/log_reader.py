@@ -3,6 +3,8 @@
 A truncated file yields the frames before the cut, and `damage` describes the loss.
 """
 
+import fcntl
+import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -110,11 +112,16 @@ class McapLog(McapFile):
         super().__init__(path)
         self.robot = robot
         self.records = 0
+        self._is_running = is_running(path)
 
     def __iter__(self) -> Iterator[LoggedFrame]:
         for time_ns, raw in self.frames():
             self.records += 1
             yield LoggedFrame(time_ns, standard_key(raw.key, self.robot), raw.frame)
+
+    def damage(self) -> str:
+        """Return what was lost, in words; a file that is still being recorded is not closed yet."""
+        return "" if self._is_running and not self.lost_bytes else super().damage()
 
 
 def standard_key(key: str, robot: str) -> str:
@@ -161,6 +168,26 @@ def robot_in(path: Path) -> str:
     """Return the robot in a recording's file name, or the default robot."""
     named = NAMED.match(path.stem)
     return named["robot"] if named else USUAL_ROBOT
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a recorder holds its lock on a file; OSError when that is unknown."""
+    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(fd)
+    return False
+
+
+def is_running(path: Path) -> bool:
+    """Return whether a file is known to be still recorded."""
+    try:
+        return is_being_written(path)
+    except OSError:
+        return False
 
 
 def key_of(frame: bytes, robot: str) -> str:

@@ -3,8 +3,6 @@
 A recorder holds a lock on its files, which identifies those of all recorders on this machine.
 """
 
-import fcntl
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -12,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.recording.log_reader import NAMED, SUFFIXES
+from ground.recording.log_reader import NAMED, SUFFIXES, is_being_written
 from runtime.errors import UserError
 
 UNITS: Final = {"MB": 10**6, "GB": 10**9}
@@ -103,26 +101,11 @@ def size_of(path: Path) -> int:
 
 def delete(recording: RecordingFiles) -> bool:
     """Delete a recording; return False when it is being written or cannot be deleted."""
-    if any(map(is_being_written, recording.files)):
-        return False
     try:
+        if any(map(is_being_written, recording.files)):
+            return False
         for path in recording.files:
             path.unlink(missing_ok=True)
     except OSError:
         return False
     return True
-
-
-def is_being_written(path: Path) -> bool:
-    """Return whether a file is locked by its writer; True also when that is unknown."""
-    try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return True
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    finally:
-        os.close(fd)
-    return False

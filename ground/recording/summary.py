@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from ground.recording.catalogue import began
-from ground.recording.log_reader import SUFFIXES, open_log, robot_in, sibling_facts
+from ground.recording.log_reader import SUFFIXES, is_running, open_log, robot_in, sibling_facts
 from ground.recording.mcap.reader import McapFile
 from ground.recording.retention import size_of
 from ground.recording.tlog import TlogReader
@@ -31,6 +31,7 @@ class Summary(NamedTuple):
     """A recording at a glance; what is not known is None or empty.
 
     `length_s` is the robot's time between its first and its last status. `size` counts both files.
+    `is_running`: it is still being recorded.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class Summary(NamedTuple):
     navigator: str
     outcome: str
     size: int
+    is_running: bool
 
 
 def summary_of(path: Path) -> Summary:
@@ -64,6 +66,7 @@ def summary_of(path: Path) -> Summary:
         navigator="" if last is None else navigator_of(last),
         outcome="" if last is None else outcome_of(last),
         size=sum(size_of(path.with_suffix(suffix)) for suffix in SUFFIXES),
+        is_running=is_running(path),
     )
 
 

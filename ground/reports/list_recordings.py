@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import ClassVar, Final
 
@@ -14,6 +15,8 @@ from ground.user.folders import recordings_folder
 
 HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")
 UNKNOWN: Final = "--"
+RUNNING: Final = "REC"
+"""Marks a recording that is not finished, and so has no number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,12 +55,15 @@ def as_json(one: Summary) -> dict[str, object]:
         "navigator": one.navigator or None,
         "outcome": one.outcome or None,
         "bytes": one.size,
+        "running": one.is_running,
     }
 
 
 def table(found: Sequence[Summary]) -> list[str]:
-    """Return a head and a line per recording; -1 is the newest."""
-    rows = [HEADS, *(cells(number, one) for number, one in enumerate(found, 1))]
+    """Return a head and a line per recording; -1 is the newest that is finished."""
+    numbers = count(1)
+    names = [RUNNING if one.is_running else f"-{next(numbers)}" for one in found]
+    rows = [HEADS, *(cells(name, one) for name, one in zip(names, found, strict=True))]
     *widths, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
     return [
         "  ".join([*(cell.ljust(width) for cell, width in zip(row, widths, strict=False)), row[-1]])
@@ -65,10 +71,10 @@ def table(found: Sequence[Summary]) -> list[str]:
     ]
 
 
-def cells(number: int, one: Summary) -> tuple[str, ...]:
-    """Return the cells of a recording; `number` is how verbs name it."""
+def cells(name: str, one: Summary) -> tuple[str, ...]:
+    """Return the cells of a recording; `name` is how verbs name it, or that it is running."""
     return (
-        f"-{number}",
+        name,
         f"{one.began.astimezone():%Y-%m-%d %H:%M:%S}",
         UNKNOWN if one.length_s is None else f"{one.length_s:.1f} s",
         one.world or UNKNOWN,

@@ -37,7 +37,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """One run of `up`.
 
     `start` identifies the process `pid`. `locks` is the folder of the certificates and `record`
-    that of the recordings. `processes` has the pid of each role.
+    that of the recordings. `recordings` are those of this run. `processes` has the pid of each
+    role.
     """
 
     pid: int
@@ -49,6 +50,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     world: str
     locks: str | None = None
     record: str | None = None
+    recordings: list[str] = []
     processes: dict[str, int] = {}
 
 
@@ -132,6 +134,7 @@ def this_run(
     world: str,
     locks: str | None,
     record: str | None,
+    recordings: list[str],
     processes: dict[str, int],
     since: datetime,
 ) -> Run:
@@ -146,6 +149,7 @@ def this_run(
         world=world,
         locks=None if locks is None else str(Path(locks).resolve()),
         record=record,
+        recordings=recordings,
         processes=processes,
     )
 

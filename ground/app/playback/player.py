@@ -4,6 +4,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from ground.recording.catalogue import UNFINISHED
+from ground.recording.log_reader import is_running
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.station.station import Station
 from ground.station.world import WorldFacts, parse_world
@@ -32,6 +34,8 @@ class Player:
         self._world = world_in_recording(self.bus)
         self.station = self._station()
         self.note(f"{path.name}: {self.duration_s:.1f} s of {self.bus.robot}")
+        if is_running(path):
+            self.note(f"{path.name} {UNFINISHED}: this is what it holds so far")
         if self.bus.damage:
             self.note(f"damaged: {self.bus.damage}")
         self.seek(0.0)

@@ -16,7 +16,7 @@ from ground.app.screens.drive import DriveScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, head, row
 from ground.recording.bookmarks import Mark
-from ground.recording.catalogue import newest_first, recordings_in
+from ground.recording.catalogue import UNFINISHED, newest_first, recordings_in
 from ground.recording.summary import Summary, summary_of
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
@@ -115,17 +115,22 @@ class ReplayScreen(DriveScreen):
 
 
 def newest_recordings() -> list[Summary]:
-    """Return the newest recordings of the user, of this folder and of those below it."""
+    """Return the newest recordings of the user, of this folder and of those below it.
+
+    Those that are still being recorded are the last, so that the first choice is a finished one.
+    """
     found = [*recordings_in(recordings_folder()), *recordings_in(Path(), below=True)]
     once = {path.resolve(): path for path in reversed(found)}
-    return [summary_of(path) for path in newest_first(once.values())[:MAX_LISTED]]
+    summaries = [summary_of(path) for path in newest_first(once.values())[:MAX_LISTED]]
+    return sorted(summaries, key=lambda one: one.is_running)
 
 
 def in_one_line(one: Summary) -> str:
     """Return time, world, outcome and length of a recording, and its file."""
     length = "--" if one.length_s is None else f"{one.length_s:.0f} s"
     facts = f"{one.world or '--':<12} {one.outcome or '--':<8} {length:>6}"
-    return f"{one.began.astimezone():%m-%d %H:%M:%S}  {facts}  {one.path.name}"
+    running = f"  {UNFINISHED}" if one.is_running else ""
+    return f"{one.began.astimezone():%m-%d %H:%M:%S}  {facts}  {one.path.name}{running}"
 
 
 def timeline_rows(player: Player, width: int) -> list[Row]:

@@ -46,6 +46,7 @@ def as_json(found: FoundRun) -> dict[str, object]:
         "processes": run.processes,
         "locks": run.locks,
         "record": run.record,
+        "recordings": run.recordings,
     }
 
 

@@ -11,6 +11,7 @@ from ground.cli.options import common_of
 from ground.client.link import Link, open_link
 from ground.grammar.words import add_common
 from ground.launch.child_processes import defer_signals
+from ground.launch.recorder_files import created_line
 from ground.launch.recording_session import add_keep, byte_limit
 from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import LogWriter
@@ -43,7 +44,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
         folder = Path(options.folder)
         log = new_log(folder, link)
         link.bus.stream_all(log.take)
-        output.note(f"recording {link.robot} to {log.path} and .mcap")
+        output.note(created_line(link.robot, log.path))
         retention = Retention(folder, byte_limit(folder, options.keep))
         note(output, retention.warning())
         facts = MetadataReader(link.bus, link.robot)

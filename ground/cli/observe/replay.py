@@ -16,7 +16,7 @@ from ground.client.telemetry import Telemetry
 from ground.client.vocabulary import NAVIGATORS
 from ground.grammar.words import add_json, positive
 from ground.launch.child_command import command
-from ground.recording.catalogue import FILE_HELP, recording_named
+from ground.recording.catalogue import FILE_HELP, recording_named, remark_on
 from ground.recording.playback.playback_bus import ReplayBus
 from ground.text.output import Output
 from ground.text.status_parts import Part, in_words
@@ -55,16 +55,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Replay; return 0, or 1 if results differ or part of the file is damaged."""
-    named, options.file = options.file, str(recording_named(options.file))
-    if options.file != named:
-        output.note(options.file)
+    file = recording_named(options.file)
+    if remark := remark_on(file, options.file):
+        output.note(remark)
+    options.file = str(file)
     if options.again:
         return reexecute(options)
     if options.navigator is not None:
         raise UserError(
             "--navigator needs --re-execute; `sidestep ghost` simulates another navigator"
         )
-    file = Path(options.file)
     if has_screen() and not (options.plain or options.json):
         return run_replay(options, file, options.id, options.at, reading(file, output))
     announce(file, output)

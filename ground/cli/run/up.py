@@ -3,7 +3,7 @@
 import argparse
 import os
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -36,6 +36,7 @@ from ground.launch.scenario import (
     world_query,
 )
 from ground.launch.tls_configs import ground_file
+from ground.recording.retention import size_of
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from ground.text.status_parts import in_words as in_line
@@ -172,7 +173,7 @@ def run_with_app(
             config = ground_file(scenario.locks)
             with RecordingSession(folder, stack.common, clock, config, options.keep) as recording:
                 if scenario.record is not None:
-                    recording.watch(stack.logs_before)
+                    recording.watch(partial(stack.recording_of, stack.common.robot))
                 lessons = vars(options).get("lessons", False)
                 link = goal_runs[0].link
                 return run_app(options, link, stack.common, stack, recording, lessons=lessons)
@@ -196,18 +197,21 @@ def goal_runs_of(stack: Stack, bus: Bus, output: Output, clock: Clock) -> list[G
 def recorders_ready(stack: Stack, clock: Clock, output: Output) -> None:
     """Wait for the recorders, so that the first tick is in the log."""
     if stack.scenario.record is not None:
-        await_records(stack.scenario, stack.logs_before, clock, stack.check, output)
+        await_records(stack.scenario, stack.recordings, clock, stack.check, output)
 
 
 def await_records(
-    scenario: Scenario, before: set[Path], clock: Clock, check: Callable[[], None], output: Output
+    scenario: Scenario,
+    recordings: Callable[[], list[Path]],
+    clock: Clock,
+    check: Callable[[], None],
+    output: Output,
 ) -> None:
     """Wait until every recorder has written a frame, for at most RECORDERS_NS."""
     deadline_ns = clock.now_ns() + RECORDERS_NS
     while clock.now_ns() < deadline_ns:
         check()
-        new = set(Path(scenario.record or "").glob("*.tlog")) - before
-        if sum(log.stat().st_size > 0 for log in new) >= len(scenario.robots):
+        if sum(size_of(log) > 0 for log in recordings()) >= len(scenario.robots):
             return
         clock.sleep_until(clock.now_ns() + POLL_NS)
     output.note(f"no recorder has written to {scenario.record} yet; the drive begins without it")
@@ -219,22 +223,22 @@ def close_records(stack: Stack, output: Output, clock: Clock) -> None:
     if scenario.record is None:
         return
     if scenario.lockstep:
-        await_complete_records(scenario.record, stack.logs_before, clock)
+        await_complete_records(stack.recordings(), clock)
     if not stack.end_recorders():
         output.note(f"the recording in {scenario.record} is incomplete: its recorder is too slow")
-    for log in sorted(set(Path(scenario.record).glob("*.tlog")) - stack.logs_before):
+    for log in sorted(stack.recordings()):
         output.note(f"recording: {log.with_suffix('.mcap')}")
 
 
-def await_complete_records(folder: str, before: set[Path], clock: Clock) -> None:
+def await_complete_records(recordings: Sequence[Path], clock: Clock) -> None:
     """Wait until the recordings have not grown for 0.5 s, at most 5 s; time is paused meanwhile.
 
     Before, a recorder on a busy computer may be seconds of simulated time behind.
     """
     grown_ns = began_ns = clock.now_ns()
-    sizes: dict[Path, int] = {}
+    sizes: list[int] = []
     while (now_ns := clock.now_ns()) < min(grown_ns + SETTLED_NS, began_ns + CATCH_UP_NS):
-        found = {log: log.stat().st_size for log in set(Path(folder).glob("*.tlog")) - before}
+        found = [size_of(log) for log in recordings]
         if found != sizes:
             sizes, grown_ns = found, now_ns
         clock.sleep_until(now_ns + POLL_NS)

@@ -15,6 +15,7 @@ def run_here(endpoint: str = ENDPOINT, world: str = "box", locks: str | None = N
         world=world,
         locks=locks,
         record=None,
+        recordings=[],
         processes={"plant": 5},
         since=datetime.now(UTC),
     )

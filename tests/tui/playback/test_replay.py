@@ -7,11 +7,12 @@ import pytest
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.playback.player import Player
-from ground.app.screens.replay import ReplayScreen, newest_recordings, timeline_rows
+from ground.app.screens.replay import ReplayScreen, in_one_line, newest_recordings, timeline_rows
 from ground.app.widgets.rows import width_of, words_of
 from ground.user.folders import recordings_folder
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.ground.recording.recorders import written
 from tests.support.tui.fakes import FakeCommandSink, FakeStation, S
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.recording import recorded
@@ -91,6 +92,20 @@ def test_recordings_are_found_in_the_users_folder_and_one_folder_deep(
         path.write_bytes(b"")
     names = {one.path.name for one in newest_recordings()}
     assert names == {"a.mcap", "b.tlog", "20261123T100000Z-r1.tlog"}
+
+
+def test_a_recording_that_runs_is_the_last_choice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    for second in (1, 2, 3):
+        (tmp_path / f"20261123T10000{second}Z-r1.tlog").touch()
+    with written(tmp_path / "20261123T100003Z-r1.tlog"):
+        *finished, last = map(in_one_line, newest_recordings())
+    names = [line.split()[-1] for line in finished]
+    assert names == ["20261123T100002Z-r1.tlog", "20261123T100001Z-r1.tlog"]
+    assert last.endswith("20261123T100003Z-r1.tlog  is still being recorded")
 
 
 def polled(app: GroundApp) -> bool:

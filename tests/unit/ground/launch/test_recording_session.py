@@ -15,6 +15,7 @@ from ground.user.folders import recordings_folder
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.ground.recording.recorders import printing_children
 
 S = 1_000_000_000
 COMMON = Common(network=Network(mode="client", connect=("tcp/127.0.0.1:1",)), robot="r1")
@@ -28,6 +29,9 @@ class Session:
         self.recording = RecordingSession(folder, COMMON, self.clock, None)
         self.log = folder / "20260304T120005Z-r1.tlog"
         self.messages: list[str] = []
+
+    def newest(self) -> Path | None:
+        return self.log if self.log.exists() else None
 
     def run(self, seconds: float, *, grows: bool = True, is_receiving: bool = True) -> None:
         for _ in range(round(seconds * 2)):
@@ -44,14 +48,14 @@ def session(tmp_path: Path) -> Session:
 
 
 def test_growing_file_raises_no_alarm(session: Session) -> None:
-    session.recording.watch(set())
+    session.recording.watch(session.newest)
     session.run(10.0)
     assert (session.recording.words, session.messages) == ("REC", [])
     assert session.recording.file == session.log
 
 
 def test_stalled_file_raises_one_alarm(session: Session) -> None:
-    session.recording.watch(set())
+    session.recording.watch(session.newest)
     session.run(5.0)
     session.run(10.0, grows=False)
     assert session.recording.words == "REC!"
@@ -66,20 +70,20 @@ def test_stalled_file_raises_one_alarm(session: Session) -> None:
 def test_alarm_names_a_full_disk(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     full: Callable[[Path], object] = lambda _: SimpleNamespace(f_bavail=3, f_frsize=4096)  # noqa: E731
     monkeypatch.setattr(os, "statvfs", full)
-    session.recording.watch(set())
+    session.recording.watch(session.newest)
     session.run(5.0, grows=False)
     assert "the disk is full" in session.messages[0]
 
 
 def test_alarm_names_a_missing_folder(tmp_path: Path) -> None:
     session = Session(tmp_path / "gone")
-    session.recording.watch(set())
+    session.recording.watch(session.newest)
     session.run(5.0, grows=False)
     assert "No such file or directory" in session.messages[0]
 
 
 def test_silent_robot_raises_no_alarm(session: Session) -> None:
-    session.recording.watch(set())
+    session.recording.watch(session.newest)
     session.run(30.0, grows=False, is_receiving=False)
     assert (session.recording.words, session.messages) == ("REC", [])
     session.run(5.0, grows=False)
@@ -87,12 +91,23 @@ def test_silent_robot_raises_no_alarm(session: Session) -> None:
     assert session.recording.words == "REC!", "a silent robot does not clear the alarm"
 
 
-def test_only_new_files_of_the_robot_count(session: Session, tmp_path: Path) -> None:
-    old = tmp_path / "20260101T000000Z-r1.tlog"
-    for path in (old, tmp_path / "20270101T000000Z-r2.tlog"):
-        path.write_bytes(b"frame")
-    session.recording.watch({old})
-    assert session.recording.file is None
+def test_newer_file_of_another_run_in_the_folder_does_not_count(
+    session: Session, tmp_path: Path
+) -> None:
+    other = tmp_path / "20270101T000000Z-r1.tlog"
+    with printing_children() as children:
+        session.recording._children = children
+        session.recording.begin()
+        other.write_bytes(b"frame")
+        assert session.recording.file is None
+        children.print_name(session.log)
+        session.run(10.0)
+        assert (session.recording.words, session.messages) == ("REC", [])
+        session.run(10.0, grows=False)
+        assert session.recording.words == "REC!"
+        assert session.recording.end() == str(session.log)
+        session.recording.begin()
+        assert session.recording.file is None, "the new recorder has not created its file yet"
 
 
 def test_no_recorder_means_no_messages(session: Session) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from ground.recording.summary import summary_of
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 from tests.support.ground.recording.made import mcap, run, tlog
+from tests.support.ground.recording.recorders import written
 
 OLD, MIDDLE, NEW = (f"20261123T10000{second}Z-r1" for second in (1, 2, 3))
 
@@ -87,6 +89,57 @@ def test_verbs_without_a_file_take_the_newest_and_print_its_name(
     done = capsys.readouterr()
     assert done.err.splitlines()[0] == str(three / f"{NEW}.mcap")
     assert json.loads(done.out)["file"] == str(three / f"{NEW}.mcap")
+
+
+@pytest.fixture
+def running(three: Path) -> Iterator[Path]:
+    """The newest recording is still being written."""
+    frames = list(run(40))
+    mcap(three / f"{NEW}.mcap", frames, closed=False)
+    with written(three / f"{NEW}.mcap", three / f"{NEW}.tlog"):
+        yield three
+
+
+@pytest.mark.parametrize(("word", "stem"), [(None, MIDDLE), ("-1", MIDDLE), ("-2", OLD)])
+def test_a_recording_that_runs_is_not_chosen(running: Path, word: str | None, stem: str) -> None:
+    assert recording_named(word).stem == stem
+    assert recording_named(str(running)).stem == MIDDLE
+
+
+def test_verbs_choose_the_newest_finished_one(
+    running: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (["replay", "--plain"], ["explain", "--turns"]):
+        assert main([*words, "--json"]) == 0
+        assert capsys.readouterr().err.splitlines()[0] == str(running / f"{MIDDLE}.tlog")
+
+
+@pytest.mark.parametrize("words", [["replay", "--plain"], ["explain", "--turns"]])
+def test_a_recording_that_runs_is_read_by_name_and_not_called_damaged(
+    running: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = running / f"{NEW}.mcap"
+    assert main([*words, str(file)]) == 0
+    said = capsys.readouterr()
+    assert said.err == f"{file} is still being recorded: this is what it holds so far\n"
+    assert "DAMAGED" not in said.out
+
+
+def test_nothing_but_a_recording_that_runs_is_reported(folder: Path) -> None:
+    only = tlog(folder / f"{NEW}.tlog", list(run(4)))
+    with written(only), pytest.raises(UserError, match="is still being recorded, and there is no"):
+        recording_named(None)
+
+
+def test_a_recording_that_runs_is_marked_in_the_list(
+    running: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["recordings"]) == 0
+    _, *lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == ["REC", "-1", "-2"]
+    assert main(["recordings", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["recordings"]
+    assert [row["running"] for row in rows] == [True, False, False]
 
 
 def test_the_table_of_the_one_before_is_exported(

@@ -1,10 +1,7 @@
 """The oldest recordings are deleted beyond a limit, but never while they are written."""
 
-import fcntl
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,6 +12,7 @@ from ground.recording.log_writer import new_log
 from ground.recording.retention import LOW_BYTES, Retention, size_in, size_text
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
+from tests.support.ground.recording.recorders import written
 
 KB = 1000
 
@@ -30,14 +28,6 @@ def recorded(folder: Path, hour: int, size: int, robot: str = "r1") -> Path:
 
 def names_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
-
-
-@contextmanager
-def written(path: Path) -> Iterator[None]:
-    """Hold the lock of a writer."""
-    with path.open("rb") as held:
-        fcntl.flock(held, fcntl.LOCK_EX)
-        yield
 
 
 @pytest.mark.parametrize(

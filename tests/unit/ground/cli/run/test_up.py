@@ -33,11 +33,11 @@ def recorded(folder: Path, *words: str) -> Scenario:
     return scenario_of(options, world_facts(command(world_query(options), os.getpid())))
 
 
-def waited(scenario: Scenario, logs: list[Path], at_s: float, before: set[Path]) -> float:
+def waited(scenario: Scenario, logs: list[Path], at_s: float, recordings: list[Path]) -> float:
     """Return the seconds until the goal was sent."""
     clock = ManualClock()
     recorders = Recorders(clock, logs, at_s)
-    await_records(scenario, before, clock, recorders, Output(as_json=False))
+    await_records(scenario, lambda: recordings, clock, recorders, Output(as_json=False))
     assert recorders.checks > 0
     return clock.now_ns() / 1e9
 
@@ -47,24 +47,25 @@ def test_the_drive_begins_when_the_first_frame_is_written(
 ) -> None:
     log = tmp_path / "a.tlog"
     log.touch()
-    assert waited(recorded(tmp_path), [log], 0.4, set()) == pytest.approx(0.4, abs=0.1)
+    assert waited(recorded(tmp_path), [log], 0.4, [log]) == pytest.approx(0.4, abs=0.1)
     assert capsys.readouterr().err == ""
 
 
 def test_every_robot_must_be_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two = recorded(tmp_path, "--robots", "2")
-    assert waited(two, [tmp_path / "a.tlog"], 0.0, set()) == pytest.approx(3.0, abs=0.1)
+    logs = [tmp_path / "a.tlog", tmp_path / "b.tlog"]
+    assert waited(two, logs[:1], 0.0, logs) == pytest.approx(3.0, abs=0.1)
     assert "no recorder has written" in capsys.readouterr().err
-    assert waited(two, [tmp_path / "a.tlog", tmp_path / "b.tlog"], 0.0, set()) < 0.1
+    assert waited(two, logs, 0.0, logs) < 0.1
 
 
-@pytest.mark.parametrize("content", [b"", b"of an earlier drive"])
-def test_an_empty_log_and_an_old_one_do_not_count(
+@pytest.mark.parametrize("content", [b"", b"of another run"])
+def test_an_empty_log_and_that_of_another_run_do_not_count(
     tmp_path: Path, content: bytes, capsys: pytest.CaptureFixture[str]
 ) -> None:
     log = tmp_path / "a.tlog"
     log.write_bytes(content)
-    assert waited(recorded(tmp_path), [], 0.0, {log} if content else set()) >= 3.0
+    assert waited(recorded(tmp_path), [], 0.0, [] if content else [log]) >= 3.0
     assert f"no recorder has written to {tmp_path} yet" in capsys.readouterr().err
 
 
@@ -88,7 +89,7 @@ def test_the_end_of_a_lockstep_run_waits_for_a_slow_recorder(
     log = tmp_path / "a.tlog"
     log.touch()
     clock = GrowingLog(log, until_s)
-    await_complete_records(str(tmp_path), set(), clock)
+    await_complete_records([log], clock)
     assert clock.now_ns() / 1e9 == pytest.approx(end_s, abs=0.05)
 
 
