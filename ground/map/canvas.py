@@ -6,6 +6,7 @@ canvas are skipped without an error.
 
 import re
 from collections.abc import Iterable
+from functools import cache
 from typing import Final
 
 from ground.map.glyphs import BLANK, DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, printable
@@ -21,6 +22,8 @@ Run = tuple[str, str]
 """A role ("" for blank cells) and the text drawn in this role."""
 ECHO_RANK: Final = RANK["seen"]
 """Marks up to this rank are hidden by dots that were drawn later."""
+SHORT: Final = 6
+"""The dots of lines up to this length are looked up instead of computed."""
 OFF_CANVAS: Final = (0, 0, 0, 0, 0, 1)
 """The result of `clip_line` for a line that misses the canvas."""
 
@@ -75,19 +78,22 @@ class Canvas:
     def polyline(self, dots: Iterable[Dot], role: str) -> None:
         """Draw lines from dot to dot.
 
-        Neighbouring dots, as in a trail, are set directly instead of as lines of one dot.
+        Short lines, as in a trail, are set dot by dot instead of one by one.
         """
-        apart: list[Dot] = []
+        found: list[Dot] = []
         last: Dot | None = None
         for dot in dots:
-            if dot == last:
-                continue
-            if last is not None and not (-2 < dot[0] - last[0] < 2 and -2 < dot[1] - last[1] < 2):
-                self.line(*last, *dot, role)
-            else:
-                apart.append(dot)
+            if last is None:
+                found.append(dot)
+            elif dot != last:
+                x, y = last
+                dx, dy = dot[0] - x, dot[1] - y
+                if -SHORT <= dx <= SHORT and -SHORT <= dy <= SHORT:
+                    found += [(x + right, y + down) for right, down in short_line(dx, dy)]
+                else:
+                    self.line(*last, *dot, role)
             last = dot
-        self.dots(apart, role)
+        self.dots(found, role)
 
     def mark(self, column: int, row: int, meaning: str, role: str) -> None:
         """Put the character of a meaning (see `glyphs.MARKS`) into a cell."""
@@ -194,6 +200,19 @@ class Canvas:
                 step = 1 if error > 0 else -1
                 x += step
                 error -= step * full
+
+
+@cache
+def short_line(dx: int, dy: int) -> tuple[Dot, ...]:
+    """Return the dots of a line from its first dot, which is left out, as `Canvas.line` sets them.
+
+    One of `dx` and `dy` must not be 0.
+    """
+    if abs(dx) < abs(dy):
+        return tuple((x, y) for y, x in short_line(dy, dx))
+    if dx < 0:
+        return tuple((dx + x, dy + y) for x, y in ((0, 0), *short_line(-dx, -dy)[:-1]))
+    return tuple((x, (2 * x * dy + dx) // (2 * dx)) for x in range(1, dx + 1))
 
 
 def clip_line(

@@ -1,6 +1,7 @@
 """Draw a scene on a canvas, layer by layer; later layers cover earlier ones.
 
-Static layers are separate, so that a caller that draws many frames draws them once.
+Static layers and traces are separate, so that a caller that draws many frames draws each of them
+only when it has changed.
 """
 
 from collections.abc import Callable, Collection
@@ -19,7 +20,11 @@ STATIC: Final[tuple[tuple[str, Layer], ...]] = (
     ("walls", static_layers.draw_walls),
     ("fence", static_layers.draw_fence),
 )
-
+TRACES: Final[tuple[tuple[str, Layer], ...]] = (
+    ("seen", static_layers.draw_seen),
+    ("ghosts", static_layers.draw_ghosts),
+    ("trail", moving_layers.draw_trail),
+)
 
 BAR_SHARE: Final = 6
 """The scale bar takes at most one of so many columns."""
@@ -53,9 +58,6 @@ def length_text(length_m: float) -> str:
 
 
 MOVING: Final[tuple[tuple[str, Layer], ...]] = (
-    ("seen", static_layers.draw_seen),
-    ("ghosts", static_layers.draw_ghosts),
-    ("trail", moving_layers.draw_trail),
     ("ellipse", moving_layers.draw_ellipse),
     ("zone", moving_layers.draw_zone),
     ("sonars", moving_layers.draw_sonars),
@@ -75,6 +77,7 @@ MOVING: Final[tuple[tuple[str, Layer], ...]] = (
 def draw(scene: MapScene, view: View, canvas: Canvas, layers: Collection[str] = LAYERS) -> None:
     """Draw the named layers of a scene (see `scene.LAYERS`)."""
     draw_static(scene, view, canvas, layers)
+    draw_traces(scene, view, canvas, layers)
     draw_moving(scene, view, canvas, layers)
 
 
@@ -83,6 +86,24 @@ def draw_static(
 ) -> None:
     """Draw the layers that stay the same while `static_parts` does."""
     _draw(STATIC, scene, Pen(canvas, view), layers)
+
+
+def draw_traces(
+    scene: MapScene,
+    view: View,
+    canvas: Canvas,
+    layers: Collection[str] = LAYERS,
+    *,
+    drawn: int | None = None,
+) -> None:
+    """Draw the layers above the static ones, which stay the same while `trace_parts` does.
+
+    When only the trail has grown, and its first `drawn` points are on the canvas, draw the others.
+    """
+    if drawn is None:
+        _draw(TRACES, scene, Pen(canvas, view), layers)
+    elif "trail" in layers:
+        moving_layers.draw_trail_end(Pen(canvas, view), scene, drawn)
 
 
 def draw_moving(
@@ -95,6 +116,12 @@ def draw_moving(
 def static_parts(scene: MapScene) -> tuple[object, ...]:
     """Return the parts of a scene that `draw_static` draws, for comparison."""
     return scene.size_m, scene.obstacles, scene.truth, scene.fence
+
+
+def trace_parts(scene: MapScene) -> tuple[object, ...]:
+    """Return the parts of a scene that `draw_traces` draws, without the trail, for comparison."""
+    others = tuple(other.trail for other in scene.others)
+    return scene.seen, scene.seen_late, scene.seen_old, scene.ghosts, others
 
 
 def _draw(

@@ -1,6 +1,6 @@
 """Define the characters of the map, for each pattern of dots in a cell and for each mark."""
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import Final
 from unicodedata import combining, east_asian_width
 
@@ -76,6 +76,7 @@ def stroke(bits: int) -> str:
     return "/" if lean > 0.0 else "\\"
 
 
+@lru_cache(1024)
 def printable(text: str, ascii_only: bool) -> str:
     """Replace each character that does not take exactly one printable cell by a question mark."""
     return "".join(

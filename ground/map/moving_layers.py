@@ -26,6 +26,11 @@ def draw_trail(pen: Pen, scene: MapScene) -> None:
     pen.path(scene.trail, "trail")
 
 
+def draw_trail_end(pen: Pen, scene: MapScene, drawn: int) -> None:
+    """Draw the way of the robot from the last of the first `drawn` points on."""
+    pen.path(scene.trail[max(0, drawn - 1) :], "trail")
+
+
 def draw_ellipse(pen: Pen, scene: MapScene) -> None:
     """Draw the uncertainty of the robot's position."""
     robot, covariance = scene.robot, scene.covariance

@@ -7,18 +7,14 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.geometry import Region
 from textual.strip import Strip
-from textual.widget import Widget
 
 from ground.app.widgets.role_colours import styles_of
 from ground.app.widgets.rows import Row, in_ascii
+from ground.app.widgets.strip_widget import StripWidget
 
 
-class Lines(Widget):
-    """A panel of rows; `drawn` counts the rows drawn, for measurements.
-
-    Without border and padding, strips are cached here. That takes a third of the time of Textual's
-    general way.
-    """
+class Lines(StripWidget):
+    """A panel of rows; `drawn` counts the rows drawn, for measurements."""
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:
         super().__init__(id=id, classes=classes)
@@ -48,17 +44,9 @@ class Lines(Widget):
             self.refresh(*regions)
 
     def render_lines(self, crop: Region) -> list[Strip]:
-        """Return the strips of a region, from the cache when there is no border."""
+        """Return the strips of a region."""
         self._restyle()
-        if any(self.styles.gutter):
-            return super().render_lines(crop)
-        width = self.size.width
-        strips = [self.render_line(y) for y in crop.line_range]
-        filters, background = self.get_line_filters(), self.background_colors[1]
-        for line_filter in filters:
-            strips = [strip.apply_filter(line_filter, background) for strip in strips]
-        x1, x2 = crop.column_span
-        return strips if (x1, x2) == (0, width) else [strip.crop(x1, x2) for strip in strips]
+        return super().render_lines(crop)
 
     def render_line(self, y: int) -> Strip:
         """Return one strip, drawn if it has changed."""
@@ -80,6 +68,7 @@ class Lines(Widget):
         appearance = (self.app.theme, self.app.has_class("-ascii"), self.size.width)
         if appearance != self._appearance:
             self._appearance, self._ground = appearance, self.rich_style
+            self.forget_background()
             self._strips.clear()
 
     def _strip(self, y: int) -> Strip:

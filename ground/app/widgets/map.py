@@ -9,11 +9,12 @@ from textual import events
 from textual.geometry import Region
 from textual.message import Message
 from textual.strip import Strip
-from textual.widget import Widget
 
 from ground.app.widgets.role_colours import styles_of
+from ground.app.widgets.strip_widget import StripWidget
 from ground.map.canvas import Canvas
-from ground.map.drawing import draw_moving, draw_static, static_parts
+from ground.map.drawing import draw_moving
+from ground.map.kept_layers import KeptLayers
 from ground.map.roles import ROLES
 from ground.map.scene import LAYERS, MapScene
 from ground.map.view import Point, View
@@ -24,7 +25,7 @@ BLANK = ""
 MONO = "mono"
 
 
-class MapWidget(Widget):
+class MapWidget(StripWidget):
     """Draws the last scene shown; `styles_by_role` are the styles of what is drawn.
 
     While `fitted`, all of the scene is on the map; zooming and centring end that. While
@@ -57,9 +58,8 @@ class MapWidget(Widget):
         super().__init__(id=id)
         self.scene = MapScene()
         self._canvas = Canvas(0, 0, ascii_only)
-        self._ground = self._canvas
+        self._layers = KeptLayers()
         self._theme = ""
-        self._drawn: tuple[object, ...] = ()
         self._fitted_for: tuple[object, ...] = ()
         self._strips: dict[int, Strip] = {}
         self._view = View(0, 0)
@@ -123,6 +123,7 @@ class MapWidget(Widget):
     def _restyle(self) -> None:
         """Read the background again at the next drawing."""
         self._inks = None
+        self.forget_background()
         self._strips.clear()
         self.refresh()
 
@@ -212,13 +213,9 @@ class MapWidget(Widget):
     def _draw(self) -> None:
         self._adjust_view()
         before, scene, view = self._canvas, self.scene, self._view
-        drawn = (view, self._shown, self._theme == MONO, *static_parts(scene))
-        if drawn != self._drawn:
-            self._drawn = drawn
-            mono = self._theme == MONO
-            self._ground = Canvas(view.columns, view.rows, self._ascii_only, is_mono=mono)
-            draw_static(scene, view, self._ground, self._shown)
-        self._canvas = self._ground.copy()
+        is_mono = self._theme == MONO
+        blank = Canvas(view.columns, view.rows, self._ascii_only, is_mono=is_mono)
+        self._canvas = self._layers.below(scene, view, self._shown, blank)
         draw_moving(scene, view, self._canvas, self._shown)
         self._repaint(before)
 

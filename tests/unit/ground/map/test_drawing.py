@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ground.map.canvas import Canvas
-from ground.map.drawing import draw, draw_moving, draw_static, static_parts
+from ground.map.drawing import draw, draw_moving, draw_static, draw_traces, static_parts
 from ground.map.ellipse import ellipse
 from ground.map.scene import LAYERS, MapScene, MapTarget, RobotMark
 from ground.map.view import View
@@ -109,6 +109,7 @@ def test_static_and_moving_layers_make_the_whole_scene() -> None:
     draw(EVERYTHING, view, whole)
     draw_static(EVERYTHING, view, ground)
     both = ground.copy()
+    draw_traces(EVERYTHING, view, both)
     draw_moving(EVERYTHING, view, both)
     assert both.changed_rows(whole) == []
     assert static_parts(replace(EVERYTHING, robot=None)) == static_parts(EVERYTHING)
