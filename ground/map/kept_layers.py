@@ -17,9 +17,7 @@ class KeptLayers:
         self._trace_key: tuple[object, ...] = ()
         self._trail: Sequence[Point] = ()
 
-    def below(
-        self, scene: MapScene, view: View, layers: Collection[str], blank: Canvas
-    ) -> Canvas:
+    def below(self, scene: MapScene, view: View, layers: Collection[str], blank: Canvas) -> Canvas:
         """Return a new canvas with the layers of a scene below the moving ones.
 
         `blank` is an empty canvas of the form that is wanted.

@@ -6,7 +6,6 @@ from textwrap import wrap
 from typing import ClassVar, Final
 
 from textual.app import ComposeResult
-from textual.containers import Container, Horizontal
 from textual.screen import Screen
 from textual.widgets import Input
 
@@ -27,6 +26,7 @@ from ground.app.widgets.command_line import (
 )
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
+from ground.app.widgets.still import StillContainer, StillRow, StillWidget
 from ground.station.station import Station
 from ground.station.view import PLACE_BY_HAND
 from protocol.wire.enums import Vehicle
@@ -41,7 +41,7 @@ LEAST_ROWS_FOR_TABS: Final = 10
 LEAST_ROWS_FOR_ROSTER: Final = 12
 
 
-class AppScreen(Screen[None]):
+class AppScreen(Screen[None], StillWidget):
     """A screen; `key_layers` and `actions` define its keys, `draw` its content."""
 
     AUTO_FOCUS: ClassVar[str | None] = ""
@@ -64,11 +64,11 @@ class AppScreen(Screen[None]):
         yield ButtonRow(id="tabs")
         yield ButtonRow(id="roster")
         yield Lines(id="alarm")
-        with Container(id="middle"):
+        with StillContainer(id="middle"):
             yield from self.compose_content()
             yield Lines(id="candidates")
         yield Lines(id="lesson")
-        with Horizontal(id="typing"):
+        with StillRow(id="typing"):
             yield Lines(id="prompt")
             yield CommandLine(self.interface.commands.assist)
             yield AnswerLine(id="answer")

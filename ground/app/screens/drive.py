@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from textual import events
 from textual.app import ComposeResult
-from textual.containers import Grid, Vertical
+from textual.containers import Grid
 
 from ground.app.chrome.next_keys import TELEOP, NextKey, cursor_keys, unsent
 from ground.app.input.default_keys import Layer
@@ -23,6 +23,7 @@ from ground.app.screens.app_screen import Action, AppScreen
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.map import MapWidget
 from ground.app.widgets.rows import faint, row
+from ground.app.widgets.still import StillColumn, StillGrid
 from ground.explain.turn_history import Why
 from ground.map.scene import LAYERS, MapTarget
 from runtime.errors import UserError
@@ -59,10 +60,10 @@ class DriveScreen(AppScreen):
 
     def compose_content(self) -> ComposeResult:
         """Compose the map, the values and the log; `share_space` decides where they are."""
-        with Grid(id="drive"):
+        with StillGrid(id="drive"):
             yield MapWidget(ascii_only=self.interface.ascii_only, id="map")
             yield Lines(id="side")
-            with Vertical(id="lower"):
+            with StillColumn(id="lower"):
                 yield Lines(id="log")
                 yield Lines(id="why-below")
         yield Lines(id="hint")
