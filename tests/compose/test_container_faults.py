@@ -47,18 +47,37 @@ def set_off(witness: Witness) -> None:
     may stop it with a failsafe."""
     here = witness.truth
     x_m, y_m = max(PLACES, key=lambda place: hypot(place[0] - here.x_m, place[1] - here.y_m))
-    arm, goal = Command.COMPONENT_ARM_DISARM, wire_goal(x_m, y_m, None, 0.1, 0.1)._asdict()
+    goal = wire_goal(x_m, y_m, None, 0.1, 0.1)._asdict()
 
     def under_way() -> bool:
         if not drives(witness.status.vehicle) or witness.status.goal not in LIVING:
             number = monotonic_ns()
-            armed = CommandRequest(request_id=number, param1=1.0, param2=0.0, command=arm)
-            for request in (armed, GoalRequest(request_id=number + 1, mode=Mode.AUTO, **goal)):
+            for request in (
+                *commands(number, witness),
+                GoalRequest(request_id=number + 2, mode=Mode.AUTO, **goal),
+            ):
                 with suppress(NoAnswerError):
                     witness.bus.ask(COMMAND, request)
         return witness.truth.speed_m_s > FAST_M_S
 
     until(under_way, 60.0, "driving")
+
+
+def commands(number: int, witness: Witness) -> tuple[CommandRequest, CommandRequest]:
+    """Return the true pose, which a robot that was restarted has lost, and the order to arm."""
+    true = witness.truth
+    return (
+        CommandRequest(
+            request_id=number,
+            param1=true.x_m,
+            param2=true.y_m,
+            param3=true.heading_rad,
+            command=Command.SIDESTEP_SET_POSE,
+        ),
+        CommandRequest(
+            request_id=number + 1, param1=1.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
+        ),
+    )
 
 
 def stood_in_time(witness: Witness) -> None:
