@@ -14,6 +14,7 @@ from ground.client.operations import Operation
 from ground.client.results import Outcome
 from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL, AppArguments, AppCommand
+from ground.console.argument_errors import in_words
 from ground.console.tokenizer import words_of
 from ground.grammar.missions import MissionWords
 from ground.grammar.words import common_verbs
@@ -49,8 +50,8 @@ class ConsoleParser(argparse.ArgumentParser):
         super().__init__(prog, **how)  # type: ignore[arg-type]
 
     def error(self, message: str) -> NoReturn:
-        """Raise UserError with the message and the usage."""
-        raise UserError(f"{message}; usage: {usage_of(self)}")
+        """Raise UserError with the message in plain words and an example."""
+        raise UserError(in_words(self, message))
 
 
 def narrow_formatter(prog: str) -> argparse.HelpFormatter:

@@ -13,6 +13,9 @@ from ground.station.history.event_log import LogLine
 SHOWN_S: Final = 5.0
 ROLES: Final = {"E": "danger", "W": "caution"}
 MARKS: Final = {"E": "▲ ", "W": "▲ "}
+MORE: Final = " see Log"
+"""Ends an answer that is cut: the log has it whole."""
+LEAST: Final = 40
 HINTS: Final = (("g", "sets a goal"), ("space", "stops"), ("?", "shows all keys"))
 """The hints of the very first start."""
 
@@ -49,7 +52,10 @@ def answer_row(answer: LogLine, width: int) -> Row:
     """Return an answer; a refusal or an error has a mark, not only a colour."""
     letter = answer.letter
     words = Span(MARKS.get(letter, "") + answer.text, ROLES.get(letter, "ok"))
-    return cut(row(" ", words), width)
+    whole = row(" ", words)
+    if width_of(whole) <= width or width < LEAST:
+        return cut(whole, width)
+    return (*cut(whole, width - len(MORE)), faint(MORE))
 
 
 def hint_row(width: int) -> Row:

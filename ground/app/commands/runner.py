@@ -4,7 +4,6 @@ import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Final
 
 from ground.app.commands.undo import Change, UndoList, inverse_of
 from ground.client.connection import Common
@@ -16,6 +15,7 @@ from ground.client.results import Outcome, Refused
 from ground.client.vocabulary import HINTS
 from ground.console.aliases import expanded
 from ground.console.app_commands import AppCommand, Undo
+from ground.console.argument_errors import shown
 from ground.console.completion import Assistance, Candidate, assist
 from ground.console.history import History
 from ground.console.parser import COMMANDS, read
@@ -33,8 +33,6 @@ from protocol.wire.enums import LeaseAction, Mode, Severity
 from runtime.cli.verb_lookup import with_present_name
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
-
-MAX_SHOWN: Final = 40
 
 
 class CommandRunner:
@@ -75,7 +73,7 @@ class CommandRunner:
             command = read(line, lambda: self.draft.text)
         except UserError as error:
             self._history.add(line)
-            self._station.note(f"{line[:MAX_SHOWN]}: {error}", Severity.WARNING)
+            self._station.note(f"{shown(line)}: {error}", Severity.WARNING)
             return
         self.perform(command, line)
 

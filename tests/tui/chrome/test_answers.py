@@ -4,9 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from ground.app.chrome.answers import SHOWN_S
+from ground.app.chrome.answers import SHOWN_S, answer_row
 from ground.app.screens import SCREENS
 from ground.app.start import is_first_start
+from ground.app.widgets.rows import width_of, words_of
+from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity
 from tests.support.tui.fakes import S
 from tests.support.tui.pilot import play, staged
@@ -55,6 +57,15 @@ def test_answer_leaves_room_to_type_and_a_click_begins_a_line() -> None:
             assert stage.commands.given == ["goal 3 1"]
 
     play(story)
+
+
+@pytest.mark.parametrize("width", [20, 40, 80])
+def test_cut_answer_names_the_log(width: int) -> None:
+    answer = LogLine(0.0, Severity.WARNING, "ground", "x" * 200)
+    shown = answer_row(answer, width)
+    assert width_of(shown) == width
+    assert words_of(shown).endswith("… see Log" if width >= 40 else "…")
+    assert "…" not in words_of(answer_row(answer._replace(text="short"), width))
 
 
 def test_hints_are_shown_on_the_first_start_until_there_is_an_answer(tmp_path: Path) -> None:
