@@ -101,6 +101,8 @@ def abort(machine: Machine, now_ms: int) -> int:
 def goto(machine: Machine, goal: Goal, mode: int, now_ms: int, from_robot: bool = False) -> int:
     """Drive to a pose in AUTO or GUIDED and replace an active goal; a refusal changes neither.
 
+    A refusal is the state of the goal only before the first goal: later, the end of the last goal
+    stays, because an operator may continue to it.
     `from_robot`: the goal was given relative to the robot, so its place may be unknown.
     """
     refusal = refusal_of(machine, goal, mode)
@@ -108,7 +110,7 @@ def goto(machine: Machine, goal: Goal, mode: int, now_ms: int, from_robot: bool 
         refusal = reasons.PLACE_UNKNOWN
     if refusal == reasons.OK:
         machines.start_goal(machine, goal, mode, now_ms)
-    elif not machines.goal_is_active(machine):
+    elif machine.goal is None:
         machine.goal_state = states.REFUSED
         machine.goal_reason = refusal
     return refusal

@@ -130,14 +130,15 @@ def other_operators_change_nothing(step: Transition) -> bool:
 
 
 def refusal_changes_nothing(step: Transition) -> bool:
-    """Check that a refused request changes at most how the last goal is shown, if none is live."""
+    """Check that a refused request changes at most the state of a goal that was never set."""
     if not step.refused:
         return True
     goals_differ = (step.before.goal_state, step.before.goal_reason) != (
         step.after.goal_state,
         step.after.goal_reason,
     )
-    shown = step.before.abstract.goal != LIVE and step.after.goal_state == GoalState.REFUSED
+    unset = step.before.goal_state in (GoalState.NONE, GoalState.REFUSED)
+    shown = unset and step.after.goal_state == GoalState.REFUSED
     return step.before.details == step.after.details and (shown or not goals_differ)
 
 

@@ -84,7 +84,7 @@ def stop_words(entry: RosterEntry) -> str:
 
 def entry_role(entry: RosterEntry) -> str:
     """Return the role of the colour of a robot's state."""
-    if entry.attention is Attention.LOST:
+    if entry.attention is Attention.LOST or entry.stopping:
         return DANGER
     status = live(entry.status)
     if status is None or entry.attention is Attention.UNPLACED:

@@ -4,7 +4,10 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from ground.app.commands.second_press import SecondPress
+from ground.app.panels.aged import live
+from ground.app.stops.band import is_in_emergency_stop
 from ground.client.operations import ClearEmergencyStop
+from protocol.topics import STATUS
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
@@ -46,8 +49,15 @@ class StopKeys:
         self._app.station.estop_all()
 
     def clear(self) -> None:
-        """Release the emergency stop of the selected robot at the second press."""
-        robot = self._app.station.robot
+        """Release the emergency stop of the selected robot at the second press.
+
+        A robot whose state is not known may be in one.
+        """
+        station = self._app.station
+        robot = station.robot
+        if live(station.seen(STATUS)) is not None and not is_in_emergency_stop(station):
+            self._app.note(f"{robot} is not in E-STOP: nothing to clear")
+            return
         if self._clearing.is_second(robot):
             self._app.commands.perform(ClearEmergencyStop())
             return

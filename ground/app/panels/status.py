@@ -8,7 +8,7 @@ from ground.client.status_line import PLACE_UNKNOWN, name_of
 from ground.client.telemetry import Age, AgedMessage
 from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.station.station import Station
-from ground.text.state_roles import vehicle_role
+from ground.text.state_roles import CAUTION, DANGER, OK, vehicle_role
 from protocol.topics import HEARTBEAT, STATUS
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -19,7 +19,6 @@ TIGHT: Final = Span(" ", "text")
 CRUMB: Final = " ▸ "
 LEAST_FOR_CRUMBS: Final = 40
 """On fewer columns, the steps of the path are separated by a space."""
-STOPPED: Final = (Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE)
 NAMES: Final[dict[int, str]] = {number: name for name, number in NAVIGATORS.items()}
 SIDE_NAMES: Final[dict[int, str]] = {number: name for name, number in SIDES.items()}
 
@@ -90,13 +89,24 @@ def lease_part(station: Station) -> Row:
 
 
 def presence(station: Station) -> Span:
-    """Return a filled circle while heartbeats arrive, green unless the vehicle is stopped."""
+    """Return a filled circle while heartbeats arrive, but a triangle while the robot is stopped."""
     seen = station.seen(HEARTBEAT)
     if seen.age is Age.GONE:
         return Span("○", "danger")
-    status = live(station.seen(STATUS))
-    stopped = status is not None and status.vehicle in STOPPED
-    return Span("●", role_of(seen, vehicle_role(status.vehicle) if stopped else "ok"))
+    stopped = stop_role(station)
+    return Span("▲", stopped) if stopped else Span("●", role_of(seen, OK))
+
+
+def stop_role(station: Station) -> str:
+    """Return the role of a robot that has stopped itself, or is being stopped; else nothing.
+
+    An old status counts, too: a robot that is not received any more is still stopped.
+    """
+    if station.stopping:
+        return DANGER
+    status = station.seen(STATUS).message
+    role = vehicle_role(status.vehicle) if isinstance(status, NavigatorStatus) else OK
+    return role if role in (CAUTION, DANGER) else ""
 
 
 def mode_words(status: NavigatorStatus) -> str:

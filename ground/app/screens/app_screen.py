@@ -28,7 +28,7 @@ from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, row
 from ground.app.widgets.still import StillContainer, StillRow, StillWidget
 from ground.station.station import Station
-from ground.station.view import PLACE_BY_HAND
+from ground.station.view import PLACE_BY_HAND, PLACE_FROM_TRUTH
 from protocol.wire.enums import Vehicle
 
 Action = Callable[[], object]
@@ -37,6 +37,8 @@ HEIGHTS: Final = ((0, "-low"), (18, "-medium"), (32, "-tall"))
 """The style classes of a screen, with the least columns and rows of each."""
 MOST_ROWS: Final = 2
 HISTORY: Final = "search the history"
+POSE: Final = "pose "
+"""Start of the commands that set the pose of the robot."""
 LEAST_ROWS_FOR_TABS: Final = 10
 LEAST_ROWS_FOR_ROSTER: Final = 12
 
@@ -144,7 +146,8 @@ class AppScreen(Screen[None], StillWidget):
     def draw_alarm(self) -> None:
         """Draw the alarm and the band, and colour the frame while the robot is stopped."""
         alarm, band = self.lines("alarm"), self.interface.stop_band(*self.size)
-        rows = [*alarm_rows(self.interface.station, self.size.width), *band.rows]
+        alarms = alarm_rows(self.interface.station, self.size.width, self.place_steps())
+        rows = [*alarms, *band.rows]
         alarm.show(rows)
         alarm.display, alarm.styles.height = bool(rows), max(1, len(rows))
         self.set_class(band.stopped is Vehicle.EMERGENCY_STOP, "-estop")
@@ -219,6 +222,22 @@ class AppScreen(Screen[None], StillWidget):
         remedy = self.interface.station.place_remedy
         text = "pose set " if remedy in ("", PLACE_BY_HAND) else remedy
         self.ask("", text, self.interface.commands.run_line)
+
+    def place_steps(self) -> str:
+        """Return what to press and type from here so that the robot knows its place."""
+        key_shown = self.interface.key_shown
+        is_true = self.interface.station.place_remedy == PLACE_FROM_TRUTH
+        entered = "Enter sets its true pose" if is_true else "X Y DEG and Enter set its pose"
+        if self.typing and self.command_line.value.startswith(POSE):
+            return entered
+        steps = [key_shown("place"), entered]
+        if steps[0].startswith(":"):  # the key is unbound
+            steps[0] = f":{POSE}{'truth' if is_true else 'set'}"
+        if self.typing:
+            steps.insert(0, key_shown("leave-line"))
+        elif not self.commands_robot:
+            steps.insert(0, f"{key_shown('screen-1')} Drive")
+        return ", then ".join(steps)
 
     def ask(
         self, prompt: str, text: str, then: Callable[[str], None], assist: Assist | None = None
@@ -310,8 +329,11 @@ class AppScreen(Screen[None], StillWidget):
         self.redraw()
 
 
-def alarm_rows(station: Station, width: int) -> list[Row]:
-    """Return the most urgent alarm, an emergency stop first; no rows without an alarm."""
+def alarm_rows(station: Station, width: int, place_steps: str) -> list[Row]:
+    """Return the most urgent alarm, an emergency stop first; no rows without an alarm.
+
+    `place_steps` lead to a robot that knows its place.
+    """
     if station.stopping:
         return across(station.stopping, "alarm", width)
     loss = station.loss()
@@ -324,9 +346,8 @@ def alarm_rows(station: Station, width: int) -> list[Row]:
         return across(words, "caution", width)
     words = station.restarted
     if station.place_remedy:
-        place = (
-            f"PLACE UNKNOWN of {station.robot}: it refuses goals. i, then `{station.place_remedy}`"
-        )
+        place = f"PLACE UNKNOWN of {station.robot}: it refuses goals"
+        place += f". {place_steps}" if station.live else ""
         words = f"{place}; {words}" if words else place
     return across(words, "caution", width) if words else []
 

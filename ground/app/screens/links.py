@@ -4,6 +4,7 @@ from ground.app.lists.link_columns import COLUMNS, LinkRow, link_rows
 from ground.app.lists.table import Table
 from ground.app.panels.aged import MISSING, number
 from ground.app.panels.cycle import cycle_rows
+from ground.app.panels.status import stop_role
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
@@ -39,7 +40,8 @@ def process_rows(station: Station) -> list[Row]:
     spans = [head(f" {robot:<8}")]
     for role in ROLES:
         there = present.has(robot, role)
-        mark = Span("● present  ", "ok") if there else Span("○ missing  ", "danger")
+        well = (stop_role(station) if role is Role.ROBOT else "") or "ok"
+        mark = Span("● present  ", well) if there else Span("○ missing  ", "danger")
         spans += [Span(f"{role.value} "), mark]
     restarts = [(role, restart_words(station, role)) for role in ROLES]
     return [

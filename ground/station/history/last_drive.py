@@ -4,6 +4,7 @@ from math import hypot, isfinite
 from typing import Final
 
 from ground.client.goal import Destination
+from ground.client.status_line import PLACE_UNKNOWN, knows_place
 from ground.client.vocabulary import NAVIGATORS
 from protocol.outcome import ENDS
 from protocol.wire.enums import GoalState
@@ -18,10 +19,15 @@ BEGIN_NS: Final = NS_PER_S
 
 
 class LastDrive:
-    """Measures the distance since the last goal was set."""
+    """Measures the distance since the last goal was set.
+
+    A robot that was restarted has no goal; the drive before it is still the last one.
+    """
 
     def __init__(self) -> None:
         self._status: NavigatorStatus | None = None
+        self._before = ""
+        self._placed = True
         self._goal_id = 0
         self._whole = True
         self._driven_m = 0.0
@@ -30,6 +36,7 @@ class LastDrive:
     def moved(self, odometry: PlanarOdometry) -> None:
         """Add a position."""
         x_m, y_m = odometry.x_m, odometry.y_m
+        self._placed = knows_place(odometry)
         if not (isfinite(x_m) and isfinite(y_m)):
             return
         if self._place is None:
@@ -40,8 +47,14 @@ class LastDrive:
             self._place = (x_m, y_m)
             self._driven_m += step_m
 
+    def lose_place(self) -> None:
+        """Ignore the distance to the next position, because the robot estimates it anew."""
+        self._place = None
+
     def update(self, status: NavigatorStatus) -> None:
         """Add a status; a new goal begins a new distance."""
+        if self._status is not None and has_goal(self._status) and not has_goal(status):
+            self._before = self._drive(self._status)
         if status.goal_id != self._goal_id:
             self._goal_id, self._driven_m = status.goal_id, 0.0
             self._whole = status.time_ns - status.goal_started_ns <= BEGIN_NS
@@ -52,10 +65,17 @@ class LastDrive:
         status = self._status
         if status is None:
             return "no status was received"
+        if has_goal(status):
+            return self._drive(status)
+        if self._before:
+            place = "" if self._placed else f", {PLACE_UNKNOWN}"
+            return f"{self._before}; then the robot restarted{place}"
         if status.goal == GoalState.NONE:
             return "no goal was set"
-        if not isfinite(status.goal_x_m):
-            return f"refused the goal: {reason_text(status.goal_reason)}"
+        return f"refused the goal: {reason_text(status.goal_reason)}"
+
+    def _drive(self, status: NavigatorStatus) -> str:
+        """Return outcome, time and distance of the goal of this status."""
         goal = self._goal(status)
         words, until_ns = f"was driving to {goal}", status.time_ns
         if status.goal in ENDS:
@@ -83,6 +103,11 @@ class LastDrive:
         heading_rad = status.goal_heading_rad
         heading = heading_rad if isfinite(heading_rad) else None
         return str(Destination(x_m=status.goal_x_m, y_m=status.goal_y_m, heading_rad=heading))
+
+
+def has_goal(status: NavigatorStatus) -> bool:
+    """Return whether the robot has accepted a goal since its start."""
+    return status.goal != GoalState.NONE and isfinite(status.goal_x_m)
 
 
 def navigator_of(status: NavigatorStatus) -> str | None:

@@ -38,6 +38,7 @@ class TelemetryHistory:
     def __init__(self, telemetry: Telemetry, began_ns: int) -> None:
         self.history = SeriesTable()
         self.radius_m = RADIUS_M
+        self.last_drive = LastDrive()
         self.restart()
         self.fields = MessageSeries(telemetry, began_ns)
         self._telemetry = telemetry
@@ -52,7 +53,7 @@ class TelemetryHistory:
         self.marks = BoundaryMarks()
         self.worst_cycle = WorstCycle()
         self.progress = GoalProgress()
-        self.last_drive = LastDrive()
+        self.last_drive.lose_place()
 
     def poll(self, now_ns: int) -> None:
         """Add the newest message of each topic."""

@@ -69,6 +69,12 @@ def test_emergency_stop_is_never_in_the_colour_of_health() -> None:
     assert [span.role for span in own.row if "E-STOP" in span.text] == ["danger"]
 
 
+def test_stop_that_is_not_acknowledged_is_never_in_the_colour_of_health() -> None:
+    stopping = SELECTED._replace(attention=Attention.STOPPED, stopping="E-STOP")
+    (own, *_) = roster_buttons([stopping, DRIVING], 80)
+    assert [span.role for span in own.row if "▲" in span.text] == ["danger"]
+
+
 def test_lost_robot_has_a_hollow_mark() -> None:
     lost = RosterEntry("r5", False, Attention.LOST, "dead", AgedMessage(None, None, Age.GONE))
     assert "r5 ○ dead" in text([lost, DRIVING], 80)

@@ -6,7 +6,9 @@ from textual import events
 from ground.app.input.driver import InputParser
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
+from protocol.wire.enums import Vehicle
 from tests.support.tui.pilot import Stage, play, staged
+from tests.support.tui.stopped import stopped
 from tests.support.tui.underway import driving
 
 SCREEN_KEYS = {name: str(number) for name, number in SCREENS.items()}
@@ -101,13 +103,27 @@ def test_stop_keys_that_type_a_letter_are_text_in_a_command() -> None:
 
 def test_stop_is_released_by_two_presses_only() -> None:
     async def story() -> None:
-        async with staged() as stage:
+        async with staged(station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
             await stage.press("D")
             assert stage.commands.given == []
             assert "press D again within 2 s to clear E-STOP of r1" in stage.log()
             await later(stage, 3.0).press("D")
             assert stage.commands.given == []
             await stage.press("D")
+            assert stage.commands.given == ["clear-estop"]
+
+    play(story)
+
+
+def test_robot_that_is_not_stopped_has_nothing_to_clear() -> None:
+    async def story() -> None:
+        async with staged(station=stopped(Vehicle.FAILSAFE)) as stage:
+            await stage.press("D", "D")
+            assert stage.commands.given == []
+            assert "r1 is not in E-STOP: nothing to clear" in stage.log()
+            assert "again" not in stage.log()
+            stage.station.stopping_now = "E-STOP not acknowledged"
+            await stage.press("D", "D")
             assert stage.commands.given == ["clear-estop"]
 
     play(story)

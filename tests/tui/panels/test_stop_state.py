@@ -5,7 +5,8 @@ from msgspec.structs import replace
 
 from ground.app.panels.robot_state import SidePanel
 from ground.app.panels.status import SessionInfo, status_row
-from ground.app.widgets.rows import Row, words_of
+from ground.app.screens.links import process_rows
+from ground.app.widgets.rows import Row, Span, words_of
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
@@ -45,7 +46,26 @@ def test_stopped_robot_has_the_colour_of_its_vehicle_state(
     assert role_of(side_rows(station), name) == role
     status_line = [status_row(station, SessionInfo(), 120)]
     assert role_of(status_line, short) == role
-    assert role_of(status_line, "●") == role
+    assert role_of(status_line, "▲") == role
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "mark", "role"),
+    [
+        (Vehicle.EMERGENCY_STOP, "▲", "danger"),
+        (Vehicle.FAILSAFE, "▲", "caution"),
+        (Vehicle.ACTIVE, "●", "ok"),
+        (Vehicle.STANDBY, "●", "ok"),
+    ],
+)
+def test_mark_of_a_stopped_robot_is_no_mark_of_health(
+    vehicle: Vehicle, mark: str, role: str
+) -> None:
+    station = shown(vehicle=vehicle)
+    assert status_row(station, SessionInfo(), 120)[0] == Span(mark, role)
+    assert role_of(process_rows(station), "● present") == role
+    station.stopping_now = "E-STOP not acknowledged"
+    assert status_row(station, SessionInfo(), 120)[0] == Span("▲", "danger")
 
 
 @pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])

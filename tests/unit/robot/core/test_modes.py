@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine, goal_is_active
+from robot.core.machine import Machine, end_goal, goal_is_active
 from robot.core.safety import failsafe
 from robot.core.values import Goal
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
@@ -153,6 +153,35 @@ def test_refused_goal_leaves_the_active_one_unchanged() -> None:
     assert driven.goto(AHEAD._replace(x_m=nan)) == reasons.GOAL_OUT_OF_RANGE
     assert driven.goto(mode=states.MANUAL) == reasons.UNKNOWN_MODE
     assert driven.machine.goal_state == states.DRIVING
+
+
+@pytest.mark.parametrize(
+    ("end", "ended"),
+    [
+        (lambda machine: modes.estop(machine, 0), (states.ABORTED, reasons.BY_EMERGENCY_STOP)),
+        (
+            lambda machine: failsafe.trip(machine, reasons.BUMPER, 0),
+            (states.ABORTED, reasons.BUMPER),
+        ),
+        (
+            lambda machine: end_goal(machine, states.REACHED, reasons.OK, 0),
+            (states.REACHED, reasons.OK),
+        ),
+    ],
+    ids=["estop", "failsafe", "reached"],
+)
+def test_refused_goal_leaves_the_end_of_the_last_one(
+    end: Callable[[Machine], object], ended: tuple[int, int]
+) -> None:
+    driven = driving()
+    end(driven.machine)
+    assert driven.goto(AHEAD._replace(x_m=nan)) != reasons.OK
+    assert (outcome(driven), driven.machine.goal) == (ended, AHEAD)
+    modes.clear_estop(driven.machine)
+    modes.arm(driven.machine)
+    other = AHEAD._replace(y_m=1.0)
+    assert driven.goto(other) == reasons.OK
+    assert (driven.machine.goal_state, driven.machine.goal) == (states.ACCEPTED, other)
 
 
 def test_new_goal_replaces_the_old_one_with_a_reason() -> None:

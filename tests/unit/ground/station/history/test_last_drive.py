@@ -7,7 +7,7 @@ import pytest
 
 from ground.station.history.last_drive import LastDrive
 from protocol.wire.enums import GoalState
-from protocol.wire.messages import NavigatorStatus
+from protocol.wire.messages import NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason
 from tests.support.ground.recording.made import odometry, status
 
@@ -66,15 +66,44 @@ def test_a_new_goal_begins_a_new_distance() -> None:
     assert ", 1.00 m driven" in drive.text()
 
 
+def nowhere(goal: GoalState) -> NavigatorStatus:
+    """Return the status of a robot that has accepted no goal yet."""
+    return msgspec.structs.replace(
+        status(1 * S, goal), goal_id=0, goal_x_m=nan, goal_y_m=nan, goal_reason=Reason.NOT_ARMED
+    )
+
+
 def test_a_refused_goal_without_a_place_is_named_by_its_reason() -> None:
     drive = LastDrive()
-    refused = status(1 * S, GoalState.REFUSED)
-    nowhere = msgspec.structs.replace(
-        refused, goal_x_m=nan, goal_y_m=nan, goal_reason=Reason.NOT_ARMED
-    )
-    drive.update(nowhere)
+    drive.update(nowhere(GoalState.REFUSED))
     assert drive.text().startswith("refused the goal: ")
     assert "nan" not in drive.text()
+
+
+def lost() -> PlanarOdometry:
+    """Return the odometry of a robot that does not know its place."""
+    return msgspec.structs.replace(odometry(31 * S, 0.6), cov_xx_m2=nan)
+
+
+def test_the_drive_before_a_restart_is_the_last_one() -> None:
+    drive = driven(GoalState.DRIVING)
+    before = drive.text()
+    drive.lose_place()
+    drive.moved(lost())
+    drive.update(nowhere(GoalState.NONE))
+    assert drive.text() == f"{before}; then the robot restarted, PLACE UNKNOWN"
+    drive.update(nowhere(GoalState.REFUSED))
+    assert drive.text() == f"{before}; then the robot restarted, PLACE UNKNOWN"
+    drive.moved(odometry(32 * S, 0.6))
+    assert drive.text() == f"{before}; then the robot restarted"
+
+
+def test_a_goal_after_a_restart_is_the_last_one() -> None:
+    drive = driven(GoalState.DRIVING)
+    drive.update(nowhere(GoalState.NONE))
+    drive.update(msgspec.structs.replace(status(40 * S), goal_id=8, goal_started_ns=40 * S))
+    assert "restarted" not in drive.text()
+    assert ", 0.00 m driven" in drive.text()
 
 
 @pytest.mark.parametrize(

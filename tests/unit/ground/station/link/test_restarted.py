@@ -3,6 +3,7 @@
 from ground.client.telemetry import Age
 from protocol.bus.network import Hub
 from protocol.topics import HEARTBEAT, Role
+from protocol.wire.enums import GoalState
 from tests.support.ground.station.play import Play
 
 
@@ -22,6 +23,25 @@ def test_robot_restart_is_detected_and_data_read_again() -> None:
     assert play.texts("r1 has been restarted (1)")
     assert list(play.station.scene().trail) == [(0.0, 0.0)]
     assert play.station.ready
+
+
+def test_drive_before_a_restart_is_reported_at_exit() -> None:
+    play = Play()
+    play.robot.goal, play.robot.goal_id = GoalState.DRIVING, 7
+    play.forward(0.5)
+    play.robot.x_m = 1.0
+    play.forward(0.5)
+    before = play.station.last_drives()["r1"]
+    assert before.startswith("was driving to (5.000, 1.000)")
+    assert ", 1.00 m driven" in before
+    play.bus.go(Role.ROBOT)
+    play.bus.come(Role.ROBOT, zid="another")
+    play.robot.tick, play.robot.x_m, play.robot.placed = 0, 0.0, False
+    play.robot.goal, play.robot.goal_id = GoalState.NONE, 0
+    play.forward(1.0)
+    words = play.station.last_drives()["r1"]
+    assert ", 1.00 m driven" in words
+    assert words.endswith("; then the robot restarted, PLACE UNKNOWN")
 
 
 def test_plant_restart_reads_the_world_again() -> None:
