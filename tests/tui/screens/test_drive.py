@@ -1,6 +1,7 @@
 """Test the Drive screen by keys."""
 
 import pytest
+from msgspec.structs import replace
 from textual import events
 
 from ground.app.screens.drive import DriveScreen
@@ -8,9 +9,10 @@ from ground.app.widgets.command_line import CommandLine
 from ground.app.widgets.lines import Lines
 from ground.map.scene import MapTarget
 from ground.station.link.loss import Loss, LossKind
+from protocol.topics import STATUS, TRUTH
 from tests.support.tui.fakes import MS, FakeStation, S
 from tests.support.tui.pilot import NAMES, Stage, play, staged
-from tests.support.tui.underway import driving
+from tests.support.tui.underway import drive_messages, driving, status
 
 
 def drive_of(stage: Stage) -> DriveScreen:
@@ -171,5 +173,23 @@ def test_restart_is_an_alarm_unless_there_is_a_loss() -> None:
             await stage.redraw()
             assert "ROBOT HUNG" in stage.words("alarm")
             assert "restarted" not in stage.words("alarm")
+
+    play(story)
+
+
+def test_restart_of_a_robot_does_not_change_the_factor_of_the_simulation() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            shown = set()
+            for number in range(100):
+                now_ns = stage.station.clock.now_ns()
+                stamp_ns = now_ns if number > 30 else number  # a new robot begins at zero
+                by_robot = replace(status(now_ns), time_ns=stamp_ns)
+                stage.station.air.put(STATUS, by_robot, now_ns)
+                stage.station.air.put(TRUTH, drive_messages(now_ns)[TRUTH], now_ns)
+                stage.app.sample()
+                shown.add(stage.app.session_info.kind)
+                stage.station.clock.advance(50 * MS)
+            assert shown == {"SIM", "SIM 1.0x"}
 
     play(story)

@@ -39,8 +39,10 @@ def test_robot_that_is_not_selected_is_watched() -> None:
 
 
 def test_history_of_a_robot_begins_when_it_appears() -> None:
-    play = fleet(Robot("r2"))
-    play.forward(3.0)
+    play = Play().forward(2.0)
+    play.robots.append(Robot("r2"))
+    play.bus.come(Role.ROBOT, "r2")
+    play.forward(4.0)
     play.station.select("r2")
     play.forward(0.2)
     series = play.station.history["speed"]
