@@ -44,9 +44,10 @@ def differing(found: list[Row], wanted: list[Row]) -> list[tuple[Row, Row]]:
 
 
 async def switch(stage: Stage, theme: str) -> None:
-    """Switch as the app does: it draws at once, before Textual applies the style sheet."""
+    """Switch as the app does: a frame is drawn at once, before Textual applies the style sheet."""
     stage.app.theme = theme
     stage.app.redraw()
+    styles(stage)
     await stage.redraw()
 
 
