@@ -1,6 +1,7 @@
 """Draw a widget from its strips, without the general way of Textual where that is possible."""
 
 from textual.color import Color
+from textual.filter import LineFilter
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
@@ -16,7 +17,8 @@ class StripWidget(Widget):
 
     _background: Color | None = None
     _edge: Strip | None = None
-    _joined: dict[int, tuple[Strip, Strip]]
+    _filters: tuple[LineFilter, ...] = ()
+    _finished: dict[int, tuple[Strip, Strip]]
 
     def forget_background(self) -> None:
         """Compute the background and the border again at the next drawing."""
@@ -27,28 +29,29 @@ class StripWidget(Widget):
         top, right, bottom, left = self.styles.gutter
         if top or right or bottom:
             return super().render_lines(crop)
-        width = left + self.size.width
-        strips = [self.render_line(y) for y in crop.line_range]
-        if left:
-            strips = self._behind_the_edge(strips, left, width)
-        if self._background is None:
-            self._background = self.background_colors[1]
-        for line_filter in self.get_line_filters():
-            strips = [strip.apply_filter(line_filter, self._background) for strip in strips]
+        width, filters = left + self.size.width, tuple(self.get_line_filters())
+        if self._background is None or self._edge is None or filters != self._filters:
+            self._background, self._filters = self.background_colors[1], filters
+            self._edge = self._left_edge(left, width)
+            self._finished = {}
+        strips = [self._finish(y, self.render_line(y)) for y in crop.line_range]
         x1, x2 = crop.column_span
         return strips if (x1, x2) == (0, width) else [strip.crop(x1, x2) for strip in strips]
 
-    def _behind_the_edge(self, strips: list[Strip], left: int, width: int) -> list[Strip]:
-        """Return the strips with the left border, which is the same in each row."""
-        if self._edge is None:
-            (first,) = super().render_lines(Region(0, 0, width, 1))
-            self._edge = first.crop(0, left)
-            self._joined = {}
-        found = []
-        for y, strip in enumerate(strips):
-            inner, whole = self._joined.get(y, (None, strip))
-            if inner is not strip:
-                whole = Strip([*self._edge, *strip], width)
-                self._joined[y] = strip, whole
-            found.append(whole)
-        return found
+    def _left_edge(self, left: int, width: int) -> Strip:
+        """Return the left border, which is the same in each row."""
+        if not left:
+            return Strip([])
+        (first,) = super().render_lines(Region(0, 0, width, 1))
+        return first.crop(0, left)
+
+    def _finish(self, y: int, strip: Strip) -> Strip:
+        """Return a strip with its border, filtered; each strip of Textual costs, so only one."""
+        inner, finished = self._finished.get(y, (None, strip))
+        if inner is not strip and self._edge is not None and self._background is not None:
+            segments = [*self._edge, *strip]
+            for line_filter in self._filters:
+                segments = line_filter.apply(segments, self._background)
+            finished = Strip(segments, self._edge.cell_length + strip.cell_length)
+            self._finished[y] = strip, finished
+        return finished
