@@ -98,7 +98,7 @@ def add_common(parser: argparse.ArgumentParser, *, listens: bool = False) -> Non
 
 def add_anyway(parser: argparse.ArgumentParser, what: str) -> None:
     """Declare `--anyway`."""
-    help = f"send {what} outside of the known world, too"
+    help = f"send {what} outside of the known world or in an obstacle, too"
     parser.add_argument("--anyway", action="store_true", help=help)
 
 

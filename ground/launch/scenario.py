@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
-from ground.client.operations.floor import Floor
+from ground.client.operations.floor import floor_from
 from ground.client.time_factor import chosen_speed
 from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks
@@ -161,9 +161,8 @@ def scenario_robots_of(goal: Destination, facts: dict[str, Any]) -> Iterator[Sce
 
 
 def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
-    """Raise UserError for a goal outside the world."""
-    floor = Floor(facts["name"], *facts["size_m"])
-    floor.refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
+    """Raise UserError for a goal outside the world or in an obstacle."""
+    floor_from(facts).refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
 
 
 def goal_in(facts: dict[str, Any]) -> Destination:

@@ -228,6 +228,9 @@ class Robot(Telemetry):
     ) -> GoalEnded | Refused:
         """Drive to a place (metres, in the robot's own frame) and wait for the end.
 
+        This client does not know the world: the robot accepts a goal in an obstacle of a simulation
+        and ends it as stuck.
+
         Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
         standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
         this, for example by a time limit, aborts the goal: the robot stops.

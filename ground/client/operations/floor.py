@@ -1,35 +1,74 @@
-"""The floor of the plant's world, outside of which no goal makes sense."""
+"""The floor of the plant's world: outside of it and in its obstacles no goal makes sense."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from math import hypot
+from typing import Any, NamedTuple, TypeAlias
 
 from ground.client.link import Link
+from ground.missions.outline import inside
 from protocol.topics import WORLD
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError, UserError
 from runtime.json_reader import value_in
 
 
+class Circle(NamedTuple):
+    """A round obstacle."""
+
+    x_m: float
+    y_m: float
+    radius_m: float
+
+
+Outline: TypeAlias = tuple[tuple[float, float], ...]
+
+
 class Floor(NamedTuple):
-    """The name of a world and the size of its floor, from 0 0."""
+    """The name of a world and the size of its floor, from 0 0, with the obstacles that stand on it.
+
+    Obstacles that move, and thin walls, are left out.
+    """
 
     world: str
     width_m: float
     height_m: float
+    obstacles: tuple[Circle | Outline, ...] = ()
 
     def refuse_outside(self, what: str, x_m: float, y_m: float, fix: str = "") -> None:
-        """Raise UserError for a place that is not on the floor; `what` names it."""
-        if 0.0 <= x_m <= self.width_m and 0.0 <= y_m <= self.height_m:
-            return
-        size = f"{self.width_m:g} x {self.height_m:g} m"
-        raise UserError(f"{what} lies outside the world {self.world} ({size}){fix}")
+        """Raise UserError for a place outside of the floor or in an obstacle; `what` names it."""
+        if not (0.0 <= x_m <= self.width_m and 0.0 <= y_m <= self.height_m):
+            size = f"{self.width_m:g} x {self.height_m:g} m"
+            raise UserError(f"{what} lies outside the world {self.world} ({size}){fix}")
+        if any(covers(one, x_m, y_m) for one in self.obstacles):
+            raise UserError(f"{what} lies in an obstacle of the world {self.world}{fix}")
+
+
+def covers(obstacle: Circle | Outline, x_m: float, y_m: float) -> bool:
+    """Return whether a place is within an obstacle."""
+    if isinstance(obstacle, Circle):
+        return hypot(x_m - obstacle.x_m, y_m - obstacle.y_m) < obstacle.radius_m
+    return inside(obstacle, (x_m, y_m))
+
+
+def floor_from(facts: Mapping[str, Any]) -> Floor:
+    """Return the floor of a world; ValueError, TypeError or KeyError for malformed facts."""
+    width_m, height_m = map(float, facts["size_m"])
+    obstacles: list[Circle | Outline] = []
+    for one in facts.get("obstacles", ()):
+        if "polygon_m" in one:
+            obstacles.append(tuple((float(x_m), float(y_m)) for x_m, y_m in one["polygon_m"]))
+        elif "circle_m" in one and "path_m" not in one:
+            circle = one["circle_m"]
+            obstacles.append(
+                Circle(float(circle["x"]), float(circle["y"]), float(circle["radius"]))
+            )
+    return Floor(printable(str(facts["name"])), width_m, height_m, tuple(obstacles))
 
 
 def floor_in(text: str | bytes) -> Floor | None:
     """Return the floor in the plant's description of its world; None if it is malformed."""
     try:
-        facts = value_in(text if isinstance(text, str) else text.decode())
-        width_m, height_m = map(float, facts["size_m"])
-        return Floor(printable(str(facts["name"])), width_m, height_m)
+        return floor_from(value_in(text if isinstance(text, str) else text.decode()))
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 

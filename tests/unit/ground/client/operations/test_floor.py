@@ -11,6 +11,7 @@ from ground.missions.mission import Mission, Waypoint
 from protocol.wire.messages import GoalRequest
 from runtime.errors import UserError
 from tests.support.ground.client import Stage
+from tests.support.ground.station.play import WORLD_TEXT
 
 BOX = Floor("box", 6.0, 4.0)
 FACTS = json.dumps({"name": "box", "size_m": [6.0, 4.0]}).encode()
@@ -39,6 +40,21 @@ def test_goal_outside_the_world_may_be_sent_anyway() -> None:
     assert isinstance(stage.bus.requests[-1], GoalRequest)
 
 
+@pytest.mark.parametrize(
+    ("place", "refused"),
+    [((2.5, 1.4), True), ((2.1, 1.9), False), ((4.2, 3.0), True), ((4.2, 3.2), False),
+     ((1.0, 1.0), False), ((1.0, 3.0), False)],
+)  # fmt: skip
+def test_goal_in_an_obstacle_is_not_sent(place: tuple[float, float], refused: bool) -> None:
+    stage, floor = Stage(), floor_in(WORLD_TEXT)
+    goal, words = destination([*place]), r"lies in an obstacle of the world box; --anyway"
+    if refused:
+        with pytest.raises(UserError, match=words):
+            Goto(goal=goal).perform(session(stage, floor))
+        assert stage.bus.requests == []
+    assert Goto(goal=goal, anyway=refused).perform(session(stage, floor)).ok
+
+
 def test_without_a_known_world_the_robot_decides() -> None:
     assert Goto(goal=destination([100.0, 1.0])).perform(session(Stage(), None)).ok
 
@@ -61,7 +77,16 @@ def test_plant_that_does_not_answer_knows_no_world() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", [b"", b"[]", b'{"name": 1}', b'{"name": 1, "size_m": [1]}', b"\xff", "{}"]
+    "text",
+    [
+        b"",
+        b"[]",
+        b'{"name": 1}',
+        b'{"name": 1, "size_m": [1]}',
+        b"\xff",
+        b'{"name": 1, "size_m": [1, 2], "obstacles": [{"circle_m": {}}]}',
+        "{}",
+    ],
 )
 def test_malformed_description_has_no_floor(text: bytes | str) -> None:
     assert floor_in(text) is None
