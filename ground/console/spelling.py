@@ -2,6 +2,7 @@
 
 from math import degrees
 
+from ground.client.goal import Destination
 from ground.client.operations import (
     ClearAll,
     Goto,
@@ -25,7 +26,7 @@ DIGITS = 9
 def line_of(operation: Operation[Outcome] | AppCommand) -> str:
     """Return the line of an operation that has a key; for any other its verb."""
     match operation:
-        case Goto(goal=goal):
+        case Goto(goal=Destination() as goal):
             heading = () if goal.heading_rad is None else (degrees(goal.heading_rad),)
             return f"goal {numbers(goal.x_m, goal.y_m, *heading)}"
         case StopAll() | ClearAll():

@@ -2,17 +2,25 @@
 
 import argparse
 
-from ground.client.goal import FRAMES, HEADING_TOLERANCE_DEG, POSITION_TOLERANCE_M, destination
+from ground.client.goal import (
+    FRAMES,
+    HEADING_TOLERANCE_DEG,
+    POSITION_TOLERANCE_M,
+    Destination,
+    destination,
+)
 from ground.client.operations import DriveByHand, Goto
+from ground.client.operations.floor import EXAMPLE
 from ground.grammar.words import Words, add_anyway, add_common, positive, seconds
 from protocol.options import finite
+from runtime.errors import UserError
 
 
 class GotoWords(Words):
     """The arguments of `goto`."""
 
-    x: float
-    y: float
+    x: float | None
+    y: float | None
     heading: float | None
     tolerance: float
     heading_tolerance: float
@@ -24,8 +32,9 @@ class GotoWords(Words):
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
         """Declare the arguments."""
-        parser.add_argument("x", type=finite, metavar="X", help="metres")
-        parser.add_argument("y", type=finite, metavar="Y", help="metres")
+        help = "metres; without X Y the goal of the simulated world"
+        parser.add_argument("x", nargs="?", type=finite, metavar="X", help=help)
+        parser.add_argument("y", nargs="?", type=finite, metavar="Y", help="metres")
         help = "degrees: final heading; without it any"
         parser.add_argument("heading", type=finite, nargs="?", metavar="DEG", help=help)
         declare_tolerances(parser)
@@ -46,19 +55,29 @@ class GotoWords(Words):
 
     def operation(self) -> Goto:
         """Return the operation for the parsed arguments."""
-        goal = destination(
-            [self.x, self.y] + ([] if self.heading is None else [self.heading]),
-            position_tolerance_m=self.tolerance,
-            heading_tolerance_deg=self.heading_tolerance,
-        )
         seen_by_robot, wait = self.frame == "body", not self.no_wait
         return Goto(
-            goal=goal,
+            goal=self.goal(),
             seen_by_robot=seen_by_robot,
             wait=wait,
             timeout_s=self.timeout,
             anyway=self.anyway,
         )
+
+    def goal(self) -> Destination | None:
+        """Return the goal, or None without X Y; UserError if only a part of it is there."""
+        if self.x is not None and self.y is not None:
+            return destination(
+                [self.x, self.y] + ([] if self.heading is None else [self.heading]),
+                position_tolerance_m=self.tolerance,
+                heading_tolerance_deg=self.heading_tolerance,
+            )
+        if self.x is not None:
+            raise UserError(f"Y is missing; {EXAMPLE}")
+        usual = (POSITION_TOLERANCE_M, HEADING_TOLERANCE_DEG, "world")
+        if (self.tolerance, self.heading_tolerance, self.frame) != usual:
+            raise UserError(f"a tolerance and --frame body need X Y; {EXAMPLE}")
+        return None
 
 
 def declare_tolerances(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from ground.client.goal import Destination, destination
-from ground.client.operations.floor import floor_from
+from ground.client.operations.floor import floor_from, goal_in
 from ground.client.time_factor import chosen_speed
 from ground.launch.recorder_files import RECORDER
 from ground.launch.tls_configs import locked, with_locks
@@ -163,19 +163,6 @@ def scenario_robots_of(goal: Destination, facts: dict[str, Any]) -> Iterator[Sce
 def refuse_outside(goal: Destination, facts: dict[str, Any]) -> None:
     """Raise UserError for a goal outside the world or in an obstacle."""
     floor_from(facts).refuse_outside(f"--goal {goal}", goal.x_m, goal.y_m)
-
-
-def goal_in(facts: dict[str, Any]) -> Destination:
-    """Return the goal of the world."""
-    goal = facts["goal"]
-    heading_deg = goal["heading_deg"]
-    return Destination(
-        x_m=goal["x_m"],
-        y_m=goal["y_m"],
-        heading_rad=None if heading_deg is None else radians(heading_deg),
-        position_tolerance_m=goal["position_tolerance_m"],
-        heading_tolerance_rad=radians(goal["heading_tolerance_deg"]),
-    )
 
 
 def world_query(options: RunOptions) -> list[str]:

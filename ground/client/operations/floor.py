@@ -1,15 +1,21 @@
-"""The floor of the plant's world: outside of it and in its obstacles no goal makes sense."""
+"""The floor of the plant's world and its goal; beside it and in obstacles no goal makes sense."""
 
+import re
 from collections.abc import Mapping
-from math import hypot
-from typing import Any, NamedTuple, TypeAlias
+from math import hypot, isfinite, radians
+from typing import Any, Final, NamedTuple, TypeAlias
 
+from ground.client.goal import Destination
 from ground.client.link import Link
 from ground.missions.outline import inside
 from protocol.topics import WORLD
 from runtime.cli.terminal import printable
 from runtime.errors import RemoteError, UserError
 from runtime.json_reader import value_in
+
+EXAMPLE: Final = "example: goto 2 1.5"
+FOLLOWER: Final = re.compile(r"r(?!1\Z)\d+\Z")
+"""Names that `up` gives to its further robots."""
 
 
 class Circle(NamedTuple):
@@ -71,6 +77,37 @@ def floor_in(text: str | bytes) -> Floor | None:
         return floor_from(value_in(text if isinstance(text, str) else text.decode()))
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+def goal_in(facts: dict[str, Any]) -> Destination:
+    """Return the goal of the world."""
+    goal = facts["goal"]
+    heading_deg = goal["heading_deg"]
+    return Destination(
+        x_m=goal["x_m"],
+        y_m=goal["y_m"],
+        heading_rad=None if heading_deg is None else radians(heading_deg),
+        position_tolerance_m=goal["position_tolerance_m"],
+        heading_tolerance_rad=radians(goal["heading_tolerance_deg"]),
+    )
+
+
+def world_goal(link: Link) -> Destination:
+    """Ask the plant for the goal of its world; UserError if this robot has none.
+
+    Of several robots `up` sends only r1 there, and the others beside it.
+    """
+    try:
+        answer = link.bus.ask(WORLD, robot=link.robot)
+        goal = goal_in(value_in(answer.decode() if isinstance(answer, bytes) else ""))
+        known = all(map(isfinite, (goal.x_m, goal.y_m)))
+    except (RemoteError, ValueError, TypeError, KeyError, AttributeError):
+        known = False
+    if not known:
+        raise UserError(f"X Y is missing, and no simulation names a goal; {EXAMPLE}")
+    if FOLLOWER.match(link.robot):
+        raise UserError(f"X Y is missing: the world's goal {goal} is that of r1; {EXAMPLE}")
+    return goal
 
 
 def floor_of(link: Link) -> Floor | None:

@@ -5,6 +5,7 @@ from typing import ClassVar, Final
 
 from ground.client.goal import Destination, from_robot, goal_request
 from ground.client.link import Link
+from ground.client.operations.floor import world_goal
 from ground.client.operations.leases import leased
 from ground.client.operations.session import Session
 from ground.client.requests import BEAT_NS, CommandExchange, GoalEnd, GoalWatch
@@ -62,8 +63,9 @@ class GoalEnded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Goto:
-    """Drive to a goal. Without `wait` the mode is AUTO, which needs no operator.
+    """Drive to a goal, by default that of the world. Without `wait` the mode is AUTO.
 
+    AUTO needs no operator.
     `seen_by_robot`: the goal is given relative to the robot (ahead, left), not in the world frame.
     `timeout_s`: abort after this time; UserError if the operation does not wait for the end.
     `anyway`: send a goal outside of the known world, too.
@@ -71,7 +73,7 @@ class Goto:
 
     verb: ClassVar[str] = "goto"
     moves: ClassVar[bool] = True
-    goal: Destination
+    goal: Destination | None = None
     seen_by_robot: bool = False
     wait: bool = True
     timeout_s: float | None = None
@@ -83,13 +85,13 @@ class Goto:
             raise UserError("--timeout cannot be used here: this command does not wait for the end")
         if self.timeout_s is not None and not self.wait:
             raise UserError("--timeout cannot be combined with --no-wait")
+        goal = world_goal(session.link) if self.goal is None else self.goal
         if not self.seen_by_robot:
-            self._refuse_outside(session, self.goal)
+            self._refuse_outside(session, goal)
         with session.link.subscribed(STATUS, ODOMETRY, DECISION) as telemetry:
             drive = _Drive(session, telemetry)
-            goal = self.goal
             if self.seen_by_robot:
-                goal = drive.placed(self.goal)
+                goal = drive.placed(goal)
                 if drive.knows_place():
                     self._refuse_outside(session, goal)
             if not self.wait or session.attended:

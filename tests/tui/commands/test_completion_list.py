@@ -65,7 +65,7 @@ def test_arguments_and_units_are_shown_behind_the_cursor() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("g")
-            await stage.until(lambda: "X Y [DEG]  metres, degrees" in drawn(stage))
+            await stage.until(lambda: "[X] [Y] [DEG]  metres, degrees" in drawn(stage))
             await stage.press("right", "end")
             assert line_of(stage).value == "goal "
             await stage.type("1 2")

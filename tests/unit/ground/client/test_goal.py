@@ -23,8 +23,10 @@ def typed(*words: str) -> Goto:
 
 
 def test_metres_and_degrees_become_millimetres_and_microradians() -> None:
-    assert typed("2", "1", "--position-tolerance", "0.1").goal.position_tolerance_m == 0.1
+    near = typed("2", "1", "--position-tolerance", "0.1").goal
+    assert near == destination([2.0, 1.0], position_tolerance_m=0.1)
     where = typed("2", "-1.5", "90", "--tolerance", "0.1").goal
+    assert where is not None
     request = goal_request(where.on_the_wire(), 7, Mode.GUIDED)
     assert (request.x_mm, request.y_mm) == (2000, -1500)
     assert request.heading_urad == round(pi / 2 * 1e6)

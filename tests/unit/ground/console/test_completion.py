@@ -77,8 +77,8 @@ def test_any_text_completes_to_lines_that_are_new(text: str) -> None:
 @pytest.mark.parametrize(
     ("typed", "hint"),
     [
-        ("goal ", "X Y [DEG]  metres, degrees"),
-        ("goal 1 ", "Y [DEG]  metres, degrees"),
+        ("goal ", "[X] [Y] [DEG]  metres, degrees"),
+        ("goal 1 ", "[Y] [DEG]  metres, degrees"),
         ("goal 1 2 3", ""),
         ("fence circle ", "X Y R  metres"),
         ("teleop 0.1 ", "YAW_DEG_S  deg/s"),

@@ -69,6 +69,8 @@ def test_what_a_key_means_is_spelt_as_it_is_typed(
     found = read(line_of(operation))
     if isinstance(operation, Goto):
         assert isinstance(found, Goto)
+        assert found.goal is not None
+        assert operation.goal is not None
         assert found.goal.on_the_wire() == operation.goal.on_the_wire()
     else:
         assert found == operation
@@ -100,7 +102,7 @@ def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
         ("rec sing", "'rec' needs a second word: start, list, mark, export, plot, stop"),
         ("run", "'run' needs a second word: none of them is available here"),
         ("rec plot --owt x", "there is no option --owt; did you mean '--out'?; example: rec plot"),
-        ("goal 1", "Y is missing; example: goto 5.4 2 90"),
+        ("goal 1", "Y is missing; example: goto 2 1.5"),
         ("goal one two", "X must be a number in metres, not one; example: goto 5.4 2 90"),
         ("goal nan 2", "X must be a finite number in metres, not nan"),
         ("goal 1 2 3 4", "too many words: 4"),

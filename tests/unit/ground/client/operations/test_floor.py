@@ -4,10 +4,12 @@ import json
 
 import pytest
 
-from ground.client.goal import destination
+from ground.cli.main import parse
+from ground.client.goal import destination, goal_request
 from ground.client.operations import Goto, Session, UploadMission
 from ground.client.operations.floor import Floor, floor_in, floor_of
 from ground.missions.mission import Mission, Waypoint
+from protocol.wire.enums import Mode
 from protocol.wire.messages import GoalRequest
 from runtime.errors import UserError
 from tests.support.ground.client import Stage
@@ -70,6 +72,41 @@ def test_mission_names_the_waypoint_outside_the_world() -> None:
 
 def test_floor_is_read_from_the_plant() -> None:
     assert floor_of(Stage(FACTS).link) == BOX
+
+
+GOAL = {"x_m": 5.0, "y_m": 2.0, "heading_deg": None}
+GOAL |= {"position_tolerance_m": 0.05, "heading_tolerance_deg": 3.0}
+WITH_GOAL = json.dumps({"name": "box", "size_m": [6.0, 4.0], "goal": GOAL}).encode()
+
+
+def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
+    stage = Stage(WITH_GOAL)
+    assert Goto().perform(session(stage)).ok
+    request = stage.bus.requests[-1]
+    assert isinstance(request, GoalRequest)
+    place = destination([5.0, 2.0]).on_the_wire()
+    assert request == goal_request(place, request.request_id, Mode.GUIDED)
+
+
+@pytest.mark.parametrize("answer", [FACTS, None, b"{}", b"[]", b"\xff"])
+def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) -> None:
+    stage = Stage(answer)
+    with pytest.raises(UserError, match="X Y is missing, and no simulation names a goal; example"):
+        Goto().perform(session(stage))
+    assert not any(isinstance(one, GoalRequest) for one in stage.bus.requests)
+
+
+def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
+    stage = Stage(WITH_GOAL)
+    stage.link.robot = "r2"
+    with pytest.raises(UserError, match="is that of r1; example: goto"):
+        Goto().perform(session(stage))
+
+
+@pytest.mark.parametrize("words", ["1", "--frame body", "--tol 0.2"])
+def test_part_of_a_goal_is_refused_with_an_example(words: str) -> None:
+    with pytest.raises(UserError, match="example: goto 2"):
+        parse(["goto", *words.split()]).operation()
 
 
 def test_plant_that_does_not_answer_knows_no_world() -> None:
