@@ -44,6 +44,7 @@ def test_typing_a_filter_sends_no_command(screen: str) -> None:
     async def story(stage: Stage) -> None:
         await stage.press("slash")
         await stage.type(ROBOT_KEYS)
+        assert stage.app.screen.is_modal is False
         assert stage.words("prompt") == "filter:"
         await stage.press("enter")
         assert stage.commands.given == []
