@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, TypeVar
 
 from textual import events
 from textual.app import App, ScreenStackError
-from textual.command import Provider
+from textual.command import CommandPalette, Provider
 from textual.driver import Driver
 from textual.filter import LineFilter
 from textual.timer import Timer
@@ -25,8 +25,9 @@ from ground.app.commands.command_sink import CommandSink
 from ground.app.commands.robot_keys import RobotKeys
 from ground.app.frame_rate import Drawable, FrameRate
 from ground.app.input.default_keys import KeyBinding, Layer
+from ground.app.input.key_queue import KeyQueue
 from ground.app.input.keymap import Keymap, shown
-from ground.app.input.textual_bindings import bindings_of
+from ground.app.input.textual_bindings import bindings_of, names_of
 from ground.app.panels.status import SIMULATION, SessionInfo
 from ground.app.playback.recording_reader import RecordingReader
 from ground.app.screens import SCREENS, screen_of
@@ -90,6 +91,7 @@ class GroundApp(App[int]):
         self._station, self.commands, self.stack = station, commands, stack
         self._keymap_in_force = keymap or Keymap()
         self._bindings = bindings_of(self._keymap_in_force)
+        self._typed = KeyQueue(self, self._check_bindings)
         self.ascii_only = self.appearance.ascii_only
         self._jobs = BackgroundJobs(self.note)
         self.reader = RecordingReader(self.run_in_background)
@@ -309,12 +311,28 @@ class GroundApp(App[int]):
 
     # Keys.
 
+    async def on_event(self, event: events.Event) -> None:
+        """Handle keys and pastes in their order; a stop key does not wait for a screen to open."""
+        if not isinstance(event, events.Key | events.Paste) or event.is_forwarded:
+            await super().on_event(event)
+            return
+        self.app_focus = True
+        await self._typed.take(event, at_once=isinstance(event, events.Key) and self._stops(event))
+
+    def _stops(self, event: events.Key) -> bool:
+        """Return whether a key is a stop here, whatever the keys before it do."""
+        keymap = self._keymap_in_force
+        ids: tuple[str, ...] = ("estop",)
+        if self._typed.is_empty and Layer.STOP in self.key_layers():
+            ids = (*ids, "estop-here", "estop-all")
+        return any(event.key in names_of(keymap[id].keys) for id in ids)
+
     def key_layers(self) -> tuple[Layer, ...]:
         """Return the layers of keys that are active now."""
         sheet = self.screen
         if isinstance(sheet, AppScreen):
             return (Layer.ALWAYS, *sheet.key_layers())
-        typing = isinstance(sheet.focused, Input)
+        typing = isinstance(sheet.focused, Input) or isinstance(sheet, CommandPalette)
         return (Layer.ALWAYS,) if typing else (Layer.ALWAYS, Layer.STOP)
 
     def keys_now(self) -> list[KeyBinding]:

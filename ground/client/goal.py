@@ -37,8 +37,8 @@ class Destination:
         )
 
     def __str__(self) -> str:
-        heading = "" if self.heading_rad is None else f" at {degrees(self.heading_rad):.1f} deg"
-        return f"({self.x_m:.3f}, {self.y_m:.3f}){heading}"
+        heading = "" if self.heading_rad is None else f" at {degrees(self.heading_rad):z.1f} deg"
+        return f"({self.x_m:z.3f}, {self.y_m:z.3f}){heading}"
 
 
 def destination(

@@ -42,7 +42,7 @@ def goal_line(
     return [
         Part(f"{doing(status):<8}"),
         Part(f"{to_go} to go", to_go),
-        Part(f"{NONE if odometry is None else f'{odometry.speed_m_s:.2f}'} m/s"),
+        Part(f"{NONE if odometry is None else f'{odometry.speed_m_s:z.2f}'} m/s"),
         Part(f"echo {echo}", f"echo {echo.removesuffix(' m')}"),
         Part(driven(status)),
         Part(reason_of(status)),
@@ -132,7 +132,7 @@ def pose_of(odometry: PlanarOdometry) -> str:
     x_m, y_m = odometry.x_m, odometry.y_m
     heading_rad = odometry.heading_rad
     heading = f"{round(degrees(heading_rad))}" if isfinite(heading_rad) else NONE
-    return f"pose {x_m:.2f} {y_m:.2f} {heading} deg"
+    return f"pose {x_m:z.2f} {y_m:z.2f} {heading} deg"
 
 
 def knows_place(odometry: PlanarOdometry) -> bool:
@@ -142,7 +142,7 @@ def knows_place(odometry: PlanarOdometry) -> bool:
 
 def metres(value: float) -> str:
     """Return a distance in words, `--` if it is not finite."""
-    return f"{value:.2f} m" if isfinite(value) else NONE
+    return f"{value:z.2f} m" if isfinite(value) else NONE
 
 
 def echo_of(range_m: float) -> str:

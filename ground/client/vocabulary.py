@@ -46,6 +46,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.LEASE_HELD: "sidestep lease seize",
         Reason.OUTSIDE_FENCE: "sidestep fence show",
         Reason.FENCE_BREACHED: "sidestep fence off",
+        Reason.FENCE_UNCHECKED: "sidestep pose set X Y DEG",
         Reason.NO_MISSION: "sidestep mission upload FILE",
     }
 )
@@ -55,7 +56,7 @@ GOAL_HINT: Final = "`goto X Y` sets a goal"
 def value_words(parameter: str, value: float) -> str:
     """Return the name of a parameter's value, or the number with seven digits."""
     names = NAMED_VALUES.get(parameter, {})
-    return next((name for name, number in names.items() if number == value), f"{value:.7g}")
+    return next((name for name, number in names.items() if number == value), f"{value:z.7g}")
 
 
 def value_in_words(parameter: str, words: str) -> float:

@@ -105,7 +105,7 @@ def rotation(rotation_rad: float) -> str:
     if round(abs(angle_deg), 1) == 0.0:
         return "gamma 0°: straight to the goal"
     turned = f"{abs(angle_deg):.0f}° {left_or_right(angle_deg)}"
-    return f"gamma {angle_deg:+.0f}°: heading {turned} of the goal"
+    return f"gamma {angle_deg:+z.0f}°: heading {turned} of the goal"
 
 
 def virtual(decision: AvoidanceDecision) -> str:

@@ -44,7 +44,8 @@ def draw_legend(pen: Pen, scene: MapScene) -> None:
     length = length_text(length_m)
     canvas.text(cells + 1, row, length, "text")
     column = cells + len(length) + 3
-    for words, role in legend(scene, canvas.columns - column, ascii_only=canvas.ascii_only):
+    room, forms = canvas.columns - column, (canvas.ascii_only, canvas.is_mono)
+    for words, role in legend(scene, room, ascii_only=forms[0], is_mono=forms[1]):
         canvas.text(column, row, words, role)
         column += len(words) + len(GAP)
 

@@ -23,15 +23,18 @@ MARKS: Final = {
     "other": ("◆", "r"),
     "mover": ("●", "@"),
     "lost": ("?", "?"),
-    "reached": ("●", "*"),
+    "reached": ("✓", "="),
     "collided": ("✕", "x"),
     "stuck": ("■", "#"),
-    "ended": ("▲", "^"),
+    "ended": ("□", "~"),
     "bar left": ("├", "|"),
     "bar": ("─", "-"),
     "bar right": ("┤", "|"),
 }
 """The character of each meaning, in Unicode and in ASCII."""
+
+DOTTED: Final = "⠿"
+"""Echoes in colour: dots without a character of their own."""
 
 HEADINGS: Final = ("▶◥▲◤◀◣▼◢", ">/^\\</v\\")
 """Arrowheads in steps of 45 degrees, counter-clockwise from the x axis."""

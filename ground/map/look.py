@@ -11,7 +11,7 @@ from ground.map.view import Point
 def measured(start: Point, end: Point) -> str:
     """Return distance and heading from one place to another."""
     dx_m, dy_m = end[0] - start[0], end[1] - start[1]
-    return f"{hypot(dx_m, dy_m):.2f} m at {degrees(atan2(dy_m, dx_m)):.0f}°"
+    return f"{hypot(dx_m, dy_m):.2f} m at {degrees(atan2(dy_m, dx_m)):z.0f}°"
 
 
 def described(scene: MapScene, place: Point, reach_m: float) -> str:
@@ -34,7 +34,7 @@ def described(scene: MapScene, place: Point, reach_m: float) -> str:
     if scene.robot is not None:
         robot = (scene.robot.x_m, scene.robot.y_m)
         found.append(f"{measured(robot, place)} from the robot")
-    return f"{place[0]:g} {place[1]:g}: {', '.join(found) or 'nothing known'}"
+    return f"{place[0]:zg} {place[1]:zg}: {', '.join(found) or 'nothing known'}"
 
 
 def obstacle_words(scene: MapScene, place: Point, reach_m: float) -> str:

@@ -128,7 +128,7 @@ def draw_robot(pen: Pen, scene: MapScene) -> None:
 def draw_cursor(pen: Pen, scene: MapScene) -> None:
     """Draw the cursor with its position in metres."""
     if scene.cursor is not None:
-        words = f"{scene.cursor[0]:.2f} {scene.cursor[1]:.2f}"
+        words = f"{scene.cursor[0]:z.2f} {scene.cursor[1]:z.2f}"
         pen.mark(scene.cursor, "cursor", "cursor", words)
         pen.off_map(scene.cursor, "cursor", words)
 

@@ -40,7 +40,7 @@ def changes(statuses: Iterable[tuple[int, Message]]) -> list[Mark]:
             continue
         at_s = time_ns / NS_PER_S
         if status.goal_id != goal_id and GoalState.ACCEPTED <= status.goal <= GoalState.ALIGNING:
-            place = f"goal {status.goal_x_m:.2f} {status.goal_y_m:.2f}"
+            place = f"goal {status.goal_x_m:z.2f} {status.goal_y_m:z.2f}"
             found.append(Mark(at_s, "goal", place))
             goal_id = status.goal_id
         if status.goal != goal and status.goal >= GoalState.REACHED:

@@ -49,7 +49,7 @@ def scene_of(model: RobotModel, world: WorldFacts | None, now_ns: int, *, lost: 
         true_robot=true_robot_of(model, now_ns),
         live=not lost and telemetry.seen(ODOMETRY, now_ns).age is not Age.GONE,
         covariance=None if odometry is None else enlarged(odometry, now_ns, status_of(model)),
-        ranges_m=() if scan is None else tuple(ranges_m(scan)),
+        ranges_m=() if scan is None else tuple(ranges_m(scan, figures.sonar_gaps.silent)),
         zone_m=None if decision is None or not isfinite(decision.zone_m) else decision.zone_m,
         goal=None if status is None else goal_of(status),
         virtual_goal=None if decision is None else virtual_of(decision),

@@ -236,6 +236,11 @@ class StationView:
         """Most expensive control cycle of the last second."""
         return self._model.figures.worst_cycle.cycle
 
+    @property
+    def silent_sonars(self) -> int:
+        """A bit for each sonar, 1 if it gave no reading in one of the last scans."""
+        return self._model.figures.sonar_gaps.silent
+
     def moment(self, time_ns: int | None = None) -> Moment | None:
         """Return the decision at an instant (default: now) with its context."""
         return self._model.decision_history.at(self._now_ns if time_ns is None else time_ns)

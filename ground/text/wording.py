@@ -50,14 +50,14 @@ def metres(value_m: float) -> str:
     """Format a distance with its unit."""
     if not isfinite(value_m):
         return NONE
-    return f"{value_m:.2f} m" if abs(value_m) < FAR_M else f"{value_m:.3g} m"
+    return f"{value_m:z.2f} m" if abs(value_m) < FAR_M else f"{value_m:z.3g} m"
 
 
 def short(value: float) -> str:
     """Format a number with two figures."""
     if not 10.0 <= abs(value) < FAR_M:
-        return f"{value:.2g}"
-    return f"{value:.0f}"
+        return f"{value:z.2g}"
+    return f"{value:z.0f}"
 
 
 def place(x_m: float, y_m: float) -> str:

@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from ground.app.widgets.map import MONO
+
 if TYPE_CHECKING:
     from ground.app.app import GroundApp
 
@@ -14,5 +16,6 @@ def show_help(app: "GroundApp", word: str = "", *, commands: bool = False) -> No
     from ground.app.chrome.help_rows import COMMANDS, sections  # rarely needed, so imported late
     from ground.app.screens.help import HelpScreen
 
-    parts = sections(app.keys_now(), word, ascii_only=app.ascii_only)
+    mono = app.theme == MONO
+    parts = sections(app.keys_now(), word, ascii_only=app.ascii_only, is_mono=mono)
     app.push_screen(HelpScreen(parts, word or (COMMANDS if commands else "")))

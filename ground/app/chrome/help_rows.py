@@ -8,7 +8,7 @@ from ground.app.input.default_keys import KeyBinding
 from ground.app.input.keymap import shown
 from ground.app.widgets.rows import Row, Span, row
 from ground.console.help import help_text, summaries
-from ground.map.glyphs import HEADINGS, MARKS
+from ground.map.glyphs import DOTTED, HEADINGS, MARKS
 from runtime.cli.verb_table import VERBS
 
 COMMANDS: Final = "commands, typed after :"
@@ -48,7 +48,10 @@ NOTHING_TO_SAY: Final = ("bar", "bar right")
 PANELS: Final = (
     ("L79 ... R79", "the eight sonars by their direction: 79° left to 79° right"),
     ("! and !!", "nearer than the avoidance zone; nearer than the guard stops"),
-    ("none, --", "no echo; no reading"),
+    (">3", "no echo up to 3 m"),
+    ("--", "no value, or one that is too old"),
+    ("dead", "no reading in one of the last scans"),
+    ("~23 s left", "by the robot's clock: simulated seconds in a simulation, as `driven`"),
     ("γ", "how far the navigator turns the goal's direction, in degrees"),
     ("σ or ±", "doubt of the position, one standard deviation"),
     ("t+", "time since the drive to the goal began"),
@@ -68,7 +71,11 @@ class Section(NamedTuple):
 
 
 def sections(
-    keys: Sequence[KeyBinding], word: str = "", *, ascii_only: bool = False
+    keys: Sequence[KeyBinding],
+    word: str = "",
+    *,
+    ascii_only: bool = False,
+    is_mono: bool = False,
 ) -> list[Section]:
     """Return all parts. With a `word`, its command comes first; UserError when there is none."""
     lead = [Section(word, command_rows(word))] if word else []
@@ -76,7 +83,7 @@ def sections(
         *lead,
         Section("examples", table(EXAMPLES)),
         *key_sections(keys),
-        Section("marks on the map", table(mark_pairs(ascii_only=ascii_only))),
+        Section("marks on the map", table(mark_pairs(ascii_only=ascii_only, is_mono=is_mono))),
         Section("names in the panels", table(PANELS)),
         Section(COMMANDS, table(tuple(summaries().items()))),
     ]
@@ -94,11 +101,17 @@ def key_sections(keys: Sequence[KeyBinding]) -> list[Section]:
     ]
 
 
-def mark_pairs(*, ascii_only: bool) -> list[tuple[str, str]]:
-    """Return each mark with its meaning; the robot first."""
+def mark_pairs(*, ascii_only: bool, is_mono: bool) -> list[tuple[str, str]]:
+    """Return each mark with its meaning, as the map draws it now; the robot first."""
     form = int(ascii_only)
     robot = ("> ^ < v" if ascii_only else " ".join(HEADINGS[form][::2]), "the robot, by heading")
-    return [robot, *((MARKS[name][form], meaning) for name, meaning in MEANINGS.items())]
+    marks = {name: MARKS[name][form] for name in MEANINGS}
+    meanings = dict(MEANINGS)
+    if not (ascii_only or is_mono):  # echoes are dots, and their age is a shade
+        marks["seen"] = DOTTED
+        meanings["seen"] += "; fainter: some time ago"
+        del meanings["seen late"]
+    return [robot, *((marks[name], meaning) for name, meaning in meanings.items())]
 
 
 def table(pairs: Sequence[tuple[str, str]]) -> list[Row]:

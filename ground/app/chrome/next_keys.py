@@ -9,27 +9,34 @@ from ground.station.station import Station
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus, NavigatorStatus
+from protocol.wire.reasons import Reason
 
 DRIVING: Final = (GoalState.ACCEPTED, GoalState.DRIVING, GoalState.AVOIDING, GoalState.ALIGNING)
 
 
 class NextKey(NamedTuple):
-    """An action by id, its name on the key bar, and how often its key must be pressed."""
+    """An action by id, its name on the key bar, and how often its key must be pressed.
+
+    `others` are ids whose keys are shown, too, such as those of the other directions.
+    """
 
     id: str
     name: str
     presses: int = 1
+    others: tuple[str, ...] = ()
 
 
 STOPS: Final = (Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE)
 CURSOR: Final = (
     NextKey("goal-at-cursor", "Go"),
     NextKey("waypoint", "Waypoint"),
+    NextKey("cursor-up", "Move", others=("cursor-down", "cursor-left", "cursor-right")),
     NextKey("map-menu", "Menu"),
     NextKey("cursor-turn-right", "Heading"),
     NextKey("leave-cursor", "Close"),
 )
 TELEOP: Final = (NextKey("teleop-end", "End"),)
+FILTER: Final = NextKey("find", "Filter")
 FILTERED: Final = (NextKey("close", "Clear filter"),)
 REPLAY: Final = (
     NextKey("replay-play", "Play"),
@@ -38,6 +45,7 @@ REPLAY: Final = (
     NextKey("replay-open", "Open"),
 )
 STOPPED: Final = (NextKey("clear-estop", "Clear E-STOP", 2),)
+PLACE: Final = NextKey("place", "Set the place")
 ARM: Final = NextKey("arm", "Arm")
 GO_ON: Final = NextKey("resume", "Go on")
 GOAL: Final = NextKey("goal", "Goal")
@@ -75,7 +83,8 @@ def next_keys(station: Station, draft: tuple[MapTarget, ...]) -> tuple[NextKey, 
         return STOPPED
     lost = lost_in(station, status) is not None
     if status.vehicle == Vehicle.FAILSAFE:
-        return (ARM, GO_ON, GOAL) if lost else (ARM, GOAL)
+        place = (PLACE,) if status.vehicle_reason == Reason.FENCE_UNCHECKED else ()
+        return (*place, ARM, GO_ON, GOAL) if lost else (*place, ARM, GOAL)
     mission = mission_keys(station, draft)
     if status.goal in DRIVING:
         return (*mission, *(HELD if status.mode == Mode.HOLD else UNDER_WAY))

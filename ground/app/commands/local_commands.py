@@ -86,7 +86,7 @@ class LocalCommands:
         pose = station.telemetry.live(ODOMETRY, station.now_ns)
         if pose is None:
             raise UserError("the pose of the robot is not known now")
-        return f"{pose.x_m:.3f} {pose.y_m:.3f} {degrees(pose.heading_rad):.1f}"
+        return f"{pose.x_m:z.3f} {pose.y_m:z.3f} {degrees(pose.heading_rad):z.1f}"
 
     def snap(self, path: Path | None) -> str:
         """Save the screen as an SVG file."""

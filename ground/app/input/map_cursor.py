@@ -46,8 +46,8 @@ class Cursor:
 
     def words(self) -> str:
         """Return the cursor as words of a command line."""
-        place = f"{self.x_m:g} {self.y_m:g}"
-        return place if self.heading_deg is None else f"{place} {self.heading_deg:g}"
+        place = f"{self.x_m:zg} {self.y_m:zg}"
+        return place if self.heading_deg is None else f"{place} {self.heading_deg:zg}"
 
 
 def step_of(m_per_cell: float) -> float:

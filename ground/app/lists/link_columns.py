@@ -60,16 +60,14 @@ def lost_role(one: LinkRow) -> str:
     return "caution" if (one.lost_percent or 0.0) >= LOSS else "faint"
 
 
-def rejected_words(one: LinkRow) -> str:
-    """Return how many frames were rejected, and why the last one was."""
-    if one.stream is None:
-        return ""
-    return f"{one.stream.rejected} {one.stream.last_rejection}".rstrip()
+def rejected_role(one: LinkRow) -> str:
+    """Return the role of the number of rejected frames."""
+    return "caution" if one.stream and one.stream.rejected else "faint"
 
 
 COLUMNS: Final = (
     Column[LinkRow]("robot", 6, lambda one: one.robot.robot, role=lambda _: "head"),
-    Column[LinkRow]("stream", 16, lambda one: one.name, role=lambda one: one.role),
+    Column[LinkRow]("stream", 13, lambda one: one.name, role=lambda one: one.role),
     Column[LinkRow](
         "expected", 6,
         lambda one: f"{one.stream.topic.rate_hz:g}" if one.stream and one.stream.topic.rate_hz
@@ -83,7 +81,7 @@ COLUMNS: Final = (
         lambda one: one.role, unit="Hz", numeric=True,
     ),
     Column[LinkRow](
-        "age", 7, lambda one: age(one.stream) if one.stream else "",
+        "age", 6, lambda one: age(one.stream) if one.stream else "",
         lambda one: one.stream.age_ns if one.stream else None,
         lambda one: one.role, numeric=True,
     ),
@@ -100,11 +98,15 @@ COLUMNS: Final = (
         lambda one: one.round_trip_ms, unit="ms", numeric=True,
     ),
     Column[LinkRow](
-        "frames", 7, lambda one: str(one.stream.received) if one.stream else "",
+        "frames", 6, lambda one: str(one.stream.received) if one.stream else "",
         lambda one: one.stream.received if one.stream else None, numeric=True,
     ),
     Column[LinkRow](
-        "rejected", 0, rejected_words,
-        role=lambda one: "caution" if one.stream and one.stream.rejected else "faint",
+        "rejected", 6, lambda one: str(one.stream.rejected) if one.stream else "",
+        lambda one: one.stream.rejected if one.stream else None, rejected_role,
+        numeric=True, short="reject",
+    ),
+    Column[LinkRow](
+        "why", 0, lambda one: one.stream.last_rejection if one.stream else "", role=rejected_role
     ),
 )  # fmt: skip

@@ -71,6 +71,13 @@ class Heads(Generic[T]):
         else:
             self.sorted_by, self.is_descending = column, self.columns[column].numeric
 
+    @property
+    def order_words(self) -> str:
+        """The column that the list is sorted by, with its direction."""
+        if self.sorted_by is None:
+            return "off"
+        return f"{self.columns[self.sorted_by].name}{DOWN if self.is_descending else UP}"
+
     def sorted(self, rows: list[T]) -> list[T]:
         """Return the rows in order; rows without a value come last in both directions."""
         if self.sorted_by is None:

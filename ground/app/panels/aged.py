@@ -31,5 +31,5 @@ def role_of(seen: AgedMessage, role: str = "text") -> str:
 
 
 def number(value: float | None, form: str = ".2f", none: str = MISSING) -> str:
-    """Format a value; one that is not finite is missing."""
-    return none if value is None or not isfinite(value) else format(value, form)
+    """Format a value without a negative zero; one that is not finite is missing."""
+    return none if value is None or not isfinite(value) else format(value, f"z{form}")

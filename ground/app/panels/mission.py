@@ -41,8 +41,8 @@ def item_row(number: int, item: MapTarget, current: int) -> Row:
     Completed items are faint, the current one is marked.
     """
     heading = item.heading_rad
-    deg = "any" if heading is None else f"{degrees(heading):.0f}°"
-    words = f"{number + 1:>3}  {item.x_m:6.2f} {item.y_m:6.2f}  {deg:>5}"
+    deg = "any" if heading is None else f"{degrees(heading):z.0f}°"
+    words = f"{number + 1:>3}  {item.x_m:z6.2f} {item.y_m:z6.2f}  {deg:>5}"
     role = "faint" if number < current else "mission" if number == current else "text"
     return row(Span("▶" if number == current else " ", "mission"), Span(words, role))
 

@@ -130,22 +130,17 @@ def pose_words(odometry: PlanarOdometry) -> str:
     """Return x, y, heading and the estimated error (one standard deviation) as text."""
     if not knows_place(odometry):
         return PLACE_UNKNOWN
-    deg = whole(degrees(odometry.heading_rad))
+    deg = degrees(odometry.heading_rad)
     doubt = f"±{number(uncertainty_m(odometry) * MM_PER_M, '.0f')} mm"
     place = f"{number(odometry.x_m, '6.2f')} {number(odometry.y_m, '6.2f')}"
     return f"{place}  {number(deg, '4.0f')}° {doubt}"
-
-
-def whole(deg: float) -> float:
-    """Round to whole degrees, without a minus zero."""
-    return round(deg) + 0.0 if isfinite(deg) else deg
 
 
 def goal_words(status: NavigatorStatus) -> str:
     """Return the goal as text."""
     if status.goal == GoalState.NONE:
         return "none"
-    heading = number(whole(degrees(status.goal_heading_rad)), "4.0f", " any")
+    heading = number(degrees(status.goal_heading_rad), "4.0f", " any")
     degree = "°" if isfinite(status.goal_heading_rad) else ""
     return f"{number(status.goal_x_m, '6.2f')} {number(status.goal_y_m, '6.2f')}  {heading}{degree}"
 

@@ -43,14 +43,16 @@ class Limits:
 def sonar_rows(station: Station, width: int, bars: int) -> list[Row]:
     """Return the names, `bars` rows of bars, and the ranges.
 
-    A sonar that gives no readings is `dead`, in the colour of an alarm.
+    A sonar that gave no reading in one of the last scans is `dead`, in a colour that is none of
+    those of health.
     """
     seen, limits = station.seen(SONAR), Limits(station)
     scan: SonarScan | None = live(seen)
     labelled = width >= LABEL + 1 + (LEAST_CELL + 1) * len(SONARS)
     label = LABEL if labelled else 0
     cell = max(LEAST_CELL, min(MOST_CELL, (width - label - 1) // len(SONARS)))
-    ranges = [None if scan is None else range_of(scan, sonar) for sonar in LEFT_TO_RIGHT]
+    silent = station.silent_sonars
+    ranges = [None if scan is None else range_of(scan, sonar, silent) for sonar in LEFT_TO_RIGHT]
     titles = ["sonar", *("" for _ in range(bars)), "m"]
     if bars > 1:
         titles[1] = f"{limits.longest_m:g} m"
@@ -92,7 +94,7 @@ def value_span(
     if live(seen) is None:
         return faint(f"{MISSING:^{cell}}")
     if range_m is None:
-        return Span(f"{DEAD:^{cell}}", "alarm")
+        return Span(f"{DEAD:^{cell}}", "dead")
     if range_m == inf:
         return faint(f"{f'>{limits.longest_m:g}':^{cell}}")
     text = f"{range_m:.2f}"
@@ -104,20 +106,19 @@ def value_span(
     return Span(f"{text:^{cell}}", role_of(seen, role if role != "ok" else "text"))
 
 
-def range_of(scan: SonarScan, sonar: int) -> float | None:
+def range_of(scan: SonarScan, sonar: int, silent: int) -> float | None:
     """Return a range in metres: inf without an echo, None when the sonar gives no reading."""
     bit = 1 << sonar
-    if not scan.valid & bit:
+    if silent & bit or not scan.valid & bit:
         return None
     return scan.range_mm[sonar] / 1000 if scan.echo & bit else inf
 
 
 def dead_sonars(station: Station) -> list[str]:
     """Return the names of the sonars without a reading, from left to right."""
-    scan: SonarScan | None = live(station.seen(SONAR))
-    if scan is None:
+    if live(station.seen(SONAR)) is None:
         return []
-    return [SONARS[sonar] for sonar in LEFT_TO_RIGHT if range_of(scan, sonar) is None]
+    return [SONARS[sonar] for sonar in LEFT_TO_RIGHT if station.silent_sonars >> sonar & 1]
 
 
 def parameter(station: Station, name: str, otherwise: float) -> float:

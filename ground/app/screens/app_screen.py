@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from textwrap import wrap
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 from textual.app import ComposeResult
 from textual.screen import Screen
@@ -58,6 +58,7 @@ class AppScreen(Screen[None], StillWidget):
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
         self.interface = interface
         self._prompt = ""
+        self._messages_at: tuple[int, Screen[Any]] | None = None
         self._then: Callable[[str], None] = interface.commands.run_line
 
     def compose(self) -> ComposeResult:
@@ -72,7 +73,7 @@ class AppScreen(Screen[None], StillWidget):
         yield Lines(id="lesson")
         with StillRow(id="typing"):
             yield Lines(id="prompt")
-            yield CommandLine(self.interface.commands.assist)
+            yield CommandLine(self.interface.commands.assist, self.submit)
             yield AnswerLine(id="answer")
         yield ButtonRow(id="keybar")
 
@@ -114,6 +115,14 @@ class AppScreen(Screen[None], StillWidget):
         self.draw_lesson()
         keys = key_buttons(self.bar_keys(), width, self.following_keys())
         self.buttons("keybar").show_buttons(*keys)
+        self.place_messages()
+
+    def place_messages(self) -> None:
+        """Keep Textual's messages below the band, where they cover no prompt and no new line."""
+        top, screen = self.query_one("#middle").region.y, self.app.screen
+        if (top, screen) != self._messages_at:
+            self._messages_at = top, screen
+            screen.query("ToastRack").set_styles(f"margin: {top} 0 0 0;")
 
     def bar_keys(self) -> list[KeyBinding]:
         """Return the keys for the key bar: below a dialog only those that work in it, too."""
@@ -139,6 +148,10 @@ class AppScreen(Screen[None], StillWidget):
         """Draw the last answer, or the hints of the first start."""
         room = max(0, self.size.width - len(self._prompt or self.interface.station.robot) - 2)
         self.query_one(AnswerLine).draw(self.interface, room, typing=self.typing)
+
+    def take_key(self, key: str) -> bool:
+        """Handle a key that no layer has; return whether it had an effect."""
+        return False
 
     def close_what_is_open(self) -> None:
         """Close the topmost thing that covers a part of the screen; the screens say what it is."""
@@ -320,12 +333,11 @@ class AppScreen(Screen[None], StillWidget):
         """Begin a command where the answer was clicked."""
         self.ask("", "", self.interface.commands.run_line)
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
+    def submit(self, line: str) -> None:
         """Pass on the line that was typed."""
-        event.stop()
-        then, text = self._then, event.value.strip()
+        then = self._then
         self.leave_line()
-        then(text)
+        then(line.strip())
         self.redraw()
 
 

@@ -11,6 +11,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input
 
 from ground.app.lists.list_filter import ListFilter, filter_spans, hidden_spans, nothing_row
+from ground.app.widgets.command_line import TypedLine
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.rows import Row, Span, cut, faint, row
 
@@ -54,14 +55,14 @@ class ChoiceScreen(ModalScreen[str]):
         super().__init__()
         self._title, self._is_held_back = title, is_held_back
         self._every = [Choice(one) if isinstance(one, str) else one for one in choices]
-        self._choices = self._every
+        self._choices, self._filtered_by = self._every, ""
         self._at = next((at for at, one in enumerate(self._every) if one.is_current), 0)
 
     def compose(self) -> ComposeResult:
         """Compose the list of choices and the filter."""
         with Vertical(id="box", classes="box"):
             yield Lines(id="choices")
-            yield Input(id="choice-filter", compact=True, select_on_focus=False)
+            yield TypedLine(lambda _: self.action_take(), id="choice-filter")
 
     def on_mount(self) -> None:
         """Fit the box to the choices."""
@@ -87,6 +88,7 @@ class ChoiceScreen(ModalScreen[str]):
 
     def show(self) -> None:
         """Draw the choices; rows change in number, the box does not."""
+        self.filter_choices()
         panel, words = self.query_one(Lines), self.query_one(Input).value.strip()
         panel.styles.height = self.room() + 2 - self.query_one(Input).display
         counts = filter_spans(words, len(self._choices), len(self._every), typing=False)[:1]
@@ -117,12 +119,14 @@ class ChoiceScreen(ModalScreen[str]):
 
     def action_move(self, step: int) -> None:
         """Move the selection by a step, around the ends."""
+        self.filter_choices()
         if self._choices:
             self._at = (self._at + step) % len(self._choices)
             self.show()
 
     def action_take(self) -> None:
         """Return the selected choice."""
+        self.filter_choices()
         if self._choices:
             self.dismiss(self._choices[self._at].name)
 
@@ -130,7 +134,7 @@ class ChoiceScreen(ModalScreen[str]):
         """Let the operator type a filter."""
         line = self.query_one(Input)
         line.display = True
-        line.focus()
+        self.set_focus(line)
         self.show()
 
     def action_close(self) -> None:
@@ -146,19 +150,20 @@ class ChoiceScreen(ModalScreen[str]):
     def on_input_changed(self, event: Input.Changed) -> None:
         """Show the choices that pass the filter."""
         event.stop()
-        found = ListFilter(event.value)
+        self.show()
+
+    def filter_choices(self) -> None:
+        """Keep the choices that pass the filter as it is typed now."""
+        words = self.query_one(Input).value
+        if words == self._filtered_by:
+            return
+        self._filtered_by, found = words, ListFilter(words)
         self._choices = [
             one
             for one in self._every
             if found.passes({"name": one.name, "description": one.description})
         ]
         self._at = 0
-        self.show()
-
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Return the selected choice."""
-        event.stop()
-        self.action_take()
 
     def on_click(self, event: events.Click) -> None:
         """Return the choice that was clicked; in an emergency stop only select it."""
@@ -172,9 +177,9 @@ class ChoiceScreen(ModalScreen[str]):
             if not self._is_held_back():
                 self.action_take()
 
-    def on_key(self, event: events.Key) -> None:
+    def take_key(self, key: str) -> bool:
         """Choose by a digit."""
-        if event.key.isdigit() and self.focused is None:
-            event.stop()
-            if 1 <= int(event.key) <= len(self._choices):
-                self.dismiss(self._choices[int(event.key) - 1].name)
+        is_number = key.isdigit() and self.focused is None
+        if is_number and 1 <= int(key) <= len(self._choices):
+            self.dismiss(self._choices[int(key) - 1].name)
+        return is_number

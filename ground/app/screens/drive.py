@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar, Final
 
-from textual import events
 from textual.app import ComposeResult
 from textual.containers import Grid
 
@@ -243,11 +242,12 @@ class DriveScreen(AppScreen):
         if self.teleop.held and not self.teleop.poll():
             self.prompt("", self.interface.commands.run_line)
 
-    def on_key(self, event: events.Key) -> None:
+    def take_key(self, key: str) -> bool:
         """End teleop at any other key."""
-        if self.teleop.held:
-            event.stop()
+        held = self.teleop.held
+        if held:
             self.end_teleop()
+        return held
 
     def end_teleop(self) -> None:
         """Stop the robot and end teleop."""

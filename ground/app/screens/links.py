@@ -29,9 +29,20 @@ class LinksScreen(ListScreen[LinkRow]):
         self.draw_rows(rows, row(words))
         about = self.lines("about")
         cycle = cycle_rows(station.seen(CYCLE), station.worst_cycle)
-        link = [*process_rows(station), *link_lines(station), *cycle]
+        rejection = rejection_rows(self.chosen)
+        link = [*rejection, *process_rows(station), *link_lines(station), *cycle]
         about.styles.height = len(link) + 1
         about.show(link)
+
+
+def rejection_rows(one: LinkRow | None) -> list[Row]:
+    """Return why the last rejected frame of a stream was rejected, if there is one."""
+    stream = None if one is None else one.stream
+    if stream is None or not stream.last_rejection:
+        return []
+    return [
+        row(head(" reject  "), f"{stream.topic.path}: ", Span(stream.last_rejection, "caution"))
+    ]
 
 
 def process_rows(station: Station) -> list[Row]:

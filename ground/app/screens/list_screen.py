@@ -8,7 +8,7 @@ from typing import ClassVar, Final, Generic, TypeVar
 from textual.app import ComposeResult
 from textual.widgets import Input
 
-from ground.app.chrome.next_keys import FILTERED, NextKey
+from ground.app.chrome.next_keys import FILTER, FILTERED, NextKey
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
 from ground.app.lists.list_filter import filter_spans, hidden_spans, nothing_row
@@ -104,8 +104,8 @@ class ScrolledScreen(AppScreen):
         self._kept_words = words.strip()
 
     def following_keys(self) -> tuple[NextKey, ...]:
-        """Return the key that clears the filter, while there is one."""
-        return FILTERED if self.words else super().following_keys()
+        """Return the keys of the filter; that which clears it, while there is one."""
+        return (*(FILTERED if self.words else super().following_keys()), FILTER)
 
     def close_what_is_open(self) -> None:
         """Clear the filter."""

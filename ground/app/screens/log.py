@@ -7,6 +7,7 @@ from typing import ClassVar, Final
 from textual import events
 from textual.app import ComposeResult
 
+from ground.app.chrome.next_keys import NextKey
 from ground.app.filtered_log import FilteredLog
 from ground.app.input.default_keys import Layer
 from ground.app.lists.column_heads import ColumnHeads
@@ -82,6 +83,15 @@ class LogScreen(ScrolledScreen):
         counts = faint(f" {unit}{levels}, " if filtered else f" {shown} lines, {unit}{levels}, ")
         found = f"   find {self._find_words!r}" if self._find_words else ""
         return row(counts, follows, *filtered, Span(found, "accent"))
+
+    def following_keys(self) -> tuple[NextKey, ...]:
+        """Return the keys of the filter, and those whose state the key bar names."""
+        following = "on" if self.list_view.following else "off"
+        return (
+            *super().following_keys(),
+            NextKey("log-follow", f"Follow: {following}"),
+            NextKey("sort", f"Sort: {self.filtered.heads.order_words}"),
+        )
 
     def actions(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id."""

@@ -261,7 +261,7 @@ def axis_labels(rows: int, low: float, high: float, form: str) -> list[str]:
     """Return the labels of all rows: the greatest value at the top, the least at the bottom."""
     words = [""] * rows
     if rows and form:
-        words[0], words[-1] = format(high, form), format(low, form) if rows > 1 else words[0]
+        words[0], words[-1] = number(high, form), number(low, form) if rows > 1 else words[0]
     return [f"{word:>{LABEL - 1}} " for word in words]
 
 

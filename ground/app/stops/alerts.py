@@ -42,12 +42,18 @@ class Alerts:
         self._alerts: dict[tuple[EventKind, str], Alert] = {}
 
     def poll(self) -> None:
-        """Announce what has happened since the last poll; of a recording, nothing."""
+        """Announce what has happened since the last poll; of a recording, nothing.
+
+        A message about a stop disappears with the stop.
+        """
         station = self._app.station
         events = self.watch.look(station)
-        if not events or not station.live:
+        if not (events or self._alerts) or not station.live:
             return
         self._forget(station.now_ns)
+        is_over = self._drop_cleared()
+        if not events and not is_over:
+            return
         known = set(self._alerts)
         for event in events:
             of = event.kind, event.cause
@@ -59,7 +65,7 @@ class Alerts:
             self._app.bell()
         width, height = self._app.size
         if width >= MIN_COLUMNS and height >= MIN_ROWS:
-            self._show(known, changed)
+            self._show(known, changed, anew=is_over)
 
     def _is_new(self, event: StopEvent, known: Collection[tuple[EventKind, str]]) -> bool:
         """Return whether an event rings: not one that many robots have, as the first has rung."""
@@ -71,24 +77,45 @@ class Alerts:
         young = {of: one for of, one in self._alerts.items() if now_ns - one.shown_ns < shown_ns}
         self._alerts = young
 
+    def _drop_cleared(self) -> bool:
+        """Forget robots whose stop is over; return whether a message named one of them."""
+        before, self._alerts = self._alerts, {}
+        is_over = False
+        for (kind, cause), one in before.items():
+            robots = tuple(
+                robot
+                for robot in one.robots
+                if kind is EventKind.REACHED or self.watch.is_stopped(robot, kind)
+            )
+            if robots:
+                self._alerts[kind, cause] = one._replace(robots=robots)
+            is_over |= robots != one.robots and not self._is_in_the_band(kind, one)
+        return is_over
+
+    def _is_in_the_band(self, kind: EventKind, one: Alert) -> bool:
+        """Return whether the band across the screen says the same."""
+        return kind is not EventKind.REACHED and one.robots == (self._app.station.robot,)
+
     def _show(
         self,
         known: Collection[tuple[EventKind, str]],
         changed: Collection[tuple[EventKind, str]],
+        *,
+        anew: bool,
     ) -> None:
-        """Show new messages; if one has got another robot, show all of them anew."""
+        """Show new messages; with `anew`, or if one has got another robot, show all of them."""
         shown = changed
-        if any(of in known for of in changed):
+        if anew or any(of in known for of in changed):
             self._app.clear_notifications()
             shown = self._alerts.keys()
         for kind, cause in shown:
-            if kind is not EventKind.REACHED and self._alerts[kind, cause].robots == (
-                self._app.station.robot,
-            ):
-                continue  # the band across the screen has it
-            words = f"{names_of(self._alerts[kind, cause].robots)} {kind.value}"
+            one = self._alerts[kind, cause]
+            if self._is_in_the_band(kind, one):
+                continue
+            words = f"{names_of(one.robots)} {kind.value}"
             text = f"{words}: {cause}" if cause else words
-            self._app.notify(text, severity=SEVERITIES[kind], timeout=SHOWN_S, markup=False)
+            left_s = SHOWN_S - (self._app.station.now_ns - one.shown_ns) / NS_PER_S
+            self._app.notify(text, severity=SEVERITIES[kind], timeout=left_s, markup=False)
 
 
 def names_of(robots: Sequence[str]) -> str:

@@ -42,6 +42,8 @@ def next_steps(
         steps.append(Step(clear if clear.startswith(":") else f"{clear} {clear}", "clear"))
     if status.vehicle_reason == Reason.FENCE_BREACHED:
         steps.append(Step(FENCE_OFF, "lift the fence"))
+    if status.vehicle_reason == Reason.FENCE_UNCHECKED:
+        steps.append(Step(key_of("place"), "set the place"))
     if status.vehicle != Vehicle.ACTIVE:
         steps.append(Step(key_of("arm"), "arm"))
     if lost is None:

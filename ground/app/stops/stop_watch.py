@@ -86,6 +86,13 @@ class StopWatch:
         watched = self._robots.get(robot)
         return None if watched is None else watched.since_ns
 
+    def is_stopped(self, robot: str, kind: EventKind) -> bool:
+        """Return whether a robot was last seen in the stop of a kind."""
+        watched = self._robots.get(robot)
+        return watched is not None and any(
+            watched.vehicle == vehicle and kind is stop for vehicle, stop in STOPPED.items()
+        )
+
     def _compare(self, robot: str, status: NavigatorStatus, now_ns: int) -> list[StopEvent]:
         before = self._robots.get(robot)
         watched = before or self._robots.setdefault(robot, Watched(status.vehicle, now_ns))

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
-from textual import events
 from textual.suggester import Suggester
 from textual.widgets import Input
 
@@ -37,11 +36,25 @@ class Ghost(Suggester):
         return f"{value}{'' if value.endswith(' ') else ' '}{found.hint}" if found.hint else None
 
 
-class CommandLine(Input):
-    """A line of input; it sends `Submitted` when Enter is pressed."""
+class TypedLine(Input):
+    """A line of input; `submit` is called at Enter, so before the next key is handled."""
 
-    def __init__(self, assist: Assist) -> None:
-        super().__init__(id="command", select_on_focus=False, compact=True, suggester=Ghost(self))
+    def __init__(
+        self, submit: Callable[[str], None], *, id: str, suggester: Suggester | None = None
+    ) -> None:
+        super().__init__(id=id, select_on_focus=False, compact=True, suggester=suggester)
+        self._submit = submit
+
+    async def action_submit(self) -> None:
+        """Pass on the line."""
+        self._submit(self.value)
+
+
+class CommandLine(TypedLine):
+    """A line of input with completions."""
+
+    def __init__(self, assist: Assist, submit: Callable[[str], None]) -> None:
+        super().__init__(submit, id="command", suggester=Ghost(self))
         self._assist = assist
         self._known: tuple[str, Assistance] | None = None
         self._offered: Sequence[Candidate] = ()
@@ -95,17 +108,18 @@ class CommandLine(Input):
 
     def action_cursor_right(self, select: bool = False) -> None:
         """Move the cursor right; at the end, accept a completion but no hint."""
-        first = next(iter(self.candidates), None)
-        is_hint = first is None or not first.line.startswith(self.value)
-        if self.cursor_at_end and is_hint and not select:
+        if not self.cursor_at_end or select:
+            super().action_cursor_right(select)
             return
-        super().action_cursor_right(select)
+        first = next(iter(self.candidates), None)
+        if first is not None and first.line.startswith(self.value):
+            self.value = first.line
+            self.cursor_position = len(self.value)
 
-    def _on_paste(self, event: events.Paste) -> None:
-        """Insert one line of pasted text without control characters."""
-        event.prevent_default()
-        event.stop()
-        self.insert_text_at_cursor(printable(event.text))
+
+def insert(line: Input, text: str) -> None:
+    """Insert one line of text without control characters, in place of the selection."""
+    line.replace(printable(text), *line.selection)
 
 
 def printable(text: str) -> str:

@@ -36,6 +36,10 @@ PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
             "bold #10151c on #6cb6ff", "bold #ffffff on #0b5cad", "bold #000000 on #ffff00",
             "reverse", "reverse",
         ),
+        "dead":     (
+            "bold #10151c on #d68ad6", "bold #ffffff on #97309b", "bold #000000 on #ff80ff",
+            "bold reverse magenta", "bold reverse",
+        ),
         "wall":     ("#8e99a6",       "#5c6670",        "#ffffff",        "default",       "none"),
         "truth":    ("#5d6875",       "#98a2ad",        "#b8b8b8",        "bright_black",  "dim"),
         "seen":     ("#c9ced6",       "#2c3640",        "#ffffff",        "default",       "none"),

@@ -56,7 +56,11 @@ def figure_row(station: Station, figure: Sparkline, width: int) -> Row:
     peaks = [one for one in values if isfinite(one)] if figure.peak else []
     value = (peaks or [newest])[-1] * figure.factor if fresh else None
     there = [one * figure.factor for one in values if isfinite(one)]
-    ends = f"{min(there):{figure.form}}..{max(there):{figure.form}}" if there else MISSING
+    ends = (
+        f"{number(min(there), figure.form)}..{number(max(there), figure.form)}"
+        if there
+        else MISSING
+    )
     words = f"{number(value, figure.form)} {figure.unit}"
     role = figure.role if fresh else "faint"
     return row(

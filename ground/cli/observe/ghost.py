@@ -189,7 +189,7 @@ def print_paths(
         "real": {"navigator": navigator, **real._asdict()},
         "ghosts": {name: path._asdict() for name, path in paths.items()},
     }
-    head = f"from ({x_m:.2f}, {y_m:.2f}) at {instant.at_s:g} s to {instant.goal}"
+    head = f"from ({x_m:z.2f}, {y_m:z.2f}) at {instant.at_s:g} s to {instant.goal}"
     output.result(found, "\n".join([head, *table(rows)]))
     return 0 if ok else 1
 

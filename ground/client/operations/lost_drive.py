@@ -37,7 +37,7 @@ class LostGoal:
     def __str__(self) -> str:
         turn = self.goal.heading_rad
         heading = "" if turn is None else f" {round(degrees(turn)) + 0}"
-        return f"{self.goal.x_m:.2f} {self.goal.y_m:.2f}{heading}"
+        return f"{self.goal.x_m:z.2f} {self.goal.y_m:z.2f}{heading}"
 
 
 @dataclass(frozen=True, slots=True)

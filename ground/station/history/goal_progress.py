@@ -27,13 +27,14 @@ class GoalProgress:
         self._status: NavigatorStatus | None = None
         self._points: deque[tuple[float, float]] = deque(maxlen=round(WINDOW_S / STEP_S) + 1)
 
-    def update(self, status: NavigatorStatus, time_s: float) -> None:
-        """Add a status, received at `time_s` of the station."""
-        distance_m = status.goal_distance_m
+    def update(self, status: NavigatorStatus) -> None:
+        """Add a status; times are of the robot's clock, in a simulation simulated time."""
+        distance_m, time_s = status.goal_distance_m, status.time_ns / NS_PER_S
         if status.goal_id != self._goal_id:
             self._goal_id, self._begun_m = status.goal_id, None
             self._points.clear()
-        if not drives(status) or not isfinite(distance_m):
+        restarted = bool(self._points) and time_s < self._points[-1][0]
+        if restarted or not drives(status) or not isfinite(distance_m):
             self._points.clear()
         elif not self._points or time_s - self._points[-1][0] >= STEP_S:
             self._points.append((time_s, distance_m))
@@ -56,7 +57,10 @@ class GoalProgress:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds to the goal at the rate of the last seconds; None if unknown or without rate."""
+        """Seconds of the robot's clock to the goal, at the rate of the last ones.
+
+        None if unknown or without rate.
+        """
         if not self._points:
             return None
         (first_s, first_m), (last_s, last_m) = self._points[0], self._points[-1]

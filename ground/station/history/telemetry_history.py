@@ -9,6 +9,7 @@ from ground.client.telemetry import Age, Telemetry
 from ground.station.history.goal_progress import GoalProgress
 from ground.station.history.last_drive import LastDrive
 from ground.station.history.message_series import MessageSeries
+from ground.station.history.sonar_gaps import SonarGaps
 from ground.station.history.time_series import SeriesTable
 from ground.station.history.trail import RADIUS_M, AgedEchoes, BoundaryMarks, DrivenPath, EchoGrid
 from protocol.topics import CYCLE, DECISION, ODOMETRY, SONAR, STATUS, Topic
@@ -39,6 +40,7 @@ class TelemetryHistory:
         self.history = SeriesTable()
         self.radius_m = RADIUS_M
         self.last_drive = LastDrive()
+        self.sonar_gaps = SonarGaps()
         self.restart()
         self.fields = MessageSeries(telemetry, began_ns)
         self._telemetry = telemetry
@@ -96,7 +98,7 @@ class TelemetryHistory:
 
     def _status(self, status: NavigatorStatus, time_s: float) -> None:
         self.history["goal_distance"].add(time_s, status.goal_distance_m)
-        self.progress.update(status, time_s)
+        self.progress.update(status)
         self.last_drive.update(status)
         pose = self._telemetry.latest(ODOMETRY)
         if pose is not None and self._placed:
@@ -111,6 +113,7 @@ class TelemetryHistory:
         self.worst_cycle.add(cycle, time_s)
 
     def _sonar(self, scan: SonarScan, time_s: float) -> None:
+        self.sonar_gaps.add(scan)
         pose = self._telemetry.latest(ODOMETRY)
         if pose is None or not self._placed:
             return

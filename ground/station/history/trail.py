@@ -103,10 +103,14 @@ class EchoGrid:
         return self._aged
 
 
-def ranges_m(scan: SonarScan) -> Iterator[float | None]:
-    """Yield the ranges from right to left: inf for no echo, None for no measurement."""
+def ranges_m(scan: SonarScan, silent: int = 0) -> Iterator[float | None]:
+    """Yield the ranges from right to left: inf for no echo, None for no measurement.
+
+    `silent` has a bit for each sonar that gave no measurement lately.
+    """
+    valid = scan.valid & ~silent
     for sonar, range_mm in enumerate(scan.range_mm):
-        if not scan.valid >> sonar & 1:
+        if not valid >> sonar & 1:
             yield None
         else:
             yield range_mm / 1000.0 if scan.echo >> sonar & 1 else float("inf")

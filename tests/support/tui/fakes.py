@@ -28,6 +28,7 @@ from ground.station.world import WorldFacts
 from protocol.topics import (
     CYCLE,
     DECISION,
+    SONAR,
     STATUS,
     TOPICS,
     Role,
@@ -196,6 +197,11 @@ class FakeStation(Station):
     def worst_cycle(self) -> CycleReport | None:
         newest = self.telemetry.latest(CYCLE)
         return None if newest is None else newest[0]
+
+    @property
+    def silent_sonars(self) -> int:
+        newest = self.telemetry.latest(SONAR)
+        return 0 if newest is None else 0xFF & ~newest[0].valid
 
     @property
     def progress(self) -> GoalProgress:

@@ -66,14 +66,18 @@ async def staged(
     theme: str = "dark",
     ascii_only: bool = False,
     keymap: Keymap | None = None,
+    messages: bool = False,
 ) -> AsyncIterator[Stage]:
-    """Open the app, with a robot on its way unless a station is given."""
+    """Open the app, with a robot on its way unless a station is given.
+
+    `messages` shows Textual's messages.
+    """
     station = station or driving(FakeStation())
     commands = FakeCommandSink()
     app = GroundApp(
         station, commands, keymap, Appearance(theme=theme, ascii_only=ascii_only, hz=0.0)
     )
-    async with app.run_test(size=size) as pilot:
+    async with app.run_test(size=size, notifications=messages) as pilot:
         stage = Stage(app, pilot, station, commands)
         await stage.redraw()
         yield stage

@@ -34,7 +34,7 @@ def driving(station: FakeStation, at_s: float = 0.0) -> FakeStation:
         then = status(now_ns - round(ago_s * S))
         then = replace(then, goal_started_ns=now_ns - 8_900 * MS)
         then = replace(then, goal_distance_m=6.42 + 0.265 * ago_s)
-        station.progress_now.update(then, at_s - ago_s)
+        station.progress_now.update(then)
     station.world_now = WorldFacts(
         "demo", (10.0, 8.0), (), (), (0.8, 1.0, 0.0), MapTarget(9.0, 7.0, 0.0), 0.12, "{}"
     )

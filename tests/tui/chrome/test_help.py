@@ -2,9 +2,10 @@
 
 import pytest
 
-from ground.app.chrome.help_rows import MEANINGS, NOTHING_TO_SAY, sections
+from ground.app.chrome.help_rows import MEANINGS, NOTHING_TO_SAY, mark_pairs, sections
 from ground.app.widgets.rows import words_of
 from ground.map.glyphs import MARKS
+from ground.map.legend import seen_mark
 from runtime.errors import UserError
 from tests.support.tui.pilot import play, staged
 
@@ -14,7 +15,18 @@ def test_each_mark_of_the_map_has_a_meaning() -> None:
     for ascii_only in (False, True):
         parts = {part.title: part.rows for part in sections([], ascii_only=ascii_only)}
         words = "\n".join(map(words_of, parts["marks on the map"]))
-        assert all(MARKS[name][ascii_only] in words for name in MEANINGS)
+        dots = () if ascii_only else ("seen", "seen late")  # in colour, echoes are dots
+        assert all(MARKS[name][ascii_only] in words for name in MEANINGS if name not in dots)
+
+
+@pytest.mark.parametrize("ascii_only", [False, True])
+@pytest.mark.parametrize("is_mono", [False, True])
+def test_each_mark_in_the_help_has_one_meaning(ascii_only: bool, is_mono: bool) -> None:
+    marks = [mark for mark, _ in mark_pairs(ascii_only=ascii_only, is_mono=is_mono)]
+    assert len(set(marks)) == len(marks)
+    assert not set(" ".join(marks[1:]).split()) & set(marks[0].split())
+    seen = seen_mark(ascii_only=ascii_only, is_mono=is_mono)
+    assert dict(mark_pairs(ascii_only=ascii_only, is_mono=is_mono))[seen].startswith("walls")
 
 
 def test_help_of_a_command_comes_first_with_its_example() -> None:

@@ -4,11 +4,16 @@ import msgspec
 import pytest
 
 from ground.app.chrome.button_row import ButtonRow
+from ground.app.chrome.next_keys import next_keys
+from ground.app.input.default_keys import KEYS
+from ground.app.input.keymap import Keymap
+from ground.app.stops.next_keys import next_steps
 from ground.app.widgets.rows import words_of
 from ground.map.scene import MapTarget
 from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
+from protocol.wire.reasons import Reason
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import driving, status
@@ -51,7 +56,9 @@ def test_key_bar_follows_cursor_teleop_and_typing() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G")
-            assert stage.words("keybar").startswith(" space E-STOP  enter Go  w Waypoint ")
+            assert stage.words("keybar").startswith(
+                " space E-STOP  enter Go  w Waypoint  ↑↓←→ Move "
+            )
             await stage.press("escape", "t")
             assert stage.words("keybar").startswith(" space E-STOP  esc End  ↑ Forward ")
             assert "esc ends" in stage.words("prompt")
@@ -122,3 +129,34 @@ def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> N
             assert stage.words("keybar").startswith(" space E-STOP ")
 
     play(story)
+
+
+KEY = Keymap()
+ANY_KEY = {one.id for one in KEYS}
+
+
+@pytest.mark.parametrize("vehicle", Vehicle)
+@pytest.mark.parametrize("mode", Mode)
+def test_every_state_and_mode_has_a_next_key(vehicle: Vehicle, mode: Mode) -> None:
+    for goal in GoalState:
+        found = next_keys(station_in(vehicle, goal, mode), ())
+        assert found
+        assert {one.id for one in found} <= ANY_KEY
+
+
+@pytest.mark.parametrize("reason", [one for one in Reason if 30 <= one < 60])
+def test_every_failsafe_leads_to_driving(reason: Reason) -> None:
+    stopped = msgspec.structs.replace(
+        status(0, GoalState.ABORTED, Vehicle.FAILSAFE), vehicle_reason=reason
+    )
+    keys = [step.key for step in next_steps(stopped, None, lambda id: KEY[id].keys[0])]
+    first = {Reason.FENCE_BREACHED: [":fence off"], Reason.FENCE_UNCHECKED: ["i"]}
+    assert keys == [*first.get(reason, []), "a", "g"]
+
+
+def test_unchecked_fence_asks_for_the_place() -> None:
+    station = station_in(Vehicle.FAILSAFE, GoalState.NONE, Mode.HOLD)
+    shown = status(station.now_ns, GoalState.NONE, Vehicle.FAILSAFE)
+    shown = msgspec.structs.replace(shown, vehicle_reason=Reason.FENCE_UNCHECKED)
+    station.air.put(STATUS, shown, station.now_ns)
+    assert [one.id for one in next_keys(station, ())] == ["place", "arm", "goal"]

@@ -3,6 +3,7 @@
 from ground.app.input.key_hints import key_hints
 from ground.app.input.keymap import Keymap, keymap_of
 from ground.client.results import Refused
+from ground.client.vocabulary import HINTS
 from protocol.wire.reasons import Reason
 
 
@@ -16,4 +17,12 @@ def test_refusal_names_the_key_in_force() -> None:
 
 def test_refusal_without_a_key_names_the_command() -> None:
     words = Refused(Reason.OUTSIDE_FENCE, 0).in_words(key_hints(Keymap()))
-    assert words.endswith("(sidestep fence show)")
+    assert words.endswith("(`:fence show`)")
+
+
+def test_refusals_in_the_app_name_no_shell_command() -> None:
+    hints = key_hints(Keymap())
+    assert "G" in hints[Reason.NO_MISSION]
+    assert hints[Reason.NO_MISSION].endswith("`:mission upload FILE`")
+    assert hints.keys() >= HINTS.keys()
+    assert [words for words in hints.values() if "sidestep " in words] == []

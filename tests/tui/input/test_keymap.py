@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.app.chrome.next_keys import CURSOR
 from ground.app.input.default_keys import KEYS, Layer
 from ground.app.input.keymap import Keymap, as_toml, clashes, keymap_of, load
 from ground.app.input.textual_bindings import bindings_of
@@ -96,8 +97,16 @@ def test_control_space_is_bound_as_terminals_send_it() -> None:
 
 def test_more_special_layer_hides_a_key() -> None:
     found = {key.id: key.keys for key in Keymap().of(Layer.CURSOR, Layer.ROBOT)}
-    assert "h" in found["cursor-left"]
-    assert "hold" not in found
+    assert "m" in found["map-menu"]
+    assert "mode" not in found
+
+
+def test_cursor_hides_only_robot_keys_that_the_key_bar_names_anew() -> None:
+    keymap, named = Keymap(), {one.id for one in CURSOR}
+    robot = {word for key in keymap.of(Layer.ROBOT, Layer.FLEET) for word in key.keys}
+    hidden = {word: key.id for key in keymap.of(Layer.CURSOR) for word in key.keys if word in robot}
+    assert hidden == {"m": "map-menu"}
+    assert set(hidden.values()) <= named
 
 
 def test_printed_keymap_can_be_loaded(tmp_path: Path) -> None:

@@ -5,19 +5,22 @@ from math import inf, nan
 import pytest
 from msgspec.structs import replace
 
+from ground.app.panels.aged import number
 from ground.app.panels.mission import mission_rows
 from ground.app.panels.progress import progress_rows
-from ground.app.panels.robot_state import FORMS, SidePanel, form_for, whole
+from ground.app.panels.robot_state import FORMS, SidePanel, form_for
 from ground.app.panels.sonar import dead_sonars, sonar_rows
 from ground.app.panels.status import SessionInfo, status_row
 from ground.app.widgets.bars import bar, binned, spark
 from ground.app.widgets.rows import Row, cut, in_ascii, row, width_of, words_of
 from ground.app.widgets.sparklines import SPARKLINES, figure_row
+from ground.client.goal import Destination
+from ground.client.status_line import goal_line, metres
 from ground.map.scene import MapTarget
 from ground.station.history.goal_progress import GoalProgress
-from protocol.topics import DECISION, MISSION, STATUS, TRUTH
+from protocol.topics import DECISION, MISSION, ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import MissionState, Vehicle
-from protocol.wire.messages import MissionStatus
+from protocol.wire.messages import MissionStatus, PlanarOdometry
 from tests.support.tui.fakes import MS, FakeStation
 from tests.support.tui.underway import drive_messages, driving, status
 
@@ -46,12 +49,12 @@ def test_missing_values_are_not_zero() -> None:
     assert text.count("--") >= 5
 
 
-def test_dead_sonar_is_an_alarm_and_differs_from_no_echo() -> None:
+def test_dead_sonar_has_its_own_colour_and_differs_from_no_echo() -> None:
     station = driving(FakeStation())
     names, *_, ranges = sonar_rows(station, 33, 1)
     assert words_of(names).split() == ["L79", "L56", "L34", "L11", "│R11", "R34", "R56", "R79"]
     assert words_of(ranges).split("│")[1].split() == ["2.1", "2.0", "dead", ">3"]
-    assert [span.role for span in ranges if "dead" in span.text] == ["alarm"]
+    assert [span.role for span in ranges if "dead" in span.text] == ["dead"]
     assert dead_sonars(station) == ["R56"]
     assert "▲ senses" in side(station)
 
@@ -222,6 +225,24 @@ def test_mission_is_listed_around_the_current_item() -> None:
     assert len(words) == 7
 
 
-def test_minus_zero_degrees_are_zero() -> None:
-    assert f"{whole(-0.2):.0f}" == "0"
-    assert f"{whole(-0.6):.0f}" == "-1"
+def test_rounded_zero_has_no_minus() -> None:
+    assert number(-0.2, ".0f") == "0"
+    assert number(-0.6, ".0f") == "-1"
+    assert number(-0.001) == "0.00"
+    assert number(-0.001, "6.2f") == "  0.00"
+    assert metres(-0.001) == "0.00 m"
+    assert (
+        str(Destination(x_m=-0.0, y_m=-0.0001, heading_rad=-0.0001)) == "(0.000, 0.000) at 0.0 deg"
+    )
+
+
+def test_backward_speed_below_a_centimetre_is_zero_in_every_line() -> None:
+    station = driving(FakeStation())
+    odometry = drive_messages(station.now_ns)[ODOMETRY]
+    assert isinstance(odometry, PlanarOdometry)
+    back = replace(odometry, speed_m_s=-0.001, y_m=-0.001)
+    station.air.put(ODOMETRY, back, station.now_ns)
+    assert " 0.00 " in side(station)
+    assert "-0.00" not in side(station)
+    line = goal_line(station.telemetry, station.now_ns, 0)
+    assert "0.00 m/s" in [part.text for part in line]

@@ -68,7 +68,7 @@ def test_cursor_becomes_a_goal() -> None:
             await stage.press("G")
             start = drive_of(stage).map_cursor.cursor
             assert start is not None
-            await stage.press("right", "l", "up", ">", ">")
+            await stage.press("right", "right", "up", ">", ">")
             assert "goal" in stage.words("prompt")
             await stage.press("enter")
             step_m = drive_of(stage).map_cursor.step_m
@@ -79,13 +79,14 @@ def test_cursor_becomes_a_goal() -> None:
     play(story)
 
 
-def test_h_moves_the_cursor_or_holds() -> None:
+def test_h_holds_with_and_without_a_cursor() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("G", "h")
-            assert stage.commands.given == []
-            await stage.press("escape", "h")
             assert stage.commands.given == ["hold"]
+            assert drive_of(stage).map_cursor.cursor is not None
+            await stage.press("escape", "h")
+            assert stage.commands.given == ["hold", "hold"]
 
     play(story)
 

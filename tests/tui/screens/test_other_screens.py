@@ -346,3 +346,32 @@ def test_keys_act_before_a_screen_has_its_widgets(
             monkeypatch.undo()
 
     play(story)
+
+
+def test_rejected_frames_fit_into_eighty_columns() -> None:
+    async def story() -> None:
+        async with staged((80, 24)) as stage:
+            first = stage.station.streams_now[0]
+            why = "has dialect 3, this station has 4"
+            stage.station.streams_now = [
+                first._replace(rejected=4321, last_rejection=why),
+                *stage.station.streams_now[1:],
+            ]
+            await stage.press("5", "down")
+            assert " reject " in stage.words("columns")[:80]
+            line = next(one for one in stage.words("rows").splitlines() if "tlm/heartbeat" in one)
+            assert "4321" in line[:80]
+            assert f"tlm/heartbeat: {why}" in stage.words("about")
+
+    play(story)
+
+
+def test_key_bar_of_the_log_names_filter_follow_and_sort() -> None:
+    async def story() -> None:
+        async with staged((80, 24)) as stage:
+            await stage.press("4")
+            assert "/ Filter  f Follow: on  o Sort: off" in stage.words("keybar")
+            await stage.press("f", "o")
+            assert "/ Filter  f Follow: off  o Sort: time▼" in stage.words("keybar")
+
+    play(story)

@@ -1,11 +1,13 @@
 """The bell rings once for each stop and arrival of any robot, on any screen."""
 
+import pytest
 from msgspec.structs import replace
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
 from ground.app.stops.stop_watch import MOST_KEPT
 from ground.client.telemetry import Age
+from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from tests.support.tui.fakes import FakeCommandSink, FakeStation
@@ -86,6 +88,43 @@ def test_stop_of_all_robots_rings_once_and_shows_one_message() -> None:
                 "r1 r2 r3 r4 r5 r6 and 6 more EMERGENCY STOP: by the operator"
             )
             assert ear.cleared == 11
+
+    play(story)
+
+
+def test_message_about_a_stop_disappears_with_the_stop() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            ear, now_ns = Ear(stage.app), stage.station.now_ns
+            for robot in ("r2", "r3"):
+                show(stage, robot, stopped_status(Vehicle.FAILSAFE, now_ns))
+            cleared = ear.cleared
+            show(stage, "r2", stopped_status(Vehicle.STANDBY, now_ns))
+            assert ear.cleared == cleared + 1
+            assert ear.messages[-1] == "r3 FAILSAFE: control loop too slow (computer busy)"
+            shown = len(ear.messages)
+            show(stage, "r3", stopped_status(Vehicle.STANDBY, now_ns))
+            assert (ear.cleared, len(ear.messages)) == (cleared + 2, shown)
+
+    play(story)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (60, 18), (200, 60)])
+def test_messages_cover_neither_band_nor_prompt(size: tuple[int, int]) -> None:
+    async def story() -> None:
+        station = driving(FakeStation())
+        station.air.put(STATUS, stopped_status(Vehicle.FAILSAFE, station.now_ns), station.now_ns)
+        async with staged(size, station=station, messages=True) as stage:
+            screen = stage.app.screen
+            for number in (2, 3):
+                stage.app.notify(f"r{number} FAILSAFE: control loop too slow", timeout=60.0)
+            for _ in range(3):
+                await stage.redraw()
+            await stage.until(lambda: any(one.region.height for one in screen.query("Toast")))
+            await stage.redraw()
+            for toast in screen.query("Toast"):
+                assert toast.region.y >= screen.query_one("#alarm").region.bottom
+                assert toast.region.bottom <= screen.query_one("#typing").region.y
 
     play(story)
 

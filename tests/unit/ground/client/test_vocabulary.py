@@ -2,7 +2,15 @@
 
 import pytest
 
-from ground.client.vocabulary import value_in_words, value_words
+from ground.client.vocabulary import (
+    HINTS,
+    MODE_SUMMARIES,
+    NAVIGATOR_SUMMARIES,
+    value_in_words,
+    value_words,
+)
+from protocol.wire.enums import Mode, Navigator
+from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import UserError
 
 
@@ -32,3 +40,29 @@ def test_word_that_is_no_value_is_an_error(words: str) -> None:
         value_in_words("navigator", words)
     with pytest.raises(UserError, match=r"must be a finite number$"):
         value_in_words("d_obs_m", words)
+
+
+def test_every_mode_and_navigator_has_a_summary() -> None:
+    assert set(MODE_SUMMARIES) == {one.name.lower() for one in Mode}
+    assert set(NAVIGATOR_SUMMARIES) == {one.name.lower() for one in Navigator}
+
+
+PLAIN = {
+    *(Reason.GOAL_OUT_OF_RANGE, Reason.TOLERANCE_OUT_OF_RANGE, Reason.UNKNOWN_MODE),
+    *(Reason.UNKNOWN_NAVIGATOR, Reason.UNKNOWN_COMMAND, Reason.UNKNOWN_PARAMETER),
+    *(Reason.PARAMETER_OUT_OF_RANGE, Reason.NO_TRAIL, Reason.NOT_SAVED, Reason.MALFORMED),
+    *(Reason.MISSION_EMPTY, Reason.MISSION_ITEM_BAD, Reason.MISSION_TOO_LONG),
+    *(Reason.HOLD_OUT_OF_RANGE, Reason.UNKNOWN_FRAME, Reason.FENCE_NOT_SIMPLE),
+    *(Reason.FENCE_LEAVES_ROBOT_OUT, Reason.TOO_LATE, Reason.NOT_WHILE_ARMED),
+    *(Reason.LESS_SAFE_THAN_CONFIGURED, Reason.NO_IDENTITY),
+}
+"""Refusals whose text names the wrong input or the state, which is the remedy."""
+
+
+@pytest.mark.parametrize("reason", [one for one in Reason if 0 < one < 30 or one >= 100])
+def test_every_refusal_names_its_remedy(reason: Reason) -> None:
+    assert (reason in HINTS or ": " in reason_text(reason)) != (reason in PLAIN)
+
+
+def test_every_cause_that_arming_does_not_lift_has_a_hint() -> None:
+    assert {Reason.FENCE_BREACHED, Reason.FENCE_UNCHECKED} <= HINTS.keys()
