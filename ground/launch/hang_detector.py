@@ -10,6 +10,12 @@ from typing import Final
 from runtime.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
+PACED_SILENT_NS: Final = 4_500 * NS_PER_MS
+"""In paced time lateness is no safety event, and a restart costs the robot its place.
+
+Longer than the plant waits for a silent robot (3 s), and shorter than the watchdog of each process
+(5 s), so that the cause of the restart is the same in both clocks.
+"""
 STARTING_NS: Final = 15 * NS_PER_S
 """Longest time from a start to the first message."""
 STALE_MESSAGE_NS: Final = 100 * NS_PER_MS
@@ -17,19 +23,25 @@ STALE_MESSAGE_NS: Final = 100 * NS_PER_MS
 OWN_SUSPENSION_NS: Final = 500 * NS_PER_MS
 """If the monitor itself was suspended this long, ignore the silence."""
 ROUTER: Final = "router"
-SILENT: Final = f"hung (silent for {SILENT_NS / NS_PER_S:g} s)"
 
 
 class HangDetector:
     """`received` may be called from any thread, everything else from one."""
 
     def __init__(
-        self, hub: str, roles: Iterable[str], linked: Callable[[], bool], now_ns: int
+        self,
+        hub: str,
+        roles: Iterable[str],
+        linked: Callable[[], bool],
+        now_ns: int,
+        silent_ns: int = SILENT_NS,
     ) -> None:
-        """Create a detector for `roles`, which publish a heartbeat.
+        """Create a detector for `roles`, which publish a heartbeat; `silent_ns` without one hang.
 
         A router publishes none; `linked` returns whether any link is up.
         """
+        self.cause = f"hung (silent for {silent_ns / NS_PER_S:g} s)"
+        self._silent_ns = silent_ns
         self._hub = hub
         self._linked = linked
         self._messages_ns = dict.fromkeys(roles, now_ns)
@@ -77,4 +89,4 @@ class HangDetector:
         message_ns = self.last_message_ns(role)
         if message_ns is None:
             return now_ns - max(self._started[role], self._listening_since_ns) > STARTING_NS
-        return now_ns - max(message_ns, self._listening_since_ns) > SILENT_NS
+        return now_ns - max(message_ns, self._listening_since_ns) > self._silent_ns

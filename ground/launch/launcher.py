@@ -17,7 +17,7 @@ from ground.launch.child_command import command
 from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.fleet_run import FleetRun, goal_runs_of
 from ground.launch.goal_run import NoOutcomeError
-from ground.launch.hang_detector import ROUTER, HangDetector
+from ground.launch.hang_detector import PACED_SILENT_NS, ROUTER, SILENT_NS, HangDetector
 from ground.launch.recorder_files import RECORDER, RecorderFiles
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import (
@@ -221,7 +221,9 @@ class Stack:
         assert bus is not None, "set by supervise()"
         robots = [f"robot {robot}" for robot in self.scenario.robots]
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
-        self._detector = HangDetector(hub, [*robots, PLANT], lambda: bus.hub().linked, now_ns)
+        silent_ns = PACED_SILENT_NS if self.scenario.lockstep else SILENT_NS
+        roles = [*robots, PLANT]
+        self._detector = HangDetector(hub, roles, lambda: bus.hub().linked, now_ns, silent_ns)
         self._supervisor = Supervisor(
             self._children,
             RestartSchedule(self._roles, self._policy),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from ground.launch.child_processes import Children, exit_description
-from ground.launch.hang_detector import SILENT, HangDetector
+from ground.launch.hang_detector import HangDetector
 from ground.launch.restart_policy import RestartSchedule
 from runtime.watchdog import HANGS
 
@@ -39,18 +39,18 @@ class Supervisor:
         self._children = children
         self._detector = detector
         self._arguments_of = arguments_of
-        self._hung: set[str] = set()
+        self._hung: dict[str, str] = {}
         self._ended: dict[str, tuple[str, int]] = {}
         self._events: deque[str] = deque()
 
     def round(self, now_ns: int) -> None:
         """Check every process once: kill those that hang, restart those that are due."""
-        for role in self._detector.silent(now_ns) if self._detector else []:
-            if self._children.send(role, signal.SIGKILL):
-                self._hung.add(role)
+        detector = self._detector
+        for role in detector.silent(now_ns) if detector else []:
+            if detector and self._children.send(role, signal.SIGKILL):
+                self._hung[role] = detector.cause
         for role, code, words in self._children.take_exited():
-            cause = SILENT if role in self._hung else cause_of(role, code, words)
-            self._hung.discard(role)
+            cause = self._hung.pop(role, "") or cause_of(role, code, words)
             self._ended[role] = (cause, now_ns)
             self._events.append(self.schedule.record_exit(role, cause, now_ns))
             if self._detector:

@@ -228,9 +228,7 @@ class Robot(Telemetry):
     ) -> GoalEnded | Refused:
         """Drive to a place (metres, in the robot's own frame) and wait for the end.
 
-        This client does not know the world: the robot accepts a goal in an obstacle of a simulation
-        and ends it as stuck.
-
+        The place is not compared with the world of a simulation: a goal in an obstacle ends STUCK.
         Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
         standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
         this, for example by a time limit, aborts the goal: the robot stops.
@@ -254,6 +252,9 @@ class Robot(Telemetry):
             raise
         if end.abort:
             await threads.finish(self._abort(sending))
+        return self._ended(end, started_ns)
+
+    def _ended(self, end: GoalEnd, started_ns: int) -> GoalEnded:
         newest = self.streams.latest(STATUS)
         distance_m = None if newest is None else newest[0].goal_distance_m
         wall_s = (self.clock.now_ns() - started_ns) / NS_PER_S
@@ -272,8 +273,7 @@ class Robot(Telemetry):
     async def _abort(self, sending: "asyncio.Future[Any]") -> None:
         """Abort after the goal was sent; the other order would let the robot drive."""
         await threads.settled(sending)
-        link = self.session().link
-        await self.run(lambda: abort(link))
+        await self.run(partial(abort, self.session().link))
 
     async def drive(
         self, speed_m_s: float, turn_deg_s: float, *, for_s: float | None = None
@@ -318,8 +318,7 @@ class Robot(Telemetry):
         """Stop after MANUAL was requested; the other order would leave the robot in MANUAL."""
         await threads.settled(taking)
         await self.run(stick.stop)
-        link = self.session().link
-        await self.run(lambda: hold(link))
+        await self.run(partial(hold, self.session().link))
 
     async def emergency_stop(self, *, timeout_s: float = STOP_S) -> Stopped:
         """Stop the robot at once: repeat every 50 ms until its status shows the stop.

@@ -34,7 +34,7 @@ pytestmark = pytest.mark.stack
 
 MS = 1_000_000
 STOPPED_MS = 200 + 50  # the truth comes once in a period
-HUNG = "hung (silent for 2.5 s)"
+HUNG = {"paced": "hung (silent for 4.5 s)", WALL: "hung (silent for 2.5 s)"}
 KILLED = "was killed (signal SIGKILL)"
 HEALED_S = 15.0
 TRIES = 3
@@ -138,7 +138,7 @@ def stage_of(
 def test_robot_plant_and_router_come_back_one_after_the_other(
     how: str, clock_name: str, sabotage: Sabotage
 ) -> None:
-    cause = KILLED if how == "SIGKILL" else HUNG
+    cause = KILLED if how == "SIGKILL" else HUNG[clock_name]
     with stage_of(router=True, clock_name=clock_name) as stage:
         the_robot_comes_back_disarmed(stage, how, cause, sabotage)
         without_its_plant_the_robot_stays_where_it_is(stage, how, cause, sabotage)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from ground.launch.child_processes import ChildExit, Children
-from ground.launch.hang_detector import SILENT, SILENT_NS, HangDetector
+from ground.launch.hang_detector import PACED_SILENT_NS, SILENT_NS, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.supervisor import RESTART_WAIT_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
@@ -45,9 +45,11 @@ class SimulatedChildren(Children):
 class Stage:
     """A supervisor with its processes; each sent a message at time 0."""
 
-    def __init__(self, *, detector: bool = True, limit: int = 5) -> None:
+    def __init__(
+        self, *, detector: bool = True, limit: int = 5, silent_ns: int = SILENT_NS
+    ) -> None:
         self.children = SimulatedChildren()
-        self.detector = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND)
+        self.detector = HangDetector(ROBOT, [ROBOT, PLANT], lambda: True, -SECOND, silent_ns)
         for role in (ROBOT, PLANT):
             self.detector.note_message(role, 0)
         self.supervisor = Supervisor(
@@ -78,8 +80,22 @@ def test_killed_process_is_restarted_and_reported_once() -> None:
 def test_silent_process_is_killed_as_hung() -> None:
     stage = Stage()
     stage.wait(SILENT_NS + 1)
-    assert stage.children.started == [(ROBOT, [ROBOT, SILENT])]
+    assert stage.children.started == [(ROBOT, [ROBOT, "hung (silent for 2.5 s)"])]
     assert "hung (silent for 2.5 s)" in stage.supervisor.next_event()
+
+
+def test_suspended_process_in_paced_time_is_not_killed_within_four_seconds() -> None:
+    stage = Stage(silent_ns=PACED_SILENT_NS)
+    stage.wait(PACED_SILENT_NS)
+    assert stage.children.started == []
+    stage.supervisor.round(PACED_SILENT_NS + 1)
+    assert stage.children.started == [(ROBOT, [ROBOT, "hung (silent for 4.5 s)"])]
+
+
+def test_dead_process_in_paced_time_is_restarted_at_once() -> None:
+    stage = Stage(silent_ns=PACED_SILENT_NS)
+    stage.kill(ROBOT, 5)
+    assert stage.children.started == [(ROBOT, [ROBOT, "was killed (signal SIGKILL)"])]
 
 
 def test_without_a_detector_no_hang_is_detected() -> None:
