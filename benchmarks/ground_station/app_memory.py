@@ -102,7 +102,7 @@ class NoCommands:
     last = ""
     draft_items: tuple[MapTarget, ...] = ()
 
-    def clear_draft(self) -> None:
+    def begin_world(self, *, keeps_draft: bool) -> None:
         """Do nothing."""
 
     def run_line(self, line: str) -> None:

@@ -10,13 +10,13 @@ def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None
     """Restart the processes that this app started with a scenario; `what` goes to the log.
 
     The old processes do not count as lost. The robots are armed and drive to the goals of the new
-    world, as at the first start. A mission draft belongs to the old world.
+    world, as at the first start. Changes of the old robots cannot be undone in the new ones, and a
+    mission draft belongs to its world.
     """
     stack = interface.stack
     if stack is None:
         return
-    if scenario.name != stack.scenario.name:
-        interface.commands.clear_draft()
+    interface.commands.begin_world(keeps_draft=scenario.name == stack.scenario.name)
     interface.note(f"{scenario.name}: {what}")
     stack.restarted(scenario, interface.station.begin_again)
     interface.run_in_background(stack.drive_to_goals, partial(report, interface, scenario))

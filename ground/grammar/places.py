@@ -4,7 +4,7 @@ import argparse
 
 from ground.client.operations import Operation, SetPose, SetTruePose
 from ground.client.results import Outcome
-from ground.grammar.words import Words, add_common, seconds
+from ground.grammar.words import Words, add_anyway, add_common, seconds
 from protocol.options import finite
 from runtime.cli.parsers import add_subcommands
 
@@ -16,6 +16,7 @@ class PoseWords(Words):
     y: float
     heading: float | None
     timeout: float | None
+    anyway: bool
 
     @classmethod
     def declare(cls, parser: argparse.ArgumentParser) -> None:
@@ -26,6 +27,7 @@ class PoseWords(Words):
         setting.add_argument("y", type=finite, metavar="Y", help="metres")
         help = "heading; without it the robot keeps its own, if it knows its place"
         setting.add_argument("heading", type=finite, nargs="?", metavar="DEG", help=help)
+        add_anyway(setting, "a pose")
         for action in actions.values():
             add_common(action)
             help = "give up after this time, in three attempts (default 1.5)"
@@ -35,4 +37,10 @@ class PoseWords(Words):
         """Return the operation for the parsed arguments."""
         if self.action == "truth":
             return SetTruePose(timeout_s=self.timeout)
-        return SetPose(x_m=self.x, y_m=self.y, heading_deg=self.heading, timeout_s=self.timeout)
+        return SetPose(
+            x_m=self.x,
+            y_m=self.y,
+            heading_deg=self.heading,
+            anyway=self.anyway,
+            timeout_s=self.timeout,
+        )

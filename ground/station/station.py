@@ -26,6 +26,8 @@ from runtime.units import NS_PER_S
 
 CLOSING_S: Final = 2.0
 REPLAYED: Final = "a replay accepts no commands"
+STOPPED: Final = "an emergency stop came first"
+RESTARTED: Final = "other processes are started"
 
 
 class Station(StationView):
@@ -127,6 +129,7 @@ class Station(StationView):
 
         Until they are received for the first time, nothing counts as lost.
         """
+        self._commanding.cancel(RESTARTED)
         self._fleet.forget()
         self.select(self._robot)
         if self._session is not None:
@@ -168,14 +171,15 @@ class Station(StationView):
     def submit(self, words: str, job: Job, *, moves: bool = True) -> bool:
         """Run a request in a thread; return False with the reason in the log if it is rejected.
 
-        One request is pending at a time. A request that `moves` the robot takes the lease first.
-        The result is a line in the log.
+        One request is pending at a time, and a few wait for it. A request that `moves` the robot
+        takes the lease first. The result is a line in the log.
         """
-        why = self.refusal(moves=moves)
-        if why or self._session is None:
+        why, session = self.refusal(moves=moves), self._session
+        if why or session is None:
             self.note(f"refused: {words}: {why}", Severity.WARNING)
             return False
-        return self._commanding.submit(words, self._robot, self._session.holding, job, moves=moves)
+        refusal = session.refusal if moves else None
+        return self._commanding.submit(words, self._robot, session.holding, job, refusal)
 
     @property
     def busy(self) -> str:
@@ -202,6 +206,7 @@ class Station(StationView):
         stop = self._fleet.sessions[robot].stop
         stop.press()
         stop.repeat()
+        self._commanding.cancel(STOPPED)
 
     def estop_all(self) -> None:
         """Stop every robot that is present or was seen, each as with `estop`.
@@ -219,6 +224,7 @@ class Station(StationView):
             sessions[robot].stop.press()
         for session in sessions.values():
             session.stop.repeat()
+        self._commanding.cancel(STOPPED)
         self.note(f"E-STOP of all robots: {' '.join(sorted(sessions))}", Severity.WARNING)
 
     def take_lease(self, *, seize: bool = False) -> None:

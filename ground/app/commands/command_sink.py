@@ -16,8 +16,8 @@ class CommandSink(Protocol):
     def last(self) -> str:
         """The last command as a line for a shell; empty when there was none."""
 
-    def clear_draft(self) -> None:
-        """Empty the mission draft."""
+    def begin_world(self, *, keeps_draft: bool) -> None:
+        """Forget the changes of robots that are ended; the draft, too, unless it is kept."""
 
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:

@@ -94,7 +94,7 @@ class CommandRunner:
             case _ if isinstance(command, AppCommand):
                 self._locally(command)
             case _:
-                job = partial(self._done, command, line)
+                job = partial(self._done, command, line, self._station.robot)
                 self._station.submit(line, job, moves=command.moves)
 
     def is_local(self, line: str) -> bool:
@@ -105,9 +105,11 @@ class CommandRunner:
         except UserError:
             return True  # a wrong line only causes a message
 
-    def clear_draft(self) -> None:
-        """Empty the mission draft."""
-        self.draft = Draft()
+    def begin_world(self, *, keeps_draft: bool) -> None:
+        """Forget the changes of robots that are ended; the draft, too, unless it is kept."""
+        self._undo_list = self._undo_list.in_new_world(keeps_draft=keeps_draft)
+        if not keeps_draft:
+            self.draft = Draft()
 
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:
@@ -133,10 +135,11 @@ class CommandRunner:
         if self._bus is None:
             self._station.note(REPLAYED, Severity.WARNING)
             return False
-        manual, stick = SetMode(mode=Mode.MANUAL), TeleopSender(self._link())
+        manual, robot = SetMode(mode=Mode.MANUAL), self._station.robot
+        stick = TeleopSender(self._link(robot))
 
         def begin() -> JobResult:
-            outcome = self._done(manual)
+            outcome = self._done(manual, robot=robot)
             if outcome.ok:
                 stick.stop()
             return outcome
@@ -156,18 +159,20 @@ class CommandRunner:
         self._stick = None
         self.perform(SetMode(mode=Mode.HOLD))
 
-    def _done(self, operation: Operation[Outcome], line: str = "") -> JobResult:
-        """Perform an operation in another thread.
+    def _done(self, operation: Operation[Outcome], line: str = "", robot: str = "") -> JobResult:
+        """Perform an operation in another thread, for the robot that was shown when it was given.
 
         It has its own link, so that request ids are unique. With the `line` that was typed, it can
         be taken back.
         """
-        robot, parameters = self._station.robot, self._station.parameters or ()
-        session = Session(self._link(), attended=True, floor=self._floor)
+        station, undo_list = self._station, self._undo_list
+        robot = robot or station.robot
+        parameters = station.parameters or () if station.robot == robot else ()
+        session = Session(self._link(robot), attended=True, floor=self._floor)
         back = inverse_of(operation, parameters, session) if line else None
         outcome = operation.perform(session)
         if line:
-            self._undo_list.note(robot, line, operation, outcome, back)
+            undo_list.note(robot, line, operation, outcome, back)
         text = outcome.in_words(self.hints) if isinstance(outcome, Refused) else outcome.text
         return JobResult(outcome.ok, text)
 
@@ -176,25 +181,44 @@ class CommandRunner:
         world = self._station.world
         return None if world is None else floor_in(world.text)
 
-    def _take_back(self) -> str:
-        """Take back the last change; a refused one can be taken back again."""
-        change = self._undo_list.take(self._station.robot)
+    def _undo(self) -> str:
+        """Take back the last change; a request under way may make one, so it is ended first."""
+        station, robot = self._station, self._station.robot
+        if not station.busy:
+            return self._take_back(robot)
+        station.submit("undo", partial(self._take_back_in_turn, robot))
+        return ""
+
+    def _take_back_in_turn(self, robot: str) -> JobResult:
+        change = self._undo_list.take(robot)
         if isinstance(change.back, Mission):
-            self.draft.mission = change.back
-            return f"undone: {change.line}; {self.draft.listed()}"
-        back = change.back
-        assert back is not None, "refused by take()"
+            return JobResult(True, self._restore_draft(change, change.back))
+        outcome = self._restore(change, robot)
+        return outcome._replace(text=f"{change.line}: {outcome.text}")
 
-        def take_back() -> JobResult:
-            outcome = self._done(back)
-            if not outcome.ok:
-                self._undo_list.add(change)
-            return outcome
-
-        begun = self._station.submit(f"undo {change.line}: {line_of(back)}", take_back)
-        if not begun:
+    def _take_back(self, robot: str) -> str:
+        change = self._undo_list.take(robot)
+        if isinstance(change.back, Mission):
+            return self._restore_draft(change, change.back)
+        assert change.back is not None, "refused by take()"
+        words = f"undo {change.line}: {line_of(change.back)}"
+        if not self._station.submit(words, partial(self._restore, change, robot)):
             self._undo_list.add(change)
         return ""
+
+    def _restore_draft(self, change: Change, before: Mission) -> str:
+        self.draft.mission = before
+        return f"undone: {change.line}; {self.draft.listed()}"
+
+    def _restore(self, change: Change, robot: str) -> JobResult:
+        """Restore what was before a change of a robot; a refused one can be taken back again."""
+        undo_list, back = self._undo_list, change.back
+        assert back is not None, "refused by take()"
+        assert not isinstance(back, Mission), "the draft is restored without a request"
+        outcome = self._done(back, robot=robot)
+        if not outcome.ok:
+            undo_list.add(change)
+        return outcome
 
     def _edit(self, command: Edit) -> str:
         """Edit the draft, and remember how to take it back."""
@@ -215,17 +239,17 @@ class CommandRunner:
 
     def _message_of(self, command: AppCommand) -> str:
         if isinstance(command, Undo):
-            return self._take_back()
+            return self._undo()
         if isinstance(command, AddWaypoint) and (floor := self._floor()) is not None:
             place = command.waypoint
             floor.refuse_outside(f"waypoint {place}", place.x_m, place.y_m)
         return self._edit(command) if isinstance(command, Edit) else self.local(command)
 
-    def _link(self) -> Link:
-        """Return a link to the robot that is shown now."""
+    def _link(self, robot: str) -> Link:
+        """Return a link to a robot."""
         if self._bus is None:
             raise UserError(REPLAYED)
-        common = replace(self._common, robot=self._station.robot)
+        common = replace(self._common, robot=robot)
         return Link(self._bus, common, self._clock)
 
     def _for_a_shell(self, line: str) -> str:

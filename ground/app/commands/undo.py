@@ -26,6 +26,8 @@ from runtime.errors import UserError
 MAX_CHANGES: Final = 50
 FENCES: Final = (SetFence, SetFenceOfFile, ClearFence)
 CHANGES: Final = (SetParameter, ResetParameter, *FENCES)
+NO_CHANGE: Final = "no parameter, fence or draft was changed here"
+NEW_WORLD: Final = "nothing was changed since the world was started"
 Back: TypeAlias = Operation[Outcome] | Mission
 
 
@@ -60,8 +62,17 @@ class RestoreParameters:
 class UndoList:
     """The newest changes."""
 
-    def __init__(self) -> None:
-        self._changes: deque[Change] = deque(maxlen=MAX_CHANGES)
+    def __init__(self, changes: Iterable[Change] = (), nothing: str = NO_CHANGE) -> None:
+        self._changes = deque(changes, maxlen=MAX_CHANGES)
+        self._nothing = nothing
+
+    def in_new_world(self, *, keeps_draft: bool) -> "UndoList":
+        """Return a list without the changes of robots; those of the draft stay with the draft.
+
+        A request that is still under way adds its change to this list, which is not used any more.
+        """
+        kept = (one for one in self._changes if keeps_draft and isinstance(one.back, Mission))
+        return UndoList(kept, NEW_WORLD)
 
     def add(self, change: Change) -> None:
         """Append a change."""
@@ -88,7 +99,7 @@ class UndoList:
         A change that cannot be taken back is removed, too, with a UserError.
         """
         if not self._changes:
-            raise UserError("nothing to undo: no parameter, fence or draft was changed here")
+            raise UserError(f"nothing to undo: {self._nothing}")
         newest = self._changes[-1]
         if newest.robot != robot and not isinstance(newest.back, Mission):
             raise UserError(

@@ -49,7 +49,7 @@ class ReadOnlyCommands:
         """The last command as a line for a shell."""
         return self._commands.last
 
-    def clear_draft(self) -> None:
+    def begin_world(self, *, keeps_draft: bool) -> None:
         """Refuse."""
         self._note(REFUSED)
 

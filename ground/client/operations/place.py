@@ -22,18 +22,27 @@ class SetPose(PlainCommand):
     """Set the pose of the robot in the world (metres, degrees); refused while a goal is active.
 
     Without `heading_deg` the robot keeps its heading, if it knows its place.
+    `anyway`: send a pose outside of the known world, too.
     """
 
     verb = "pose set"
     x_m: float
     y_m: float
     heading_deg: float | None = None
+    anyway: bool = False
 
     def __post_init__(self) -> None:
         within(self.x_m, -FARTHEST_M, FARTHEST_M, "x", "m")
         within(self.y_m, -FARTHEST_M, FARTHEST_M, "y", "m")
         if self.heading_deg is not None:
             within(self.heading_deg, -360.0, 360.0, "heading", "deg")
+
+    def perform(self, session: Session) -> Answer:
+        """Send the pose; UserError for one outside of the known world, unless it is sent anyway."""
+        if not self.anyway:
+            words = f"pose ({self.x_m:.3f}, {self.y_m:.3f})"
+            session.refuse_outside((words, self.x_m, self.y_m))
+        return PlainCommand.perform(self, session)
 
     def wire(self) -> Parts:
         """Return the command with x, y and heading as its parameters."""

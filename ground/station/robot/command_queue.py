@@ -1,5 +1,6 @@
 """Send one request at a time; acquire the lease before a request that moves the robot."""
 
+from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from typing import Final, NamedTuple
@@ -21,6 +22,8 @@ from runtime.units import NS_PER_MS
 AddNote = Callable[[str, Severity], None]
 ATTEMPTS: Final = 3
 PATIENCE_NS: Final = 400 * NS_PER_MS
+MAX_WAITING: Final = 4
+"""Requests that wait for the pending one, such as commands that are typed ahead."""
 DONE: Final = {
     LeaseAction.TAKE: "taken",
     LeaseAction.RELEASE: "released",
@@ -48,8 +51,15 @@ class Pending(NamedTuple):
     action: LeaseAction | None = None
 
 
+class Waiting(NamedTuple):
+    """A request that waits for its turn; `begin` starts it."""
+
+    words: str
+    begin: Callable[[], None]
+
+
 class CommandQueue:
-    """A queue of length one; `last` is the last request with its result."""
+    """The pending request and a few that wait; `last` is the last request with its result."""
 
     def __init__(
         self, bus: ReadableBus, clock: Clock, worker: RequestWorker, note: AddNote, name: str
@@ -62,6 +72,7 @@ class CommandQueue:
         self._name = name.encode()[:MAX_OPERATOR_NAME_BYTES].decode(errors="ignore")
         self._ids = RequestIds()
         self._pending: Pending | None = None
+        self._waiting: deque[Waiting] = deque()
 
     @property
     def busy(self) -> str:
@@ -69,30 +80,55 @@ class CommandQueue:
         return "" if self._pending is None else self._pending.words
 
     def submit(
-        self, words: str, robot: str, holding: LeaseHolding, job: Job, *, moves: bool
+        self,
+        words: str,
+        robot: str,
+        holding: LeaseHolding,
+        job: Job,
+        refusal: Callable[[], str] | None,
     ) -> bool:
-        """Start a request; return False with a note in the log while another one is pending."""
-        if self._is_pending(words):
-            return False
-        if moves and not holding.ours:
-            self._ask_lease(
-                Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
-            )
-        elif moves and not holding.settled(self._clock.now_ns()):
-            self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
-        else:
-            self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
-        return True
+        """Start a request in its turn; return False with a note in the log if too many wait.
+
+        One that moves the robot has a `refusal`: why it is rejected now, empty if it is not.
+        """
+
+        def begin() -> None:
+            if refusal is not None and (why := refusal()):
+                self._note(f"refused: {words}: {why}", Severity.WARNING)
+            elif refusal is not None and not holding.ours:
+                self._ask_lease(
+                    Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
+                )
+            elif refusal is not None and not holding.settled(self._clock.now_ns()):
+                self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
+            else:
+                self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
+
+        return self._in_turn(Waiting(words, begin))
 
     def lease(self, robot: str, holding: LeaseHolding, action: LeaseAction) -> bool:
-        """Acquire or release the lease; a release stops the heartbeat at once."""
+        """Acquire or release the lease in its turn; a release then stops the heartbeat at once."""
         words = f"lease {action.name.lower()}"
-        if self._is_pending(words):
-            return False
-        if action is LeaseAction.RELEASE:
-            holding.release(self._clock.now_ns())
-        self._ask_lease(Pending(words, robot, holding, None, CommandStage.LEASE, action), action)
-        return True
+
+        def begin() -> None:
+            if action is LeaseAction.RELEASE:
+                holding.release(self._clock.now_ns())
+            pending = Pending(words, robot, holding, None, CommandStage.LEASE, action)
+            self._ask_lease(pending, action)
+
+        return self._in_turn(Waiting(words, begin))
+
+    def cancel(self, why: str) -> None:
+        """Drop the requests that have not been sent yet; an answer that is due is awaited."""
+        pending = self._pending
+        dropped = [one.words for one in self._waiting]
+        self._waiting.clear()
+        if pending is not None and pending.stage in (CommandStage.TAKING, CommandStage.SETTLING):
+            dropped.insert(0, pending.words)
+            lease = pending._replace(words="lease take", job=None, stage=CommandStage.LEASE)
+            self._pending = lease if pending.stage is CommandStage.TAKING else None
+        for words in dropped:
+            self._note(f"not sent: {words}: {why}", Severity.WARNING)
 
     def request(self, action: LeaseAction) -> LeaseRequest:
         """Return a request for the lease."""
@@ -105,7 +141,12 @@ class CommandQueue:
         return outcome_of(lambda: ask_lease(self._bus, self._clock, robot, request, attempts=1))
 
     def poll(self, now_ns: int) -> None:
-        """Continue the pending request and report its result."""
+        """Continue the pending request and report its result; then start those that wait."""
+        self._continue(now_ns)
+        while self._pending is None and self._waiting:
+            self._waiting.popleft().begin()
+
+    def _continue(self, now_ns: int) -> None:
         pending = self._pending
         if pending is None:
             return
@@ -118,10 +159,16 @@ class CommandQueue:
         self._pending = None
         self._finish(pending, outcome, now_ns)
 
-    def _is_pending(self, words: str) -> bool:
+    def _in_turn(self, request: Waiting) -> bool:
+        """Begin a request, or let it wait; return False with a note in the log if too many wait."""
         if self._pending is None:
+            request.begin()
+        elif len(self._waiting) < MAX_WAITING:
+            self._waiting.append(request)
+        else:
+            words = f"not sent: {request.words}: `{self._pending.words}` is under way"
+            self._note(words, Severity.WARNING)
             return False
-        self._note(f"not sent: {words}: `{self._pending.words}` is under way", Severity.WARNING)
         return True
 
     def _ask_lease(self, pending: Pending, action: LeaseAction) -> None:

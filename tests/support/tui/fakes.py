@@ -282,9 +282,12 @@ class FakeCommandSink:
         self.teleop = False
         self.last = ""
         self.draft_items: tuple[MapTarget, ...] = ()
+        self.begun: list[bool] = []
 
-    def clear_draft(self) -> None:
-        self.draft_items = ()
+    def begin_world(self, *, keeps_draft: bool) -> None:
+        self.begun.append(keeps_draft)
+        if not keeps_draft:
+            self.draft_items = ()
 
     def run_line(self, line: str) -> None:
         if not line:

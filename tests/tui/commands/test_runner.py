@@ -131,7 +131,7 @@ def test_waypoint_outside_the_world_is_not_drafted() -> None:
     assert len(runner.draft_items) == 1
 
 
-@pytest.mark.parametrize("line", ["goal 100 100", "goal 1 -0.5 90 --no-wait"])
+@pytest.mark.parametrize("line", ["goal 100 100", "goal 1 -0.5 90 --no-wait", "pose set 7 1 90"])
 def test_goal_outside_the_world_is_refused_before_it_is_sent(line: str) -> None:
     runner, station = command_runner()
     station.world_now = parse_world(WORLD_TEXT)

@@ -1,6 +1,6 @@
 """Test that parameters, fences and drafts are taken back."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,12 @@ from ground.client.operations.fences import FenceShown
 from ground.client.operations.parameters import ParameterChanged, ParametersLoaded
 from ground.client.operations.session import Session
 from ground.client.parameter import Parameter
+from ground.client.results import Accepted
 from ground.console.app_commands import CopyText
 from ground.console.history import History
 from ground.missions.draft import EMPTY
 from ground.missions.mission import Circle
+from ground.station.robot.background_requests import JobResult
 from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
@@ -58,7 +60,7 @@ class RobotStub:
         for module in (parameters, undo):
             monkeypatch.setattr(module, "fetch", lambda link: list(station.parameters or ()))
             monkeypatch.setattr(module, "set_values", set_all)
-        monkeypatch.setattr(CommandRunner, "_link", lambda runner: None)
+        monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: None)
 
     def change(self, operation: SetParameter) -> ParameterChanged:
         if operation.value > 5.0:
@@ -99,6 +101,82 @@ def test_parameter_returns_to_its_values_in_turn(monkeypatch: pytest.MonkeyPatch
         runner.run_line(line)
     assert [value for _, value in robot.set] == [0.5, 0.7, 0.5, 0.4]
     assert "nothing to undo" in log(station)
+
+
+@pytest.mark.parametrize("keeps_draft", [False, True])
+def test_changes_in_the_old_world_are_forgotten(
+    keeps_draft: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    for line in ("wp add 1 2", "set d_obs_m 0.5"):
+        runner.run_line(line)
+    runner.begin_world(keeps_draft=keeps_draft)
+    assert len(runner.draft_items) == keeps_draft
+    runner.run_line("undo")
+    assert runner.draft_items == ()
+    runner.run_line("undo")
+    assert [value for _, value in robot.set] == [0.5]
+    assert "nothing to undo: nothing was changed since the world was started" in log(station)
+
+
+def test_change_under_way_belongs_to_its_world(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    monkeypatch.setattr(robot, "change", late(robot.change, runner))
+    runner.run_line("set d_obs_m 0.5")
+    runner.run_line("undo")
+    assert [value for _, value in robot.set] == [0.5]
+    assert "nothing to undo" in log(station)
+
+
+def late(
+    change: Callable[[SetParameter], ParameterChanged], runner: CommandRunner
+) -> Callable[[SetParameter], ParameterChanged]:
+    """Return a change during which another world is started."""
+
+    def changed(operation: SetParameter) -> ParameterChanged:
+        runner.begin_world(keeps_draft=False)
+        return change(operation)
+
+    return changed
+
+
+def test_undo_takes_back_the_change_that_is_under_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    robot = RobotStub(station, monkeypatch)
+    runner.run_line("set d_obs_m 0.5")
+    waiting: list[Callable[[], JobResult]] = []
+    monkeypatch.setattr(FakeStation, "busy", property(lambda station: "set" if waiting else ""))
+
+    def submit(words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
+        waiting.append(job)
+        return True
+
+    monkeypatch.setattr(station, "submit", submit)
+    for line in ("set d_obs_m 0.7", "undo", "wp add 1 2", "undo"):
+        runner.run_line(line)
+    texts = [job().text for job in waiting]
+    assert [value for _, value in robot.set] == [0.5, 0.7, 0.5]
+    assert texts[2].startswith("undone: wp add 1 2")
+
+
+def test_command_is_for_the_robot_that_was_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    runner, station = command_runner()
+    asked: list[str] = []
+    waiting: list[Callable[[], JobResult]] = []
+
+    def submit(words: str, job: Callable[[], JobResult], *, moves: bool = True) -> bool:
+        waiting.append(job)
+        return True
+
+    monkeypatch.setattr(CommandRunner, "_link", lambda runner, robot: asked.append(robot))
+    monkeypatch.setattr(Hold, "perform", lambda operation, session: Accepted(0))
+    monkeypatch.setattr(station, "submit", submit)
+    runner.run_line("hold")
+    station.robot_now = "r2"
+    assert waiting[0]().ok
+    assert asked == ["r1"]
 
 
 def test_refused_change_cannot_be_undone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from ground.client.goal import destination
 from ground.client.operations import Goto, SetPose, SetTruePose
-from ground.client.operations.floor import Floor
+from ground.client.operations.floor import Floor, floor_in
 from ground.client.operations.session import Session
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import knows_place, pose_of
@@ -16,6 +16,7 @@ from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
 from tests.support.ground.client import Stage
+from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.ground.station.said import Robot
 
 
@@ -49,6 +50,26 @@ def test_pose_out_of_range_is_refused_before_it_is_sent(
 ) -> None:
     with pytest.raises(UserError, match=name):
         SetPose(x_m=pose[0], y_m=pose[1], heading_deg=pose[2])
+
+
+@pytest.mark.parametrize(
+    ("x_m", "words"), [(7.0, "outside the world box"), (2.5, "an obstacle of the world box")]
+)
+def test_pose_outside_the_world_is_not_set_unless_anyway(x_m: float, words: str) -> None:
+    stage = Stage()
+    session = Session(stage.link, floor=lambda: floor_in(WORLD_TEXT))
+    with pytest.raises(UserError, match=rf"pose \({x_m:.3f}, 1.400\) lies .*{words}.*; --anyway"):
+        SetPose(x_m=x_m, y_m=1.4).perform(session)
+    assert stage.bus.requests == []
+    assert SetPose(x_m=x_m, y_m=1.4, anyway=True).perform(session).ok
+    assert sent(stage).param1 == x_m
+
+
+def test_pose_inside_the_world_is_set() -> None:
+    stage = Stage()
+    session = Session(stage.link, floor=lambda: floor_in(WORLD_TEXT))
+    assert SetPose(x_m=1.0, y_m=1.0).perform(session).ok
+    assert sent(stage).param1 == 1.0
 
 
 def test_truth_of_the_plant_becomes_the_pose() -> None:

@@ -1,10 +1,11 @@
-"""Requests that move need the lease and a processed heartbeat; one at a time."""
+"""Requests that move need the lease and a processed heartbeat; one at a time, a few wait."""
 
 from collections.abc import Callable
 
 import pytest
 
 from ground.station.robot.background_requests import Job, JobResult
+from ground.station.robot.command_queue import MAX_WAITING
 from protocol.topics import LEASE_SERVICE
 from protocol.wire.enums import AckResult, LeaseAction, Severity
 from protocol.wire.message import Message
@@ -183,10 +184,25 @@ def test_typed_lease_of_this_station_is_kept_alive() -> None:
     assert play.beats > 1
 
 
-def test_second_request_is_rejected_while_one_is_pending() -> None:
+def test_requests_wait_for_the_pending_one_in_order() -> None:
+    play, done = ready(), no_texts()
+    play.station.submit("hold", job(done, "first"))
+    play.station.submit("arm", job(done, "second", ok=False))
+    play.station.take_lease()
+    play.station.submit("goal 9 7", job(done, "third"))
+    play.forward(1.0)
+    assert done == ["first", "second", "third"]
+    assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.TAKE]
+    assert play.station.busy == ""
+    assert play.texts("not sent") == []
+
+
+def test_request_is_rejected_when_too_many_wait() -> None:
     play, done = ready(), no_texts()
     play.workers["requests"].waits = True
     play.station.submit("arm", job(done), moves=False)
+    for _ in range(MAX_WAITING):
+        assert play.station.submit("hold", job(done), moves=False)
     assert not play.station.submit("hold", job(done), moves=False)
     assert play.texts("not sent: hold: `arm` is under way")
     play.station.release_lease()
@@ -194,6 +210,70 @@ def test_second_request_is_rejected_while_one_is_pending() -> None:
     play.workers["requests"].work()
     play.forward(0.1)
     assert play.station.submit("hold", job(done), moves=False)
+
+
+def test_waiting_release_keeps_the_heartbeat_until_its_turn() -> None:
+    play, done = ready(), no_texts()
+    play.station.submit("hold", job(done))
+    play.station.release_lease()
+    play.forward(1.0)
+    assert done == ["ok 14 ms"], "the lease was needed for this"
+    assert lease_asked(play) == [LeaseAction.TAKE, LeaseAction.RELEASE]
+    assert not play.station.lease.held
+
+
+def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
+    play, done = ready(), no_texts()
+    play.workers["requests"].waits = True
+    play.station.submit("get", job(done), moves=False)
+    play.station.submit("goal 9 7", job(done))
+    play.die()
+    play.forward(1.0)
+    play.workers["requests"].work()
+    play.forward(0.1)
+    assert done == ["ok 14 ms"]
+    assert play.texts("refused: goal 9 7: ")
+
+
+@pytest.mark.parametrize("of_all", [False, True])
+@pytest.mark.parametrize("until_sent_s", [0.0, 0.1])
+def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all: bool) -> None:
+    play, done = ready(), no_texts()
+    play.station.submit("clear-estop", job(done))
+    play.station.submit("arm", job(done))
+    play.forward(until_sent_s)
+    assert done == []
+    (play.station.estop_all if of_all else play.station.estop)()
+    play.forward(1.0)
+    assert done == []
+    for words in ("clear-estop", "arm"):
+        assert play.texts(f"not sent: {words}: an emergency stop came first")
+    assert play.station.busy == ""
+    play.station.submit("hold", job(done))
+    play.forward(0.5)
+    assert done == ["ok 14 ms"]
+
+
+def test_answer_of_a_request_is_awaited_after_a_stop() -> None:
+    play, done = ready(), no_texts()
+    play.workers["requests"].waits = True
+    play.station.submit("get", job(done), moves=False)
+    play.station.submit("arm", job(done), moves=False)
+    play.station.estop()
+    assert play.station.busy == "get"
+    play.workers["requests"].work()
+    play.forward(0.1)
+    assert (done, play.station.busy) == (["ok 14 ms"], "")
+
+
+def test_requests_that_wait_are_dropped_with_the_world() -> None:
+    play, done = ready(), no_texts()
+    play.station.submit("hold", job(done))
+    play.station.submit("arm", job(done))
+    play.station.begin_again()
+    play.forward(1.0)
+    assert done == []
+    assert play.texts("not sent: arm: other processes are started")
 
 
 def test_refusal_is_a_warning_with_its_reason() -> None:
