@@ -23,6 +23,7 @@ MARKS: Final = {
     "other": ("◆", "r"),
     "mover": ("●", "@"),
     "lost": ("?", "?"),
+    "dead sonar": ("×", "X"),
     "reached": ("✓", "="),
     "collided": ("✕", "x"),
     "stuck": ("■", "#"),

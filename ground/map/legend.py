@@ -40,6 +40,7 @@ def entries(scene: MapScene, form: int, is_mono: bool = False) -> list[Entry]:
         (bool(scene.note), scene.note, "text"),
         (scene.robot is not None and scene.live, f"{'▶>'[form]} robot", "robot"),
         (scene.goal is not None, f"{MARKS['goal'][form]} goal", "goal"),
+        (scene.has_dead_sonar, f"{MARKS['dead sonar'][form]} dead", "dead sonar"),
         (scene.truth and walled, f"{'─-'[form]} truth", "truth"),
         (scene.true_robot is not None, f"{('○', '()')[form]} true robot", "true robot"),
         (bool(scene.seen or scene.seen_late or scene.seen_old), f"{echo} seen", "seen"),

@@ -14,6 +14,8 @@ CONE_SPACING: Final = 3
 LINE_SPACING: Final = 4
 NOSE_DOTS: Final = 5.0
 SOLID_DOTS: Final = 6.0
+DEAD_DOTS: Final = 6.0
+"""Distance of the mark of a dead sonar from the rim, so that it is beside the robot's mark."""
 FILLED_DOTS: Final = 60.0
 """A robot with a greater radius than this is only an outline: it would fill the map."""
 NOT_DRAWN: Final = -1.0
@@ -49,10 +51,10 @@ def draw_zone(pen: Pen, scene: MapScene) -> None:
 def draw_sonars(pen: Pen, scene: MapScene) -> None:
     """Draw for each echo the arc on which the obstacle must lie, and the edges of its cone.
 
-    Nothing is drawn when the robot is not live: old echoes may no longer be true.
+    A sonar without a reading has a mark instead.
     """
     robot = scene.robot
-    if robot is None or not (scene.live and isfinite(robot.heading_rad)):
+    if robot is None or not scene.shows_sonars:
         return
     at, rim_m = (robot.x_m, robot.y_m), robot.radius_m
     echoes_m = [_echo_m(range_m) for range_m in scene.ranges_m]
@@ -66,6 +68,9 @@ def draw_sonars(pen: Pen, scene: MapScene) -> None:
         begun_rad = first_rad + sonar * BEAM_RAD
         if echo_m > NOT_DRAWN:
             pen.arc(at, rim_m + echo_m, (begun_rad, begun_rad + BEAM_RAD), "echo")
+        elif scene.ranges_m[sonar] is None:
+            mark_m = rim_m + DEAD_DOTS * pen.view.m_per_dot
+            pen.mark(point_at(at, begun_rad + BEAM_RAD / 2.0, mark_m), "dead sonar", "dead sonar")
 
 
 def draw_virtual(pen: Pen, scene: MapScene) -> None:

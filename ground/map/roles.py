@@ -28,6 +28,7 @@ ROLES: Final = (
     "other",
     "true robot",
     "robot",
+    "dead sonar",
     "text",
     "cursor",
 )

@@ -132,6 +132,17 @@ class MapScene:
     cursor: Point | None = None
     note: str = ""
 
+    @property
+    def shows_sonars(self) -> bool:
+        """True while the sonars are drawn; old echoes of a robot that is late may be wrong."""
+        robot = self.robot
+        return robot is not None and self.live and isfinite(robot.heading_rad)
+
+    @property
+    def has_dead_sonar(self) -> bool:
+        """True if a sonar that is drawn gives no reading."""
+        return self.shows_sonars and None in self.ranges_m
+
     def box(self) -> Box | None:
         """Return the box of everything that a whole map must show; None when that is nothing."""
         least_x, least_y, most_x, most_y = inf, inf, -inf, -inf

@@ -35,6 +35,7 @@ MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
         "draft": "a waypoint that was not sent yet (W sends)",
         "other": "another robot",
         "mover": "a moving obstacle",
+        "dead sonar": "beside the robot: the sonar in this direction gives no reading",
         "lost": "the place of the robot is unknown",
         "reached": "a ghost: ended at the goal",
         "collided": "a ghost: collided",

@@ -69,11 +69,11 @@ COLUMNS: Final = (
     Column[LinkRow]("robot", 6, lambda one: one.robot.robot, role=lambda _: "head"),
     Column[LinkRow]("stream", 13, lambda one: one.name, role=lambda one: one.role),
     Column[LinkRow](
-        "expected", 6,
+        "expected", 4,
         lambda one: f"{one.stream.topic.rate_hz:g}" if one.stream and one.stream.topic.rate_hz
         else "",
         lambda one: one.stream.topic.rate_hz if one.stream else None,
-        lambda _: "faint", numeric=True, short="expect",
+        lambda _: "faint", numeric=True, short="due",
     ),
     Column[LinkRow](
         "got", 6, lambda one: rate(one.stream) if one.stream else "",

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from textwrap import wrap
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 from textual.app import ComposeResult
 from textual.screen import Screen
@@ -12,6 +12,7 @@ from textual.widgets import Input
 from ground.app.chrome.answers import AnswerLine
 from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.key_bar import key_buttons
+from ground.app.chrome.messages import MessagePlace
 from ground.app.chrome.next_keys import NextKey, next_keys
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.chrome.tabs import tab_buttons
@@ -58,7 +59,7 @@ class AppScreen(Screen[None], StillWidget):
         self.VERTICAL_BREAKPOINTS = list(HEIGHTS)
         self.interface = interface
         self._prompt = ""
-        self._messages_at: tuple[int, Screen[Any]] | None = None
+        self._messages = MessagePlace()
         self._then: Callable[[str], None] = interface.commands.run_line
 
     def compose(self) -> ComposeResult:
@@ -115,14 +116,7 @@ class AppScreen(Screen[None], StillWidget):
         self.draw_lesson()
         keys = key_buttons(self.bar_keys(), width, self.following_keys())
         self.buttons("keybar").show_buttons(*keys)
-        self.place_messages()
-
-    def place_messages(self) -> None:
-        """Keep Textual's messages below the band, where they cover no prompt and no new line."""
-        top, screen = self.query_one("#middle").region.y, self.app.screen
-        if (top, screen) != self._messages_at:
-            self._messages_at = top, screen
-            screen.query("ToastRack").set_styles(f"margin: {top} 0 0 0;")
+        self._messages.place(self.app.screen, self.query_one("#middle").region)
 
     def bar_keys(self) -> list[KeyBinding]:
         """Return the keys for the key bar: below a dialog only those that work in it, too."""

@@ -55,6 +55,7 @@ PAINTS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "zone":     ("#a08d52",       "#a08226",        "#ffff00",        "yellow",        "dim"),
         "cone":     ("#3f4f61",       "#b9c3ce",        "#909090",        "bright_black",  "dim"),
         "echo":     ("#ecc46a",       "#a05a00",        "bold #ffff00",   "bold yellow",   "bold"),
+        "dead sonar": ("#a86ea8",     "#97309b",        "#ff80ff",        "magenta",       "dim"),
         "hit":      ("bold #ff9b6b",  "bold #b8430b",   "bold #ff8800",   "bold red",      "none"),
         "leave":    ("bold #a6e3a1",  "bold #176f2c",   "bold #00ff66",   "bold green",    "none"),
         "fence":    ("#ff6f6f",       "#b3121d",        "bold #ff4040",   "red",           "none"),

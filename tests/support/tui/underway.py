@@ -1,6 +1,6 @@
 """Define the messages and the scene of a robot on its way round an obstacle."""
 
-from math import radians
+from math import inf, radians
 from typing import Any
 
 from msgspec.structs import replace
@@ -120,7 +120,7 @@ def scene() -> MapScene:
         robot=RobotMark(4.12, 2.84, radians(30)),
         true_robot=RobotMark(4.15, 2.80, radians(31)),
         covariance=(0.01, 0.002, 0.02),
-        ranges_m=(3.0, 1.8, 2.03, 2.12, 1.37, 0.46, 0.23, None),
+        ranges_m=(inf, None, 2.03, 2.12, 1.37, 0.46, 0.23, 0.08),
         zone_m=0.3,
         goal=MapTarget(9.0, 7.0, 0.0),
         virtual_goal=(5.4, 2.6),

@@ -10,15 +10,18 @@ from ground.app.screens import SCREENS, screen_of
 from ground.app.screens.faults import FaultsScreen, InjectableFault, fault_of
 from ground.app.screens.worlds import WorldsScreen, looked_up
 from ground.app.widgets.map import MapWidget
+from ground.app.world_change import change_world
 from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
 from ground.map.scene import MapTarget
 from ground.station.roster import Attention, RosterEntry
-from protocol.topics import Role
+from protocol.topics import STATUS, Role
+from protocol.wire.enums import Vehicle
 from runtime.errors import UserError
 from tests.support.tui.fakes import NOTHING, FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.plant_side import FakeStack, on
+from tests.support.tui.stopped import stopped_status
 from tests.support.tui.underway import driving, parameter
 
 
@@ -221,6 +224,8 @@ def test_another_world_starts_with_own_processes() -> None:
         assert (stack.begun, stack.driven) == (["wall"], ["wall"])
         assert stage.station.begun_again == 1
         assert len(stage.commands.draft_items) == 0
+        change_world(stage.app, stack.scenario_of("wall"), "again")
+        assert stage.commands.begun == [False, True]
 
     play(lambda: on("6", stack, story))
 
@@ -348,9 +353,14 @@ def test_keys_act_before_a_screen_has_its_widgets(
     play(story)
 
 
-def test_rejected_frames_fit_into_eighty_columns() -> None:
+@pytest.mark.parametrize(("is_framed", "columns"), [(False, 80), (True, 78)])
+def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns: int) -> None:
     async def story() -> None:
-        async with staged((80, 24)) as stage:
+        station = driving(FakeStation())
+        if is_framed:
+            failed = stopped_status(Vehicle.FAILSAFE, station.now_ns)
+            station.air.put(STATUS, failed, station.now_ns)
+        async with staged((80, 24), station=station) as stage:
             first = stage.station.streams_now[0]
             why = "has dialect 3, this station has 4"
             stage.station.streams_now = [
@@ -358,9 +368,10 @@ def test_rejected_frames_fit_into_eighty_columns() -> None:
                 *stage.station.streams_now[1:],
             ]
             await stage.press("5", "down")
-            assert " reject " in stage.words("columns")[:80]
+            assert stage.app.screen.query_one("#columns").size.width == columns
+            assert " reject " in stage.words("columns")[:columns]
             line = next(one for one in stage.words("rows").splitlines() if "tlm/heartbeat" in one)
-            assert "4321" in line[:80]
+            assert "4321" in line[:columns]
             assert f"tlm/heartbeat: {why}" in stage.words("about")
 
     play(story)

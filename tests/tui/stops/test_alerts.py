@@ -2,6 +2,7 @@
 
 import pytest
 from msgspec.structs import replace
+from textual.widgets._toast import Toast
 
 from ground.app.app import GroundApp
 from ground.app.appearance import Appearance
@@ -14,6 +15,8 @@ from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import entry, stopped_status
 from tests.support.tui.underway import driving, status
+
+WHY = "(computer busy)"
 
 
 class Ear:
@@ -109,20 +112,24 @@ def test_message_about_a_stop_disappears_with_the_stop() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (60, 18), (200, 60)])
-def test_messages_cover_neither_band_nor_prompt(size: tuple[int, int]) -> None:
+@pytest.mark.parametrize(
+    ("size", "shown"),
+    [((80, 24), [8, 9, 10]), ((60, 18), [9, 10]), ((200, 60), [8, 9, 10]), ((20, 5), [])],
+)
+def test_messages_cover_neither_band_nor_prompt(size: tuple[int, int], shown: list[int]) -> None:
     async def story() -> None:
         station = driving(FakeStation())
         station.air.put(STATUS, stopped_status(Vehicle.FAILSAFE, station.now_ns), station.now_ns)
         async with staged(size, station=station, messages=True) as stage:
             screen = stage.app.screen
-            for number in (2, 3):
-                stage.app.notify(f"r{number} FAILSAFE: control loop too slow", timeout=60.0)
+            for number in range(2, 11):
+                stage.app.notify(f"r{number} FAILSAFE: control loop too slow {WHY}", timeout=60.0)
+            await stage.until(lambda: len(screen.query("Toast")) == 9)
             for _ in range(3):
                 await stage.redraw()
-            await stage.until(lambda: any(one.region.height for one in screen.query("Toast")))
-            await stage.redraw()
-            for toast in screen.query("Toast"):
+            toasts = [one for one in screen.query(Toast) if one.region.height]
+            assert [int(str(one.render()).split()[0][1:]) for one in toasts] == shown
+            for toast in toasts:
                 assert toast.region.y >= screen.query_one("#alarm").region.bottom
                 assert toast.region.bottom <= screen.query_one("#typing").region.y
 

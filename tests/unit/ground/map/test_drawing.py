@@ -36,7 +36,7 @@ ROLES_OF = {
     "trail": {"trail"},
     "ellipse": {"ellipse"},
     "zone": {"zone"},
-    "sonars": {"cone", "echo"},
+    "sonars": {"cone", "echo", "dead sonar"},
     "marks": {"hit", "leave"},
     "mission": {"mission"},
     "virtual": {"virtual"},
@@ -45,7 +45,7 @@ ROLES_OF = {
     "truth": {"true robot"},
     "robot": {"robot"},
     "cursor": {"cursor"},
-    "legend": {"text", "robot", "goal", "seen", "true robot", "truth"},
+    "legend": {"text", "robot", "goal", "dead sonar", "seen", "true robot", "truth"},
 }
 
 
@@ -56,6 +56,25 @@ def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     draw(scene, View.fit(scene.box(), 80, 24), canvas, (layer,))
     roles = {role for row in range(24) for role, _ in canvas.strip(row)}
     assert roles - {""} == ROLES_OF[layer]
+
+
+@pytest.mark.parametrize(
+    ("sonar", "columns", "rows"),
+    [(7, 0, -3), (4, 4, -1), (0, 0, 2)],
+    ids=["left", "ahead", "right"],
+)
+def test_dead_sonar_is_marked_in_its_direction(sonar: int, columns: int, rows: int) -> None:
+    ranges_m = [None if one == sonar else inf for one in range(8)]
+    scene = replace(ROOM, ranges_m=ranges_m)
+    view, canvas = View(80, 24, 1.9, 2.0, 0.05), Canvas(80, 24)
+    draw(scene, view, canvas, ("sonars", "robot"))
+    at = [(row.index("×"), y) for y, row in enumerate(canvas.to_rows()) if "×" in row]
+    column, line = view.cell_of(1.9, 2.0) or (0, 0)
+    assert at == [(column + columns, line + rows)]
+    assert "dead sonar" in {role for role, _ in canvas.strip(at[0][1])}
+    late = Canvas(80, 24)
+    draw(replace(scene, live=False), view, late)
+    assert "×" not in "".join(late.to_rows())
 
 
 def test_other_robots_have_dim_trails_and_a_mark_when_lost() -> None:

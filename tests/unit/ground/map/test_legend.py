@@ -48,6 +48,12 @@ def test_legend_names_what_is_on_the_map() -> None:
     assert "○ true robot" in words_of(replace(ROOM, true_robot=ROOM.robot), 80)
 
 
+def test_legend_names_the_mark_of_a_dead_sonar_only_with_one() -> None:
+    assert "× dead" in words_of(ROOM, 80)
+    assert "× dead" not in words_of(replace(ROOM, ranges_m=(1.0,) * 8), 80)
+    assert "× dead" not in words_of(replace(ROOM, live=False), 80)
+
+
 def test_legend_in_ascii_is_ascii() -> None:
     assert all(words.isascii() for words, _ in legend(EVERYTHING, 200, ascii_only=True))
 

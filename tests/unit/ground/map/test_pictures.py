@@ -1,7 +1,7 @@
 """Compare whole maps with pictures, named by their tests."""
 
 from dataclasses import replace
-from math import pi
+from math import inf, pi
 
 from ground.map.canvas import Canvas
 from ground.map.drawing import draw
@@ -37,14 +37,14 @@ def test_picture_of_robot_sonars_and_goal() -> None:
         ⡇            ⠂⠠      ⡇ ⢸                  ⡇
         ⡇         ⢀⠔⠉⠋⠒⢄⠠ ⠂⠘⡄⡇ ⢸                  ⡇
         ⡇         ⡇ ⣼▶⠦⢬⡦⠄⠠ ⡇⡇ ⢸                  ⡇
-        ⡇       ⢀⡠⠜⠫⣀⣀⡠⠊⠐ ⠄⢠⠃⡇ ⢸                  ⡇
+        ⡇       ⢀⡠⠜⠫⣀⣀⡠⠊× ⠄⢠⠃⡇ ⢸                  ⡇
         ⡇     ⢀⠎⠁            ⡇ ⢸                  ⡇
         ⡇    ⢀⠎              ⡇ ⢸                  ⡇
         ⡇   ⢀⠎               ⠉⠉⠉                  ⡇
         ⡇  ⢀⠎                                     ⡇
         ⡇                                         ⡇
         ⠧⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠤⠇
-    ├─────┤ 1 m  ▶ robot  ◎ goal  ─ truth
+    ├─────┤ 1 m  ▶ robot  ◎ goal  × dead  ─ truth
     """)
 
 
@@ -58,14 +58,14 @@ def test_picture_in_ascii() -> None:
         |            '.      | |                  |
         |         ./-/-\. '||| |                  |
         |         | +>\++.. || |                  |
-        |       .//\__//' .||| |                  |
+        |       .//\__//X .||| |                  |
         |     ./'            | |                  |
         |    ./              | |                  |
         |   ./               ---                  |
         |  ./                                     |
         |                                         |
         \-----------------------------------------|
-    |-----| 1 m  > robot  O goal  - truth
+    |-----| 1 m  > robot  O goal  X dead  - truth
     """)
 
 
@@ -93,16 +93,17 @@ def test_picture_close_up_with_a_pointer_to_the_goal() -> None:
                 ⡸⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣇
                 ⢹⣿⣿⣿⣿⣿⣿⣿▶⣿⣿⣿⣿⣿⣿⡟⠉⠉⠉ ⠁⠈ ⠁⠈ ⠁⠈
                  ⢿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⠃⠄
-              ⡠⠔⠊⠉⠻⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⡿⠃  ⠈ ⠂⠠⢀
+              ⡠⠔⠊⠉⠻⣿⣿⣿⣿⣿⣿⣿⣿⣿⣿⡿⠃ ×⠈ ⠂⠠⢀
           ⣀⠤⠒⠉     ⠈⠙⠻⠿⢿⣿⠿⠿⠛⠉          ⠁⠐ ⡀
       ⢀⡠⠔⠉                                 ⠈
-    ├─┤ 5 cm  ▶ robot  ◎ goal  ─ truth
+    ├─┤ 5 cm  ▶ robot  ◎ goal  × dead
     """)
 
 
 def test_legend_does_not_call_seen_points_truth() -> None:
+    well = replace(ROOM, ranges_m=[inf if one is None else one for one in ROOM.ranges_m])
     assert fitted(
-        replace(ROOM, size_m=None, obstacles=(), truth=False, seen=SEEN), 40, 9
+        replace(well, size_m=None, obstacles=(), truth=False, seen=SEEN), 40, 9
     ) == expected("""
                   ⠐  ⠠             ◎ goal
                   ⢈  ⠂ ⢠
@@ -130,7 +131,7 @@ def test_picture_of_everything_at_once() -> None:
            ⠄           ⠐    ⢀⠤⣒⠽⠕⠺⢭⣑⠒⢢ ⢀⠠ ⢆         ⠘⠤⣀⣀⠤⠊      ⠂            ⠄
            ⠂           ⡁   ⢠⠧⠊ ⣈⣌⠐⣿⣿⡗⢺⠉⠁  ⠘⡄                    ⢈            ⠂
            ⡁           ⠂  ⡔⢏  ⢰▶⣿⡧⠤⠤⢵⠜⠠ ⠄⠠ ⡇                    ⠠            ⡁
-           ⠄           ⡁ ⠠⡃⣘⡔⠊⠁⠉⠉ ⡡⢲⠃⠄⡀   ⢠⠃                    ⢈            ⠄
+           ⠄           ⡁ ⠠⡃⣘⡔⠊⠁⠉⠉ ⡡×⠃⠄⡀   ⢠⠃                    ⢈            ⠄
            ⠂           ⢠H⠔⠫⢄⣈⣢⣤⣤⡴⠭⠒⠁   ⠈⠐ ⠎                     ⠤⠤⠤⣾◆⡦r2     ⠂
            ⡁         ⢀⠎⠑                  ⢀                     ⠂  ⠙⠛⠁       ⡁
            ⠄        ⢀⠎  ⢁   L             ⢀  ⡀ ⡀               ⡈             ⠄
@@ -141,7 +142,7 @@ def test_picture_of_everything_at_once() -> None:
            ⡁                    ⠐⠠   ◦ d1  ⠂     ⠂    ⠄⠂    ⠐     ⠐     ◦ d2 ⡁
            ⠄                       ⠁⠐ ⠄⠠ ⡀⢀⢀ ⡀⢀ ⠄⠠ ⠂⠈                        ⠄
            ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠄ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠠ ⠄⠄⠠ ⠠ ⠄⠄ ⠄⠄ ⠄⠠⠠ ⠠⠠ ⠄ ⠄⠠ ⠄⠠ ⠄⠠ ⠄
-    ├─────────┤ 1 m  t 12 s  ▶ robot  ◎ goal  ○ true robot  ⠿ seen  ◇ virtual
+    ├─────────┤ 1 m  t 12 s  ▶ robot  ◎ goal  × dead  ○ true robot  ⠿ seen
     """)
 
 
@@ -149,7 +150,7 @@ def test_picture_in_a_few_cells_has_the_robot() -> None:
     assert fitted(ROOM, 8, 3) == expected("""
      goal⠤◎⡄
      ⡇▶⠶⡧⠤ ⡇
-     ⠷⠥⠤⠥⠤⠤⠇
+     ⠷⠥⠤⠥×⠤⠇
     """)
 
 
