@@ -35,7 +35,7 @@ STEPS: Final = (
     Step("own goal", ("TUTORIAL 2 of 8", "press g, type 1 1", "g Goal"), ("g", "1 1", "Enter")),
     Step("driving", ("goal 1 1: ok", "h Hold", "x Abort"), ()),
     Step("cursor", ("TUTORIAL 3 of 8", "G shows a cursor", "goal REACHED"), ("G",)),
-    Step("first waypoint", ("enter Go", "w Waypoint", "esc Close"), (*["Up"] * 4, "w")),
+    Step("first waypoint", ("enter Go", "w Waypoint", "Move"), (*["Up"] * 4, "w")),
     Step("second waypoint", ("waypoint 1:", "W Send 1 waypoint"), (*["Right"] * 4, "w")),
     Step("send", ("TUTORIAL 4 of 8", "press W", "W Send 2 waypoints"), ("W",)),
     Step("start", ("TUTORIAL 5 of 8", "W Start mission"), ("W",)),

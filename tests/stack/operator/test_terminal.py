@@ -114,7 +114,7 @@ def test_a_goal_by_the_cursor_a_navigator_an_estop_and_a_mission_by_keys_alone(
 def drive_to_the_cursor(tmux: Tmux) -> None:
     """Eight steps of the cursor, which are 1.6 m, and Enter."""
     tmux.press("G")
-    tmux.press(*"llllllll")
+    tmux.press(*["Right"] * 8)
     tmux.shows("goal 2.2 2:")
     tmux.press("Enter")
     tmux.shows("GUIDED", " ARMED")
@@ -146,9 +146,9 @@ def stop_at_once(tmux: Tmux, witness: Witness) -> None:
 def fly(tmux: Tmux) -> None:
     """Upload two waypoints from the cursor, arm, and start the mission."""
     tmux.press("G")
-    tmux.press("l", "l", "w")
+    tmux.press("Right", "Right", "w")
     tmux.shows("waypoint 1")
-    tmux.press("k", "k", "w")
+    tmux.press("Up", "Up", "w")
     tmux.shows("waypoint 2")
     tmux.press("Escape")
     tmux.shows("r1:")
@@ -174,7 +174,7 @@ def test_a_poor_terminal_shows_it_too(
         else:
             assert screen.isascii()
         tmux.press("4")
-        tmux.shows("Severity")
+        tmux.shows("f Follow")
         tmux.press("C-q")
         assert tmux.ends() == 0
 
@@ -239,7 +239,7 @@ def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
         tmux.press("F12")
         tmux.shows("E-STOP acknowledged", within_s=10.0)
         tmux.press("4")
-        screen = tmux.shows("Severity", "E-STOP acknowledged")
+        screen = tmux.shows("f Follow", "E-STOP acknowledged")
         for word in ("arm", "rtl", "press D", "clear-estop"):
             assert f"ground {word}" not in screen
 

@@ -88,6 +88,7 @@ def test_first_drive_at_real_time_equals_the_trial(world: str) -> None:
             assert drive.ends(30.0) == 1, drive.said
             results.append(json.loads(drive.said.splitlines()[-1]))
     in_real_time, in_one_process = results
-    assert in_real_time["wall_s"] >= 2.9
+    # Its clock begins when the plant's answer to the start has arrived, late on a busy machine.
+    assert in_real_time["wall_s"] >= 2.0
     assert (in_real_time["ticks"], in_one_process["ticks"]) == (60, 60)
     assert in_real_time["digest"] == in_one_process["digest"]
