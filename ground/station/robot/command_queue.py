@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import Final, NamedTuple
 
 from ground.client.link import run_exchange
@@ -55,7 +56,7 @@ class Waiting(NamedTuple):
     """A request that waits for its turn; `begin` starts it."""
 
     words: str
-    begin: Callable[[], None]
+    begin: Callable[[], bool]
 
 
 class CommandQueue:
@@ -91,32 +92,31 @@ class CommandQueue:
 
         One that moves the robot has a `refusal`: why it is rejected now, empty if it is not.
         """
-
-        def begin() -> None:
-            if refusal is not None and (why := refusal()):
-                self._note(f"refused: {words}: {why}", Severity.WARNING)
-            elif refusal is not None and not holding.ours:
-                self._ask_lease(
-                    Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
-                )
-            elif refusal is not None and not holding.settled(self._clock.now_ns()):
-                self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
-            else:
-                self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
-
-        return self._in_turn(Waiting(words, begin))
+        if self._pending is not None:
+            again = partial(self.submit, words, robot, holding, job, refusal)
+            return self._let_wait(Waiting(words, again), self._pending)
+        if refusal is not None and (why := refusal()):
+            self._note(f"refused: {words}: {why}", Severity.WARNING)
+        elif refusal is not None and not holding.ours:
+            self._ask_lease(
+                Pending(words, robot, holding, job, CommandStage.TAKING), LeaseAction.TAKE
+            )
+        elif refusal is not None and not holding.settled(self._clock.now_ns()):
+            self._pending = Pending(words, robot, holding, job, CommandStage.SETTLING)
+        else:
+            self._run(Pending(words, robot, holding, job, CommandStage.RUNNING), job)
+        return True
 
     def lease(self, robot: str, holding: LeaseHolding, action: LeaseAction) -> bool:
         """Acquire or release the lease in its turn; a release then stops the heartbeat at once."""
         words = f"lease {action.name.lower()}"
-
-        def begin() -> None:
-            if action is LeaseAction.RELEASE:
-                holding.release(self._clock.now_ns())
-            pending = Pending(words, robot, holding, None, CommandStage.LEASE, action)
-            self._ask_lease(pending, action)
-
-        return self._in_turn(Waiting(words, begin))
+        if self._pending is not None:
+            again = partial(self.lease, robot, holding, action)
+            return self._let_wait(Waiting(words, again), self._pending)
+        if action is LeaseAction.RELEASE:
+            holding.release(self._clock.now_ns())
+        self._ask_lease(Pending(words, robot, holding, None, CommandStage.LEASE, action), action)
+        return True
 
     def cancel(self, why: str) -> None:
         """Drop the requests that have not been sent yet; an answer that is due is awaited."""
@@ -159,16 +159,13 @@ class CommandQueue:
         self._pending = None
         self._finish(pending, outcome, now_ns)
 
-    def _in_turn(self, request: Waiting) -> bool:
-        """Begin a request, or let it wait; return False with a note in the log if too many wait."""
-        if self._pending is None:
-            request.begin()
-        elif len(self._waiting) < MAX_WAITING:
-            self._waiting.append(request)
-        else:
-            words = f"not sent: {request.words}: `{self._pending.words}` is under way"
+    def _let_wait(self, request: Waiting, pending: Pending) -> bool:
+        """Let a request wait; return False with a note in the log if too many wait."""
+        if len(self._waiting) == MAX_WAITING:
+            words = f"not sent: {request.words}: `{pending.words}` is under way"
             self._note(words, Severity.WARNING)
             return False
+        self._waiting.append(request)
         return True
 
     def _ask_lease(self, pending: Pending, action: LeaseAction) -> None:
