@@ -218,6 +218,13 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.router",
             run="run",
         ),
+        "gateway": Verb(
+            RUN,
+            "present the robot to MAVLink ground stations",
+            "run gateway udpin:127.0.0.1:14550",
+            "ground.cli.run.gateway",
+            act="act",
+        ),
         "berth": Verb(
             RUN,
             "run a verb in a container: robot, start and network",

@@ -1,0 +1,133 @@
+"""The port to one robot over the bus: mailboxes for telemetry, threads for requests."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from typing import Any, Final
+
+from ground.client.emergency_stop import EmergencyStop
+from ground.client.link import ALIVE, Link
+from ground.client.operations import Operation, Session, Stopped
+from ground.client.operations.commands import STOP_S
+from ground.client.operations.leases import ask_lease
+from ground.client.operations.teleop import TeleopSender
+from ground.client.results import Outcome
+from ground.client.telemetry import Telemetry
+from ground.gateway.port import Answered, Done, Snapshot
+from protocol.bus.publisher import Publisher
+from protocol.topics import (
+    CYCLE,
+    LEASE,
+    MISSION,
+    ODOMETRY,
+    OPERATOR,
+    SONAR,
+    STATUS,
+    STOP,
+    TEXT,
+    WHEELS,
+)
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import Heartbeat
+from runtime.errors import LocalError, RemoteError
+from runtime.units import NS_PER_S
+
+READY_S: Final = 0.5
+TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, CYCLE)
+Ended = tuple[Done, Answered]
+
+
+class BusPort:
+    """One robot on the bus. `wake` is called from other threads when a request has ended."""
+
+    def __init__(self, link: Link, wake: Callable[[], None]) -> None:
+        self.name = link.robot
+        self.identity = link.bus.operator or ""
+        self._link = link
+        self._wake = wake
+        self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
+        self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
+        self._stops = link.bus.publisher(STOP, link.robot)
+        self._stick = TeleopSender(link)
+        self._ended: SimpleQueue[Ended] = SimpleQueue()
+        self.texts: SimpleQueue[bytes] = SimpleQueue()
+        self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
+        self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
+        link.bus.stream(TEXT, lambda _key, frame, _at_ns: self.texts.put(frame), link.robot)
+        link.bus.announce(link.robot)
+        link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return the newest telemetry."""
+        fresh = self._telemetry.fresh
+        return Snapshot(
+            now_ns,
+            status=fresh(STATUS, now_ns),
+            odometry=fresh(ODOMETRY, now_ns),
+            scan=fresh(SONAR, now_ns),
+            wheels=fresh(WHEELS, now_ns),
+            lease=fresh(LEASE, now_ns),
+            mission=fresh(MISSION, now_ns),
+            cycle=fresh(CYCLE, now_ns),
+        )
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Carry out an operation; operations of one robot run in their order."""
+        self._submit(self._requests, lambda: operation.perform(self._session()), done)
+
+    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+        """Take, seize or release the lease."""
+
+        def ask() -> Outcome:
+            session = self._session()
+            return session.with_holder(ask_lease(session.link, action, name))
+
+        self._submit(self._requests, ask, done)
+
+    def stop(self, done: Done) -> None:
+        """Send the emergency stop at once, and repeat it in a thread of its own."""
+        stop = EmergencyStop(
+            self._link.bus,
+            self._stops,
+            self.name,
+            self._link.clock,
+            lambda: self._telemetry.latest(STATUS),
+        )
+        stop.press()
+        give_up_ns = round(STOP_S * NS_PER_S)
+        self._submit(
+            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), done
+        )
+
+    def heartbeat(self) -> None:
+        """Send one operator's heartbeat."""
+        self._heartbeats.put(ALIVE)
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send speeds for MANUAL once."""
+        self._stick.drive(speed_m_s, yaw_rate_rad_s)
+
+    def deliver(self) -> None:
+        """Call `done` of every request that has ended since the last call."""
+        while not self._ended.empty():
+            done, answer = self._ended.get()
+            done(answer)
+
+    def close(self) -> None:
+        """Wait for the requests that run."""
+        self._stopping.shutdown()
+        self._requests.shutdown(cancel_futures=True)
+
+    def _session(self) -> Session:
+        return Session(Link(self._link.bus, self._link.common, self._link.clock), attended=True)
+
+    def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
+        def run() -> None:
+            try:
+                answer = Answered(job())
+            except (LocalError, RemoteError) as error:
+                answer = Answered(None, str(error))
+            self._ended.put((done, answer))
+            self._wake()
+
+        pool.submit(run)

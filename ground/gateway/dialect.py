@@ -1,0 +1,97 @@
+"""The MAVLink dialect of the gateway: pymavlink's ardupilotmega, and standard messages it lacks.
+
+pymavlink 2.4.50 has COMPONENT_METADATA and CONTROL_STATUS in no dialect, and AVAILABLE_MODES and
+CURRENT_MODE only in `development`. Their layouts here are those of mavlink/mavlink of July 2026.
+"""
+
+from struct import Struct
+from typing import Any, Final, TypeAlias
+
+from fastcrc.crc16 import mcrf4xx
+from pymavlink.dialects.v20 import ardupilotmega
+
+mavlink: Final[Any] = ardupilotmega
+MavMessage: TypeAlias = Any
+"""A message of pymavlink, which carries no types."""
+
+REQUEST_OPERATOR_CONTROL: Final = 32100
+RESULT_NOT_IN_CONTROL: Final = 10
+CONTROL_SYSTEM_MANAGER: Final = 1
+CONTROL_TAKEOVER_ALLOWED: Final = 2
+
+CODES: Final = {"char": "s", "uint8_t": "B", "uint32_t": "I"}
+"""Struct code of each type in use; in the order of their sizes on the wire, reversed."""
+
+
+def _defined(number: int, name: str, *fields: tuple[str, str, int]) -> Any:
+    """Return a message class like those that mavgen writes, and register it for decoding.
+
+    A field is its type, its name, and its length, which is 0 for a scalar. On the wire the fields
+    are sorted by the size of their elements, largest first.
+    """
+    ordered = sorted(fields, key=lambda field: -Struct(CODES[field[0]]).size)
+    layout = bytearray(f"{name} ".encode())
+    for kind, field_name, length in ordered:
+        layout += f"{kind} {field_name} ".encode() + (bytes([length]) if length else b"")
+    checksum = mcrf4xx(bytes(layout))
+    names = [field_name for _, field_name, _ in fields]
+
+    def construct(self: Any, *values: object, **named: object) -> None:
+        mavlink.MAVLink_message.__init__(self, number, name)
+        self._fieldnames = names
+        given = dict(zip(names, values, strict=False)) | named
+        for field_name in names:
+            setattr(self, field_name, given[field_name])
+
+    def pack(self: Any, mav: Any, force_mavlink1: bool = False) -> bytes:
+        flat: list[object] = []
+        for kind, field_name, length in ordered:
+            value = getattr(self, field_name)
+            flat.extend(value) if length and kind != "char" else flat.append(value)
+        payload = self.unpacker.pack(*flat)
+        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return packed
+
+    def text_length(kind: str, length: int) -> int:
+        return 1 if kind == "char" or not length else length
+
+    ordered_names = [field_name for _, field_name, _ in ordered]
+    codes = (f"{length or ''}{CODES[kind]}" for kind, _, length in ordered)
+    unpacker = Struct("<" + "".join(codes))
+    facts = {
+        "id": number,
+        "msgname": name,
+        "fieldnames": names,
+        "ordered_fieldnames": ordered_names,
+        "fieldtypes": [kind for kind, _, _ in fields],
+        "native_format": bytearray(b"<" + "".join(CODES[kind] for kind, _, _ in ordered).encode()),
+        "orders": [ordered_names.index(field_name) for field_name in names],
+        "lengths": [text_length(kind, length) for kind, _, length in ordered],
+        "array_lengths": [length for _, _, length in ordered],
+        "crc_extra": checksum & 0xFF ^ checksum >> 8,
+        "unpacker": unpacker,
+        "__init__": construct,
+        "pack": pack,
+    }
+    defined = type(f"MAVLink_{name.lower()}_message", (mavlink.MAVLink_message,), facts)
+    mavlink.mavlink_map[number] = defined
+    return defined
+
+
+ComponentMetadata: Final = _defined(
+    397, "COMPONENT_METADATA", ("uint32_t", "time_boot_ms", 0), ("uint32_t", "file_crc", 0),
+    ("char", "uri", 100),
+)  # fmt: skip
+AvailableModes: Final = _defined(
+    435, "AVAILABLE_MODES", ("uint8_t", "number_modes", 0), ("uint8_t", "mode_index", 0),
+    ("uint8_t", "standard_mode", 0), ("uint32_t", "custom_mode", 0), ("uint32_t", "properties", 0),
+    ("char", "mode_name", 35),
+)  # fmt: skip
+CurrentMode: Final = _defined(
+    436, "CURRENT_MODE", ("uint8_t", "standard_mode", 0), ("uint32_t", "custom_mode", 0),
+    ("uint32_t", "intended_custom_mode", 0),
+)  # fmt: skip
+ControlStatus: Final = _defined(
+    512, "CONTROL_STATUS", ("uint8_t", "flags", 0), ("uint8_t", "gcs_main", 0),
+    ("uint8_t", "gcs_secondary", 10),
+)  # fmt: skip

@@ -1,0 +1,139 @@
+"""The process: wait for clients and the bus, hand messages to vehicles, send what they answer."""
+
+import os
+import selectors
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Final
+
+from ground.gateway.bus_port import BusPort
+from ground.gateway.client_link import GONE_NS, ClientLink
+from ground.gateway.endpoints.endpoint import Endpoint
+from ground.gateway.endpoints.udp import UdpEndpoint
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Face
+from runtime.clock import Clock
+from runtime.units import NS_PER_MS, NS_PER_S
+
+ROUND_NS: Final = 20 * NS_PER_MS
+
+
+class WakeUp:
+    """Ends the wait of the gateway's thread from another thread."""
+
+    def __init__(self) -> None:
+        self.reader, self._writer = os.pipe()
+        os.set_blocking(self.reader, False)
+        os.set_blocking(self._writer, False)
+
+    def wake(self) -> None:
+        """End the present or the next wait."""
+        with suppress(BlockingIOError):
+            os.write(self._writer, b"x")
+
+    def clear(self) -> None:
+        """Forget all calls of `wake`."""
+        with suppress(BlockingIOError):
+            while os.read(self.reader, 4096):
+                pass
+
+    def close(self) -> None:
+        """Close the pipe."""
+        os.close(self.reader)
+        os.close(self._writer)
+
+
+class Gateway:
+    """The clients of all endpoints, and the vehicles that they see."""
+
+    def __init__(
+        self,
+        endpoints: Sequence[Endpoint],
+        faces: Sequence[Face],
+        ports: Sequence[BusPort],
+        clock: Clock,
+        wake_up: WakeUp,
+    ) -> None:
+        self.clients: dict[tuple[Endpoint, str], ClientLink] = {}
+        self._endpoints = tuple(endpoints)
+        self._faces = tuple(faces)
+        self._ports = tuple(ports)
+        self._clock = clock
+        self._wake_up = wake_up
+        self._numbers = 0
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(wake_up.reader, selectors.EVENT_READ)
+        for endpoint in self._endpoints:
+            for descriptor in endpoint.filenos():
+                self._selector.register(descriptor, selectors.EVENT_READ, endpoint)
+            if isinstance(endpoint, UdpEndpoint) and endpoint.fixed_peer is not None:
+                self._client(endpoint, endpoint.fixed_peer, is_loopback=False)
+
+    def run(self) -> None:
+        """Serve until an exception, such as a signal, ends it."""
+        due_ns = self._clock.now_ns()
+        while True:
+            due_ns = self.round(due_ns)
+
+    def round(self, due_ns: int) -> int:
+        """Wait for traffic until `due_ns`, process it; return when the next round is due."""
+        wait_s = max(0.0, (due_ns - self._clock.now_ns()) / NS_PER_S)
+        ready = self._selector.select(wait_s)
+        now_ns = self._clock.now_ns()
+        for key, _ in ready:
+            if key.data is None:
+                self._wake_up.clear()
+            else:
+                self._receive(key.data, now_ns)
+        for port in self._ports:
+            port.deliver()
+        if now_ns >= due_ns:
+            self._forget_silent(now_ns)
+            for face in self._faces:
+                face.due(now_ns)
+            due_ns = max(due_ns + ROUND_NS, now_ns)
+        self._flush()
+        return due_ns
+
+    def close(self) -> None:
+        """Close all endpoints."""
+        for endpoint in self._endpoints:
+            endpoint.close()
+        self._selector.close()
+
+    def _receive(self, endpoint: Endpoint, now_ns: int) -> None:
+        for peer, data, is_loopback in endpoint.receive():
+            client = self._client(endpoint, peer, is_loopback=is_loopback)
+            for message in client.decode(data, now_ns):
+                sender = Sender(
+                    client.number,
+                    message.get_srcSystem(),
+                    message.get_srcComponent(),
+                    is_loopback=is_loopback,
+                )
+                for face in self._faces:
+                    face.receive(message, sender, now_ns)
+
+    def _client(self, endpoint: Endpoint, peer: str, *, is_loopback: bool) -> ClientLink:
+        found = self.clients.get((endpoint, peer))
+        if found is None:
+            self._numbers += 1
+            now_ns = self._clock.now_ns()
+            found = ClientLink(self._numbers, peer, now_ns, is_loopback=is_loopback)
+            self.clients[endpoint, peer] = found
+        return found
+
+    def _forget_silent(self, now_ns: int) -> None:
+        for (endpoint, peer), client in list(self.clients.items()):
+            is_fixed = isinstance(endpoint, UdpEndpoint) and endpoint.fixed_peer == peer
+            if now_ns - client.heard_ns >= GONE_NS and not is_fixed:
+                del self.clients[endpoint, peer]
+                for face in self._faces:
+                    face.forget(client.number)
+
+    def _flush(self) -> None:
+        for face in self._faces:
+            for message, number in face.vehicle.outbox.take():
+                for (endpoint, peer), client in self.clients.items():
+                    if number is None or number == client.number:
+                        endpoint.send(peer, client.encode(face.vehicle.system, message))

@@ -1,0 +1,88 @@
+"""What the protocols need of one robot: its newest telemetry, requests, and the lease."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from ground.client.operations import Operation
+from ground.client.results import Outcome
+from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import (
+    CycleReport,
+    LeaseStatus,
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    WheelTicks,
+)
+
+
+class Snapshot(NamedTuple):
+    """The newest telemetry of a robot. A message that is stale or has never arrived is None."""
+
+    now_ns: int
+    status: NavigatorStatus | None = None
+    odometry: PlanarOdometry | None = None
+    scan: SonarScan | None = None
+    wheels: WheelTicks | None = None
+    lease: LeaseStatus | None = None
+    mission: MissionStatus | None = None
+    cycle: CycleReport | None = None
+
+    @property
+    def is_live(self) -> bool:
+        """True if the robot's status is arriving."""
+        return self.status is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """The end of a request: its outcome, or None with the error if the robot did not answer."""
+
+    outcome: Outcome | None
+    error: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """True if the robot accepted."""
+        return self.outcome is not None and self.outcome.ok
+
+    @property
+    def text(self) -> str:
+        """The outcome or the error, for a person."""
+        return self.error if self.outcome is None else self.outcome.text
+
+
+Done = Callable[[Answered], None]
+"""Called once in the gateway's thread, at a later round."""
+
+
+class RobotPort(Protocol):
+    """One robot. No call blocks: what must wait is done by other threads."""
+
+    @property
+    def name(self) -> str:
+        """The robot's name on the bus."""
+
+    @property
+    def identity(self) -> str:
+        """The gateway's operator identity, as the holder in a lease status."""
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return the newest telemetry."""
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Carry out an operation; operations of one robot run in their order."""
+
+    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+        """Take, seize or release the lease."""
+
+    def stop(self, done: Done) -> None:
+        """Send the emergency stop at once, ahead of everything, and repeat it until it is shown."""
+
+    def heartbeat(self) -> None:
+        """Send one operator's heartbeat."""
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Send speeds for MANUAL once; they expire after 250 ms."""

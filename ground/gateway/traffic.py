@@ -1,0 +1,78 @@
+"""What every protocol of the gateway uses: the sender of a message, and the outbox for answers."""
+
+from collections.abc import Collection
+from typing import Final, NamedTuple, Protocol
+
+from ground.gateway.dialect import MavMessage, mavlink
+from protocol.wire.enums import Severity
+from protocol.wire.statustext import pieces_of
+
+COMPONENT: Final = mavlink.MAV_COMP_ID_AUTOPILOT1
+EVERYONE: Final = None
+
+
+class Sender(NamedTuple):
+    """Where a message came from.
+
+    `client` numbers the peers of all endpoints, and is never reused. `may_command` is False for a
+    peer that the signing policy of its endpoint lets only watch.
+    """
+
+    client: int
+    system: int
+    component: int
+    may_command: bool = True
+    is_signed: bool = False
+    is_loopback: bool = True
+
+
+class Send(NamedTuple):
+    """A message to send to one client, or to all of them if `client` is None."""
+
+    message: MavMessage
+    client: int | None
+
+
+class Outbox:
+    """The messages of one vehicle that have not been sent."""
+
+    def __init__(self) -> None:
+        self._sends: list[Send] = []
+        self._texts = 0
+
+    def send(self, message: MavMessage, client: int | None = EVERYONE) -> None:
+        """Add a message."""
+        self._sends.append(Send(message, client))
+
+    def text(self, severity: Severity, words: str, client: int | None = EVERYONE) -> None:
+        """Add a STATUSTEXT, in several pieces if it is longer than 50 bytes."""
+        self._texts = self._texts % 0xFFFF + 1
+        for piece in pieces_of(words, self._texts, severity):
+            self.send(
+                mavlink.MAVLink_statustext_message(
+                    severity, piece.text.encode(), piece.id, piece.chunk_seq
+                ),
+                client,
+            )
+
+    def take(self) -> list[Send]:
+        """Return all messages in their order, and forget them."""
+        taken, self._sends = self._sends, []
+        return taken
+
+
+class MavService(Protocol):
+    """One MAVLink protocol of one vehicle, without I/O. Answers go into the vehicle's outbox."""
+
+    @property
+    def handles(self) -> Collection[int]:
+        """The ids of the messages that `receive` takes."""
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Process a message for this vehicle."""
+
+    def due(self, now_ns: int) -> None:
+        """Do what is due: streams, retries, time-outs. Called about every 20 ms."""
+
+    def forget(self, client: int) -> None:
+        """Drop the state kept for a client that has gone."""

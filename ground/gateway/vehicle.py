@@ -1,0 +1,77 @@
+"""One robot as a MAVLink system: what its protocols share, and the dispatch of messages to them."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from ground.client.operations import Operation
+from ground.gateway.control import OperatorControl
+from ground.gateway.dialect import MavMessage
+from ground.gateway.port import Done, RobotPort, Snapshot
+from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
+from ground.missions.mission import Home
+from runtime.units import NS_PER_MS
+
+ANY: Final = 0
+"""The target that addresses every system, or every component."""
+
+
+class Vehicle:
+    """The state that the protocols of one robot share; `snapshot` is that of the present round.
+
+    `origin` is the place on the globe of the robot's (0, 0).
+    """
+
+    def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
+        self.system = system
+        self.port = port
+        self.origin = origin
+        self.outbox = Outbox()
+        self.control = OperatorControl(port, self.outbox)
+        self.snapshot = Snapshot(now_ns)
+        self._started_ns = now_ns
+
+    def boot_ms(self, now_ns: int) -> int:
+        """Return the time since the start of the gateway, as in the fields `time_boot_ms`."""
+        return (now_ns - self._started_ns) // NS_PER_MS & 0xFFFFFFFF
+
+    def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
+        """Carry out an operation for a client if it is in control, or gets control now."""
+        self.control.perform(sender, operation, done)
+
+
+class Face:
+    """The protocols of one vehicle."""
+
+    def __init__(self, vehicle: Vehicle, services: Sequence[MavService]) -> None:
+        self.vehicle = vehicle
+        self._services = tuple(services)
+        self._by_id: dict[int, list[MavService]] = {}
+        for service in self._services:
+            for number in service.handles:
+                self._by_id.setdefault(number, []).append(service)
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Process a message unless it is for another system or component."""
+        if not self._is_target(message):
+            return
+        self.vehicle.control.heard(sender, now_ns)
+        for service in self._by_id.get(message.get_msgId(), ()):
+            service.receive(message, sender, now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Take a new snapshot and do what is due."""
+        self.vehicle.snapshot = self.vehicle.port.snapshot(now_ns)
+        self.vehicle.control.due(self.vehicle.snapshot, now_ns)
+        for service in self._services:
+            service.due(now_ns)
+
+    def forget(self, client: int) -> None:
+        """Drop the state kept for a client that has gone."""
+        self.vehicle.control.forget(client)
+        for service in self._services:
+            service.forget(client)
+
+    def _is_target(self, message: MavMessage) -> bool:
+        system = getattr(message, "target_system", ANY)
+        component = getattr(message, "target_component", ANY)
+        return system in (ANY, self.vehicle.system) and component in (ANY, COMPONENT)

@@ -1,0 +1,1 @@
+"""A vehicle of the gateway on a robot that tests play."""

@@ -1,0 +1,38 @@
+import pytest
+from pymavlink.dialects.v20 import development
+
+from ground.gateway.dialect import (
+    AvailableModes,
+    ComponentMetadata,
+    ControlStatus,
+    CurrentMode,
+    MavMessage,
+    mavlink,
+)
+
+MESSAGES = [
+    ComponentMetadata(time_boot_ms=7, file_crc=0xDEADBEEF, uri=b"mftp:///general.json.xz"),
+    AvailableModes(3, 1, 4, 15, 2, b"GUIDED"),
+    CurrentMode(0, 10, 10),
+    ControlStatus(3, 255, [1, 2, 0, 0, 0, 0, 0, 0, 0, 9]),
+]
+
+
+class Sink:
+    def write(self, data: bytes) -> None:
+        """Ignore the bytes."""
+
+
+@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: str(message.get_type()))
+def test_own_messages_survive_encoding_and_decoding(message: MavMessage) -> None:
+    encoder = mavlink.MAVLink(Sink(), 1, 1)
+    (found,) = encoder.parse_buffer(message.pack(encoder))
+    assert found.to_dict() == message.to_dict()
+
+
+@pytest.mark.parametrize("message", MESSAGES[1:3], ids=lambda message: str(message.get_type()))
+def test_own_layouts_are_those_of_the_development_dialect(message: MavMessage) -> None:
+    theirs = development.mavlink_map[message.id]
+    for fact in ("crc_extra", "ordered_fieldnames", "orders", "lengths", "array_lengths"):
+        assert getattr(message, fact) == getattr(theirs, fact)
+    assert message.unpacker.format == theirs.unpacker.format
