@@ -18,6 +18,8 @@ MODES: Final = MappingProxyType(
     }
 )
 """The number of each of the robot's modes; they are the same numbers."""
+SATELLITES: Final = 10
+"""A number of satellites that clients take for a good fix; there is no receiver."""
 EMERGENCIES: Final = MappingProxyType(
     {
         Vehicle.BOOT: mavlink.MAV_STATE_BOOT,

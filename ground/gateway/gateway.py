@@ -121,6 +121,8 @@ class Gateway:
             now_ns = self._clock.now_ns()
             found = ClientLink(self._numbers, peer, now_ns, is_loopback=is_loopback)
             self.clients[endpoint, peer] = found
+            for face in self._faces:
+                face.join(found.number)
         return found
 
     def _forget_silent(self, now_ns: int) -> None:

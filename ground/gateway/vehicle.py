@@ -4,12 +4,13 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from ground.client.operations import Operation
+from ground.gateway.catalogue import Catalogue
 from ground.gateway.control import OperatorControl
 from ground.gateway.dialect import MavMessage
 from ground.gateway.port import Done, RobotPort, Snapshot
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_US
 
 ANY: Final = 0
 """The target that addresses every system, or every component."""
@@ -18,21 +19,39 @@ ANY: Final = 0
 class Vehicle:
     """The state that the protocols of one robot share; `snapshot` is that of the present round.
 
-    `origin` is the place on the globe of the robot's (0, 0).
+    `origin` is the place on the globe of the robot's (0, 0), `origin_altitude_m` its height above
+    the sea, and `home` the local x and y of the home position. `clients` holds what the line of
+    each client carries in bytes per second, None if that is no limit. `parameters` are the robot's
+    values by their names, as far as they are known. `unix_offset_ns` is the time of day minus the
+    time of this process; None without a clock.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
         self.system = system
         self.port = port
         self.origin = origin
+        self.origin_altitude_m = 0.0
+        self.home = (0.0, 0.0)
+        self.clients: dict[int, int | None] = {}
+        self.parameters: dict[str, float] = {}
+        self.unix_offset_ns: int | None = None
+        self.catalogue = Catalogue()
         self.outbox = Outbox()
         self.control = OperatorControl(port, self.outbox)
         self.snapshot = Snapshot(now_ns)
         self._started_ns = now_ns
 
+    def boot_ns(self, now_ns: int) -> int:
+        """Return the time since the start of the gateway, the time of all messages."""
+        return now_ns - self._started_ns
+
+    def boot_us(self, now_ns: int) -> int:
+        """Return that time as in the fields `time_usec`."""
+        return self.boot_ns(now_ns) // NS_PER_US
+
     def boot_ms(self, now_ns: int) -> int:
-        """Return the time since the start of the gateway, as in the fields `time_boot_ms`."""
-        return (now_ns - self._started_ns) // NS_PER_MS & 0xFFFFFFFF
+        """Return that time as in the fields `time_boot_ms`."""
+        return self.boot_ns(now_ns) // NS_PER_MS & 0xFFFFFFFF
 
     def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
         """Carry out an operation for a client if it is in control, or gets control now."""
@@ -65,8 +84,13 @@ class Face:
         for service in self._services:
             service.due(now_ns)
 
+    def join(self, client: int, line_bytes_s: int | None = None) -> None:
+        """Begin to send streams to a client, at most so many bytes per second."""
+        self.vehicle.clients[client] = line_bytes_s
+
     def forget(self, client: int) -> None:
         """Drop the state kept for a client that has gone."""
+        self.vehicle.clients.pop(client, None)
         self.vehicle.control.forget(client)
         for service in self._services:
             service.forget(client)

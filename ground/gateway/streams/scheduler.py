@@ -1,0 +1,79 @@
+"""Sends the streams: default rates, SET_MESSAGE_INTERVAL and REQUEST_DATA_STREAM of each client."""
+
+from typing import Final
+
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.streams.client_streams import ClientStreams
+from ground.gateway.streams.table import STREAMS
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from runtime.units import NS_PER_S, NS_PER_US
+
+NOT_SENT_US: Final = -1
+MAX_INTERVAL_US: Final = 0x7FFF_FFFF
+
+
+class StreamScheduler:
+    """Sends each client what is due to it."""
+
+    handles = (mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,)
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._clients: dict[int, ClientStreams] = {}
+        for stream in STREAMS:
+            vehicle.catalogue.add(stream.source(vehicle))
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Set the rate of a group of messages, or of all groups."""
+        rate_hz = message.req_message_rate if message.start_stop == 1 else 0
+        every = message.req_stream_id == mavlink.MAV_DATA_STREAM_ALL
+        streams = self._streams(sender.client, now_ns)
+        if streams is not None:
+            streams.set_group(None if every else message.req_stream_id, rate_hz, now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Send what is due."""
+        vehicle = self._vehicle
+        for client in vehicle.clients:
+            streams = self._streams(client, now_ns)
+            for number in () if streams is None else streams.take(now_ns):
+                for message in vehicle.catalogue.build(number, now_ns):
+                    vehicle.outbox.send(message, client)
+
+    def forget(self, client: int) -> None:
+        """Drop the rates of a client that has gone."""
+        self._clients.pop(client, None)
+
+    def set_interval(self, client: int, number: int, interval_us: int, now_ns: int) -> bool:
+        """Set the interval of a message: -1 ends it, 0 is the default. False if it is unknown."""
+        streams = self._streams(client, now_ns)
+        if streams is None or self._vehicle.catalogue.find(number) is None:
+            return False
+        if interval_us == 0:
+            streams.reset(number, now_ns)
+        else:
+            rate_hz = 0.0 if interval_us < 0 else NS_PER_S / NS_PER_US / interval_us
+            streams.set(number, rate_hz, now_ns)
+        return True
+
+    def interval_us(self, client: int, number: int, now_ns: int) -> int:
+        """Return the interval of a message: -1 if it is not sent, 0 if it is unknown."""
+        streams = self._streams(client, now_ns)
+        if streams is None or self._vehicle.catalogue.find(number) is None:
+            return 0
+        period_us = streams.period_ns(number) // NS_PER_US
+        return min(period_us, MAX_INTERVAL_US) if period_us else NOT_SENT_US
+
+    def hurry(self, number: int, now_ns: int) -> None:
+        """Send a message at once to all clients that get it."""
+        for streams in self._clients.values():
+            streams.hurry(number, now_ns)
+
+    def _streams(self, client: int, now_ns: int) -> ClientStreams | None:
+        found = self._clients.get(client)
+        if found is None and client in self._vehicle.clients:
+            line_bytes_s = self._vehicle.clients[client]
+            found = ClientStreams(self._vehicle.catalogue, line_bytes_s, now_ns)
+            self._clients[client] = found
+        return found

@@ -1,0 +1,82 @@
+"""Conversions between the robot's frame and MAVLink's, in both directions."""
+
+from math import atan2, cos, nan, pi, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ground.gateway.frames import globe, ned
+from ground.missions.mission import Home
+from tests.support.gateway.fake_port import ORIGIN
+from tests.support.gateway.telemetry import odometry
+from tests.support.ground.missions.made_up import homes
+
+angles = st.floats(-50.0, 50.0)
+kilometre = st.floats(-1000.0, 1000.0)
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "yaw_rad"), [(0.0, pi / 2), (pi / 2, 0.0), (pi, -pi / 2), (-pi / 2, pi)]
+)
+def test_yaw_counts_clockwise_from_north(heading_rad: float, yaw_rad: float) -> None:
+    assert ned.yaw_of(heading_rad) == pytest.approx(yaw_rad)
+
+
+@given(angles)
+def test_yaw_is_within_half_a_turn(angle: float) -> None:
+    assert -pi < ned.yaw_of(angle) <= pi
+
+
+@given(angles)
+def test_heading_survives_the_way_to_yaw_and_back(angle: float) -> None:
+    back = ned.heading_of(ned.yaw_of(angle))
+    assert atan2(sin(back - angle), cos(back - angle)) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(angles)
+def test_yaw_survives_the_way_to_heading_and_back(angle: float) -> None:
+    back = ned.yaw_of(ned.heading_of(angle))
+    assert atan2(sin(back - angle), cos(back - angle)) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(angles, st.floats(-1.0, 1.0))
+def test_velocity_points_along_the_yaw(heading_rad: float, speed_m_s: float) -> None:
+    pose = ned.pose_of(odometry(heading_rad=heading_rad, speed_m_s=speed_m_s))
+    assert pose.north_m_s == pytest.approx(speed_m_s * cos(pose.yaw_rad), abs=1e-9)
+    assert pose.east_m_s == pytest.approx(speed_m_s * sin(pose.yaw_rad), abs=1e-9)
+
+
+@given(angles)
+def test_compass_angle_is_in_range(heading_rad: float) -> None:
+    pose = ned.pose_of(odometry(heading_rad=heading_rad))
+    assert 0 <= pose.yaw_cdeg < 36_000
+
+
+@given(homes, kilometre, kilometre)
+def test_place_survives_the_globe_to_a_centimetre(home: Home, x_m: float, y_m: float) -> None:
+    place = globe.place_at(home, x_m, y_m)
+    assert place is not None
+    assert globe.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
+
+
+@pytest.mark.parametrize("x_m", [nan, 1e9, -1e300])
+def test_there_is_no_place_beyond_the_missions(x_m: float) -> None:
+    assert globe.place_at(ORIGIN, x_m, 0.0) is None
+
+
+@pytest.mark.parametrize(
+    "place", [(0, 0), (851_000_000, 0), (-900_000_000, 5), (5, 1_800_000_001), (-(2**31), 2**31)]
+)
+def test_origin_lies_on_the_globe(place: tuple[int, int]) -> None:
+    assert globe.home_at(globe.Place(*place)) is None
+
+
+def test_origin_keeps_its_place() -> None:
+    found = globe.home_at(globe.Place(473_769_000, 85_417_000))
+    assert found == Home(latitude_deg=47.3769, longitude_deg=8.5417)
+
+
+def test_deviation_is_that_of_the_worst_direction() -> None:
+    skewed = odometry(cov_xx_m2=0.05, cov_xy_m2=0.04, cov_yy_m2=0.05)
+    assert ned.deviation_m(skewed) == pytest.approx(0.3)

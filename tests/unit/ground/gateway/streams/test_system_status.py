@@ -1,0 +1,90 @@
+"""Health bits, battery, estimator and clock."""
+
+from math import nan
+from typing import Any
+
+import pytest
+
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.streams import system_status
+from protocol.wire.enums import Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.gateway.fake_port import Bench
+from tests.support.gateway.telemetry import everything, odometry, scan, status
+
+NOW_NS = 20_000_000
+
+
+def built(build: object, **telemetry: Any) -> MavMessage:
+    bench = Bench()
+    bench.port.telemetry = everything() | telemetry
+    bench.after(0.02)
+    bench.vehicle.unix_offset_ns = 1_000_000_000_000
+    (message,) = build(bench.vehicle, NOW_NS)  # type: ignore[operator]
+    return message
+
+
+def missing(**telemetry: Any) -> int:
+    """Return the bits that are enabled and not healthy."""
+    message = built(system_status.sys_status, **telemetry)
+    assert message.onboard_control_sensors_present == message.onboard_control_sensors_enabled
+    enabled: int = message.onboard_control_sensors_enabled
+    return enabled & ~message.onboard_control_sensors_health
+
+
+def test_healthy_robot_has_every_bit() -> None:
+    assert missing() == 0
+    message = built(system_status.sys_status)
+    for bit in ("PREARM_CHECK", "GEOFENCE", "SENSOR_PROXIMITY", "SENSOR_3D_GYRO", "SENSOR_GPS"):
+        assert message.onboard_control_sensors_present & getattr(mavlink, f"MAV_SYS_STATUS_{bit}")
+    assert message.load == 50
+
+
+def test_battery_is_unknown_not_empty() -> None:
+    message = built(system_status.sys_status)
+    assert (message.voltage_battery, message.battery_remaining) == (65_535, -1)
+    battery = built(system_status.battery_status)
+    assert (battery.voltages[0], battery.battery_remaining) == (65_535, -1)
+    assert battery.temperature == 0x7FFF
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "bits"),
+    [
+        ({"scan": None}, system_status.SONARS | system_status.PREARM),
+        ({"scan": scan(valid=0x7F)}, system_status.SONARS),
+        ({"wheels": None}, system_status.PREARM),
+        ({"odometry": None}, system_status.MOTION | system_status.PLACE),
+        ({"odometry": odometry(cov_xx_m2=nan)}, system_status.PLACE),
+        ({"status": status(vehicle=Vehicle.EMERGENCY_STOP)}, system_status.PREARM),
+        (
+            {"status": status(vehicle=Vehicle.FAILSAFE, vehicle_reason=Reason.FENCE_BREACHED)},
+            system_status.FENCE,
+        ),
+        ({"status": status(vehicle_reason=Reason.WHEEL_STUCK)}, system_status.MOTORS),
+        (dict.fromkeys(everything()), system_status.EVERY),
+    ],
+)
+def test_each_fault_takes_its_bits(telemetry: dict[str, Any], bits: int) -> None:
+    assert missing(**telemetry) == bits
+
+
+def test_estimator_knows_its_place_and_how_well() -> None:
+    message = built(system_status.ekf_status)
+    assert message.flags & mavlink.EKF_POS_HORIZ_ABS
+    assert message.flags & mavlink.EKF_PRED_POS_HORIZ_ABS
+    assert not message.flags & mavlink.EKF_CONST_POS_MODE
+    assert message.pos_horiz_variance == pytest.approx(0.04)
+    assert message.compass_variance == 0.003
+
+
+def test_estimator_without_a_place_is_only_relative() -> None:
+    message = built(system_status.ekf_status, odometry=odometry(cov_xx_m2=nan))
+    assert not message.flags & mavlink.EKF_POS_HORIZ_ABS
+    assert message.flags & mavlink.EKF_POS_HORIZ_REL
+    assert built(system_status.ekf_status, odometry=None).flags == mavlink.EKF_UNINITIALIZED
+
+
+def test_system_time_is_the_time_of_day() -> None:
+    message = built(system_status.system_time)
+    assert (message.time_unix_usec, message.time_boot_ms) == (1_000_020_000, 20)
