@@ -61,7 +61,8 @@ def test_client_that_may_only_watch_commands_nothing() -> None:
     bench, answers = Bench(), list[Answered]()
     bench.vehicle.perform(CLIENT._replace(may_command=False), Hold(), answers.append)
     assert not answers[0].ok
-    assert bench.port.performed == bench.port.leases == []
+    assert not bench.port.performed
+    assert not bench.port.leases
 
 
 def test_heartbeat_to_the_robot_ends_with_the_client() -> None:

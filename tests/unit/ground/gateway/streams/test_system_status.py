@@ -29,7 +29,8 @@ def missing(**telemetry: Any) -> int:
     message = built(system_status.sys_status, **telemetry)
     assert message.onboard_control_sensors_present == message.onboard_control_sensors_enabled
     enabled: int = message.onboard_control_sensors_enabled
-    return enabled & ~message.onboard_control_sensors_health
+    healthy: int = message.onboard_control_sensors_health
+    return enabled & ~healthy
 
 
 def test_healthy_robot_has_every_bit() -> None:
