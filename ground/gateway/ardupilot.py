@@ -8,6 +8,7 @@ from ground.gateway.port import Snapshot
 from protocol.wire.enums import Mode, Vehicle
 
 INITIALISING: Final = mavlink.ROVER_MODE_INITIALIZING
+RTL: Final = mavlink.ROVER_MODE_RTL
 MODES: Final = MappingProxyType(
     {
         Mode.MANUAL: mavlink.ROVER_MODE_MANUAL,
@@ -20,6 +21,12 @@ MODES: Final = MappingProxyType(
 """The number of each of the robot's modes; they are the same numbers."""
 SATELLITES: Final = 10
 """A number of satellites that clients take for a good fix; there is no receiver."""
+MODES_BY_NUMBER: Final = MappingProxyType(
+    {number: mode for mode, number in MODES.items()} | {RTL: Mode.SMART_RTL}
+)
+"""The mode for each number that a client may choose. RTL follows the trail like SMART_RTL."""
+FORCE: Final = (2989, 21196)
+"""Values of parameter 2 of COMPONENT_ARM_DISARM that force it: of arming, and of disarming."""
 EMERGENCIES: Final = MappingProxyType(
     {
         Vehicle.BOOT: mavlink.MAV_STATE_BOOT,
@@ -49,12 +56,15 @@ class State(NamedTuple):
         )
 
 
-def state_of(snapshot: Snapshot) -> State:
-    """Return the state that clients see. A robot without telemetry is INITIALISING, not live."""
+def state_of(snapshot: Snapshot, number: int | None = None) -> State:
+    """Return the state that clients see. A robot without telemetry is INITIALISING, not live.
+
+    `number` is the mode that clients see, by default that of the robot.
+    """
     status = snapshot.status
     if status is None:
         return State(INITIALISING, False, mavlink.MAV_STATE_UNINIT)
     is_armed = status.vehicle == Vehicle.ACTIVE
     usual = mavlink.MAV_STATE_STANDBY if status.mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE
     system_status = EMERGENCIES.get(Vehicle(status.vehicle), usual)
-    return State(int(status.mode), is_armed, system_status)
+    return State(int(status.mode) if number is None else number, is_armed, system_status)

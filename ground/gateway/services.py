@@ -1,5 +1,9 @@
 """The protocols of a vehicle, in the order in which they get messages and time."""
 
+from ground.gateway.commands.arming import ArmingCommands
+from ground.gateway.commands.driving import DrivingCommands
+from ground.gateway.commands.service import CommandService
+from ground.gateway.motion.pilot import Pilot
 from ground.gateway.streams.heartbeat import HeartbeatStream
 from ground.gateway.streams.scheduler import StreamScheduler
 from ground.gateway.traffic import MavService
@@ -8,5 +12,12 @@ from ground.gateway.vehicle import Face, Vehicle
 
 def face_of(vehicle: Vehicle) -> Face:
     """Return the face of a vehicle, with all its protocols."""
-    services: list[MavService] = [HeartbeatStream(vehicle), StreamScheduler(vehicle)]
+    pilot = Pilot(vehicle)
+    tables = ArmingCommands(vehicle).table, DrivingCommands(vehicle, pilot).table
+    services: list[MavService] = [
+        HeartbeatStream(vehicle),
+        StreamScheduler(vehicle),
+        pilot,
+        CommandService(vehicle, *tables),
+    ]
     return Face(vehicle, services)

@@ -7,7 +7,9 @@ from ground.client.operations import Operation
 from ground.gateway.catalogue import Catalogue
 from ground.gateway.control import OperatorControl
 from ground.gateway.dialect import MavMessage
+from ground.gateway.motion.modes import Modes
 from ground.gateway.port import Done, RobotPort, Snapshot
+from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
 from runtime.units import NS_PER_MS, NS_PER_US
@@ -37,6 +39,8 @@ class Vehicle:
         self.unix_offset_ns: int | None = None
         self.catalogue = Catalogue()
         self.outbox = Outbox()
+        self.refusals = Refusals(self.outbox)
+        self.modes = Modes()
         self.control = OperatorControl(port, self.outbox)
         self.snapshot = Snapshot(now_ns)
         self._started_ns = now_ns
@@ -80,6 +84,7 @@ class Face:
     def due(self, now_ns: int) -> None:
         """Take a new snapshot and do what is due."""
         self.vehicle.snapshot = self.vehicle.port.snapshot(now_ns)
+        self.vehicle.modes.due(self.vehicle.snapshot)
         self.vehicle.control.due(self.vehicle.snapshot, now_ns)
         for service in self._services:
             service.due(now_ns)
@@ -92,6 +97,7 @@ class Face:
         """Drop the state kept for a client that has gone."""
         self.vehicle.clients.pop(client, None)
         self.vehicle.control.forget(client)
+        self.vehicle.refusals.forget(client)
         for service in self._services:
             service.forget(client)
 

@@ -68,7 +68,7 @@ class Goto:
     AUTO needs no operator.
     `seen_by_robot`: the goal is given relative to the robot (ahead, left), not in the world frame.
     `timeout_s`: abort after this time; UserError if the operation does not wait for the end.
-    `anyway`: send a goal outside of the known world, too.
+    `anyway`: send a goal outside of the known world, too. `arms`: arm a robot in standby.
     """
 
     verb: ClassVar[str] = "goto"
@@ -78,6 +78,7 @@ class Goto:
     wait: bool = True
     timeout_s: float | None = None
     anyway: bool = False
+    arms: bool = True
 
     def perform(self, session: Session) -> Accepted | Refused | GoalEnded:
         """Send the goal; with `wait`, follow it to its end."""
@@ -96,10 +97,13 @@ class Goto:
                     self._refuse_outside(session, goal)
             if not self.wait or session.attended:
                 mode = Mode.GUIDED if self.wait else Mode.AUTO
-                return send_goal(session, goal, mode, from_robot=self.seen_by_robot)[0]
+                from_robot = self.seen_by_robot
+                return send_goal(session, goal, mode, from_robot=from_robot, arms=self.arms)[0]
             timeout_ns = None if self.timeout_s is None else round(self.timeout_s * NS_PER_S)
             with leased(session):
-                return drive.to_the_end(goal, timeout_ns, from_robot=self.seen_by_robot)
+                return drive.to_the_end(
+                    goal, timeout_ns, from_robot=self.seen_by_robot, arms=self.arms
+                )
 
     def _refuse_outside(self, session: Session, goal: Destination) -> None:
         """Raise UserError for a goal outside of the known world, unless it is sent anyway."""
@@ -131,13 +135,15 @@ class _Drive:
         return newest is not None and knows_place(newest[0])
 
     def to_the_end(
-        self, goal: Destination, timeout_ns: int | None, *, from_robot: bool
+        self, goal: Destination, timeout_ns: int | None, *, from_robot: bool, arms: bool
     ) -> Accepted | Refused | GoalEnded:
         """Send the goal and follow it; abort it if an exception is raised."""
         self._link.beat()
         started_ns = self._link.clock.now_ns()
         try:
-            answer, request = send_goal(self._session, goal, Mode.GUIDED, from_robot=from_robot)
+            answer, request = send_goal(
+                self._session, goal, Mode.GUIDED, from_robot=from_robot, arms=arms
+            )
             if not answer.ok:
                 return answer
             self._progress.note(f"goal {goal} accepted")
@@ -181,15 +187,20 @@ class _Drive:
 
 
 def send_goal(
-    session: Session, goal: Destination, mode: Mode, *, from_robot: bool = False
+    session: Session,
+    goal: Destination,
+    mode: Mode,
+    *,
+    from_robot: bool = False,
+    arms: bool = True,
 ) -> tuple[Accepted | Refused, GoalRequest]:
-    """Send a goal until the robot accepts it; arm a robot in standby."""
+    """Send a goal until the robot accepts it; with `arms`, arm a robot in standby."""
 
     def request() -> GoalRequest:
         place, number = goal.on_the_wire(), session.link.ids.next()
         return goal_request(place, number, mode, from_robot=from_robot)
 
-    return session.ask_until_accepted(request, beats=mode == Mode.GUIDED)
+    return session.ask_until_accepted(request, beats=mode == Mode.GUIDED, arms=arms)
 
 
 def abort(link: Link) -> str:

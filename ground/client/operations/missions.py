@@ -231,7 +231,7 @@ class DownloadMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartMission:
-    """Drive the robot's mission from an item (from 1) on; arm a robot in standby.
+    """Drive the robot's mission from an item (from 1) on; with `arms`, arm a robot in standby.
 
     Without an item it continues at the current one, or begins again once the mission is done.
     """
@@ -239,6 +239,7 @@ class StartMission:
     verb: ClassVar[str] = "mission start"
     moves: ClassVar[bool] = True
     item: int | None = None
+    arms: bool = True
 
     def perform(self, session: Session) -> Answer:
         """Start the mission until the robot accepts it."""
@@ -247,7 +248,7 @@ class StartMission:
         def request() -> CommandRequest:
             return session.link.command(Command.MISSION_START, float(first))
 
-        return session.ask_until_accepted(request, beats=False)[0]
+        return session.ask_until_accepted(request, beats=False, arms=self.arms)[0]
 
 
 def first_of(link: Link) -> int:

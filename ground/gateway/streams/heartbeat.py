@@ -26,7 +26,7 @@ class HeartbeatStream:
 
     def due(self, now_ns: int) -> None:
         """Send the heartbeat if its second is over or the state has changed."""
-        state = ardupilot.state_of(self._vehicle.snapshot)
+        state = ardupilot.state_of(self._vehicle.snapshot, self._vehicle.modes.number)
         if state != self._sent or now_ns >= self._due_ns:
             self._sent, self._due_ns = state, now_ns + PERIOD_NS
             self._vehicle.outbox.send(state.heartbeat())

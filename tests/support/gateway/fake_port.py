@@ -25,6 +25,7 @@ class FakePort:
 
     name = "r1"
     identity = IDENTITY
+    accepted = Answered(Accepted(1))
 
     def __init__(self) -> None:
         self.telemetry: dict[str, Any] = {}

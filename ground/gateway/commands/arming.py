@@ -1,0 +1,136 @@
+"""Arming, its checks, and the emergency stop.
+
+The emergency stop needs no control. DO_FLIGHTTERMINATION with parameter 1 = 0 clears it, and so
+does forced arming; both need control. Forced disarming while another operator holds the lease is an
+emergency stop.
+"""
+
+from types import MappingProxyType
+from typing import Final
+
+from ground.client.operations import Arm, ClearEmergencyStop, Disarm
+from ground.client.results import Refused
+from ground.gateway.ardupilot import FORCE
+from ground.gateway.commands.call import Call
+from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, result_of
+from ground.gateway.commands.service import CommandTable, Reply, Row
+from ground.gateway.dialect import mavlink
+from ground.gateway.port import Answered, Snapshot
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.enums import Severity
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.reasons import Reason, reason_text
+
+PREARM: Final = "PreArm: "
+"""The prefix by which clients recognise why a robot cannot be armed."""
+CLEARED_BY: Final = "emergency stop is latched: clear it by command 185 with 0, or arm with force"
+NO_ROBOT: Final = "no telemetry from the robot"
+
+
+class ArmingCommands:
+    """The handlers for one vehicle."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+
+    @property
+    def table(self) -> CommandTable:
+        """The commands by their numbers."""
+        return MappingProxyType(
+            {
+                mavlink.MAV_CMD_COMPONENT_ARM_DISARM: Row(self._arm_disarm, stops=is_disarm),
+                mavlink.MAV_CMD_RUN_PREARM_CHECKS: Row(self._check, reads=True),
+                mavlink.MAV_CMD_DO_FLIGHTTERMINATION: Row(self._terminate, stops=is_termination),
+            }
+        )
+
+    def _arm_disarm(self, call: Call, reply: Reply) -> None:
+        is_forced = call.param2 in FORCE
+        if call.param1 == 1.0:
+            self._arm(call, reply, is_forced=is_forced)
+        elif call.param1 == 0.0:
+            self._disarm(call, reply, is_forced=is_forced)
+        else:
+            reply.result(DENIED, "parameter 1 must be 1 to arm or 0 to disarm")
+
+    def _arm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
+        def ended(answered: Answered) -> None:
+            words = "" if answered.ok else f"{PREARM}{refusal_in(answered)}"
+            reply.result(result_of(answered), words, Severity.CRITICAL)
+
+        def arm(answered: Answered) -> None:
+            if answered.ok:
+                self._vehicle.perform(call.sender, Arm(), ended)
+            else:
+                ended(answered)
+
+        status = self._vehicle.snapshot.status
+        is_stopped = status is not None and status.vehicle == VehicleState.EMERGENCY_STOP
+        if is_forced and is_stopped:
+            self._vehicle.perform(call.sender, ClearEmergencyStop(), arm)
+        else:
+            self._vehicle.perform(call.sender, Arm(), ended)
+
+    def _disarm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
+        def ended(answered: Answered) -> None:
+            outcome = answered.outcome
+            is_held = isinstance(outcome, Refused) and outcome.reason == Reason.LEASE_HELD
+            if is_forced and is_held:
+                self._vehicle.port.stop(reply.ended)
+            else:
+                reply.ended(answered)
+
+        self._vehicle.perform(call.sender, Disarm(), ended)
+
+    def _check(self, call: Call, reply: Reply) -> None:
+        status = self._vehicle.snapshot.status
+        if status is not None and status.vehicle == VehicleState.ACTIVE:
+            reply.result(LATER, "already armed")
+            return
+        problem = prearm_problem(self._vehicle.snapshot)
+        if problem:
+            words, client = f"{PREARM}{problem}", call.sender.client
+            self._vehicle.refusals.say(words, client, call.now_ns, Severity.CRITICAL)
+        reply.result(ACCEPTED)
+
+    def _terminate(self, call: Call, reply: Reply) -> None:
+        if is_termination(call):
+            self._vehicle.port.stop(reply.ended)
+        elif call.param1 == 0.0:
+            self._vehicle.perform(call.sender, ClearEmergencyStop(), reply.ended)
+        else:
+            reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
+
+
+def prearm_problem(snapshot: Snapshot) -> str:
+    """Return why the robot cannot be armed now, by its status; empty if it can be."""
+    status = snapshot.status
+    if status is None:
+        return NO_ROBOT
+    if status.vehicle == VehicleState.BOOT:
+        return reason_text(Reason.NO_SENSES)
+    if status.vehicle == VehicleState.EMERGENCY_STOP:
+        return CLEARED_BY
+    is_ready = status.vehicle == VehicleState.ACTIVE or not status.vehicle_reason
+    return "" if is_ready else reason_text(status.vehicle_reason)
+
+
+def refusal_in(answered: Answered) -> str:
+    """Return why arming was refused, without the words for the command line."""
+    outcome = answered.outcome
+    if not isinstance(outcome, Refused):
+        return answered.text
+    if outcome.reason == Reason.EMERGENCY_STOPPED:
+        return CLEARED_BY
+    holder = f": {outcome.holder}" if outcome.holder else ""
+    return f"{reason_text(outcome.reason)}{holder}"
+
+
+def is_disarm(call: Call) -> bool:
+    """Return whether a COMPONENT_ARM_DISARM only stops the robot."""
+    return call.param1 == 0.0
+
+
+def is_termination(call: Call) -> bool:
+    """Return whether a DO_FLIGHTTERMINATION stops the robot, as more than 0.5 does."""
+    return call.param1 > 0.5

@@ -1,0 +1,130 @@
+"""The command protocol: each command is carried out once, and acknowledged to its sender."""
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+from ground.gateway.commands.call import Call, call_of
+from ground.gateway.commands.repeats import Repeats
+from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, UNSUPPORTED, result_of
+from ground.gateway.control import WATCHER
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.port import Answered
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.enums import Severity
+
+MAX_WAITING: Final = 8
+"""Commands of one sender that wait for the robot's answer."""
+BUSY: Final = "too many commands wait for the robot: send it again"
+
+
+class Reply:
+    """The answer to one command, given once: by `result`, or by `ended` as its operation ends."""
+
+    def __init__(self, send: Callable[[int, str, Severity], None]) -> None:
+        self._send = send
+        self._is_given = False
+
+    def result(self, result: int, words: str = "", severity: Severity = Severity.WARNING) -> None:
+        """Acknowledge with a MAV_RESULT; a refusal says why in `words`."""
+        if not self._is_given:
+            self._is_given = True
+            self._send(result, words, severity)
+
+    def ended(self, answered: Answered) -> None:
+        """Acknowledge with the end of an operation."""
+        self.result(result_of(answered), "" if answered.ok else answered.text)
+
+
+Handler = Callable[[Call, Reply], None]
+
+
+class Row(NamedTuple):
+    """How to carry out one command.
+
+    `reads`: it changes nothing, so that each repetition is answered anew, for all clients.
+    `stops` returns whether a call only stops the robot: then each repetition is carried out.
+    """
+
+    handler: Handler
+    reads: bool = False
+    stops: Callable[[Call], bool] = lambda _: False
+
+
+CommandTable = Mapping[int, Row]
+
+
+class CommandService:
+    """COMMAND_LONG, COMMAND_INT and SET_MODE; the commands are the rows of all tables."""
+
+    handles = (
+        mavlink.MAVLINK_MSG_ID_SET_MODE,
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+    )
+
+    def __init__(self, vehicle: Vehicle, *tables: CommandTable) -> None:
+        self._vehicle = vehicle
+        self._rows = {number: row for table in tables for number, row in table.items()}
+        self._repeats = Repeats()
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Carry out a command, or repeat the answer to it."""
+        call = call_of(message, sender, now_ns)
+        is_set_mode = message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_MODE
+        acknowledged = mavlink.MAVLINK_MSG_ID_SET_MODE if is_set_mode else call.number
+        row = self._rows.get(call.number)
+        if row is None:
+            self._answer(call, acknowledged, UNSUPPORTED, f"no command {call.number}")
+        elif not (row.reads or sender.may_command):
+            self._answer(call, acknowledged, DENIED, WATCHER)
+        elif row.reads:
+            row.handler(call, self._reply(call, acknowledged))
+        else:
+            self._act(row, call, acknowledged, message)
+
+    def due(self, now_ns: int) -> None:
+        """Wait for nothing."""
+
+    def forget(self, client: int) -> None:
+        """Drop the commands kept for a client."""
+        self._repeats.forget(client)
+
+    def _act(self, row: Row, call: Call, acknowledged: int, message: MavMessage) -> None:
+        confirmation, sequence = getattr(message, "confirmation", 0), message.get_seq()
+        known = None if row.stops(call) else self._repeats.find(call, confirmation, sequence)
+        if known is not None:
+            if known.result is not None:
+                self._answer(call, acknowledged, known.result)
+            return
+        if self._repeats.waiting(call.sender) >= MAX_WAITING and not row.stops(call):
+            self._answer(call, acknowledged, LATER, BUSY)
+            return
+        kept = self._repeats.keep(call, sequence)
+
+        def send(result: int, words: str, severity: Severity) -> None:
+            kept.result = result
+            self._answer(call, acknowledged, result, words, severity)
+
+        row.handler(call, Reply(send))
+
+    def _reply(self, call: Call, acknowledged: int) -> Reply:
+        return Reply(lambda *answer: self._answer(call, acknowledged, *answer))
+
+    def _answer(
+        self,
+        call: Call,
+        acknowledged: int,
+        result: int,
+        words: str = "",
+        severity: Severity = Severity.WARNING,
+    ) -> None:
+        sender, vehicle = call.sender, self._vehicle
+        if words and result != ACCEPTED:
+            vehicle.refusals.say(words, sender.client, vehicle.snapshot.now_ns, severity)
+        vehicle.outbox.send(
+            mavlink.MAVLink_command_ack_message(
+                acknowledged, result, 0, 0, sender.system, sender.component
+            ),
+            sender.client,
+        )

@@ -1,0 +1,1 @@
+"""Modes, guided goals and velocities, manual control and overrides of RC channels."""

@@ -1,0 +1,68 @@
+"""The mode: the robot's own, the one just commanded, and the one that clients see."""
+
+from typing import Final, NamedTuple
+
+from ground.gateway.port import Snapshot
+from protocol.wire.enums import Mode
+from runtime.units import NS_PER_MS
+
+CROSSING_NS: Final = 300 * NS_PER_MS
+"""A status sent before a command may arrive up to this time after its answer."""
+
+
+class Shown(NamedTuple):
+    """The number that clients see while the robot is in a mode."""
+
+    mode: Mode
+    number: int
+
+
+class Modes:
+    """Follows the robot's mode, and keeps what clients see instead of it."""
+
+    def __init__(self) -> None:
+        self._now_ns = 0
+        self._status: Mode | None = None
+        self._commanded: Mode | None = None
+        self._until_ns = 0
+        self._shown: Shown | None = None
+        self._next: Shown | None = None
+
+    @property
+    def mode(self) -> Mode | None:
+        """The robot's mode, or the one that it has just accepted; None without telemetry."""
+        return self._status if self._commanded is None else self._commanded
+
+    @property
+    def number(self) -> int | None:
+        """The mode that clients see; None without telemetry."""
+        return self.number_of(self.mode)
+
+    def number_of(self, mode: Mode | None) -> int | None:
+        """Return the number that clients see for a mode of the robot."""
+        if mode is None:
+            return None
+        for shown in (self._shown, self._next):
+            if shown is not None and shown.mode == mode:
+                return shown.number
+        return int(mode)
+
+    def accepted(self, mode: Mode, number: int | None = None) -> None:
+        """Note a mode that the robot has accepted, and the number that clients see for it."""
+        self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
+        self._next = None if number is None else Shown(mode, number)
+        if self._shown is not None and self._shown.mode == mode:
+            self._shown = self._next
+
+    def due(self, snapshot: Snapshot) -> None:
+        """Follow the robot's status."""
+        self._now_ns = snapshot.now_ns
+        status = snapshot.status
+        known = status is not None and status.mode in Mode.__members__.values()
+        self._status = Mode(status.mode) if status is not None and known else None
+        if self._commanded is not None:
+            if self._status != self._commanded and self._now_ns < self._until_ns:
+                return
+            self._commanded, self._shown, self._next = None, self._next, None
+        if self._shown is not None and self._shown.mode != self._status:
+            self._shown = None

@@ -1,0 +1,179 @@
+"""What clients make the robot do: change its mode, start the mission, drive to a place."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, NamedTuple
+
+from ground.client.goal import Destination
+from ground.client.operations import (
+    Abort,
+    Goto,
+    Hold,
+    Operation,
+    ReturnHome,
+    Session,
+    SetMode,
+    StartMission,
+)
+from ground.client.results import Answer, Refused
+from ground.gateway.ardupilot import RTL
+from ground.gateway.dialect import MavMessage
+from ground.gateway.port import Answered, Done
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.enums import MissionState, Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.reasons import Reason
+from runtime.units import NS_PER_S
+
+FROM_CURRENT: Final = 0
+"""The item of `StartMission` that stands for the current one."""
+PATIENCE_NS: Final = NS_PER_S
+"""Time for the operator's first heartbeat to reach the robot."""
+MISSION_UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
+
+
+@dataclass(frozen=True, slots=True)
+class EnterGuided:
+    """Drop the goal or mission, as ArduPilot does on entry, and wait for a goal in GUIDED."""
+
+    verb: ClassVar[str] = "mode"
+    moves: ClassVar[bool] = True
+
+    def perform(self, session: Session) -> Answer:
+        """Abort, which a robot without a goal refuses, and set the mode."""
+        Abort().perform(session)
+        return SetMode(mode=Mode.GUIDED).perform(session)
+
+
+class Attempt(NamedTuple):
+    """An operation that is repeated while the robot misses the operator's heartbeat."""
+
+    sender: Sender
+    operation: Operation[Any]
+    mode: Mode
+    number: int | None
+    done: Done
+    until_ns: int
+
+
+class Pilot:
+    """Carries out what changes the mode, and keeps `vehicle.modes` up to date."""
+
+    handles = ()
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._again: list[Attempt] = []
+        self._mission_waits: Sender | None = None
+        self._now_ns = 0
+
+    def set_mode(self, mode: Mode, number: int, sender: Sender, done: Done) -> None:
+        """Change the mode; AUTO starts or continues the mission once the robot is armed."""
+        if mode is Mode.AUTO:
+            self._enter_auto(sender, done)
+        elif mode is Mode.GUIDED and self._vehicle.modes.number == Mode.GUIDED:
+            self._vehicle.control.ensure(sender, done)
+        elif mode is Mode.GUIDED:
+            self._try(sender, EnterGuided(), mode, None, done)
+        elif mode is Mode.SMART_RTL:
+            self.return_home(number, sender, done)
+        elif mode is Mode.HOLD:
+            self.hold(sender, done)
+        else:
+            self._try(sender, SetMode(mode=mode), mode, None, done)
+
+    def hold(self, sender: Sender, done: Done) -> None:
+        """Stop and keep goal and mission."""
+        self._try(sender, Hold(), Mode.HOLD, None, done)
+
+    def return_home(self, number: int, sender: Sender, done: Done) -> None:
+        """Drive back along the trail; clients see the mode RTL or SMART_RTL, by `number`."""
+        shown = number if number == RTL else None
+        self._try(sender, ReturnHome(), Mode.SMART_RTL, shown, done)
+
+    def goto(self, goal: Destination, sender: Sender, done: Done) -> None:
+        """Drive to a place in GUIDED; an unarmed robot refuses."""
+        self._try(sender, Goto(goal=goal, arms=False), Mode.GUIDED, None, done)
+
+    def start_mission(self, sender: Sender, done: Done) -> None:
+        """Start the mission at its current item, or continue it; an unarmed robot refuses."""
+        mission = self._vehicle.snapshot.mission
+        state = MissionState.NONE if mission is None else mission.state
+        if state in MISSION_UNDER_WAY and self._vehicle.modes.mode in (Mode.AUTO, Mode.HOLD):
+            self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, done)
+            return
+        item = None if state == MissionState.DONE else FROM_CURRENT
+        self._try(sender, StartMission(item=item, arms=False), Mode.AUTO, None, done)
+
+    def velocity(self, sender: Sender, done: Done) -> None:
+        """Choose MANUAL for the speeds of a client in GUIDED; clients see GUIDED."""
+        self._try(sender, SetMode(mode=Mode.MANUAL), Mode.MANUAL, int(Mode.GUIDED), done)
+
+    def await_goal(self, sender: Sender, done: Done) -> None:
+        """Choose GUIDED without a goal, after the speeds of a client."""
+        self._try(sender, SetMode(mode=Mode.GUIDED), Mode.GUIDED, None, done)
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Take no message."""
+
+    def due(self, now_ns: int) -> None:
+        """Repeat what waits for the heartbeat; start the mission that waits for arming."""
+        self._now_ns = now_ns
+        again, self._again = self._again, []
+        for attempt in again:
+            self._perform(attempt)
+        waiting, status = self._mission_waits, self._vehicle.snapshot.status
+        if waiting is None or status is None:
+            return
+        if not self._vehicle.control.holds(waiting):
+            self._mission_waits = None
+        elif status.vehicle == VehicleState.ACTIVE and status.mode == Mode.AUTO:
+            self._mission_waits = None
+            self.start_mission(waiting, lambda answered: self._started(waiting, answered))
+
+    def forget(self, client: int) -> None:
+        """Keep nothing for a client: control ends the wait of one that has gone."""
+
+    def _enter_auto(self, sender: Sender, done: Done) -> None:
+        status, mission = self._vehicle.snapshot.status, self._vehicle.snapshot.mission
+        has_mission = mission is not None and mission.state != MissionState.NONE
+        if not has_mission or status is None or status.vehicle == VehicleState.ACTIVE:
+            self.start_mission(sender, done)
+            return
+
+        def entered(answered: Answered) -> None:
+            if answered.ok:
+                self._mission_waits = sender
+            done(answered)
+
+        self._try(sender, SetMode(mode=Mode.AUTO), Mode.AUTO, None, entered)
+
+    def _started(self, sender: Sender, answered: Answered) -> None:
+        if not answered.ok:
+            words = f"mission not started: {answered.text}"
+            self._vehicle.refusals.say(words, sender.client, self._now_ns)
+
+    def _try(
+        self,
+        sender: Sender,
+        operation: Operation[Any],
+        mode: Mode,
+        number: int | None,
+        done: Done,
+    ) -> None:
+        self._mission_waits = None
+        until_ns = self._now_ns + PATIENCE_NS
+        self._perform(Attempt(sender, operation, mode, number, done, until_ns))
+
+    def _perform(self, attempt: Attempt) -> None:
+        def ended(answered: Answered) -> None:
+            outcome = answered.outcome
+            is_early = isinstance(outcome, Refused) and outcome.reason == Reason.NO_OPERATOR
+            if is_early and self._now_ns < attempt.until_ns:
+                self._again.append(attempt)
+                return
+            if answered.ok:
+                self._vehicle.modes.accepted(attempt.mode, attempt.number)
+            attempt.done(answered)
+
+        self._vehicle.perform(attempt.sender, attempt.operation, ended)

@@ -1,0 +1,73 @@
+"""Messages of clients and telemetry of robots, as tests need them."""
+
+from itertools import count
+from math import nan
+from typing import Any
+
+from ground.gateway.dialect import MavMessage, mavlink
+from protocol.wire.enums import MissionState, Mode, Navigator, Vehicle
+from protocol.wire.messages import MissionStatus, NavigatorStatus
+
+SYSTEM, COMPONENT = 1, 1
+SEQUENCE = count(1)
+
+
+def numbered(message: MavMessage, sequence: int | None = None) -> MavMessage:
+    """Return a message with the next frame number of its client, or a given one."""
+    message._header.seq = (next(SEQUENCE) if sequence is None else sequence) & 0xFF
+    return message
+
+
+def command(number: int, *params: float, confirmation: int = 0) -> MavMessage:
+    """Return a COMMAND_LONG; parameters that are not given are 0."""
+    values = (*params, *(0.0,) * (7 - len(params)))
+    return numbered(
+        mavlink.MAVLink_command_long_message(SYSTEM, COMPONENT, number, confirmation, *values)
+    )
+
+
+def command_int(
+    number: int,
+    *params: float,
+    x: int = 0,
+    y: int = 0,
+    z: float = 0.0,
+    frame: int = mavlink.MAV_FRAME_GLOBAL,
+) -> MavMessage:
+    """Return a COMMAND_INT."""
+    values = (*params, *(0.0,) * (4 - len(params)))
+    return numbered(
+        mavlink.MAVLink_command_int_message(
+            SYSTEM, COMPONENT, frame, number, 0, 0, *values, x, y, z
+        )
+    )
+
+
+def navigator_status(
+    vehicle: Vehicle = Vehicle.ACTIVE, mode: Mode = Mode.HOLD, **fields: Any
+) -> NavigatorStatus:
+    """Return a status without a goal."""
+    given: dict[str, Any] = {
+        "time_ns": 0, "goal_started_ns": 0, "goal_ended_ns": 0, "goal_id": 0,
+        "goal_x_m": nan, "goal_y_m": nan, "goal_heading_rad": nan, "goal_distance_m": nan,
+        "goal": 0, "vehicle_reason": 0, "goal_reason": 0, "navigator": Navigator.VGM, "side": 1,
+    }  # fmt: skip
+    return NavigatorStatus(vehicle=vehicle, mode=mode, **(given | fields))
+
+
+def mission_status(state: MissionState, current: int = 0, items: int = 3) -> MissionStatus:
+    """Return the status of a mission."""
+    return MissionStatus(
+        time_ns=0, mission_id=1, hold_left_ms=0, count=items, current=current, state=state, reason=0
+    )
+
+
+def acks(messages: list[MavMessage]) -> list[tuple[int, int]]:
+    """Return command and result of each COMMAND_ACK."""
+    return [(m.command, m.result) for m in messages if m.get_type() == "COMMAND_ACK"]
+
+
+def words(messages: list[MavMessage]) -> str:
+    """Return the texts of all STATUSTEXTs, pieces joined."""
+    texts = (m for m in messages if m.get_type() == "STATUSTEXT")
+    return "".join(m.text.decode() if isinstance(m.text, bytes) else m.text for m in texts)

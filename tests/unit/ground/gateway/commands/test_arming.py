@@ -1,0 +1,141 @@
+from math import nan
+
+import pytest
+
+from ground.client.operations import Arm, ClearEmergencyStop, Disarm
+from ground.gateway.services import face_of
+from protocol.wire.enums import Mode, Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
+from tests.support.gateway.messages import acks, command, navigator_status, words
+
+ARM, CHECKS, STOP = 400, 401, 185
+ACCEPTED, LATER, DENIED, FAILED, NOT_IN_CONTROL = 0, 1, 2, 4, 10
+
+
+@pytest.fixture
+def bench() -> Bench:
+    bench = Bench()
+    bench.face = face_of(bench.vehicle)
+    show(bench, Vehicle.STANDBY)
+    return bench
+
+
+def show(bench: Bench, vehicle: Vehicle, reason: Reason = Reason.NONE) -> None:
+    bench.port.telemetry["status"] = navigator_status(vehicle, Mode.HOLD, vehicle_reason=reason)
+    bench.after(0.02)
+
+
+def test_refused_arming_is_a_prearm_text(bench: Bench) -> None:
+    bench.send(command(ARM, 1))
+    bench.port.refuse(Reason.FENCE_UNREADABLE)
+    sent = bench.sent()
+    assert acks(sent) == [(ARM, FAILED)]
+    assert words(sent).startswith("PreArm: the saved fence cannot be read")
+
+
+def test_arming_in_an_emergency_stop_names_the_way_out(bench: Bench) -> None:
+    show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
+    bench.send(command(ARM, 1))
+    bench.port.refuse(Reason.EMERGENCY_STOPPED)
+    assert "clear it by command 185 with 0" in words(bench.sent())
+
+
+@pytest.mark.parametrize("force", [2989, 21196])
+def test_forced_arming_clears_the_emergency_stop(bench: Bench, force: int) -> None:
+    show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
+    bench.send(command(ARM, 1, force))
+    bench.port.answer()
+    bench.port.answer()
+    assert bench.port.performed == [ClearEmergencyStop(), Arm()]
+    assert acks(bench.sent()) == [(ARM, ACCEPTED)]
+
+
+def test_forced_arming_without_control_clears_nothing(bench: Bench) -> None:
+    show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
+    bench.port.holder = "ada"
+    sent = bench.send(command(ARM, 1, 21196))
+    assert acks(sent) == [(ARM, NOT_IN_CONTROL)]
+    assert bench.port.performed == []
+
+
+def test_forced_arming_otherwise_only_arms(bench: Bench) -> None:
+    bench.send(command(ARM, 1, 21196))
+    assert bench.port.performed == [Arm()]
+
+
+def test_forced_disarming_stops_for_everybody(bench: Bench) -> None:
+    bench.send(command(ARM, 0, 21196))
+    bench.port.refuse(Reason.LEASE_HELD)
+    bench.port.stops[0](bench.port.accepted)
+    assert acks(bench.sent()) == [(ARM, ACCEPTED)]
+
+
+def test_disarming_without_control_is_refused(bench: Bench) -> None:
+    bench.send(command(ARM, 0))
+    bench.port.refuse(Reason.LEASE_HELD)
+    assert bench.port.stops == []
+    assert bench.port.performed == [Disarm()]
+    assert acks(bench.sent()) == [(ARM, NOT_IN_CONTROL)]
+
+
+def test_emergency_stop_is_open_to_all(bench: Bench) -> None:
+    bench.send(command(ARM, 1), CLIENT)
+    bench.sent()
+    bench.send(command(STOP, 1), OTHER)
+    bench.port.stops[0](bench.port.accepted)
+    assert acks(bench.sent()) == [(STOP, ACCEPTED)]
+
+
+def test_emergency_stop_is_repeated_each_time(bench: Bench) -> None:
+    for _ in range(3):
+        bench.send(command(STOP, 1))
+    assert len(bench.port.stops) == 3
+
+
+def test_emergency_stop_needs_a_client_that_may_command(bench: Bench) -> None:
+    sent = bench.send(command(STOP, 1), CLIENT._replace(may_command=False))
+    assert acks(sent) == [(STOP, DENIED)]
+    assert bench.port.stops == []
+
+
+def test_termination_with_zero_clears_the_stop(bench: Bench) -> None:
+    bench.send(command(STOP, 0))
+    bench.port.answer()
+    assert bench.port.performed == [ClearEmergencyStop()]
+    assert acks(bench.sent()) == [(STOP, ACCEPTED)]
+
+
+@pytest.mark.parametrize("value", [nan, -1.0, 0.25])
+def test_termination_with_other_values_is_denied(bench: Bench, value: float) -> None:
+    assert acks(bench.send(command(STOP, value))) == [(STOP, DENIED)]
+    assert bench.port.stops == bench.port.performed == []
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "reason", "expected"),
+    [
+        (Vehicle.BOOT, Reason.NONE, "PreArm: no fresh wheel ticks"),
+        (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR, "PreArm: emergency stop is latched"),
+        (Vehicle.FAILSAFE, Reason.BUMPER, "PreArm: bumper contact"),
+        (Vehicle.STANDBY, Reason.FENCE_UNREADABLE, "PreArm: the saved fence"),
+        (Vehicle.STANDBY, Reason.NONE, ""),
+    ],
+)
+def test_prearm_checks(bench: Bench, vehicle: Vehicle, reason: Reason, expected: str) -> None:
+    show(bench, vehicle, reason)
+    sent = bench.send(command(CHECKS))
+    assert acks(sent) == [(CHECKS, ACCEPTED)]
+    assert words(sent).startswith(expected)
+    assert bool(words(sent)) == bool(expected)
+
+
+def test_prearm_checks_of_a_silent_robot(bench: Bench) -> None:
+    del bench.port.telemetry["status"]
+    bench.after(0.02)
+    assert "no telemetry" in words(bench.send(command(CHECKS)))
+
+
+def test_prearm_checks_of_an_armed_robot_are_rejected(bench: Bench) -> None:
+    show(bench, Vehicle.ACTIVE)
+    assert acks(bench.send(command(CHECKS))) == [(CHECKS, LATER)]
