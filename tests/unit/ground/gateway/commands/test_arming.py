@@ -109,7 +109,8 @@ def test_termination_with_zero_clears_the_stop(bench: Bench) -> None:
 @pytest.mark.parametrize("value", [nan, -1.0, 0.25])
 def test_termination_with_other_values_is_denied(bench: Bench, value: float) -> None:
     assert acks(bench.send(command(STOP, value))) == [(STOP, DENIED)]
-    assert bench.port.stops == bench.port.performed == []
+    assert bench.port.stops == []
+    assert bench.port.performed == []
 
 
 @pytest.mark.parametrize(
