@@ -1,8 +1,14 @@
 """What keeps the robot from being armed, as far as its telemetry shows."""
 
+from typing import Final
+
 from ground.gateway.port import Snapshot
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason, reason_text
+
+EMERGENCY_STOPPED: Final = (
+    f"{reason_text(Reason.EMERGENCY_STOPPED)}: command 185 with 0 clears it, forced arming too"
+)
 
 
 def faults(snapshot: Snapshot) -> tuple[str, ...]:
@@ -14,7 +20,9 @@ def faults(snapshot: Snapshot) -> tuple[str, ...]:
     if status is None:
         return ("no telemetry arrives from the robot",)
     if status.vehicle == Vehicle.EMERGENCY_STOP:
-        return (reason_text(Reason.EMERGENCY_STOPPED),)
+        return (EMERGENCY_STOPPED,)
     if status.vehicle == Vehicle.BOOT or snapshot.scan is None or snapshot.wheels is None:
         return (reason_text(Reason.NO_SENSES),)
+    if status.vehicle_reason == Reason.FENCE_UNREADABLE:
+        return (reason_text(Reason.FENCE_UNREADABLE),)
     return ()

@@ -15,7 +15,8 @@ from ground.gateway.commands.call import Call
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, result_of
 from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
-from ground.gateway.port import Answered, Snapshot
+from ground.gateway.port import Answered
+from ground.gateway.prearm import EMERGENCY_STOPPED, faults
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
@@ -23,8 +24,6 @@ from protocol.wire.reasons import Reason, reason_text
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
-CLEARED_BY: Final = "emergency stop is latched: clear it by command 185 with 0, or arm with force"
-NO_ROBOT: Final = "no telemetry from the robot"
 
 
 class ArmingCommands:
@@ -87,9 +86,8 @@ class ArmingCommands:
         if status is not None and status.vehicle == VehicleState.ACTIVE:
             reply.result(LATER, "already armed")
             return
-        problem = prearm_problem(self._vehicle.snapshot)
-        if problem:
-            words, client = f"{PREARM}{problem}", call.sender.client
+        for fault in faults(self._vehicle.snapshot):
+            words, client = f"{PREARM}{fault}", call.sender.client
             self._vehicle.refusals.say(words, client, call.now_ns, Severity.CRITICAL)
         reply.result(ACCEPTED)
 
@@ -102,26 +100,13 @@ class ArmingCommands:
             reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
 
 
-def prearm_problem(snapshot: Snapshot) -> str:
-    """Return why the robot cannot be armed now, by its status; empty if it can be."""
-    status = snapshot.status
-    if status is None:
-        return NO_ROBOT
-    if status.vehicle == VehicleState.BOOT:
-        return reason_text(Reason.NO_SENSES)
-    if status.vehicle == VehicleState.EMERGENCY_STOP:
-        return CLEARED_BY
-    is_ready = status.vehicle == VehicleState.ACTIVE or not status.vehicle_reason
-    return "" if is_ready else reason_text(status.vehicle_reason)
-
-
 def refusal_in(answered: Answered) -> str:
     """Return why arming was refused, without the words for the command line."""
     outcome = answered.outcome
     if not isinstance(outcome, Refused):
         return answered.text
     if outcome.reason == Reason.EMERGENCY_STOPPED:
-        return CLEARED_BY
+        return EMERGENCY_STOPPED
     holder = f": {outcome.holder}" if outcome.holder else ""
     return f"{reason_text(outcome.reason)}{holder}"
 

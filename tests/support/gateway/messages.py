@@ -1,12 +1,10 @@
-"""Messages of clients and telemetry of robots, as tests need them."""
+"""Messages of clients, and what tests look for in the answers."""
 
 from itertools import count
-from math import nan
-from typing import Any
 
 from ground.gateway.dialect import MavMessage, mavlink
-from protocol.wire.enums import MissionState, Mode, Navigator, Vehicle
-from protocol.wire.messages import MissionStatus, NavigatorStatus
+from protocol.wire.enums import MissionState
+from protocol.wire.messages import MissionStatus
 
 SYSTEM, COMPONENT = 1, 1
 SEQUENCE = count(1)
@@ -41,18 +39,6 @@ def command_int(
             SYSTEM, COMPONENT, frame, number, 0, 0, *values, x, y, z
         )
     )
-
-
-def navigator_status(
-    vehicle: Vehicle = Vehicle.ACTIVE, mode: Mode = Mode.HOLD, **fields: Any
-) -> NavigatorStatus:
-    """Return a status without a goal."""
-    given: dict[str, Any] = {
-        "time_ns": 0, "goal_started_ns": 0, "goal_ended_ns": 0, "goal_id": 0,
-        "goal_x_m": nan, "goal_y_m": nan, "goal_heading_rad": nan, "goal_distance_m": nan,
-        "goal": 0, "vehicle_reason": 0, "goal_reason": 0, "navigator": Navigator.VGM, "side": 1,
-    }  # fmt: skip
-    return NavigatorStatus(vehicle=vehicle, mode=mode, **(given | fields))
 
 
 def mission_status(state: MissionState, current: int = 0, items: int = 3) -> MissionStatus:

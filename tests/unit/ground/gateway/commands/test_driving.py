@@ -22,7 +22,8 @@ from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import Bench
-from tests.support.gateway.messages import acks, command, mission_status, navigator_status, words
+from tests.support.gateway.messages import acks, command, mission_status, words
+from tests.support.gateway.telemetry import status
 
 ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 FROM_CURRENT = StartMission(item=0, arms=False)
@@ -43,7 +44,7 @@ def show(
     vehicle: Vehicle = Vehicle.ACTIVE,
 ) -> None:
     """Let the robot publish a state, and a round pass."""
-    bench.port.telemetry["status"] = navigator_status(vehicle, mode)
+    bench.port.telemetry["status"] = status(vehicle=vehicle, mode=mode)
     bench.port.telemetry["mission"] = mission_status(mission)
     bench.after(0.02)
 
