@@ -1,8 +1,11 @@
 """The protocols of a vehicle, in the order in which they get messages and time."""
 
+from pathlib import Path
+
 from ground.gateway.commands.arming import ArmingCommands
 from ground.gateway.commands.driving import DrivingCommands
 from ground.gateway.commands.service import CommandService
+from ground.gateway.files.wiring import parameters_and_files
 from ground.gateway.motion.pilot import Pilot
 from ground.gateway.streams.heartbeat import HeartbeatStream
 from ground.gateway.streams.scheduler import StreamScheduler
@@ -10,8 +13,8 @@ from ground.gateway.traffic import MavService
 from ground.gateway.vehicle import Face, Vehicle
 
 
-def face_of(vehicle: Vehicle) -> Face:
-    """Return the face of a vehicle, with all its protocols."""
+def face_of(vehicle: Vehicle, recordings: Path | None = None) -> Face:
+    """Return the face of a vehicle, with all its protocols; `recordings` is their folder."""
     pilot = Pilot(vehicle)
     tables = ArmingCommands(vehicle).table, DrivingCommands(vehicle, pilot).table
     services: list[MavService] = [
@@ -19,5 +22,6 @@ def face_of(vehicle: Vehicle) -> Face:
         StreamScheduler(vehicle),
         pilot,
         CommandService(vehicle, *tables),
+        *parameters_and_files(vehicle, recordings),
     ]
     return Face(vehicle, services)

@@ -1,0 +1,1 @@
+"""Files for clients: the FTP server with its virtual tree, recordings, and the LOG protocol."""

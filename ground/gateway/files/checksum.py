@@ -1,0 +1,11 @@
+"""The CRC32 of MAVLink FTP: that of zlib without its two inversions."""
+
+from typing import Final
+from zlib import crc32
+
+ALL_ONES: Final = 0xFFFF_FFFF
+
+
+def checksum(data: bytes, before: int = 0) -> int:
+    """Return the checksum of data that follow others with the checksum `before`."""
+    return crc32(data, before ^ ALL_ONES) ^ ALL_ONES

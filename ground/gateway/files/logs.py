@@ -1,0 +1,157 @@
+"""The LOG protocol: lists the recordings and sends them, byte for byte (row 49 of the list)."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Final
+
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.files.recordings import Recording, Recordings
+from ground.gateway.files.sources import FileSource
+from ground.gateway.pacing import Pacing
+from ground.gateway.texts import Refusals
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from protocol.wire import enums
+
+BLOCK: Final = 90
+DATA_BYTES: Final = 122
+ENTRY_BYTES: Final = 39
+MAX_RANGES: Final = 64
+ARMED: Final = "disarm before you download logs"
+KEPT: Final = "recordings are not erased from here; see sidestep rec"
+NO_LOG: Final = "no log {number}; ask for the list again"
+
+
+@dataclass(slots=True)
+class Transfer:
+    """One open log, and the ranges of it that are wanted: where to go on, and where to end."""
+
+    number: int
+    source: FileSource
+    ranges: deque[tuple[int, int]] = field(default_factory=deque)
+
+
+@dataclass(slots=True)
+class LogClient:
+    """What one client has asked for; its numbers stay those of its last list."""
+
+    logs: tuple[Recording, ...] = ()
+    entries: deque[int] = field(default_factory=deque)
+    transfer: Transfer | None = None
+
+
+class LogProtocol:
+    """Answers LOG_REQUEST_LIST, LOG_REQUEST_DATA, LOG_REQUEST_END and LOG_ERASE."""
+
+    handles = (
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END,
+        mavlink.MAVLINK_MSG_ID_LOG_ERASE,
+    )
+
+    def __init__(self, vehicle: Vehicle, recordings: Recordings, pacing: Pacing) -> None:
+        self._vehicle = vehicle
+        self._recordings = recordings
+        self._pacing = pacing
+        self._refusals = Refusals(vehicle.outbox)
+        self._clients: dict[int, LogClient] = {}
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Begin or end a list or a download."""
+        number = message.get_msgId()
+        if number == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END:
+            self._stop(sender.client)
+        elif number == mavlink.MAVLINK_MSG_ID_LOG_ERASE:
+            self._refusals.say(KEPT, sender.client, now_ns)
+        elif self._is_armed():
+            self._refusals.say(ARMED, sender.client, now_ns)
+        elif number == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST:
+            self._list(message, sender.client, now_ns)
+        else:
+            self._begin(message, sender.client, now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Send as much as each client's line allows; end all downloads when the robot is armed."""
+        is_armed = self._is_armed()
+        for client, state in self._clients.items():
+            if is_armed and (state.transfer is not None or state.entries):
+                self._refusals.say(ARMED, client, now_ns)
+                self._stop(client)
+            self._send_entries(client, state, now_ns)
+            self._send_data(client, state, now_ns)
+
+    def forget(self, client: int) -> None:
+        """Close the log of a client that has gone."""
+        self._stop(client)
+        self._clients.pop(client, None)
+        self._refusals.forget(client)
+
+    def _is_armed(self) -> bool:
+        status = self._vehicle.snapshot.status
+        return status is not None and status.vehicle == enums.Vehicle.ACTIVE
+
+    def _stop(self, client: int) -> None:
+        state = self._clients.get(client)
+        if state is not None:
+            state.entries.clear()
+            if state.transfer is not None:
+                state.transfer.source.close()
+                state.transfer = None
+
+    def _state(self, client: int, now_ns: int) -> LogClient:
+        found = self._clients.get(client)
+        if found is None:
+            found = self._clients[client] = LogClient(self._recordings.listed(now_ns))
+        return found
+
+    def _list(self, message: MavMessage, client: int, now_ns: int) -> None:
+        state = self._state(client, now_ns)
+        state.logs = self._recordings.listed(now_ns)
+        first, last = max(1, message.start), min(len(state.logs), message.end)
+        state.entries = deque(range(first, last + 1))
+        if not state.logs:
+            self._vehicle.outbox.send(mavlink.MAVLink_log_entry_message(0, 0, 0, 0, 0), client)
+
+    def _begin(self, message: MavMessage, client: int, now_ns: int) -> None:
+        """Add a range; one of another log ends the download of the log before."""
+        state = self._state(client, now_ns)
+        if state.transfer is None or state.transfer.number != message.id:
+            self._stop(client)
+            state.transfer = self._opened(state, message.id)
+        if state.transfer is None:
+            self._refusals.say(NO_LOG.format(number=message.id), client, now_ns)
+        elif len(state.transfer.ranges) < MAX_RANGES:
+            state.transfer.ranges.append((message.ofs, message.ofs + message.count))
+
+    def _opened(self, state: LogClient, number: int) -> Transfer | None:
+        if not 1 <= number <= len(state.logs):
+            return None
+        try:
+            return Transfer(number, FileSource(state.logs[number - 1].path))
+        except OSError:
+            return None
+
+    def _send_entries(self, client: int, state: LogClient, now_ns: int) -> None:
+        while state.entries and self._pacing.take(client, ENTRY_BYTES, now_ns):
+            number, count = state.entries.popleft(), len(state.logs)
+            log = state.logs[number - 1]
+            entry = mavlink.MAVLink_log_entry_message(number, count, count, log.began_s, log.size)
+            self._vehicle.outbox.send(entry, client)
+
+    def _send_data(self, client: int, state: LogClient, now_ns: int) -> None:
+        transfer = state.transfer
+        while transfer is not None and transfer.ranges:
+            if not self._pacing.take(client, DATA_BYTES, now_ns):
+                return
+            offset, end = transfer.ranges.popleft()
+            try:
+                data = transfer.source.read(offset, min(BLOCK, end - offset))
+            except OSError:
+                data = b""
+            padded = list(data.ljust(BLOCK, b"\0"))
+            block = mavlink.MAVLink_log_data_message(transfer.number, offset, len(data), padded)
+            self._vehicle.outbox.send(block, client)
+            # A log that ends with a whole block is followed by an empty one, which marks the end.
+            if len(data) == BLOCK and offset + BLOCK < end:
+                transfer.ranges.appendleft((offset + BLOCK, end))

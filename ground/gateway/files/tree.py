@@ -1,0 +1,99 @@
+"""The virtual tree: names that are looked up in lists, so that no path can lead out of it.
+
+`@PARAM` and `@MAV_LOG` are names that ground stations know. QGroundControl lists only files that
+end in `.bin` or `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+from ground.gateway.files.recordings import Recordings
+from ground.gateway.files.sources import BytesSource, FileSource, Source
+from ground.gateway.files.wire import Failure
+from ground.gateway.parameters.metadata import GENERAL_NAME, PARAMETERS_NAME
+from ground.gateway.parameters.packed import Selection, packed, selection_in
+from ground.gateway.parameters.store import ParameterStore
+from ground.gateway.parameters.table import MavTable
+
+PARAMETERS_FOLDER, PACKED_NAME = "@PARAM", "param.pck"
+LOGS_FOLDER, LOG_SUFFIX = "@MAV_LOG", ".bin"
+RECORDINGS_FOLDER: Final = "recordings"
+FOLDERS: Final = (LOGS_FOLDER, PARAMETERS_FOLDER, RECORDINGS_FOLDER)
+
+Opened = Callable[[Source | Failure], None]
+
+
+class VirtualTree:
+    """What one vehicle offers for reading."""
+
+    def __init__(self, store: ParameterStore, recordings: Recordings) -> None:
+        self._store = store
+        self._recordings = recordings
+
+    def entries(self, path: str, now_ns: int) -> list[bytes] | None:
+        """Return the entries of a folder as FTP lists them, None if there is no such folder."""
+        match path.strip("/"):
+            case "" | ".":
+                files = self._metadata()
+                folders = [f"D{name}" for name in FOLDERS]
+                return [line.encode() for line in [*folders, *files]]
+            case "@PARAM":
+                table = self._store.table
+                size = 0 if table is None else len(packed(table, Selection()) or b"")
+                return [_file(PACKED_NAME, size).encode()]
+            case "@MAV_LOG":
+                return self._logs(LOG_SUFFIX, now_ns)
+            case "recordings":
+                return self._logs("", now_ns)
+        return None
+
+    def open(self, path: str, then: Opened, now_ns: int) -> None:
+        """Call `then` with the file or the reason why there is none, perhaps at a later round."""
+        name, _, query = path.removeprefix("/").partition("?")
+        folder, slash, file = name.partition("/")
+        if name in (GENERAL_NAME, PARAMETERS_NAME):
+            self._store.known(lambda table, _: then(self._described(name, table)), now_ns)
+        elif name == f"{PARAMETERS_FOLDER}/{PACKED_NAME}":
+            selection = selection_in(query)
+            self._store.latest(lambda table, _: then(_packed(table, selection)), now_ns)
+        elif slash and folder == RECORDINGS_FOLDER:
+            then(self._recording(file, now_ns))
+        elif slash and folder == LOGS_FOLDER and file.endswith(LOG_SUFFIX):
+            then(self._recording(file.removesuffix(LOG_SUFFIX), now_ns))
+        else:
+            then(Failure.FILE_NOT_FOUND)
+
+    def _metadata(self) -> list[str]:
+        found = self._store.metadata
+        if found is None:
+            return []
+        sizes = {GENERAL_NAME: len(found.general), PARAMETERS_NAME: len(found.parameters)}
+        return [_file(name, size) for name, size in sizes.items()]
+
+    def _logs(self, suffix: str, now_ns: int) -> list[bytes]:
+        found = self._recordings.listed(now_ns)
+        return [_file(one.name + suffix, one.size).encode() for one in found]
+
+    def _described(self, name: str, table: MavTable | None) -> Source | Failure:
+        found = self._store.metadata
+        if table is None or found is None:
+            return Failure.FAIL
+        return BytesSource(found.general if name == GENERAL_NAME else found.parameters)
+
+    def _recording(self, name: str, now_ns: int) -> Source | Failure:
+        found = self._recordings.find(name, now_ns)
+        if found is None:
+            return Failure.FILE_NOT_FOUND
+        try:
+            return FileSource(found.path)
+        except OSError:
+            return Failure.FAIL
+
+
+def _file(name: str, size: int) -> str:
+    return f"F{name}\t{size}"
+
+
+def _packed(table: MavTable | None, selection: Selection | None) -> Source | Failure:
+    data = None if table is None or selection is None else packed(table, selection)
+    return Failure.FAIL if data is None else BytesSource(data)

@@ -1,0 +1,37 @@
+"""How fast long transfers go to each client: parameter lists, files and logs share one budget."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from runtime.units import NS_PER_S
+
+FAST_BYTES_S: Final = 250_000
+"""A line without a limit of its own; a client in Python reads more than twice as fast."""
+LINE_SHARE: Final = 0.4
+"""The part of a slow line that transfers may use; telemetry and commands need the rest."""
+FULL_NS: Final = 60_000_000
+"""Unused budget is kept for so long."""
+
+
+class Pacing:
+    """Budgets in bytes. `lines` holds what the line of a client carries, None if not limited."""
+
+    def __init__(self, lines: Mapping[int, int | None]) -> None:
+        self._lines = lines
+        self._budgets: dict[int, tuple[float, int]] = {}
+
+    def take(self, client: int, size: int, now_ns: int) -> bool:
+        """Return whether bytes may be sent now, and subtract them from the budget."""
+        line_bytes_s = self._lines.get(client)
+        rate = FAST_BYTES_S if line_bytes_s is None else line_bytes_s * LINE_SHARE
+        full = rate * FULL_NS / NS_PER_S
+        left, since_ns = self._budgets.get(client, (full, now_ns))
+        left = min(full, left + rate * (now_ns - since_ns) / NS_PER_S)
+        # A budget smaller than one message is overdrawn, so that slow lines carry long messages.
+        may = left > 0
+        self._budgets[client] = (left - size if may else left, now_ns)
+        return may
+
+    def forget(self, client: int) -> None:
+        """Drop the budget of a client that has gone."""
+        self._budgets.pop(client, None)

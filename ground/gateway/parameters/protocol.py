@@ -1,0 +1,178 @@
+"""The PARAM protocol: list, read by name or index, and set (row 19 of the list)."""
+
+from typing import Final, NamedTuple
+
+from ground.client.operations import SetParameter
+from ground.client.operations.parameters import ParameterChanged
+from ground.gateway.catalogue import Source
+from ground.gateway.dialect import ComponentMetadata, MavMessage, mavlink
+from ground.gateway.pacing import Pacing
+from ground.gateway.parameters.metadata import component_metadata
+from ground.gateway.parameters.store import ParameterStore
+from ground.gateway.parameters.table import MavTable, is_cast
+from ground.gateway.port import Answered
+from ground.gateway.texts import Refusals
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+
+VALUE_BYTES: Final = 37
+BY_NAME: Final = -1
+MAX_PENDING: Final = 64
+"""Changes that the robot has not answered."""
+NOT_CAST: Final = "send a finite number cast to float"
+READ_ONLY: Final = "read-only"
+UNKNOWN: Final = "no such parameter"
+
+
+class Change(NamedTuple):
+    """A PARAM_SET whose answer is awaited."""
+
+    client: int
+    number: int
+    value: float
+
+
+class ParameterProtocol:
+    """Answers each client. A value that the robot has taken is sent to all clients."""
+
+    handles = (
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_PARAM_SET,
+    )
+
+    def __init__(self, vehicle: Vehicle, store: ParameterStore, pacing: Pacing) -> None:
+        self._vehicle = vehicle
+        self._store = store
+        self._pacing = pacing
+        self._refusals = Refusals(vehicle.outbox)
+        self._lists: dict[int, int] = {}
+        self._pending: set[Change] = set()
+        self._now_ns = 0
+        vehicle.catalogue.add(Source(ComponentMetadata.id, self._describe))
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Begin a list, or answer a request for one parameter."""
+        self._now_ns = now_ns
+        number = message.get_msgId()
+        if number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
+            self._store.latest(lambda table, why: self._begin(sender, table, why), now_ns)
+        elif number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ:
+            self._store.known(lambda table, why: self._send(message, sender, table, why), now_ns)
+        else:
+            self._store.known(lambda table, why: self._set(message, sender, table, why), now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Go on with the lists, as fast as each client's line allows."""
+        self._now_ns = now_ns
+        self._store.due(now_ns)
+        table = self._store.table
+        for client, first in list(self._lists.items()):
+            index = first
+            while table is not None and index < len(table):
+                if not self._pacing.take(client, VALUE_BYTES, now_ns):
+                    break
+                self._vehicle.outbox.send(table.message(index), client)
+                index += 1
+            self._lists[client] = index
+            if table is None or index >= len(table):
+                del self._lists[client]
+
+    def forget(self, client: int) -> None:
+        """Drop the list and the budget of a client that has gone."""
+        self._lists.pop(client, None)
+        self._refusals.forget(client)
+        self._pacing.forget(client)
+
+    def _describe(self, now_ns: int) -> list[MavMessage]:
+        """Return COMPONENT_METADATA if the parameters are known."""
+        found = self._store.metadata
+        time_ms = self._vehicle.boot_ms(now_ns)
+        return [] if found is None else [component_metadata(found, time_ms)]
+
+    def _begin(self, sender: Sender, table: MavTable | None, why: str) -> None:
+        if table is None:
+            self._say(sender, f"no parameters: {why}")
+        else:
+            self._lists[sender.client] = 0
+
+    def _send(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
+        index = self._index(message, sender, table, why)
+        if table is not None and index is not None:
+            self._vehicle.outbox.send(table.message(index), sender.client)
+
+    def _set(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
+        index = self._index(message, sender, table, why)
+        if table is None or index is None:
+            return
+        parameter, value = table.parameters[index], float(message.param_value)
+        change = Change(sender.client, index, value)
+        if not is_cast(value):
+            error = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+            self._refuse(table, sender, index, NOT_CAST, error)
+        elif parameter.is_fixed:
+            error = mavlink.MAV_PARAM_ERROR_READ_ONLY
+            self._refuse(table, sender, index, READ_ONLY, error)
+        elif len(self._pending) >= MAX_PENDING:
+            error = mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
+            self._refuse(table, sender, index, "too many changes at once", error)
+        elif change not in self._pending:
+            self._pending.add(change)
+            operation = SetParameter(name=parameter.own.name, value=value)
+            done = self._answered
+            self._vehicle.perform(sender, operation, lambda end: done(end, sender, change))
+
+    def _answered(self, answer: Answered, sender: Sender, change: Change) -> None:
+        self._pending.discard(change)
+        found, table = answer.outcome, self._store.table
+        if isinstance(found, ParameterChanged) and found.now is not None:
+            self._store.adopt(change.number, found.now)
+            if not found.ok:
+                self._say(sender, found.text)
+        elif table is not None and change.number < len(table):
+            is_refused = isinstance(found, ParameterChanged)
+            why = found.refusal if isinstance(found, ParameterChanged) else answer.text
+            out_of_range = mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+            error = out_of_range if is_refused else mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
+            self._refuse(table, sender, change.number, why, error)
+
+    def _refuse(self, table: MavTable, sender: Sender, index: int, why: str, error: int) -> None:
+        """Answer with the value in force, and say why it is not the wanted one."""
+        name, outbox = table.parameters[index].name, self._vehicle.outbox
+        outbox.send(table.message(index), sender.client)
+        outbox.send(param_error(sender, name, index, error), sender.client)
+        self._say(sender, f"{name} not changed: {why}")
+
+    def _index(
+        self, message: MavMessage, sender: Sender, table: MavTable | None, why: str
+    ) -> int | None:
+        """Return the index of the parameter that a message names; refuse it if there is none."""
+        if table is None:
+            self._say(sender, f"no parameters: {why}")
+            return None
+        number = getattr(message, "param_index", BY_NAME)
+        name = name_of(message.param_id)
+        if number != BY_NAME and 0 <= number < len(table):
+            return int(number)
+        found = table.index(name) if number == BY_NAME else None
+        if found is None:
+            error = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+            self._vehicle.outbox.send(param_error(sender, name, number, error), sender.client)
+            wanted = name if number == BY_NAME else f"index {number}"
+            self._say(sender, f"parameter {wanted}: {UNKNOWN}")
+        return found
+
+    def _say(self, sender: Sender, words: str) -> None:
+        self._refusals.say(words, sender.client, self._now_ns)
+
+
+def name_of(text: str) -> str:
+    """Return the printable part of a name."""
+    return "".join(sign for sign in text if sign.isascii() and sign.isprintable())
+
+
+def param_error(sender: Sender, name: str, index: int, error: int) -> MavMessage:
+    """Return PARAM_ERROR for a client."""
+    return mavlink.MAVLink_param_error_message(
+        sender.system, sender.component, name.encode(), index, error
+    )

@@ -1,0 +1,231 @@
+"""Row 19: the PARAM protocol."""
+
+from math import inf, nan
+from struct import pack, unpack
+
+import pytest
+
+from ground.client.operations import SetParameter
+from ground.client.operations.parameters import ParameterChanged
+from ground.client.results import Refused
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.parameters.protocol import MAX_PENDING
+from protocol.wire.enums import LeaseAction
+from protocol.wire.reasons import Reason
+from robot.parameters.table import TABLE
+from tests.support.gateway.fake_port import CLIENT, OTHER
+from tests.support.gateway.parameter_bench import ParameterBench, of_type
+from tests.support.gateway.telemetry import status
+
+LIST = mavlink.MAVLink_param_request_list_message(1, 0)
+ALL = len(TABLE) + 36
+REAL32 = mavlink.MAV_PARAM_TYPE_REAL32
+
+
+def read(name: str = "", index: int = -1) -> MavMessage:
+    return mavlink.MAVLink_param_request_read_message(0, 0, name.encode(), index)
+
+
+def change(name: str, value: float, kind: int = REAL32) -> MavMessage:
+    return mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind)
+
+
+def values_in(messages: list[MavMessage]) -> list[MavMessage]:
+    return of_type(messages, "PARAM_VALUE")
+
+
+def texts_in(messages: list[MavMessage]) -> str:
+    return "".join(one.text for one in of_type(messages, "STATUSTEXT"))
+
+
+def decoded(message: MavMessage) -> MavMessage:
+    """Return what arrives, with the values that the wire carries."""
+    encoder = mavlink.MAVLink(None, 1, 1)
+    (found,) = encoder.parse_buffer(message.pack(encoder))
+    return found
+
+
+def loaded() -> ParameterBench:
+    bench = ParameterBench()
+    bench.send(read("RADIUS_M"))
+    return bench
+
+
+def test_whole_list_arrives_within_a_second_with_stable_indexes() -> None:
+    bench = ParameterBench()
+    first = values_in(bench.send(LIST) + bench.after(1.0))
+    again = values_in(bench.send(LIST) + bench.after(1.0))
+    assert [one.param_index for one in first] == list(range(ALL))
+    assert {one.param_count for one in first} == {ALL}
+    assert [one.param_id for one in again] == [one.param_id for one in first]
+    assert all(len(one.param_id) <= 16 for one in first)
+
+
+def test_whole_numbers_are_int32_cast_to_float() -> None:
+    bench = ParameterBench()
+    found = {one.param_id: decoded(one) for one in values_in(bench.send(LIST) + bench.after(1))}
+    assert (found["SIDE"].param_type, found["SIDE"].param_value) == (6, 1.0)
+    assert found["STUCK_MS"].param_value == float(int(found["STUCK_MS"].param_value))
+    assert found["RADIUS_M"].param_type == REAL32
+    assert {one.param_type for one in found.values()} == {6, REAL32}
+
+
+def test_list_is_paced_by_the_line_of_each_client() -> None:
+    bench = ParameterBench()
+    bench.face.join(CLIENT.client, 5760)
+    bench.face.join(OTHER.client)
+    bench.send(LIST, CLIENT)
+    bench.send(LIST, OTHER)
+    counts = {CLIENT.client: 0, OTHER.client: 0}
+    for _ in range(10):
+        bench.now_ns += 20_000_000
+        bench.face.due(bench.now_ns)
+        for one in bench.vehicle.outbox.take():
+            if one.client is not None:
+                counts[one.client] += 1
+    assert counts[OTHER.client] == ALL
+    assert 5 <= counts[CLIENT.client] <= 5760 * 0.4 * 0.26 / 37 + 2
+
+
+def test_parameter_is_read_by_name_and_by_index() -> None:
+    bench = ParameterBench()
+    (by_name,) = values_in(bench.send(read("D_OBS_M")))
+    (by_index,) = values_in(bench.send(read("IGNORED", by_name.param_index)))
+    assert by_name.to_dict() == by_index.to_dict()
+    assert by_name.param_id == "D_OBS_M"
+
+
+@pytest.mark.parametrize("request_", [read("NO_SUCH"), read(index=ALL), read(index=-2), read("")])
+def test_unknown_parameter_is_refused(request_: MavMessage) -> None:
+    found = loaded().send(request_)
+    assert values_in(found) == []
+    (error,) = of_type(found, "PARAM_ERROR")
+    assert error.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+    assert "no such parameter" in texts_in(found)
+
+
+def test_value_in_force_is_broadcast_after_a_change() -> None:
+    bench = loaded()
+    bench.send(change("D_OBS_M", 0.4))
+    assert bench.port.leases == [(LeaseAction.TAKE, "MAVLink 255")]
+    assert bench.port.performed[-1] == SetParameter(name="d_obs_m", value=0.4)
+    bench.port.answer(ParameterChanged(name="d_obs_m", asked=0.4, now=0.35, saved=True))
+    sent = bench.vehicle.outbox.take()
+    assert sent[0].client is None
+    assert sent[0].message.param_value == 0.35
+    assert "keeps d_obs_m" in texts_in([one.message for one in sent])
+    (again,) = values_in(bench.send(read("D_OBS_M")))
+    assert again.param_value == 0.35
+    assert bench.vehicle.parameters["d_obs_m"] == 0.35
+
+
+def test_refused_change_is_answered_with_the_value_in_force() -> None:
+    bench = loaded()
+    bench.send(change("D_OBS_M", 99.0))
+    refused = ParameterChanged(name="d_obs_m", asked=99, now=None, refusal="allowed: 0.05 to 3 m")
+    bench.port.answer(refused)
+    found = bench.sent()
+    (value,) = values_in(found)
+    assert value.param_value == pytest.approx(0.3)
+    assert of_type(found, "PARAM_ERROR")[0].error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    assert texts_in(found) == "D_OBS_M not changed: allowed: 0.05 to 3 m"
+
+
+def test_client_without_control_changes_nothing() -> None:
+    bench = loaded()
+    bench.port.holder = "ada"
+    found = bench.send(change("D_OBS_M", 0.4))
+    assert values_in(found)[0].param_value == pytest.approx(0.3)
+    assert "ada" in texts_in(found)
+    assert of_type(found, "PARAM_ERROR")[0].error == mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
+
+
+@pytest.mark.parametrize(
+    "value",
+    [nan, inf, -inf, unpack("<f", pack("<i", 2))[0], unpack("<f", pack("<i", -1))[0]],
+)
+def test_values_that_are_not_cast_are_refused(value: float) -> None:
+    bench = loaded()
+    found = bench.send(change("NAVIGATOR", value, mavlink.MAV_PARAM_TYPE_INT32))
+    assert not any(isinstance(one, SetParameter) for one in bench.port.performed)
+    assert values_in(found)[0].param_value == 6
+    assert "finite number" in texts_in(found)
+
+
+def test_zero_is_a_value() -> None:
+    bench = loaded()
+    bench.send(change("GUARD_STOP_M", 0.0))
+    assert bench.port.performed[-1] == SetParameter(name="guard_stop_m", value=0.0)
+
+
+def test_compatible_parameters_are_read_only() -> None:
+    bench = loaded()
+    found = bench.send(change("RCMAP_ROLL", 2.0))
+    assert values_in(found)[0].param_value == 1
+    assert "read-only" in texts_in(found)
+    assert not any(isinstance(one, SetParameter) for one in bench.port.performed)
+
+
+def test_repeated_change_is_carried_out_once() -> None:
+    bench = loaded()
+    for _ in range(3):
+        bench.send(change("D_OBS_M", 0.4))
+    assert bench.port.performed.count(SetParameter(name="d_obs_m", value=0.4)) == 1
+
+
+def test_flood_of_changes_is_bounded() -> None:
+    bench = loaded()
+    for number in range(10_000):
+        bench.face.receive(change("D_OBS_M", 0.1 + number * 1e-5), CLIENT, bench.now_ns)
+    assert len(bench.port.waiting) == MAX_PENDING
+    texts = of_type(bench.sent(), "STATUSTEXT")
+    assert 0 < len(texts) < 10
+
+
+def test_silent_robot_is_named_and_asked_again() -> None:
+    bench = ParameterBench()
+    bench.is_answering = False
+    for _ in range(1000):
+        bench.send(LIST)
+    assert len(bench.port.waiting) == 1
+    bench.port.answer(error="r1 does not answer")
+    assert "r1 does not answer" in texts_in(bench.sent())
+    bench.is_answering = True
+    bench.now_ns += 1_000_000_000
+    assert len(values_in(bench.send(LIST) + bench.after(1.0))) == ALL
+
+
+def test_change_by_others_is_broadcast() -> None:
+    bench = ParameterBench()
+    bench.face.join(CLIENT.client)
+    bench.send(LIST)
+    bench.after(1.0)
+    bench.port.telemetry["status"] = status()
+    bench.values["d_obs_m"] = 0.45
+    (value,) = values_in(bench.after(11.0))
+    assert (value.param_id, value.param_value) == ("D_OBS_M", 0.45)
+
+
+def test_robots_list_is_read_rarely_and_only_for_clients() -> None:
+    bench = ParameterBench()
+    bench.port.telemetry["status"] = status()
+    bench.after(30.0)
+    assert bench.port.performed == []
+    bench.face.join(CLIENT.client)
+    bench.after(30.0)
+    assert len(bench.port.performed) == 3
+
+
+def test_list_for_a_client_that_has_gone_ends() -> None:
+    bench = ParameterBench()
+    bench.face.join(CLIENT.client, 100)
+    bench.send(LIST)
+    bench.face.forget(CLIENT.client)
+    assert bench.after(1.0) == []
+
+
+def test_refusal_by_the_lease_is_worded() -> None:
+    bench = loaded()
+    bench.send(change("D_OBS_M", 0.4))
+    bench.port.answer(Refused(Reason.DRIVING, 1))
+    assert "not changed" in texts_in(bench.sent())
