@@ -1,9 +1,10 @@
 """All that is particular to ArduPilot's Rover: its modes, states and versions."""
 
+from hashlib import sha256
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
-from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.dialect import AvailableModes, CurrentMode, MavMessage, mavlink
 from ground.gateway.port import Snapshot
 from protocol.wire.enums import Mode, Vehicle
 
@@ -34,6 +35,35 @@ EMERGENCIES: Final = MappingProxyType(
         Vehicle.EMERGENCY_STOP: mavlink.MAV_STATE_EMERGENCY,
     }
 )
+
+
+VERSION: Final = (4, 7, 0)
+"""The release whose behaviour this follows. Its type is DEV, which QGroundControl compares with
+no list of releases."""
+CAPABILITIES: Final = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_FLIGHT_TERMINATION
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+)
+AUTO_MODE: Final = 4
+"""MAV_MODE_PROPERTY_AUTO_MODE."""
+MODE_LIST: Final = (
+    (mavlink.ROVER_MODE_MANUAL, "Manual", 0),
+    (mavlink.ROVER_MODE_HOLD, "Hold", 0),
+    (mavlink.ROVER_MODE_AUTO, "Auto", AUTO_MODE),
+    (mavlink.ROVER_MODE_RTL, "RTL", AUTO_MODE),
+    (mavlink.ROVER_MODE_SMART_RTL, "Smart RTL", AUTO_MODE),
+    (mavlink.ROVER_MODE_GUIDED, "Guided", AUTO_MODE),
+)
+"""The modes in the order of AVAILABLE_MODES, with names as QGroundControl has them for a Rover."""
 
 
 class State(NamedTuple):
@@ -68,3 +98,33 @@ def state_of(snapshot: Snapshot, number: int | None = None) -> State:
     usual = mavlink.MAV_STATE_STANDBY if status.mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE
     system_status = EMERGENCIES.get(Vehicle(status.vehicle), usual)
     return State(int(status.mode) if number is None else number, is_armed, system_status)
+
+
+def current_mode(number: int) -> MavMessage:
+    """Return CURRENT_MODE. ArduPilot declares every mode as not standard, and so does this."""
+    return CurrentMode(0, number, 0)
+
+
+def available_modes(index: int) -> list[MavMessage]:
+    """Return AVAILABLE_MODES of one mode, counted from 1, or of all modes for 0."""
+    return [
+        AvailableModes(len(MODE_LIST), at, 0, number, properties, name.encode())
+        for at, (number, name, properties) in enumerate(MODE_LIST, start=1)
+        if index in (0, at)
+    ]
+
+
+def autopilot_version(name: str, commit: str) -> MavMessage:
+    """Return AUTOPILOT_VERSION of a robot; its unique id follows from its name."""
+    major, minor, patch = VERSION
+    unique = sha256(name.encode()).digest()
+    return mavlink.MAVLink_autopilot_version_message(
+        CAPABILITIES,
+        major << 24 | minor << 16 | patch << 8 | mavlink.FIRMWARE_VERSION_TYPE_DEV,
+        *(0, 0, 0),
+        commit.encode()[:8].ljust(8, b"\0"),
+        *([0] * 8, [0] * 8),
+        *(0, 0),
+        int.from_bytes(unique[:8], "little"),
+        list(unique[:18]),
+    )

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any, Final
 
@@ -27,8 +28,9 @@ from protocol.topics import (
     TEXT,
     WHEELS,
 )
+from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
-from protocol.wire.messages import Heartbeat
+from protocol.wire.messages import Heartbeat, Statustext
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_S
 
@@ -50,10 +52,11 @@ class BusPort:
         self._stops = link.bus.publisher(STOP, link.robot)
         self._stick = TeleopSender(link)
         self._ended: SimpleQueue[Ended] = SimpleQueue()
-        self.texts: SimpleQueue[bytes] = SimpleQueue()
+        self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
         self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
-        link.bus.stream(TEXT, lambda _key, frame, _at_ns: self.texts.put(frame), link.robot)
+        self._started_ns = link.clock.now_ns()
+        link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
         link.bus.announce(link.robot)
         link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
 
@@ -70,6 +73,17 @@ class BusPort:
             mission=fresh(MISSION, now_ns),
             cycle=fresh(CYCLE, now_ns),
         )
+
+    def new_texts(self) -> list[Statustext]:
+        """Return the robot's texts; those from before the start of the gateway are left out."""
+        found = []
+        while not self._texts.empty():
+            frame, published_ns = self._texts.get()
+            with suppress(RemoteError):
+                message = decode(frame).message
+                if isinstance(message, Statustext) and published_ns >= self._started_ns:
+                    found.append(message)
+        return found
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
         """Carry out an operation; operations of one robot run in their order."""

@@ -1,7 +1,8 @@
 """The MAVLink dialect of the gateway: pymavlink's ardupilotmega, and standard messages it lacks.
 
 pymavlink 2.4.50 has COMPONENT_METADATA and CONTROL_STATUS in no dialect, and AVAILABLE_MODES and
-CURRENT_MODE only in `development`. Their layouts here are those of mavlink/mavlink of July 2026.
+CURRENT_MODE only in `development`; its TIMESYNC lacks the target. Their layouts here are those of
+mavlink/mavlink of July 2026.
 """
 
 from struct import Struct
@@ -19,27 +20,33 @@ RESULT_NOT_IN_CONTROL: Final = 10
 CONTROL_SYSTEM_MANAGER: Final = 1
 CONTROL_TAKEOVER_ALLOWED: Final = 2
 
-CODES: Final = {"char": "s", "uint8_t": "B", "uint32_t": "I"}
+CODES: Final = {"char": "s", "uint8_t": "B", "uint32_t": "I", "int64_t": "q"}
 """Struct code of each type in use; in the order of their sizes on the wire, reversed."""
 
 
-def _defined(number: int, name: str, *fields: tuple[str, str, int]) -> Any:
+Field: TypeAlias = tuple[str, str, int]
+"""The type of a field, its name, and its length, which is 0 for a scalar."""
+
+
+def _defined(number: int, name: str, *fields: Field, extensions: tuple[Field, ...] = ()) -> Any:
     """Return a message class like those that mavgen writes, and register it for decoding.
 
-    A field is its type, its name, and its length, which is 0 for a scalar. On the wire the fields
-    are sorted by the size of their elements, largest first.
+    On the wire the fields are sorted by the size of their elements, largest first. Extensions
+    follow in their own order, do not count for the checksum, and are 0 if they are not given.
     """
-    ordered = sorted(fields, key=lambda field: -Struct(CODES[field[0]]).size)
+    main = sorted(fields, key=lambda field: -Struct(CODES[field[0]]).size)
+    ordered, fields = [*main, *extensions], (*fields, *extensions)
     layout = bytearray(f"{name} ".encode())
-    for kind, field_name, length in ordered:
+    for kind, field_name, length in main:
         layout += f"{kind} {field_name} ".encode() + (bytes([length]) if length else b"")
     checksum = mcrf4xx(bytes(layout))
     names = [field_name for _, field_name, _ in fields]
+    absent = {field_name: 0 for _, field_name, _ in extensions}
 
     def construct(self: Any, *values: object, **named: object) -> None:
         mavlink.MAVLink_message.__init__(self, number, name)
         self._fieldnames = names
-        given = dict(zip(names, values, strict=False)) | named
+        given = absent | dict(zip(names, values, strict=False)) | named
         for field_name in names:
             setattr(self, field_name, given[field_name])
 
@@ -94,4 +101,8 @@ CurrentMode: Final = _defined(
 ControlStatus: Final = _defined(
     512, "CONTROL_STATUS", ("uint8_t", "flags", 0), ("uint8_t", "gcs_main", 0),
     ("uint8_t", "gcs_secondary", 10),
+)  # fmt: skip
+TimeSync: Final = _defined(
+    111, "TIMESYNC", ("int64_t", "tc1", 0), ("int64_t", "ts1", 0),
+    extensions=(("uint8_t", "target_system", 0), ("uint8_t", "target_component", 0)),
 )  # fmt: skip

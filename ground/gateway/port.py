@@ -14,6 +14,7 @@ from protocol.wire.messages import (
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
+    Statustext,
     WheelTicks,
 )
 
@@ -71,6 +72,9 @@ class RobotPort(Protocol):
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the newest telemetry."""
+
+    def new_texts(self) -> list[Statustext]:
+        """Return the robot's texts, in pieces, that have arrived since the last call."""
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
         """Carry out an operation; operations of one robot run in their order."""

@@ -7,21 +7,19 @@ from ground.gateway.commands.driving import DrivingCommands
 from ground.gateway.commands.service import CommandService
 from ground.gateway.files.wiring import parameters_and_files
 from ground.gateway.motion.pilot import Pilot
-from ground.gateway.streams.heartbeat import HeartbeatStream
-from ground.gateway.streams.scheduler import StreamScheduler
+from ground.gateway.streams.wiring import streams_of
 from ground.gateway.traffic import MavService
 from ground.gateway.vehicle import Face, Vehicle
 
 
 def face_of(vehicle: Vehicle, recordings: Path | None = None) -> Face:
     """Return the face of a vehicle, with all its protocols; `recordings` is their folder."""
-    pilot = Pilot(vehicle)
+    pilot, streams = Pilot(vehicle), streams_of(vehicle)
     tables = ArmingCommands(vehicle).table, DrivingCommands(vehicle, pilot).table
     services: list[MavService] = [
-        HeartbeatStream(vehicle),
-        StreamScheduler(vehicle),
+        *streams.services,
         pilot,
-        CommandService(vehicle, *tables),
+        CommandService(vehicle, *tables, *streams.tables),
         *parameters_and_files(vehicle, recordings),
     ]
     return Face(vehicle, services)

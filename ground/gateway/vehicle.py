@@ -25,7 +25,7 @@ class Vehicle:
     the sea, and `home` the local x and y of the home position. `clients` holds what the line of
     each client carries in bytes per second, None if that is no limit. `parameters` are the robot's
     values by their names, as far as they are known. `unix_offset_ns` is the time of day minus the
-    time of this process; None without a clock.
+    time of this process; None without a clock. `commit` is that of this program.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -37,6 +37,7 @@ class Vehicle:
         self.clients: dict[int, int | None] = {}
         self.parameters: dict[str, float] = {}
         self.unix_offset_ns: int | None = None
+        self.commit = ""
         self.catalogue = Catalogue()
         self.outbox = Outbox()
         self.refusals = Refusals(self.outbox)

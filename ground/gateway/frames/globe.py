@@ -6,6 +6,9 @@ from ground.missions.geography import to_global, to_local
 from ground.missions.mission import FARTHEST_M, Home
 
 PER_DEG: Final = 10_000_000
+DEFAULT_ORIGIN: Final = Home(latitude_deg=-35.3632621, longitude_deg=149.1652374)
+"""The model airfield at Canberra where ArduPilot's simulator starts; clients know the place."""
+DEFAULT_ALTITUDE_M: Final = 584.0
 MAX_LATITUDE_DEG: Final = 85.0
 MAX_LONGITUDE_DEG: Final = 180.0
 

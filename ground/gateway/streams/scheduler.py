@@ -2,7 +2,8 @@
 
 from typing import Final
 
-from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.ardupilot import state_of
+from ground.gateway.dialect import CurrentMode, MavMessage, mavlink
 from ground.gateway.streams.client_streams import ClientStreams
 from ground.gateway.streams.table import STREAMS
 from ground.gateway.traffic import Sender
@@ -14,13 +15,14 @@ MAX_INTERVAL_US: Final = 0x7FFF_FFFF
 
 
 class StreamScheduler:
-    """Sends each client what is due to it."""
+    """Sends each client what is due to it, and CURRENT_MODE also when the mode has changed."""
 
     handles = (mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,)
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._clients: dict[int, ClientStreams] = {}
+        self._mode = state_of(vehicle.snapshot, vehicle.modes.number).mode
         for stream in STREAMS:
             vehicle.catalogue.add(stream.source(vehicle))
 
@@ -35,9 +37,14 @@ class StreamScheduler:
     def due(self, now_ns: int) -> None:
         """Send what is due."""
         vehicle = self._vehicle
+        mode = state_of(vehicle.snapshot, vehicle.modes.number).mode
+        if mode != self._mode:
+            self._mode = mode
+            for streams in self._clients.values():
+                streams.hurry(CurrentMode.id, now_ns)
         for client in vehicle.clients:
-            streams = self._streams(client, now_ns)
-            for number in () if streams is None else streams.take(now_ns):
+            known = self._streams(client, now_ns)
+            for number in () if known is None else known.take(now_ns):
                 for message in vehicle.catalogue.build(number, now_ns):
                     vehicle.outbox.send(message, client)
 
@@ -64,11 +71,6 @@ class StreamScheduler:
             return 0
         period_us = streams.period_ns(number) // NS_PER_US
         return min(period_us, MAX_INTERVAL_US) if period_us else NOT_SENT_US
-
-    def hurry(self, number: int, now_ns: int) -> None:
-        """Send a message at once to all clients that get it."""
-        for streams in self._clients.values():
-            streams.hurry(number, now_ns)
 
     def _streams(self, client: int, now_ns: int) -> ClientStreams | None:
         found = self._clients.get(client)

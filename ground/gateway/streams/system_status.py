@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Final
 
-from ground.gateway import prearm
+from ground.gateway import ardupilot, prearm
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.frames import ned
 from ground.gateway.port import Snapshot
@@ -97,3 +97,14 @@ def extended_state(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return EXTENDED_SYS_STATE: on the ground."""
     ground = mavlink.MAV_LANDED_STATE_ON_GROUND
     return (mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, ground),)
+
+
+def current_mode(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
+    """Return CURRENT_MODE."""
+    state = ardupilot.state_of(vehicle.snapshot, vehicle.modes.number)
+    return (ardupilot.current_mode(state.mode),)
+
+
+def autopilot_version(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
+    """Return AUTOPILOT_VERSION."""
+    return (ardupilot.autopilot_version(vehicle.port.name, vehicle.commit),)

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from ground.gateway.catalogue import Source
-from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.dialect import CurrentMode, MavMessage, mavlink
 from ground.gateway.streams import position, proximity, system_status
 from ground.gateway.vehicle import Vehicle
 
@@ -51,4 +51,6 @@ STREAMS: Final = (
     Stream(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, system_status.ekf_status, 1, 1, EXTRA3),
     Stream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, system_status.system_time, 1, 1, EXTRA3),
     Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, system_status.extended_state, 1, 1),
+    Stream(CurrentMode.id, system_status.current_mode, 0.5, 0.5),
+    Stream(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, system_status.autopilot_version, 0, 0),
 )

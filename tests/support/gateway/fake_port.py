@@ -12,6 +12,7 @@ from ground.gateway.traffic import MavService, Sender
 from ground.gateway.vehicle import Face, Vehicle
 from ground.missions.mission import Home
 from protocol.wire.enums import LeaseAction
+from protocol.wire.messages import Statustext
 from protocol.wire.reasons import Reason
 
 IDENTITY = "gateway/5"
@@ -35,11 +36,17 @@ class FakePort:
         self.holder = ""
         self.stops: list[Done] = []
         self.heartbeats = 0
+        self.texts: list[Statustext] = []
         self.driven: list[tuple[float, float]] = []
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the telemetry that the test has set."""
         return Snapshot(now_ns, **self.telemetry)
+
+    def new_texts(self) -> list[Statustext]:
+        """Return the texts that the test has set, once."""
+        taken, self.texts = self.texts, []
+        return taken
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
         """Keep the operation for `answer`."""
