@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.files.pacing import Pacing
 from ground.gateway.files.recordings import Recording, Recordings
 from ground.gateway.files.sources import FileSource
-from ground.gateway.pacing import Pacing
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle

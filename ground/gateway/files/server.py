@@ -5,6 +5,7 @@ from typing import Final
 
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.checksum import checksum
+from ground.gateway.files.pacing import Pacing
 from ground.gateway.files.sessions import MAX_BURST, Burst, FileSession, Sessions
 from ground.gateway.files.sources import Source
 from ground.gateway.files.tree import VirtualTree
@@ -19,7 +20,6 @@ from ground.gateway.files.wire import (
     Opcode,
     request_in,
 )
-from ground.gateway.pacing import Pacing
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from ground.gateway.files.logs import LogProtocol
+from ground.gateway.files.pacing import Pacing
 from ground.gateway.files.recordings import Recordings
 from ground.gateway.files.server import FileServer
 from ground.gateway.files.tree import VirtualTree
-from ground.gateway.pacing import Pacing
 from ground.gateway.parameters.protocol import ParameterProtocol
 from ground.gateway.parameters.store import ParameterStore
 from ground.gateway.traffic import MavService

@@ -66,7 +66,7 @@ def _entry(one: MavParameter, before: str, *, with_default: bool) -> bytes:
     value, default = layout.pack(cast(one.value)), layout.pack(cast(one.default))
     has_default = with_default and value != default
     equal = takewhile(lambda pair: pair[0] == pair[1], zip(before, one.name, strict=False))
-    shared = min(MAX_SHARED, len(list(equal)))
+    shared = min(MAX_SHARED, len(one.name) - 1, len(list(equal)))
     own = one.name[shared:].encode()
     head = bytes([kind | (HAS_DEFAULT if has_default else 0), shared | (len(own) - 1) << 4])
     return head + own + value + (default if has_default else b"")

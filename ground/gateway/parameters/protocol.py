@@ -6,7 +6,7 @@ from ground.client.operations import SetParameter
 from ground.client.operations.parameters import ParameterChanged
 from ground.gateway.catalogue import Source
 from ground.gateway.dialect import ComponentMetadata, MavMessage, mavlink
-from ground.gateway.pacing import Pacing
+from ground.gateway.files.pacing import Pacing
 from ground.gateway.parameters.metadata import component_metadata
 from ground.gateway.parameters.store import ParameterStore
 from ground.gateway.parameters.table import MavTable, is_cast
