@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from ground.gateway.commands.arming import ArmingCommands
-from ground.gateway.commands.driving import DrivingCommands
 from ground.gateway.commands.service import CommandService
 from ground.gateway.files.wiring import parameters_and_files
-from ground.gateway.motion.pilot import Pilot
+from ground.gateway.motion.wiring import motion_of
 from ground.gateway.streams.wiring import streams_of
 from ground.gateway.traffic import MavService
 from ground.gateway.vehicle import Face, Vehicle
@@ -14,12 +12,11 @@ from ground.gateway.vehicle import Face, Vehicle
 
 def face_of(vehicle: Vehicle, recordings: Path | None = None) -> Face:
     """Return the face of a vehicle, with all its protocols; `recordings` is their folder."""
-    pilot, streams = Pilot(vehicle), streams_of(vehicle)
-    tables = ArmingCommands(vehicle).table, DrivingCommands(vehicle, pilot).table
+    motion, streams = motion_of(vehicle), streams_of(vehicle)
     services: list[MavService] = [
         *streams.services,
-        pilot,
-        CommandService(vehicle, *tables, *streams.tables),
+        *motion.services,
+        CommandService(vehicle, *motion.tables, *streams.tables),
         *parameters_and_files(vehicle, recordings),
     ]
     return Face(vehicle, services)

@@ -5,20 +5,11 @@ from struct import Struct
 from typing import Final, NamedTuple
 
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.motion.setpoints import GLOBAL_FRAMES
 from ground.gateway.traffic import Sender
 
 INT_UNKNOWN: Final = 0x7FFFFFFF
 """The x or y of a COMMAND_INT that is not set."""
-GLOBAL_FRAMES: Final = frozenset(
-    {
-        mavlink.MAV_FRAME_GLOBAL,
-        mavlink.MAV_FRAME_GLOBAL_INT,
-        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT,
-        mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
-        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT,
-        mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT_INT,
-    }
-)
 CONTENT: Final = Struct("<7dh")
 
 

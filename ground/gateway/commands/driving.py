@@ -10,11 +10,10 @@ from ground.gateway.commands.results import ACCEPTED, DENIED
 from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
 from ground.gateway.motion.pilot import Pilot
+from ground.gateway.motion.speed_limits import SPEED
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
 
-SPEED: Final = "v_max_m_s"
-"""The robot's parameter that limits the forward speed of goals, missions and MANUAL."""
 UNCHANGED: Final = -1
 DEFAULT: Final = -2
 GROUND_SPEEDS: Final = (mavlink.SPEED_TYPE_AIRSPEED, mavlink.SPEED_TYPE_GROUNDSPEED)

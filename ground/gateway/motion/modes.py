@@ -49,10 +49,15 @@ class Modes:
 
     def accepted(self, mode: Mode, number: int | None = None) -> None:
         """Note a mode that the robot has accepted, and the number that clients see for it."""
-        self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
         self._next = None if number is None else Shown(mode, number)
-        if self._shown is not None and self._shown.mode == mode:
+        if self._status == mode:
             self._shown = self._next
+        if self._status != mode or self._commanded is not None:
+            self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
+
+    def show_own(self) -> None:
+        """Show clients the robot's own mode again."""
+        self._shown = self._next = None
 
     def due(self, snapshot: Snapshot) -> None:
         """Follow the robot's status."""

@@ -57,3 +57,47 @@ def words(messages: list[MavMessage]) -> str:
     """Return the texts of all STATUSTEXTs, pieces joined."""
     texts = (m for m in messages if m.get_type() == "STATUSTEXT")
     return "".join(m.text.decode() if isinstance(m.text, bytes) else m.text for m in texts)
+
+
+SPEEDS = 0xDC7
+"""A type_mask that ignores all but the velocity."""
+PLACE = 0xDF8
+"""A type_mask that ignores all but the position."""
+
+
+def local_target(
+    frame: int = 1,
+    mask: int = SPEEDS,
+    x: float = 0.0,
+    y: float = 0.0,
+    vx: float = 0.0,
+    vy: float = 0.0,
+    yaw: float = 0.0,
+    yaw_rate: float = 0.0,
+) -> MavMessage:
+    """Return a SET_POSITION_TARGET_LOCAL_NED."""
+    return numbered(
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, SYSTEM, COMPONENT, frame, mask, x, y, 0, vx, vy, 0, 0, 0, 0, yaw, yaw_rate
+        )
+    )
+
+
+def global_target(lat: int, lon: int, frame: int = 6, mask: int = PLACE) -> MavMessage:
+    """Return a SET_POSITION_TARGET_GLOBAL_INT."""
+    return numbered(
+        mavlink.MAVLink_set_position_target_global_int_message(
+            0, SYSTEM, COMPONENT, frame, mask, lat, lon, 0, 0, 0, 0, 0, 0, 0, 0, 0
+        )
+    )
+
+
+def attitude(
+    thrust: float = 0.0, rate: float = 0.0, mask: int = 0, q: tuple[float, ...] = (1, 0, 0, 0)
+) -> MavMessage:
+    """Return a SET_ATTITUDE_TARGET."""
+    return numbered(
+        mavlink.MAVLink_set_attitude_target_message(
+            0, SYSTEM, COMPONENT, mask, list(q), 0, 0, rate, thrust
+        )
+    )

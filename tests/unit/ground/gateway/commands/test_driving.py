@@ -17,13 +17,12 @@ from ground.client.operations import (
 from ground.client.operations.parameters import ParameterChanged
 from ground.gateway.dialect import mavlink
 from ground.gateway.motion.pilot import EnterGuided
-from ground.gateway.services import face_of
 from protocol.wire.enums import MissionState, Mode, Vehicle
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import Bench
-from tests.support.gateway.messages import acks, command, mission_status, words
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.messages import acks, command, words
+from tests.support.gateway.piloting import driving_bench, performed, show
 
 ACCEPTED, LATER, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 FROM_CURRENT = StartMission(item=0, arms=False)
@@ -31,22 +30,7 @@ FROM_CURRENT = StartMission(item=0, arms=False)
 
 @pytest.fixture
 def bench() -> Bench:
-    bench = Bench()
-    bench.face = face_of(bench.vehicle)
-    show(bench)
-    return bench
-
-
-def show(
-    bench: Bench,
-    mode: Mode = Mode.HOLD,
-    mission: MissionState = MissionState.NONE,
-    vehicle: Vehicle = Vehicle.ACTIVE,
-) -> None:
-    """Let the robot publish a state, and a round pass."""
-    bench.port.telemetry["status"] = status(vehicle=vehicle, mode=mode)
-    bench.port.telemetry["mission"] = mission_status(mission)
-    bench.after(0.02)
+    return driving_bench()
 
 
 def set_mode(bench: Bench, mode: int) -> list[tuple[int, int]]:
@@ -60,13 +44,6 @@ def set_mode(bench: Bench, mode: int) -> list[tuple[int, int]]:
 def shown(bench: Bench) -> list[int]:
     """Return the modes in the heartbeats of a round."""
     return [m.custom_mode for m in bench.after(0.02) if m.get_type() == "HEARTBEAT"]
-
-
-def performed(bench: Bench) -> list[Operation[Any]]:
-    """Return the operations since the last call."""
-    done = list(bench.port.performed)
-    bench.port.performed.clear()
-    return done
 
 
 @pytest.mark.parametrize("mode", [1, 3, 5, 6, 7, 8, 9, 16, 65535, -1, 2**31])

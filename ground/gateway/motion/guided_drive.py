@@ -1,0 +1,117 @@
+"""Speeds in GUIDED: the robot is in MANUAL, where it takes speeds, and clients see GUIDED.
+
+It ends with the last speed's time-out, another mode, a goal, or the loss of control. After a
+time-out the robot stands in GUIDED, as ArduPilot's does.
+"""
+
+from enum import Enum, auto
+from typing import Final
+
+from ground.client.operations import Hold
+from ground.gateway.motion.pilot import Pilot
+from ground.gateway.motion.velocity import Velocity
+from ground.gateway.port import Answered
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.enums import Mode
+from runtime.units import NS_PER_MS, NS_PER_S
+
+TIMEOUT_NS: Final = NS_PER_S
+REPEAT_NS: Final = 60 * NS_PER_MS
+"""Interval of the speeds to the robot, where each lasts 250 ms."""
+
+
+class Stage(Enum):
+    """Where the robot is between its own modes."""
+
+    IDLE = auto()
+    ENTERING = auto()
+    DRIVING = auto()
+    LEAVING = auto()
+
+
+class GuidedDrive:
+    """Repeats the newest speeds of a client to the robot until they time out."""
+
+    def __init__(self, vehicle: Vehicle, pilot: Pilot) -> None:
+        self._vehicle = vehicle
+        self._pilot = pilot
+        self._stage = Stage.IDLE
+        self._velocity = Velocity()
+        self._sender: Sender | None = None
+        self._until_ns = self._sent_ns = self._now_ns = 0
+
+    def follow(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
+        """Drive with these speeds until newer ones come or they time out."""
+        self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
+        self._until_ns = now_ns + TIMEOUT_NS
+        if self._stage is Stage.IDLE:
+            self._enter()
+        elif self._stage is Stage.DRIVING:
+            self._drive()
+
+    @property
+    def is_active(self) -> bool:
+        """True while speeds are followed."""
+        return self._stage is not Stage.IDLE
+
+    def end(self) -> None:
+        """Stop following speeds in the next round, because a goal follows."""
+        self._velocity, self._until_ns = Velocity(), 0
+
+    def due(self, now_ns: int) -> None:
+        """Repeat the speeds, or end the drive."""
+        self._now_ns = now_ns
+        modes, sender = self._vehicle.modes, self._sender
+        if self._stage is not Stage.DRIVING or sender is None:
+            return
+        if modes.mode is not Mode.MANUAL or modes.number != Mode.GUIDED:
+            self._stage = Stage.IDLE
+            if modes.mode is Mode.MANUAL:
+                self._stop()
+        elif not self._vehicle.control.holds(sender):
+            self._stop()
+            self._stage = Stage.IDLE
+            modes.show_own()
+            self._vehicle.port.perform(Hold(), lambda _: None)
+        elif now_ns >= self._until_ns:
+            self._stop()
+            self._stage = Stage.LEAVING
+            self._pilot.await_goal(sender, self._left)
+        elif now_ns - self._sent_ns >= REPEAT_NS:
+            self._drive()
+
+    def _enter(self) -> None:
+        if self._sender is not None:
+            self._stage = Stage.ENTERING
+            self._pilot.velocity(self._sender, self._entered)
+
+    def _entered(self, answered: Answered) -> None:
+        if answered.ok:
+            self._stage = Stage.DRIVING
+            self._drive()
+        else:
+            self._refused(answered)
+
+    def _left(self, answered: Answered) -> None:
+        self._stage = Stage.IDLE
+        if not answered.ok:
+            self._vehicle.modes.show_own()
+            self._vehicle.port.perform(Hold(), lambda _: None)
+        elif self._now_ns < self._until_ns:
+            self._enter()
+
+    def _refused(self, answered: Answered) -> None:
+        self._stage = Stage.IDLE
+        if self._sender is not None:
+            words = f"speeds not followed: {answered.text}"
+            self._vehicle.refusals.say(words, self._sender.client, self._now_ns)
+
+    def _drive(self) -> None:
+        odometry = self._vehicle.snapshot.odometry
+        heading_rad = None if odometry is None else odometry.heading_rad
+        self._sent_ns = self._now_ns
+        self._vehicle.port.drive(*self._velocity.twist(heading_rad))
+
+    def _stop(self) -> None:
+        self._vehicle.port.drive(0.0, 0.0)

@@ -1,0 +1,121 @@
+"""Setpoints that a client streams in GUIDED: SET_POSITION_TARGET_* and SET_ATTITUDE_TARGET."""
+
+from typing import Final
+
+from ground.client.goal import Destination
+from ground.gateway.control import WATCHER, held_by
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.motion.guided_drive import GuidedDrive
+from ground.gateway.motion.pilot import Pilot
+from ground.gateway.motion.setpoints import SetpointError, attitude_of, setpoint_of
+from ground.gateway.motion.speed_limits import SpeedLimits
+from ground.gateway.motion.velocity import Velocity
+from ground.gateway.port import Answered
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.enums import Mode
+from protocol.wire.enums import Vehicle as VehicleState
+from runtime.units import NS_PER_S
+
+SAME_NS: Final = NS_PER_S
+"""A position that is repeated within this time is the same request, and does not act again.
+
+To a robot that is not armed it is sent again each time this is over.
+"""
+
+Target = tuple[object, ...]
+
+
+class SetpointStream:
+    """Follows the setpoints of the client in control; ignores them outside GUIDED."""
+
+    handles = (
+        mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
+        mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
+        mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
+    )
+
+    def __init__(
+        self, vehicle: Vehicle, pilot: Pilot, drive: GuidedDrive, limits: SpeedLimits
+    ) -> None:
+        self._vehicle = vehicle
+        self._pilot = pilot
+        self._drive = drive
+        self._limits = limits
+        self._target: Target = ()
+        self._seen_ns = 0
+        self._is_asking = False
+        self._next: tuple[Destination, Sender] | None = None
+
+    def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        """Follow a setpoint in GUIDED."""
+        if self._vehicle.modes.number != Mode.GUIDED:
+            self._target = ()
+            return
+        owner = self._vehicle.control.owner
+        if not sender.may_command:
+            self._refuse(message, WATCHER, sender, now_ns)
+        elif owner is not None and not self._vehicle.control.holds(sender):
+            self._refuse(message, held_by(owner.system).text, sender, now_ns)
+        else:
+            try:
+                self._follow(message, sender, now_ns)
+            except SetpointError as error:
+                self._refuse(message, str(error), sender, now_ns)
+
+    def due(self, now_ns: int) -> None:
+        """Repeat speeds, or end them."""
+        self._drive.due(now_ns)
+
+    def forget(self, client: int) -> None:
+        """Keep nothing for a client: the speeds of one that has gone time out."""
+
+    def _follow(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET:
+            velocity = attitude_of(message, self._limits.fastest_m_s(now_ns))
+            self._drive.follow(velocity, sender, now_ns)
+            return
+        vehicle = self._vehicle
+        target = target_in(message, sender)
+        is_same = target == self._target and now_ns - self._seen_ns < SAME_NS
+        if is_same and not self._drive.is_active:
+            status = vehicle.snapshot.status
+            if status is not None and status.vehicle == VehicleState.ACTIVE:
+                self._seen_ns = now_ns
+            return
+        setpoint = setpoint_of(message, vehicle.snapshot.odometry, vehicle.origin)
+        if isinstance(setpoint, Velocity):
+            self._target = ()
+            self._drive.follow(setpoint, sender, now_ns)
+        else:
+            self._target, self._seen_ns = target, now_ns
+            self._drive.end()
+            self._go(setpoint, sender)
+
+    def _go(self, goal: Destination, sender: Sender) -> None:
+        """Send a goal; while one is being sent, keep only the newest."""
+        if self._is_asking:
+            self._next = goal, sender
+            return
+        self._is_asking = True
+        self._pilot.goto(goal, sender, lambda answered: self._gone(sender, answered))
+
+    def _gone(self, sender: Sender, answered: Answered) -> None:
+        self._is_asking = False
+        if not answered.ok:
+            words = f"goal refused: {answered.text}"
+            now_ns = self._vehicle.snapshot.now_ns
+            self._vehicle.refusals.say(words, sender.client, now_ns)
+        following, self._next = self._next, None
+        if following is not None and self._vehicle.modes.number == Mode.GUIDED:
+            self._go(*following)
+
+    def _refuse(self, message: MavMessage, why: str, sender: Sender, now_ns: int) -> None:
+        words = f"{message.get_type()} ignored: {why}"
+        self._vehicle.refusals.say(words, sender.client, now_ns)
+
+
+def target_in(message: MavMessage, sender: Sender) -> Target:
+    """Return what makes a position a new request: all but the time stamp, NaN equal to NaN."""
+    names = (name for name in message.get_fieldnames() if name != "time_boot_ms")
+    return sender, *(repr(getattr(message, name)) for name in names)

@@ -1,0 +1,39 @@
+"""Speeds that a client wants, and the twist that gives them."""
+
+from math import cos, pi, radians, remainder
+from typing import Final, NamedTuple
+
+from ground.client.operations.teleop import FASTEST_DEG_S, FASTEST_M_S
+
+TURN_GAIN_HZ: Final = 2.0
+"""Turn rate per angle to the wanted heading."""
+FASTEST_RAD_S: Final = radians(FASTEST_DEG_S)
+TURN_RAD_S: Final = 1.5
+"""Fastest turn to a heading; the robot's own limit may be lower."""
+
+
+class Velocity(NamedTuple):
+    """A forward speed (negative: backwards), and a turn rate or a heading to turn to."""
+
+    speed_m_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+    heading_rad: float | None = None
+
+    def twist(self, heading_rad: float | None) -> tuple[float, float]:
+        """Return speed and turn rate for a robot with this heading; it stands if that is unknown.
+
+        A robot that turns to a heading drives only as far as it looks there already.
+        """
+        speed_m_s, yaw_rate_rad_s = self.speed_m_s, self.yaw_rate_rad_s
+        if self.heading_rad is not None:
+            if heading_rad is None:
+                return 0.0, 0.0
+            error_rad = remainder(self.heading_rad - heading_rad, 2.0 * pi)
+            yaw_rate_rad_s = within(TURN_GAIN_HZ * error_rad, TURN_RAD_S)
+            speed_m_s *= max(0.0, cos(error_rad))
+        return within(speed_m_s, FASTEST_M_S), within(yaw_rate_rad_s, FASTEST_RAD_S)
+
+
+def within(value: float, limit: float) -> float:
+    """Return the value, or the nearer end of -limit to limit."""
+    return max(-limit, min(limit, value))
