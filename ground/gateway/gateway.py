@@ -8,7 +8,9 @@ from typing import Final
 
 from ground.gateway.bus_port import BusPort
 from ground.gateway.client_link import GONE_NS, ClientLink
+from ground.gateway.dialect import MavMessage
 from ground.gateway.endpoints.endpoint import Endpoint
+from ground.gateway.endpoints.recorder import TrafficRecorder
 from ground.gateway.endpoints.udp import UdpEndpoint
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
@@ -53,6 +55,7 @@ class Gateway:
         ports: Sequence[BusPort],
         clock: Clock,
         wake_up: WakeUp,
+        recorder: TrafficRecorder | None = None,
     ) -> None:
         self.clients: dict[tuple[Endpoint, str], ClientLink] = {}
         self._endpoints = tuple(endpoints)
@@ -60,6 +63,7 @@ class Gateway:
         self._ports = tuple(ports)
         self._clock = clock
         self._wake_up = wake_up
+        self._recorder = recorder
         self._numbers = 0
         self._selector = selectors.DefaultSelector()
         self._selector.register(wake_up.reader, selectors.EVENT_READ)
@@ -111,6 +115,8 @@ class Gateway:
                     message.get_srcComponent(),
                     is_loopback=is_loopback,
                 )
+                if self._recorder is not None:
+                    self._recorder.received(message, now_ns)
                 for face in self._faces:
                     face.receive(message, sender, now_ns)
 
@@ -135,7 +141,14 @@ class Gateway:
 
     def _flush(self) -> None:
         for face in self._faces:
+            recorded: set[int] = set()
             for message, number in face.vehicle.outbox.take():
-                for (endpoint, peer), client in self.clients.items():
-                    if number is None or number == client.number:
-                        endpoint.send(peer, client.encode(face.vehicle.system, message))
+                self._send(face.vehicle.system, message, number)
+                if self._recorder is not None and id(message) not in recorded:
+                    recorded.add(id(message))  # clients may share a message of this round
+                    self._recorder.sent(face.vehicle.system, message, self._clock.now_ns())
+
+    def _send(self, system: int, message: MavMessage, number: int | None) -> None:
+        for (endpoint, peer), client in self.clients.items():
+            if number is None or number == client.number:
+                endpoint.send(peer, client.encode(system, message))

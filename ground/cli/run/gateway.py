@@ -2,9 +2,11 @@
 
 import argparse
 import time
+from pathlib import Path
 
 from ground.client.link import Link
 from ground.gateway.bus_port import BusPort
+from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
 from ground.gateway.endpoints.spec import EXAMPLE, opened
 from ground.gateway.frames.globe import DEFAULT_ALTITUDE_M, DEFAULT_ORIGIN
 from ground.gateway.gateway import Gateway, WakeUp
@@ -13,14 +15,20 @@ from ground.gateway.vehicle import Vehicle
 from ground.grammar.words import add_common
 from ground.recording.build_info import build
 from ground.text.output import Output
+from ground.user.folders import recordings_folder
+from runtime.clock import Clock
 
 SYSTEM = 1
+RECORD_HELP = "record all traffic to a new .tlog with this name, or in this folder"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `gateway`."""
     text = "where clients connect: udpin:HOST:PORT or udpout:HOST:PORT; several are possible"
     parser.add_argument("endpoints", nargs="*", default=[EXAMPLE], metavar="ENDPOINT", help=text)
+    parser.add_argument("--record", metavar="FILE", help=RECORD_HELP)
+    folder = f"the robot's recordings, for clients to download (default {recordings_folder()})"
+    parser.add_argument("--recordings", metavar="DIR", help=folder)
     add_common(parser)
 
 
@@ -39,7 +47,11 @@ def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     wake_up = WakeUp()
     port = BusPort(link, wake_up.wake)
     endpoints = [opened(text) for text in options.endpoints]
-    gateway = Gateway(endpoints, [face_of(vehicle_of(port, link))], [port], link.clock, wake_up)
+    vehicle = vehicle_of(port, link)
+    recordings = Path(options.recordings) if options.recordings else recordings_folder()
+    recorder = recorder_for(options.record, link.clock, output)
+    faces = [face_of(vehicle, recordings)]
+    gateway = Gateway(endpoints, faces, [port], link.clock, wake_up, recorder)
     output.note(f"{link.robot} is MAVLink system {SYSTEM} at {', '.join(options.endpoints)}")
     try:
         gateway.run()
@@ -49,4 +61,17 @@ def act(options: argparse.Namespace, link: Link, output: Output) -> int:
         gateway.close()
         port.close()
         wake_up.close()
-    return 0
+    loss = "" if recorder is None else recorder.close()
+    if loss:
+        output.note(loss)
+    return 1 if loss else 0
+
+
+def recorder_for(place: str | None, clock: Clock, output: Output) -> TrafficRecorder | None:
+    """Begin to record the traffic, if that is wanted; UserError if it cannot be."""
+    if place is None:
+        return None
+    offset_ns = time.time_ns() - clock.now_ns()
+    recorder = TrafficRecorder(new_file(Path(place)), offset_ns)
+    output.note(f"recording the traffic to {recorder.path}")
+    return recorder

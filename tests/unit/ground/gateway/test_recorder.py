@@ -1,0 +1,207 @@
+"""Point 3: what the endpoints send and receive, recorded for tools that know only MAVLink."""
+
+import os
+import runpy
+import shutil
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from pymavlink import mavutil
+
+from ground.gateway.bus_port import BusPort
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.endpoints.endpoint import Received
+from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
+from ground.gateway.gateway import Gateway, WakeUp
+from ground.gateway.services import face_of
+from ground.gateway.vehicle import Vehicle
+from runtime.clock import Clock
+from runtime.errors import UserError
+from tests.support.gateway.fake_port import ORIGIN, FakePort
+from tests.support.gateway.telemetry import odometry, status
+
+UTC_NS = 1_800_000_000 * 10**9
+KEY = list(range(100, 132))
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+SIGNING = mavlink.MAVLink_setup_signing_message(1, 1, KEY, 0)
+
+
+class StepClock:
+    """A clock that the test moves."""
+
+    def __init__(self) -> None:
+        self.time_ns = 1
+
+    def now_ns(self) -> int:
+        return self.time_ns
+
+
+class PipeEndpoint:
+    """An endpoint whose peers are the test."""
+
+    text = "test"
+
+    def __init__(self) -> None:
+        self._reader, self._writer = os.pipe()
+        self._arrived: list[Received] = []
+        self.sent: list[tuple[str, bytes]] = []
+
+    def deliver(self, peer: str, frame: bytes) -> None:
+        self._arrived.append(Received(peer, frame, is_loopback=True))
+        os.write(self._writer, b"x")
+
+    def filenos(self) -> list[int]:
+        return [self._reader]
+
+    def receive(self) -> list[Received]:
+        os.read(self._reader, 1)
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def send(self, peer: str, data: bytes) -> None:
+        self.sent.append((peer, data))
+
+    def forget(self, peer: str) -> None:
+        """Keep nothing."""
+
+    def close(self) -> None:
+        os.close(self._reader)
+        os.close(self._writer)
+
+
+class SimulatedPort(FakePort):
+    """A robot that drives one metre per second to the east."""
+
+    def snapshot(self, now_ns: int) -> Any:
+        self.telemetry["odometry"] = odometry(time_ns=now_ns, x_m=now_ns / 1e9, y_m=0.0)
+        self.telemetry["status"] = status(time_ns=now_ns)
+        return super().snapshot(now_ns)
+
+    def deliver(self) -> None:
+        """End no request."""
+
+
+class Drive:
+    """A gateway with a recorder, on a pipe and a clock of its own."""
+
+    def __init__(self, path: Path) -> None:
+        self.endpoint, self.clock, port = PipeEndpoint(), StepClock(), SimulatedPort()
+        self.recorder = TrafficRecorder(new_file(path), UTC_NS)
+        self._encoder = mavlink.MAVLink(None, 255, 190)
+        self._wake_up = WakeUp()
+        self._due_ns = 0
+        self.gateway = Gateway(
+            [self.endpoint],
+            [face_of(Vehicle(1, port, ORIGIN, 0))],
+            [cast("BusPort", port)],
+            cast("Clock", self.clock),
+            self._wake_up,
+            self.recorder,
+        )
+
+    def send(self, message: MavMessage, peer: str = "a", *, is_mavlink1: bool = False) -> None:
+        self.endpoint.deliver(peer, message.pack(self._encoder, force_mavlink1=is_mavlink1))
+        self._encoder.seq = (self._encoder.seq + 1) & 0xFF
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 50)):
+            self.clock.time_ns += 20_000_000
+            self._due_ns = self.gateway.round(min(self._due_ns, self.clock.time_ns))
+
+    def end(self) -> str:
+        self.gateway.close()
+        self._wake_up.close()
+        return self.recorder.close()
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    """Return the recording of a drive of three seconds with two clients."""
+    path = tmp_path / "drive.tlog"
+    drive = Drive(path)
+    drive.send(HEARTBEAT, "a")
+    drive.run(0.02)
+    drive.send(HEARTBEAT, "b", is_mavlink1=True)
+    drive.run(0.02)
+    drive.send(SIGNING)
+    drive.run(3.0)
+    assert drive.end() == ""
+    return path
+
+
+def messages_in(path: Path) -> list[Any]:
+    log = mavutil.mavlogfile(str(path), robust_parsing=True)
+    found = []
+    while (message := log.recv_msg()) is not None:
+        found.append(message)
+    log.close()
+    return found
+
+
+def test_standard_messages_alone_tell_the_drive(recorded: Path) -> None:
+    found = messages_in(recorded)
+    assert not [one for one in found if one.get_type() == "BAD_DATA"]
+    places = [one for one in found if one.get_type() == "GLOBAL_POSITION_INT"]
+    span = places[-1]._timestamp - places[0]._timestamp
+    assert span == pytest.approx(3.0, abs=0.3)
+    assert places[0]._timestamp == pytest.approx(UTC_NS / 1e9, abs=0.5)
+    metres = (places[-1].lon - places[0].lon) / 1e7 * 111_320 * 0.677
+    assert metres == pytest.approx(span, rel=0.02)
+    assert {one.lat for one in places} == {round(ORIGIN.latitude_deg * 1e7)}
+    beats = [one for one in found if one.get_type() == "HEARTBEAT"]
+    assert {one.get_srcSystem() for one in beats} == {1, 255}
+    assert {one.type for one in beats if one.get_srcSystem() == 1} == {
+        mavlink.MAV_TYPE_GROUND_ROVER
+    }
+
+
+def test_each_message_is_recorded_once_with_a_whole_sequence(recorded: Path) -> None:
+    ours = [one for one in messages_in(recorded) if one.get_srcSystem() == 1]
+    steps = {(b.get_seq() - a.get_seq()) % 256 for a, b in pairwise(ours)}
+    assert steps == {1}
+    times = [one.time_boot_ms for one in ours if one.get_type() == "ATTITUDE"]
+    assert len(times) == len(set(times)) > 20
+
+
+def test_keys_are_never_recorded(recorded: Path) -> None:
+    assert bytes(KEY) not in recorded.read_bytes()
+    assert "SETUP_SIGNING" not in {one.get_type() for one in messages_in(recorded)}
+
+
+def test_key_to_send_is_never_recorded(tmp_path: Path) -> None:
+    recorder = TrafficRecorder(new_file(tmp_path / "x.tlog"), 0)
+    recorder.sent(1, SIGNING, 1)
+    recorder.close()
+    assert recorder.path.read_bytes() == b""
+
+
+def test_mavlogdump_prints_the_recording(
+    recorded: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tool = shutil.which("mavlogdump.py", path=str(Path(sys.executable).parent))
+    assert tool is not None
+    monkeypatch.setattr(
+        sys, "argv", [tool, "--types", "GLOBAL_POSITION_INT,ATTITUDE", str(recorded)]
+    )
+    runpy.run_path(tool, run_name="__main__")
+    lines = capsys.readouterr().out.splitlines()
+    assert sum("GLOBAL_POSITION_INT {" in line for line in lines) >= 12
+    assert sum("ATTITUDE {" in line for line in lines) >= 25
+
+
+def test_folder_gets_a_file_named_after_the_time(tmp_path: Path) -> None:
+    recorder = TrafficRecorder(new_file(tmp_path / "new"), 0)
+    assert recorder.close() == ""
+    assert recorder.path.parent == tmp_path / "new"
+    assert recorder.path.name.endswith("Z-mavlink.tlog")
+
+
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "old.tlog"
+    path.write_bytes(b"old")
+    with pytest.raises(UserError, match=r"cannot record to .*old\.tlog: File exists"):
+        new_file(path)
+    assert path.read_bytes() == b"old"
