@@ -10,7 +10,7 @@ from ground.gateway.commands.results import ACCEPTED, DENIED
 from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
 from ground.gateway.motion.pilot import Pilot
-from ground.gateway.motion.speed_limits import SPEED
+from ground.gateway.motion.velocity import SPEED
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
 

@@ -20,8 +20,7 @@ from ground.gateway.motion.setpoints import (
     require_finite,
     world_heading,
 )
-from ground.gateway.motion.speed_limits import SPEED
-from ground.gateway.motion.velocity import Velocity
+from ground.gateway.motion.velocity import SPEED, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode

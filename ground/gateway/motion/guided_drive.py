@@ -9,16 +9,14 @@ from typing import Final
 
 from ground.client.operations import Hold
 from ground.gateway.motion.pilot import Pilot
-from ground.gateway.motion.velocity import Velocity
+from ground.gateway.motion.velocity import REPEAT_NS, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
-from runtime.units import NS_PER_MS, NS_PER_S
+from runtime.units import NS_PER_S
 
 TIMEOUT_NS: Final = NS_PER_S
-REPEAT_NS: Final = 60 * NS_PER_MS
-"""Interval of the speeds to the robot, where each lasts 250 ms."""
 
 
 class Stage(Enum):

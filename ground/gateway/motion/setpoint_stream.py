@@ -8,8 +8,7 @@ from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.motion.guided_drive import GuidedDrive
 from ground.gateway.motion.pilot import Pilot
 from ground.gateway.motion.setpoints import SetpointError, attitude_of, setpoint_of
-from ground.gateway.motion.speed_limits import SpeedLimits
-from ground.gateway.motion.velocity import Velocity
+from ground.gateway.motion.velocity import SPEED, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
@@ -35,13 +34,10 @@ class SetpointStream:
         mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_GLOBAL_INT,
     )
 
-    def __init__(
-        self, vehicle: Vehicle, pilot: Pilot, drive: GuidedDrive, limits: SpeedLimits
-    ) -> None:
+    def __init__(self, vehicle: Vehicle, pilot: Pilot, drive: GuidedDrive) -> None:
         self._vehicle = vehicle
         self._pilot = pilot
         self._drive = drive
-        self._limits = limits
         self._target: Target = ()
         self._seen_ns = 0
         self._is_asking = False
@@ -72,7 +68,7 @@ class SetpointStream:
 
     def _follow(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET:
-            velocity = attitude_of(message, self._limits.fastest_m_s(now_ns))
+            velocity = attitude_of(message, self._vehicle.parameters.get(SPEED))
             self._drive.follow(velocity, sender, now_ns)
             return
         vehicle = self._vehicle

@@ -4,7 +4,14 @@ from math import cos, pi, radians, remainder
 from typing import Final, NamedTuple
 
 from ground.client.operations.teleop import FASTEST_DEG_S, FASTEST_M_S
+from runtime.units import NS_PER_MS
 
+SPEED: Final = "v_max_m_s"
+"""The robot's parameter that limits the forward speed of goals, missions and MANUAL."""
+TURN: Final = "yaw_max_rad_s"
+"""The robot's parameter that limits its turns."""
+REPEAT_NS: Final = 60 * NS_PER_MS
+"""Interval of the speeds to the robot, where each lasts 250 ms."""
 TURN_GAIN_HZ: Final = 2.0
 """Turn rate per angle to the wanted heading."""
 FASTEST_RAD_S: Final = radians(FASTEST_DEG_S)

@@ -8,9 +8,9 @@ from ground.gateway.commands.guiding import GuidingCommands
 from ground.gateway.commands.service import CommandTable
 from ground.gateway.motion.guided_drive import GuidedDrive
 from ground.gateway.motion.guided_items import GuidedItems
+from ground.gateway.motion.manual_control import ManualControl
 from ground.gateway.motion.pilot import Pilot
 from ground.gateway.motion.setpoint_stream import SetpointStream
-from ground.gateway.motion.speed_limits import SpeedLimits
 from ground.gateway.traffic import MavService
 from ground.gateway.vehicle import Vehicle
 
@@ -24,12 +24,13 @@ class MotionParts(NamedTuple):
 
 def motion_of(vehicle: Vehicle) -> MotionParts:
     """Return the parts of a vehicle, which share one pilot."""
-    pilot, limits = Pilot(vehicle), SpeedLimits(vehicle)
+    pilot = Pilot(vehicle)
     drive = GuidedDrive(vehicle, pilot)
     services = (
         pilot,
-        SetpointStream(vehicle, pilot, drive, limits),
+        SetpointStream(vehicle, pilot, drive),
         GuidedItems(vehicle, pilot),
+        ManualControl(vehicle),
     )
     tables = (
         ArmingCommands(vehicle).table,

@@ -101,3 +101,16 @@ def attitude(
             0, SYSTEM, COMPONENT, mask, list(q), 0, 0, rate, thrust
         )
     )
+
+
+def manual_control(z: int = 0, y: int = 0, x: int = 0, r: int = 0, target: int = 1) -> MavMessage:
+    """Return a MANUAL_CONTROL."""
+    return numbered(mavlink.MAVLink_manual_control_message(target, x, y, z, r, 0))
+
+
+def rc_override(*channels: int, upper: int = 0) -> MavMessage:
+    """Return an RC_CHANNELS_OVERRIDE; channels that are not given are left."""
+    lower = (*channels, *(0xFFFF,) * (8 - len(channels)))
+    return numbered(
+        mavlink.MAVLink_rc_channels_override_message(SYSTEM, COMPONENT, *lower, *(upper,) * 10)
+    )

@@ -3,8 +3,8 @@ from math import inf, nan, pi
 import pytest
 
 from ground.client.goal import Destination
-from ground.client.operations import Goto, Hold, SetMode, SetParameter, ShowParameters
-from ground.client.operations.parameters import ParameterChanged, ParameterTable
+from ground.client.operations import Goto, Hold, SetMode, SetParameter
+from ground.client.operations.parameters import ParameterChanged
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.frames.globe import PER_DEG
 from ground.missions.geography import to_global
@@ -396,11 +396,10 @@ def test_attitude_drives(bench: Bench) -> None:
     assert bench.port.driven == [(0.4, -0.25)]
 
 
-def test_unknown_speed_limit_is_asked_for(bench: Bench) -> None:
+def test_attitude_waits_for_the_speed_limit(bench: Bench) -> None:
     bench.vehicle.parameters.clear()
     assert "not known" in words(bench.send(attitude(thrust=0.5)))
-    assert performed(bench) == [ShowParameters(pattern="*_max_*")]
-    bench.port.answer(ParameterTable(()))
+    assert performed(bench) == []
 
 
 def test_yaw_and_speed_command_drives(bench: Bench) -> None:
