@@ -1,6 +1,6 @@
 """One robot as a MAVLink system: what its protocols share, and the dispatch of messages to them."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Final
 
 from ground.client.operations import Operation
@@ -73,6 +73,11 @@ class Face:
         for service in self._services:
             for number in service.handles:
                 self._by_id.setdefault(number, []).append(service)
+
+    @property
+    def handles(self) -> Collection[int]:
+        """The ids of the messages that some protocol takes."""
+        return self._by_id.keys()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Process a message unless it is for another system or component."""

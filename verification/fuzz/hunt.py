@@ -17,6 +17,7 @@ from time import monotonic
 from types import FrameType, MappingProxyType
 from typing import Final, NamedTuple
 
+from verification.fuzz.gateway import GATEWAY
 from verification.fuzz.keys import KEYS
 from verification.fuzz.logs import LOGS
 from verification.fuzz.missions import MISSION
@@ -28,7 +29,10 @@ from verification.fuzz.wire import WIRE
 from verification.fuzz.worlds import WORLDS
 
 TARGETS: Final[Mapping[str, FuzzTarget]] = MappingProxyType(
-    {one.name: one for one in (*WIRE, *WORLDS, *MISSION, *SETTING, *LOGS, *TYPED, *KEYS, *ROWS)}
+    {
+        one.name: one
+        for one in (*WIRE, *WORLDS, *MISSION, *SETTING, *LOGS, *TYPED, *KEYS, *ROWS, *GATEWAY)
+    }
 )
 """Every place that reads bytes of other programs or of users."""
 

@@ -8,7 +8,6 @@ from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.pacing import Pacing
 from ground.gateway.files.recordings import Recording, Recordings
 from ground.gateway.files.sources import FileSource
-from ground.gateway.texts import Refusals
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire import enums
@@ -54,7 +53,7 @@ class LogProtocol:
         self._vehicle = vehicle
         self._recordings = recordings
         self._pacing = pacing
-        self._refusals = Refusals(vehicle.outbox)
+        self._refusals = vehicle.refusals
         self._clients: dict[int, LogClient] = {}
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
@@ -85,7 +84,6 @@ class LogProtocol:
         """Close the log of a client that has gone."""
         self._stop(client)
         self._clients.pop(client, None)
-        self._refusals.forget(client)
 
     def _is_armed(self) -> bool:
         status = self._vehicle.snapshot.status

@@ -11,7 +11,6 @@ from ground.gateway.parameters.metadata import component_metadata
 from ground.gateway.parameters.store import ParameterStore
 from ground.gateway.parameters.table import MavTable, is_cast
 from ground.gateway.port import Answered
-from ground.gateway.texts import Refusals
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 
@@ -45,7 +44,7 @@ class ParameterProtocol:
         self._vehicle = vehicle
         self._store = store
         self._pacing = pacing
-        self._refusals = Refusals(vehicle.outbox)
+        self._refusals = vehicle.refusals
         self._lists: dict[int, int] = {}
         self._pending: set[Change] = set()
         self._now_ns = 0
@@ -81,7 +80,6 @@ class ParameterProtocol:
     def forget(self, client: int) -> None:
         """Drop the list and the budget of a client that has gone."""
         self._lists.pop(client, None)
-        self._refusals.forget(client)
         self._pacing.forget(client)
 
     def _describe(self, now_ns: int) -> list[MavMessage]:

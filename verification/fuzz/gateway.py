@@ -1,0 +1,271 @@
+"""Input from MAVLink clients: any bytes as frames, and any payloads in frames that are whole.
+
+The robot behind the gateway is simulated here; it accepts, refuses or does not answer.
+"""
+
+import json
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from fastcrc.crc16 import mcrf4xx
+
+from ground.client.operations import Operation, ShowParameters
+from ground.client.operations.parameters import ParameterTable
+from ground.client.parameter import parameters_in
+from ground.client.results import Accepted, Outcome, Refused
+from ground.gateway.client_link import ClientLink
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.files.wire import HEADER as FILE_HEADER
+from ground.gateway.files.wire import Opcode
+from ground.gateway.frames.globe import DEFAULT_ORIGIN
+from ground.gateway.port import Answered, Done, Snapshot
+from ground.gateway.services import face_of
+from ground.gateway.traffic import Sender
+from ground.gateway.vehicle import Face, Vehicle
+from protocol.wire.enums import GoalState, LeaseAction, Mode, Navigator
+from protocol.wire.enums import Vehicle as State
+from protocol.wire.messages import NavigatorStatus, PlanarOdometry, SonarScan, Statustext
+from protocol.wire.reasons import Reason
+from robot.core.parameters import DEFAULTS
+from robot.parameters.table import described
+from verification.fuzz.target import FuzzTarget
+
+MAX_RECORDS: Final = 40
+ROUND_NS: Final = 20_000_000
+ROUNDS: Final = (0, 1, 5, 60)
+"""Rounds of the gateway after a message, by the lowest bits of its flags."""
+OTHER_CLIENT, SILENT, ARMED, AS_SENT = 0x04, 0x20, 0x40, 0x80
+ANSWERS: Final[tuple[Answered | None, ...]] = (
+    Answered(Accepted(1)),
+    Answered(Refused(Reason.LEASE_HELD, 1)),
+    Answered(None, "r1 does not answer"),
+    None,
+)
+SCAN: Final = SonarScan(
+    time_ns=5, seq=1, range_mm=(900,) * 8, ping_age_us=(20_000,) * 8, valid=255, echo=60
+)
+PLACE: Final = dict.fromkeys(PlanarOdometry.__struct_fields__, 0.25)
+STATUS: Final[dict[str, Any]] = dict.fromkeys(NavigatorStatus.__struct_fields__, 0) | {
+    "mode": Mode.GUIDED,
+    "goal": GoalState.NONE,
+    "navigator": Navigator.VGM,
+    "side": 1,
+}
+RECORDING: Final = "20261123T131200Z-r1.tlog"
+PATHS: Final = (
+    b"",
+    b"/",
+    b"@PARAM",
+    b"@PARAM/param.pck",
+    b"@PARAM/param.pck?withdefaults=1&start=3&count=5",
+    b"recordings",
+    b"/recordings/" + RECORDING.encode(),
+    b"@MAV_LOG",
+    b"general.json.xz",
+)
+HEADER_BYTES, CHECKSUM_BYTES, MAX_COMMAND = 10, 2, 0xFFFF
+FTP: Final = mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
+"""Requests of files are repeated among the kinds, as they have many forms."""
+
+
+class SimulatedRobot:
+    """A robot that answers as the flags of the last message say."""
+
+    name = "r1"
+    identity = "gateway/1"
+
+    def __init__(self) -> None:
+        self.flags = 0
+        self._waiting: deque[tuple[Done, Operation[Any] | None]] = deque()
+
+    def snapshot(self, now_ns: int) -> Snapshot:
+        """Return telemetry, or none of it."""
+        if self.flags & SILENT:
+            return Snapshot(now_ns)
+        state = State.ACTIVE if self.flags & ARMED else State.STANDBY
+        status = NavigatorStatus(**{**STATUS, "time_ns": now_ns, "vehicle": state})
+        place = PlanarOdometry(**{**PLACE, "time_ns": now_ns})  # type: ignore[arg-type]
+        return Snapshot(now_ns, status=status, odometry=place, scan=SCAN)
+
+    def new_texts(self) -> list[Statustext]:
+        """Return no texts."""
+        return []
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Keep the request."""
+        self._waiting.append((done, operation))
+
+    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
+        """Keep the request."""
+        self._waiting.append((done, None))
+
+    def stop(self, done: Done) -> None:
+        """Keep the request."""
+        self._waiting.append((done, None))
+
+    def heartbeat(self) -> None:
+        """Ignore the heartbeat."""
+
+    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
+        """Ignore the speeds."""
+
+    def deliver(self) -> None:
+        """Answer what waits."""
+        answer = ANSWERS[self.flags >> 3 & 3]
+        for _ in range(len(self._waiting) if answer is not None else 0):
+            done, operation = self._waiting.popleft()
+            accepts = answer is ANSWERS[0]
+            assert answer is not None, "checked above"
+            done(Answered(LIST) if accepts and isinstance(operation, ShowParameters) else answer)
+
+
+def robots_list() -> Outcome:
+    """Return the robot's parameters."""
+    return ParameterTable(tuple(parameters_in(json.dumps(described(DEFAULTS)))))
+
+
+LIST: Final = robots_list()
+
+
+def new_face(folder: Path | None = None) -> tuple[Face, SimulatedRobot]:
+    """Return a vehicle with two clients."""
+    robot = SimulatedRobot()
+    face = face_of(Vehicle(1, robot, DEFAULT_ORIGIN, 0), folder)
+    for client in (1, 2):
+        face.join(client)
+    return face, robot
+
+
+def kinds() -> tuple[int, ...]:
+    """Return the ids of all messages that some protocol takes."""
+    face, _ = new_face()
+    return tuple(sorted(face.handles)) + (FTP,) * 4
+
+
+KINDS: Final = kinds()
+
+
+def framed(number: int, payload: bytes) -> bytes:
+    """Return a frame of MAVLink 2 with a right checksum."""
+    head = bytes((len(payload), 0, 0, 0, 255, 190)) + number.to_bytes(3, "little")
+    extra = bytes((mavlink.mavlink_map[number].crc_extra,))
+    checksum = mcrf4xx(head + payload + extra).to_bytes(2, "little")
+    return bytes((mavlink.PROTOCOL_MARKER_V2,)) + head + payload + checksum
+
+
+def raw(data: bytes, _: Path) -> None:
+    """Receive bytes, in two parts, as they come from a socket."""
+    link = ClientLink(1, "a", 0, is_loopback=True)
+    found = link.decode(data[: len(data) // 2], 0) + link.decode(data[len(data) // 2 :], 1)
+    face, _robot = new_face()
+    for message in found[:MAX_RECORDS]:
+        face.receive(message, Sender(1, 255, 190), 1)
+    face.due(ROUND_NS)
+
+
+def payloads(data: bytes, folder: Path) -> None:
+    """Receive messages: a byte for the kind, one of flags, then the payload."""
+    log = folder / RECORDING
+    if not log.exists():
+        log.write_bytes(bytes(1000))
+    face, robot = new_face(folder)
+    link = ClientLink(1, "a", 0, is_loopback=True)
+    at = now_ns = 0
+    for _record in range(MAX_RECORDS):
+        if at + 2 > len(data):
+            break
+        number, robot.flags = KINDS[data[at] % len(KINDS)], data[at + 1]
+        size = mavlink.mavlink_map[number].unpacker.size
+        payload = data[at + 2 : at + 2 + size].ljust(size, b"\0")
+        at += 2 + size
+        for message in link.decode(framed(number, payload), now_ns):
+            receive(face, message, robot.flags, now_ns)
+        for _round in range(ROUNDS[robot.flags & 3]):
+            now_ns += ROUND_NS
+            robot.deliver()
+            face.due(now_ns)
+            send(face)
+    for client in (1, 2):
+        face.forget(client)
+
+
+def receive(face: Face, message: MavMessage, flags: int, now_ns: int) -> None:
+    """Give a message to the vehicle, which is its target unless the flags keep that as sent."""
+    if not flags & AS_SENT and hasattr(message, "target_system"):
+        message.target_system = message.target_component = 0
+    client = 2 if flags & OTHER_CLIENT else 1
+    face.receive(message, Sender(client, 255, 190), now_ns)
+
+
+def send(face: Face) -> None:
+    """Encode all that is sent."""
+    link = ClientLink(1, "a", 0, is_loopback=True)
+    for message, _ in face.vehicle.outbox.take():
+        link.encode(1, message)
+
+
+def record(message: MavMessage, flags: int) -> bytes:
+    """Return the bytes that `payloads` reads as a message."""
+    frame: bytes = message.pack(mavlink.MAVLink(None, 255, 190))
+    number = message.get_msgId()
+    size = mavlink.mavlink_map[number].unpacker.size
+    payload = frame[HEADER_BYTES:-CHECKSUM_BYTES].ljust(size, b"\0")
+    return bytes((KINDS.index(number), flags)) + payload
+
+
+def records() -> Sequence[bytes]:
+    """Return messages of each kind, all commands, and requests that belong together."""
+    found = []
+    for place, number in enumerate(KINDS):
+        size = mavlink.mavlink_map[number].unpacker.size
+        found += [bytes((place, flags)) + bytes(size) for flags in (1, 3)]
+    for command in sorted(mavlink.enums["MAV_CMD"]):
+        if command <= MAX_COMMAND:
+            numbers = (1.0, 0.0, 0.0, 0.0, 5.0, 6.0, 0.0)
+            call = mavlink.MAVLink_command_long_message(1, 1, command, 0, *numbers)
+            found += [record(call, flags) for flags in (1, ARMED | 1)]
+    return [*found, *file_records(), *parameter_records()]
+
+
+def file_records() -> Sequence[bytes]:
+    """Return the openings of files, followed by the ways to read them; and downloads of logs."""
+    found = []
+    for path in PATHS:
+        opening = record(file_request(Opcode.OPEN, path), 1)
+        reading = [(Opcode.BURST, b"x" * 80), (Opcode.READ, b"x" * 80), (Opcode.CHECKSUM, path)]
+        found += [opening + record(file_request(*one), 3) for one in reading]
+        found.append(record(file_request(Opcode.LIST, path), 1))
+    listing = record(mavlink.MAVLink_log_request_list_message(1, 1, 0, 9), 1)
+    whole = record(mavlink.MAVLink_log_request_data_message(1, 1, 1, 0, 1000), 3)
+    return [*found, listing + whole, whole + listing]
+
+
+def file_request(opcode: Opcode, data: bytes) -> MavMessage:
+    """Return a request of a file."""
+    payload = (FILE_HEADER.pack(1, 1, opcode, len(data), 0, 0, 0) + data).ljust(251, b"\0")
+    return mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, list(payload))
+
+
+def parameter_records() -> Sequence[bytes]:
+    """Return requests for single parameters, after the list."""
+    listing = record(mavlink.MAVLink_param_request_list_message(1, 1), 1)
+    found = []
+    for name in (b"D_OBS_M", b"SIDE", b"RCMAP_ROLL", b"NO_SUCH"):
+        found.append(listing + record(mavlink.MAVLink_param_set_message(1, 1, name, 1.0, 9), 3))
+        found.append(
+            listing + record(mavlink.MAVLink_param_request_read_message(1, 1, name, -1), 3)
+        )
+    return found
+
+
+def frames() -> Sequence[bytes]:
+    """Return whole frames."""
+    return [framed(number, bytes(mavlink.mavlink_map[number].unpacker.size)) for number in KINDS]
+
+
+GATEWAY: Final = (
+    FuzzTarget(name="gateway_frames", samples=frames, run=raw, weight=10),
+    FuzzTarget(name="gateway_payloads", samples=records, run=payloads, words=PATHS, weight=20),
+)
