@@ -4,11 +4,12 @@ import os
 import selectors
 from collections.abc import Sequence
 from contextlib import suppress
+from math import inf
 from typing import Final
 
 from ground.gateway.bus_port import BusPort
 from ground.gateway.client_link import GONE_NS, ClientLink
-from ground.gateway.dialect import MavMessage
+from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
 from ground.gateway.endpoints.udp import UdpEndpoint
@@ -17,7 +18,32 @@ from ground.gateway.vehicle import Face
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS, NS_PER_S
 
-ROUND_NS: Final = 20 * NS_PER_MS
+CALM_NS: Final = 50 * NS_PER_MS
+"""Time between two rounds that only send streams: the robot's telemetry has 20 Hz."""
+BUSY_NS: Final = 20 * NS_PER_MS
+"""Time between two rounds while clients send more than heartbeats, for transfers and retries."""
+BUSY_FOR_NS: Final = 2 * NS_PER_S
+
+
+class Pace:
+    """The time of the next round."""
+
+    def __init__(self, now_ns: int) -> None:
+        self.due_ns = self._busy_until_ns = now_ns
+
+    def heard(self, number: int, now_ns: int) -> None:
+        """Note the id of a message from a client."""
+        if number != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._busy_until_ns = now_ns + BUSY_FOR_NS
+            self.due_ns = min(self.due_ns, now_ns + BUSY_NS)
+
+    def is_due(self, now_ns: int) -> bool:
+        """Return whether a round is due; then plan the next. Missed rounds are skipped."""
+        if now_ns < self.due_ns:
+            return False
+        period_ns = BUSY_NS if now_ns < self._busy_until_ns else CALM_NS
+        self.due_ns = max(self.due_ns + period_ns, now_ns)
+        return True
 
 
 class WakeUp:
@@ -65,6 +91,7 @@ class Gateway:
         self._wake_up = wake_up
         self._recorder = recorder
         self._numbers = 0
+        self._pace = Pace(clock.now_ns())
         self._selector = selectors.DefaultSelector()
         self._selector.register(wake_up.reader, selectors.EVENT_READ)
         for endpoint in self._endpoints:
@@ -75,14 +102,13 @@ class Gateway:
 
     def run(self) -> None:
         """Serve until an exception, such as a signal, ends it."""
-        due_ns = self._clock.now_ns()
         while True:
-            due_ns = self.round(due_ns)
+            self.round()
 
-    def round(self, due_ns: int) -> int:
-        """Wait for traffic until `due_ns`, process it; return when the next round is due."""
-        wait_s = max(0.0, (due_ns - self._clock.now_ns()) / NS_PER_S)
-        ready = self._selector.select(wait_s)
+    def round(self, *, longest_s: float = inf) -> None:
+        """Wait for traffic until a round is due, and process both."""
+        wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
+        ready = self._selector.select(min(wait_s, longest_s))
         now_ns = self._clock.now_ns()
         for key, _ in ready:
             if key.data is None:
@@ -91,13 +117,11 @@ class Gateway:
                 self._receive(key.data, now_ns)
         for port in self._ports:
             port.deliver()
-        if now_ns >= due_ns:
+        if self._pace.is_due(now_ns):
             self._forget_silent(now_ns)
             for face in self._faces:
                 face.due(now_ns)
-            due_ns = max(due_ns + ROUND_NS, now_ns)
         self._flush()
-        return due_ns
 
     def close(self) -> None:
         """Close all endpoints."""
@@ -109,6 +133,7 @@ class Gateway:
         for peer, data, is_loopback in endpoint.receive():
             client = self._client(endpoint, peer, is_loopback=is_loopback)
             for message in client.decode(data, now_ns):
+                self._pace.heard(message.get_msgId(), now_ns)
                 sender = Sender(
                     client.number,
                     message.get_srcSystem(),

@@ -1,5 +1,6 @@
 """The mode: the robot's own, the one just commanded, and the one that clients see."""
 
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.gateway.port import Snapshot
@@ -8,6 +9,9 @@ from runtime.units import NS_PER_MS
 
 CROSSING_NS: Final = 300 * NS_PER_MS
 """A status sent before a command may arrive up to this time after its answer."""
+
+
+BY_NUMBER: Final = MappingProxyType({int(mode): mode for mode in Mode})
 
 
 class Shown(NamedTuple):
@@ -63,8 +67,7 @@ class Modes:
         """Follow the robot's status."""
         self._now_ns = snapshot.now_ns
         status = snapshot.status
-        known = status is not None and status.mode in Mode.__members__.values()
-        self._status = Mode(status.mode) if status is not None and known else None
+        self._status = None if status is None else BY_NUMBER.get(status.mode)
         if self._commanded is not None:
             if self._status != self._commanded and self._now_ns < self._until_ns:
                 return

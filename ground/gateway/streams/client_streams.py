@@ -5,7 +5,9 @@ from typing import Final
 from ground.gateway.catalogue import Catalogue
 from runtime.units import NS_PER_MS, NS_PER_S
 
-ROUND_NS: Final = 20 * NS_PER_MS
+ROUND_NS: Final = 50 * NS_PER_MS
+"""Time between two rounds of the gateway, or more than that: the robot's telemetry has 20 Hz."""
+PHASE_NS: Final = 20 * NS_PER_MS
 MAX_HZ: Final = NS_PER_S / ROUND_NS
 STREAMS_SHARE: Final = 0.9
 """The part of a line that streams may fill; answers and texts take the rest."""
@@ -77,7 +79,7 @@ class ClientStreams:
             period_ns = round(NS_PER_S * factor / rate_hz)
             if self._periods_ns.get(number) != period_ns:
                 self._periods_ns[number] = period_ns
-                self._due_ns[number] = now_ns + place * ROUND_NS % period_ns
+                self._due_ns[number] = now_ns + place * PHASE_NS % period_ns
         self._next_ns = now_ns
 
     def _cost(self, rates_hz: dict[int, float]) -> float:

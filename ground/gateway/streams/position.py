@@ -153,7 +153,7 @@ def gps_raw(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
         *fields,
         ardupilot.SATELLITES,
         alt_ellipsoid=altitude_mm(vehicle),
-        h_acc=min(0xFFFF_FFFF, round(ned.deviation_m(odometry) * ned.MM_PER_M)),
+        h_acc=max(1, min(0xFFFF_FFFF, round(ned.deviation_m(odometry) * ned.MM_PER_M))),
         yaw=pose.yaw_cdeg or 36_000,
     )
     return (message,)

@@ -11,8 +11,8 @@ from ground.gateway import ardupilot
 from ground.gateway.commands.call import Call, whole
 from ground.gateway.commands.results import ACCEPTED, DENIED, FAILED, LATER, UNSUPPORTED
 from ground.gateway.commands.service import CommandTable, Reply, Row
-from ground.gateway.dialect import AvailableModes, MavMessage, mavlink
-from ground.gateway.streams.scheduler import MAX_INTERVAL_US, StreamScheduler
+from ground.gateway.dialect import AvailableModes, CurrentMode, MavMessage, mavlink
+from ground.gateway.streams.scheduler import MAX_INTERVAL_US, NOT_SENT_US, StreamScheduler
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 
@@ -20,6 +20,9 @@ Indexed = Callable[[int, Sender, int], Sequence[MavMessage]]
 MAX_NUMBER: Final = 0xFF_FFFF
 INTERVAL: Final = mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL
 MAX_INTERVAL_NUMBER: Final = 0xFFFF
+MODE_US: Final = 2_000_000
+"""Interval of CURRENT_MODE for clients that ask for the list of modes. Others do not get it:
+pymavlink counts each message that its dialect lacks as lost."""
 
 
 class MessageRequests:
@@ -111,6 +114,9 @@ class MessageRequests:
             reply.result(DENIED, "parameter 1 must be 1")
 
     def _modes(self, index: int, sender: Sender, now_ns: int) -> Sequence[MavMessage]:
+        period_us = self._scheduler.interval_us(sender.client, CurrentMode.id, now_ns)
+        if period_us == NOT_SENT_US:
+            self._scheduler.set_interval(sender.client, CurrentMode.id, MODE_US, now_ns)
         return ardupilot.available_modes(index)
 
     def _interval(self, number: int, sender: Sender, now_ns: int) -> Sequence[MavMessage]:

@@ -2,7 +2,6 @@
 
 from typing import Final
 
-from ground.gateway.ardupilot import state_of
 from ground.gateway.dialect import CurrentMode, MavMessage, mavlink
 from ground.gateway.streams.client_streams import ClientStreams
 from ground.gateway.streams.table import STREAMS
@@ -15,14 +14,14 @@ MAX_INTERVAL_US: Final = 0x7FFF_FFFF
 
 
 class StreamScheduler:
-    """Sends each client what is due to it, and CURRENT_MODE also when the mode has changed."""
+    """Sends each client what is due to it; CURRENT_MODE also when the mode has changed."""
 
     handles = (mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,)
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._clients: dict[int, ClientStreams] = {}
-        self._mode = state_of(vehicle.snapshot, vehicle.modes.number).mode
+        self._mode = vehicle.modes.number
         for stream in STREAMS:
             vehicle.catalogue.add(stream.source(vehicle))
 
@@ -37,7 +36,7 @@ class StreamScheduler:
     def due(self, now_ns: int) -> None:
         """Send what is due."""
         vehicle = self._vehicle
-        mode = state_of(vehicle.snapshot, vehicle.modes.number).mode
+        mode = vehicle.modes.number
         if mode != self._mode:
             self._mode = mode
             for streams in self._clients.values():

@@ -51,6 +51,6 @@ STREAMS: Final = (
     Stream(mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, system_status.ekf_status, 1, 1, EXTRA3),
     Stream(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME, system_status.system_time, 1, 1, EXTRA3),
     Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, system_status.extended_state, 1, 1),
-    Stream(CurrentMode.id, system_status.current_mode, 0.5, 0.5),
+    Stream(CurrentMode.id, system_status.current_mode, 0, 0),
     Stream(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, system_status.autopilot_version, 0, 0),
 )

@@ -106,12 +106,23 @@ def test_modes_are_listed_one_by_one_or_all() -> None:
     assert beyond == (mavlink.MAV_RESULT_DENIED, [])
 
 
+def modes_in(messages: list[MavMessage]) -> list[int]:
+    return [one.custom_mode for one in messages if one.get_msgId() == CurrentMode.id]
+
+
+def test_mode_is_sent_to_clients_that_ask_for_modes() -> None:
+    bench = whole_bench()
+    assert modes_in(bench.after(4.0)) == []
+    ask(bench, REQUEST, AvailableModes.id, 0.0)
+    assert modes_in(bench.after(3.9)) == [4, 4]
+
+
 def test_mode_is_sent_at_once_when_it_changes() -> None:
     bench = whole_bench()
+    ask(bench, REQUEST, AvailableModes.id, 0.0)
     bench.after(1.0)
     bench.port.telemetry["status"] = status(mode=Mode.GUIDED)
-    found = [one for one in bench.after(0.1) if one.get_msgId() == CurrentMode.id]
-    assert [one.custom_mode for one in found] == [15]
+    assert modes_in(bench.after(0.1)) == [15]
 
 
 def test_interval_is_set_and_read() -> None:

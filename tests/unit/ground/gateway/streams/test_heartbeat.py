@@ -1,0 +1,59 @@
+"""HEARTBEAT: an ArduPilot Rover, once a second and at once on a change."""
+
+import pytest
+
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.streams.heartbeat import HeartbeatStream
+from protocol.wire.enums import Mode, Vehicle
+from tests.support.gateway.fake_port import Bench
+from tests.support.gateway.telemetry import status
+
+
+def after(bench: Bench, seconds: float, **changes: int) -> list[MavMessage]:
+    bench.port.telemetry["status"] = status(**changes)
+    return bench.after(seconds)
+
+
+def test_heartbeat_is_that_of_a_rover_once_a_second() -> None:
+    found = after(Bench(HeartbeatStream), 10.0)
+    assert len(found) == 10
+    for one in found:
+        assert (one.type, one.autopilot) == (mavlink.MAV_TYPE_GROUND_ROVER, 3)
+        assert one.base_mode == mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+
+
+def test_change_of_mode_or_arming_is_sent_at_once() -> None:
+    bench = Bench(HeartbeatStream)
+    after(bench, 0.1)
+    (mode,) = after(bench, 0.1, mode=Mode.GUIDED)
+    (armed,) = after(bench, 0.1, mode=Mode.GUIDED, vehicle=Vehicle.ACTIVE)
+    assert mode.custom_mode == 15
+    assert not mode.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert armed.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "mode", "expected"),
+    [
+        (Vehicle.STANDBY, Mode.HOLD, mavlink.MAV_STATE_STANDBY),
+        (Vehicle.ACTIVE, Mode.HOLD, mavlink.MAV_STATE_STANDBY),
+        (Vehicle.STANDBY, Mode.MANUAL, mavlink.MAV_STATE_ACTIVE),
+        (Vehicle.ACTIVE, Mode.AUTO, mavlink.MAV_STATE_ACTIVE),
+        (Vehicle.FAILSAFE, Mode.GUIDED, mavlink.MAV_STATE_CRITICAL),
+        (Vehicle.EMERGENCY_STOP, Mode.HOLD, mavlink.MAV_STATE_EMERGENCY),
+        (Vehicle.BOOT, Mode.HOLD, mavlink.MAV_STATE_BOOT),
+    ],
+)
+def test_state_follows_mode_and_failsafe(vehicle: Vehicle, mode: Mode, expected: int) -> None:
+    (found,) = after(Bench(HeartbeatStream), 0.1, vehicle=vehicle, mode=mode)
+    assert found.system_status == expected
+
+
+def test_silent_robot_is_not_shown_as_live() -> None:
+    bench = Bench(HeartbeatStream)
+    after(bench, 0.1, vehicle=Vehicle.ACTIVE)
+    bench.port.telemetry = {}
+    (found,) = bench.after(0.1)
+    assert found.system_status == mavlink.MAV_STATE_UNINIT
+    assert not found.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+    assert found.custom_mode == mavlink.ROVER_MODE_INITIALIZING
