@@ -1,11 +1,15 @@
-"""Settings and other files: configuration, parameters, calibrations, key bindings."""
+"""Settings and other files: configuration, parameters, calibrations, key bindings, studies."""
 
 import json
 from argparse import Namespace
 from collections.abc import Sequence
+from io import BytesIO
 from math import pi
 from pathlib import Path
 from typing import Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from ground.app.input.keymap import Keymap, as_toml
 from ground.app.input.keymap import load as keymap_in
@@ -21,6 +25,8 @@ from robot.storage.files import FILE_NAME, Store
 from runtime.calibration import FOLDER, Calibration
 from runtime.config import load, load_shared
 from study.calibration.cli import SIDE_M, from_log
+from study.runner.rows import SCHEMA
+from study.runner.store import RESULTS, find
 from study.runner.study_settings import FILE as SETTLED
 from study.runner.study_settings import differences, settings_in
 from verification.fuzz.target import FuzzTarget
@@ -110,6 +116,28 @@ def course(data: bytes, _: Path) -> None:
 
 
 OWN_LIST: Final = json.dumps(described(DEFAULTS))
+
+
+def tables() -> Sequence[bytes]:
+    """Return files without rows, and with two rows, compressed and not."""
+    columns = {one.name: pa.array(["1", "1"]).cast(one.type) for one in SCHEMA}
+    two = pa.table(columns, schema=SCHEMA)
+    return [written(SCHEMA.empty_table(), "NONE"), written(two, "NONE"), written(two, "zstd")]
+
+
+def written(table: pa.Table, compression: str) -> bytes:
+    """Return a table as a Parquet file."""
+    out = BytesIO()
+    pq.write_table(table, out, compression=compression)
+    return out.getvalue()
+
+
+def read_rows(data: bytes, folder: Path) -> None:
+    """Read the rows of a study."""
+    (folder / RESULTS).write_bytes(data)
+    find(folder)
+
+
 SETTING: Final = (
     FuzzTarget(
         name="settings",
@@ -174,4 +202,5 @@ SETTING: Final = (
         words=(*JSON_WORDS, b'"contacts": ', b'"time_s": '),
         bombs=json_bombs,
     ),
+    FuzzTarget(name="study_rows", samples=tables, run=read_rows, words=(b"PAR1",), weight=8),
 )

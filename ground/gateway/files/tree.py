@@ -4,10 +4,10 @@
 end in `.bin` or `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from ground.gateway.files.recordings import Recordings
+from ground.gateway.files.recordings import Recording, Recordings
 from ground.gateway.files.sources import BytesSource, FileSource, Source
 from ground.gateway.files.wire import Failure
 from ground.gateway.parameters.metadata import GENERAL_NAME, PARAMETERS_NAME
@@ -29,6 +29,7 @@ class VirtualTree:
     def __init__(self, store: ParameterStore, recordings: Recordings) -> None:
         self._store = store
         self._recordings = recordings
+        self._lines: dict[str, tuple[Sequence[Recording], list[bytes]]] = {}
 
     def entries(self, path: str, now_ns: int) -> list[bytes] | None:
         """Return the entries of a folder as FTP lists them, None if there is no such folder."""
@@ -71,8 +72,13 @@ class VirtualTree:
         return [_file(name, size) for name, size in sizes.items()]
 
     def _logs(self, suffix: str, now_ns: int) -> list[bytes]:
+        """Return the entries of all recordings; they are made once for each new list."""
         found = self._recordings.listed(now_ns)
-        return [_file(one.name + suffix, one.size).encode() for one in found]
+        before, lines = self._lines.get(suffix, (None, []))
+        if before is not found:
+            lines = [_file(one.name + suffix, one.size).encode() for one in found]
+            self._lines[suffix] = found, lines
+        return lines
 
     def _described(self, name: str, table: MavTable | None) -> Source | Failure:
         found = self._store.metadata
