@@ -1,10 +1,11 @@
 """The MAVLink dialect of the gateway: pymavlink's ardupilotmega, and standard messages it lacks.
 
 pymavlink 2.4.50 has COMPONENT_METADATA and CONTROL_STATUS in no dialect, and AVAILABLE_MODES and
-CURRENT_MODE only in `development`; its TIMESYNC lacks the target. Their layouts here are those of
-mavlink/mavlink of July 2026.
+CURRENT_MODE only in `development`; its TIMESYNC lacks the target, and its mission messages the ids
+of plans. Their layouts here are those of mavlink/mavlink of July 2026.
 """
 
+from collections.abc import Callable, Sequence
 from struct import Struct
 from typing import Any, Final, TypeAlias
 
@@ -20,7 +21,7 @@ RESULT_NOT_IN_CONTROL: Final = 10
 CONTROL_SYSTEM_MANAGER: Final = 1
 CONTROL_TAKEOVER_ALLOWED: Final = 2
 
-CODES: Final = {"char": "s", "uint8_t": "B", "uint32_t": "I", "int64_t": "q"}
+CODES: Final = {"char": "s", "uint8_t": "B", "uint16_t": "H", "uint32_t": "I", "int64_t": "q"}
 """Struct code of each type in use; in the order of their sizes on the wire, reversed."""
 
 
@@ -36,13 +37,40 @@ def _defined(number: int, name: str, *fields: Field, extensions: tuple[Field, ..
     """
     main = sorted(fields, key=lambda field: -Struct(CODES[field[0]]).size)
     ordered, fields = [*main, *extensions], (*fields, *extensions)
+    names = [field_name for _, field_name, _ in fields]
+    ordered_names = [field_name for _, field_name, _ in ordered]
+    codes = (f"{length or ''}{CODES[kind]}" for kind, _, length in ordered)
+    facts = {
+        "id": number,
+        "msgname": name,
+        "fieldnames": names,
+        "ordered_fieldnames": ordered_names,
+        "fieldtypes": [kind for kind, _, _ in fields],
+        "native_format": bytearray(b"<" + "".join(CODES[kind] for kind, _, _ in ordered).encode()),
+        "orders": [ordered_names.index(field_name) for field_name in names],
+        "lengths": [1 if kind == "char" or not length else length for kind, _, length in ordered],
+        "array_lengths": [length for _, _, length in ordered],
+        "crc_extra": _crc_extra(name, main),
+        "unpacker": Struct("<" + "".join(codes)),
+        "__init__": _constructor(number, name, names, {one[1]: 0 for one in extensions}),
+        "pack": _packer(ordered),
+    }
+    defined = type(f"MAVLink_{name.lower()}_message", (mavlink.MAVLink_message,), facts)
+    mavlink.mavlink_map[number] = defined
+    return defined
+
+
+def _crc_extra(name: str, main: Sequence[Field]) -> int:
     layout = bytearray(f"{name} ".encode())
     for kind, field_name, length in main:
         layout += f"{kind} {field_name} ".encode() + (bytes([length]) if length else b"")
     checksum = mcrf4xx(bytes(layout))
-    names = [field_name for _, field_name, _ in fields]
-    absent = {field_name: 0 for _, field_name, _ in extensions}
+    return checksum & 0xFF ^ checksum >> 8
 
+
+def _constructor(
+    number: int, name: str, names: list[str], absent: dict[str, Any]
+) -> Callable[..., None]:
     def construct(self: Any, *values: object, **named: object) -> None:
         mavlink.MAVLink_message.__init__(self, number, name)
         self._fieldnames = names
@@ -50,6 +78,10 @@ def _defined(number: int, name: str, *fields: Field, extensions: tuple[Field, ..
         for field_name in names:
             setattr(self, field_name, given[field_name])
 
+    return construct
+
+
+def _packer(ordered: Sequence[Field]) -> Callable[..., bytes]:
     def pack(self: Any, mav: Any, force_mavlink1: bool = False) -> bytes:
         flat: list[object] = []
         for kind, field_name, length in ordered:
@@ -59,30 +91,7 @@ def _defined(number: int, name: str, *fields: Field, extensions: tuple[Field, ..
         packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
         return packed
 
-    def text_length(kind: str, length: int) -> int:
-        return 1 if kind == "char" or not length else length
-
-    ordered_names = [field_name for _, field_name, _ in ordered]
-    codes = (f"{length or ''}{CODES[kind]}" for kind, _, length in ordered)
-    unpacker = Struct("<" + "".join(codes))
-    facts = {
-        "id": number,
-        "msgname": name,
-        "fieldnames": names,
-        "ordered_fieldnames": ordered_names,
-        "fieldtypes": [kind for kind, _, _ in fields],
-        "native_format": bytearray(b"<" + "".join(CODES[kind] for kind, _, _ in ordered).encode()),
-        "orders": [ordered_names.index(field_name) for field_name in names],
-        "lengths": [text_length(kind, length) for kind, _, length in ordered],
-        "array_lengths": [length for _, _, length in ordered],
-        "crc_extra": checksum & 0xFF ^ checksum >> 8,
-        "unpacker": unpacker,
-        "__init__": construct,
-        "pack": pack,
-    }
-    defined = type(f"MAVLink_{name.lower()}_message", (mavlink.MAVLink_message,), facts)
-    mavlink.mavlink_map[number] = defined
-    return defined
+    return pack
 
 
 ComponentMetadata: Final = _defined(
@@ -105,4 +114,22 @@ ControlStatus: Final = _defined(
 TimeSync: Final = _defined(
     111, "TIMESYNC", ("int64_t", "tc1", 0), ("int64_t", "ts1", 0),
     extensions=(("uint8_t", "target_system", 0), ("uint8_t", "target_component", 0)),
+)  # fmt: skip
+MissionCurrent: Final = _defined(
+    42, "MISSION_CURRENT", ("uint16_t", "seq", 0),
+    extensions=(
+        ("uint16_t", "total", 0), ("uint8_t", "mission_state", 0), ("uint8_t", "mission_mode", 0),
+        ("uint32_t", "mission_id", 0), ("uint32_t", "fence_id", 0),
+        ("uint32_t", "rally_points_id", 0),
+    ),
+)  # fmt: skip
+MissionCount: Final = _defined(
+    44, "MISSION_COUNT", ("uint8_t", "target_system", 0), ("uint8_t", "target_component", 0),
+    ("uint16_t", "count", 0),
+    extensions=(("uint8_t", "mission_type", 0), ("uint32_t", "opaque_id", 0)),
+)  # fmt: skip
+MissionAck: Final = _defined(
+    47, "MISSION_ACK", ("uint8_t", "target_system", 0), ("uint8_t", "target_component", 0),
+    ("uint8_t", "type", 0),
+    extensions=(("uint8_t", "mission_type", 0), ("uint32_t", "opaque_id", 0)),
 )  # fmt: skip

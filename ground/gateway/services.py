@@ -4,6 +4,7 @@ from pathlib import Path
 
 from ground.gateway.commands.service import CommandService
 from ground.gateway.files.wiring import parameters_and_files
+from ground.gateway.missions.wiring import missions_of
 from ground.gateway.motion.wiring import motion_of
 from ground.gateway.streams.wiring import streams_of
 from ground.gateway.traffic import MavService
@@ -13,10 +14,12 @@ from ground.gateway.vehicle import Face, Vehicle
 def face_of(vehicle: Vehicle, recordings: Path | None = None) -> Face:
     """Return the face of a vehicle, with all its protocols; `recordings` is their folder."""
     motion, streams = motion_of(vehicle), streams_of(vehicle)
+    missions = missions_of(vehicle)
     services: list[MavService] = [
         *streams.services,
         *motion.services,
-        CommandService(vehicle, *motion.tables, *streams.tables),
+        *missions.services,
+        CommandService(vehicle, *motion.tables, *streams.tables, *missions.tables),
         *parameters_and_files(vehicle, recordings),
     ]
     return Face(vehicle, services)

@@ -5,6 +5,7 @@ as 360.
 """
 
 from collections.abc import Mapping, Sequence
+from enum import IntEnum
 from math import isfinite, isnan, nan
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -77,8 +78,40 @@ class Item(NamedTuple):
     params: tuple[float, ...]
 
 
+class ItemPart(IntEnum):
+    """The part of an item that the robot cannot execute."""
+
+    COMMAND = 0
+    PARAM1 = 1
+    PARAM2 = 2
+    PARAM3 = 3
+    PARAM4 = 4
+    PARAM5 = 5
+    PARAM6 = 6
+    PARAM7 = 7
+    FRAME = 8
+    SHAPE = 9  # of a fence
+
+
+PARTS: Final = MappingProxyType(
+    {
+        "hold_s": ItemPart.PARAM1,
+        "position_tolerance_m": ItemPart.PARAM2,
+        "heading_tolerance_deg": ItemPart.PARAM3,
+        "heading_deg": ItemPart.PARAM4,
+        "x_m": ItemPart.PARAM5,
+        "y_m": ItemPart.PARAM6,
+    }
+)
+"""The parameter that each key of a waypoint comes from."""
+
+
 class UnsupportedItemError(UserError):
-    """The robot cannot execute this item."""
+    """The robot cannot execute this item, because of a `part` of it."""
+
+    def __init__(self, words: str, part: ItemPart = ItemPart.COMMAND) -> None:
+        super().__init__(words)
+        self.part = part
 
 
 def waypoint_of(item: Item, home: Home | None) -> Waypoint:
@@ -90,12 +123,12 @@ def waypoint_of(item: Item, home: Home | None) -> Waypoint:
         )
     if len(item.params) != 7:
         raise UnsupportedItemError(f"has {len(item.params)} parameters, an item has 7")
-    x_m, y_m = _place(item, home)
+    x_m, y_m = place_in(item, home)
     hold_s, second, third, angle_deg = item.params[:4]
     posed = item.command == Command.SIDESTEP_NAV_POSE
     if not posed and third and isfinite(third):
         raise UnsupportedItemError(
-            f"param3 {third:g} (pass beside the waypoint): the robot drives to it"
+            f"param3 {third:g} (pass beside the waypoint): the robot drives to it", ItemPart.PARAM3
         )
     table: dict[str, float] = {"x_m": x_m, "y_m": y_m, "hold_s": _number(hold_s)}
     if second and isfinite(second):
@@ -115,25 +148,31 @@ def _checked(table: dict[str, float]) -> Waypoint:
     except ConfigError as error:
         value = table.get(error.key)
         shown_value = "" if value is None else f" {value:g}"
-        raise UnsupportedItemError(f"{error.key}{shown_value}: {error.reason}") from error
+        words, part = f"{error.key}{shown_value}: {error.reason}", PARTS[error.key]
+        raise UnsupportedItemError(words, part) from error
 
 
-def _place(item: Item, home: Home | None) -> tuple[float, float]:
+def place_in(item: Item, home: Home | None) -> tuple[float, float]:
+    """Return the x and y of an item; UnsupportedItemError if it has no place or a strange one."""
     first, second = item.params[4:6]
     if not (isfinite(first) and isfinite(second)):
-        raise UnsupportedItemError("has no place")
+        part = ItemPart.PARAM6 if isfinite(first) else ItemPart.PARAM5
+        raise UnsupportedItemError("has no place", part)
     if item.frame in LOCAL_FRAMES:
         return on_the_wire(first), on_the_wire(second)
     if item.frame not in GLOBAL_FRAMES:
         raise UnsupportedItemError(
-            f"frame {item.frame}: use a global one, or local east-north-up (4)"
+            f"frame {item.frame}: use a global one, or local east-north-up (4)", ItemPart.FRAME
         )
     if not first and not second:
-        raise UnsupportedItemError("latitude and longitude are 0: it has no place of its own")
+        words = "latitude and longitude are 0: it has no place of its own"
+        raise UnsupportedItemError(words, ItemPart.PARAM5)
     if home is None:
-        raise UnsupportedItemError("latitude and longitude need a home: --home LATITUDE LONGITUDE")
+        words = "latitude and longitude need a home: --home LATITUDE LONGITUDE"
+        raise UnsupportedItemError(words, ItemPart.FRAME)
     if abs(first) > 90.0 or abs(second) > 180.0:
-        raise UnsupportedItemError(f"({first:g}, {second:g}) is not a latitude and longitude")
+        words = f"({first:g}, {second:g}) is not a latitude and longitude"
+        raise UnsupportedItemError(words, ItemPart.PARAM5 if abs(first) > 90 else ItemPart.PARAM6)
     return to_local(home, first, second)
 
 

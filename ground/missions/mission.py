@@ -10,6 +10,7 @@ from typing import Annotated, TypeAlias
 from msgspec import Meta
 
 FARTHEST_M = 200_000.0  # what fits the wire; the robot's own limit is nearer
+LOOSEST_M = 1.0  # the largest tolerance of a position
 
 Coordinate: TypeAlias = Annotated[float, Meta(ge=-FARTHEST_M, le=FARTHEST_M)]
 Heading: TypeAlias = Annotated[float, Meta(ge=-360.0, le=360.0)]
@@ -23,7 +24,7 @@ class Waypoint:
     x_m: Coordinate
     y_m: Coordinate
     heading_deg: Heading | None = None
-    position_tolerance_m: Annotated[float, Meta(ge=0.005, le=1.0)] = 0.05
+    position_tolerance_m: Annotated[float, Meta(ge=0.005, le=LOOSEST_M)] = 0.05
     heading_tolerance_deg: Annotated[float, Meta(ge=0.2, le=180.0)] = 3.0
     hold_s: Annotated[float, Meta(ge=0.0, le=86_400.0)] = 0.0
 

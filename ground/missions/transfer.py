@@ -115,6 +115,19 @@ class Upload(Transfer):
         return self._items[answer.seq] if answer.seq < len(self._items) else None
 
 
+class Announcement(Transfer):
+    """Announces an upload, to learn from the robot whether it takes one of so many items now."""
+
+    def __init__(self, count: int, kind: MissionType, now_ns: int) -> None:
+        super().__init__(MissionCount(count=count, mission_type=kind), kind, now_ns, ATTEMPTS)
+
+    def _after(self, answer: object) -> Message | None:
+        if not isinstance(answer, MissionRequestInt) or answer.mission_type != self._kind:
+            return None
+        self.outcome = Verdict(Reason.NONE, None)
+        return answer
+
+
 class Download(Transfer):
     """Downloads the robot's items; a refusal is a Verdict."""
 

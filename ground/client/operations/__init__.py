@@ -16,7 +16,6 @@ from ground.client.operations.commands import (
     Hold,
     Mark,
     Marked,
-    Restart,
     Resume,
     ReturnHome,
     SetMode,
@@ -28,6 +27,7 @@ from ground.client.operations.fences import ClearFence, FenceShown, SetFence, Sh
 from ground.client.operations.goals import GoalEnded, Goto
 from ground.client.operations.leases import ChangeLease, LeaseShown, ShowLease
 from ground.client.operations.missions import (
+    AnnounceItems,
     ClearMission,
     DownloadMission,
     FetchMission,
@@ -82,6 +82,7 @@ __all__ = [
     "COMMANDS",
     "Abort",
     "AllAnswered",
+    "AnnounceItems",
     "Arm",
     "ChangeLease",
     "ClearAll",
@@ -114,7 +115,6 @@ __all__ = [
     "ParametersSaved",
     "Progress",
     "ResetParameter",
-    "Restart",
     "Resume",
     "ReturnHome",
     "SaveParameters",

@@ -11,7 +11,15 @@ from ground.client.requests import GaveUp
 from ground.client.results import Answer, Success, refusal_words
 from ground.missions import files
 from ground.missions.mission import Fence, Home, Mission
-from ground.missions.transfer import Clear, Download, Downloaded, Transfer, Upload, Verdict
+from ground.missions.transfer import (
+    Announcement,
+    Clear,
+    Download,
+    Downloaded,
+    Transfer,
+    Upload,
+    Verdict,
+)
 from ground.missions.wire import fence_items_of, fence_of, items_of, waypoints_of
 from protocol.topics import MISSION, MISSION_SERVICE
 from protocol.wire.enums import Command, MissionState, MissionType
@@ -115,6 +123,22 @@ def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> Tran
     """Return the verdict, with the lease holder's name if the lease is the reason."""
     holder = refusing_holder(link, verdict.reason)
     return TransferOutcome(verdict=verdict, done=done, what=what, holder=holder)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnnounceItems:
+    """Ask whether the robot takes so many items now; nothing is changed."""
+
+    verb: ClassVar[str] = "mission announce"
+    moves: ClassVar[bool] = True
+    kind: MissionType
+    count: int
+
+    def perform(self, session: Session) -> TransferOutcome:
+        """Return the robot's verdict; for too many items it names the first too many."""
+        link = session.link
+        verdict = send(link, Announcement(self.count, self.kind, link.clock.now_ns()))
+        return with_holder(link, verdict, "ok, the robot takes them")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,5 @@
 import pytest
-from pymavlink.dialects.v20 import development
+from pymavlink.dialects.v20 import common, development
 
 from ground.gateway.dialect import (
     AvailableModes,
@@ -7,6 +7,9 @@ from ground.gateway.dialect import (
     ControlStatus,
     CurrentMode,
     MavMessage,
+    MissionAck,
+    MissionCount,
+    MissionCurrent,
     mavlink,
 )
 
@@ -15,6 +18,13 @@ MESSAGES = [
     AvailableModes(3, 1, 4, 15, 2, b"GUIDED"),
     CurrentMode(0, 10, 10),
     ControlStatus(3, 255, [1, 2, 0, 0, 0, 0, 0, 0, 0, 9]),
+    *(
+        MISSION_MESSAGES := [
+            MissionCurrent(3, 7, 3, 1, 0xDEADBEEF, 0xFFFFFFFF, 1),
+            MissionCount(1, 1, 200, 1, 0xDEADBEEF),
+            MissionAck(255, 190, 15, 2, 0xDEADBEEF),
+        ]
+    ),
 ]
 
 
@@ -36,3 +46,11 @@ def test_own_layouts_are_those_of_the_development_dialect(message: MavMessage) -
     for fact in ("crc_extra", "ordered_fieldnames", "orders", "lengths", "array_lengths"):
         assert getattr(message, fact) == getattr(theirs, fact)
     assert message.unpacker.format == theirs.unpacker.format
+
+
+@pytest.mark.parametrize("message", MISSION_MESSAGES, ids=lambda message: str(message.get_type()))
+def test_plan_ids_extend_the_messages_of_the_dialect(message: MavMessage) -> None:
+    theirs = common.mavlink_map[message.id]
+    assert message.crc_extra == theirs.crc_extra
+    assert message.ordered_fieldnames[: len(theirs.ordered_fieldnames)] == theirs.ordered_fieldnames
+    assert message.unpacker.format.startswith(theirs.unpacker.format)

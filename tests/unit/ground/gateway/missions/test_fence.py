@@ -1,0 +1,224 @@
+from math import inf, nan
+from typing import Any
+
+import pytest
+
+from ground.client.operations import ClearFence, SetFence
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.missions.mission import Circle, Polygon
+from ground.missions.transfer import Verdict
+from protocol.wire.reasons import Reason
+from tests.support.gateway.fake_port import CLIENT, OTHER
+from tests.support.gateway.messages import acks, command, words
+from tests.support.gateway.mission_bench import FENCE, HERE, MissionBench, item_int, of_type, upload
+from tests.support.gateway.telemetry import status
+
+ACCEPTED, ERROR, FRAME, UNSUPPORTED, NO_SPACE, INVALID, PARAM1 = 0, 1, 2, 3, 4, 5, 6
+DENIED = 14
+CORNER, STAY_OUT, CIRCLE, CIRCLE_OUT, RETURN_POINT = 5001, 5002, 5003, 5004, 5000
+ENABLE = mavlink.MAV_CMD_DO_FENCE_ENABLE
+SQUARE = ((-1000, -1000), (-1000, 1000), (1000, 1000), (1000, -1000))
+
+
+@pytest.fixture
+def bench() -> MissionBench:
+    return MissionBench()
+
+
+def polygon(*places: tuple[int, int], command: int = CORNER, **fields: Any) -> list[MavMessage]:
+    values = {"mission_type": FENCE, "param1": float(len(places)), "frame": 0} | fields
+    return [item_int(seq, *place, command=command, **values) for seq, place in enumerate(places)]
+
+
+def circle(radius_m: float = 20.0, command: int = CIRCLE, **fields: Any) -> MavMessage:
+    return item_int(0, command=command, param1=radius_m, mission_type=FENCE, **fields)
+
+
+def download(bench: MissionBench) -> list[Any]:
+    """Return all items of the fence."""
+    listed = mavlink.MAVLink_mission_request_list_message(1, 1, FENCE)
+    (count,) = bench.send(listed)
+    asked = [mavlink.MAVLink_mission_request_int_message(1, 1, at, FENCE) for at in range(99)]
+    return [bench.send(asked[seq])[0] for seq in range(count.count)]
+
+
+def test_polygon_is_uploaded(bench: MissionBench) -> None:
+    assert upload(bench, polygon(*SQUARE)).results == [ACCEPTED]
+    assert isinstance(bench.fence, Polygon)
+    assert bench.fence.corners[0] == (-7.552, -11.1178)
+    assert len(bench.fence.corners) == 4
+
+
+def test_circle_is_uploaded(bench: MissionBench) -> None:
+    assert upload(bench, [circle(12.5)]).results == [ACCEPTED]
+    assert bench.fence == Circle(x_m=0.0, y_m=0.0, radius_m=12.5)
+
+
+def test_polygon_is_downloaded(bench: MissionBench) -> None:
+    items = polygon(*SQUARE)
+    upload(bench, items)
+    found = download(bench)
+    assert [(one.x, one.y, one.command, one.param1) for one in found] == [
+        (one.x, one.y, CORNER, 4.0) for one in items
+    ]
+    assert {(one.frame, one.mission_type) for one in found} == {(0, FENCE)}
+
+
+def test_circle_is_downloaded(bench: MissionBench) -> None:
+    bench.fence = Circle(x_m=0.0, y_m=0.0, radius_m=7.5)
+    (found,) = download(bench)
+    assert (found.x, found.y, found.command, found.param1) == (*HERE, CIRCLE, 7.5)
+
+
+def test_float_items_are_answered_with_float_items(bench: MissionBench) -> None:
+    bench.fence = Circle(x_m=0.0, y_m=0.0, radius_m=7.5)
+    (found,) = bench.send(mavlink.MAVLink_mission_request_message(1, 1, 0, FENCE))
+    assert (found.get_type(), found.mission_type) == ("MISSION_ITEM", FENCE)
+
+
+def test_no_fence_counts_0(bench: MissionBench) -> None:
+    assert download(bench) == []
+
+
+def test_fence_without_items_clears(bench: MissionBench) -> None:
+    upload(bench, [circle()])
+    (ack,) = bench.send(mavlink.MAVLink_mission_count_message(1, 1, 0, FENCE))
+    assert (ack.type, ack.mission_type, bench.fence) == (ACCEPTED, FENCE, None)
+
+
+def refused(bench: MissionBench, *items: MavMessage) -> tuple[int, str]:
+    found = upload(bench, items)
+    assert bench.fence is None
+    (result,) = found.results
+    return result, words(found.all)
+
+
+@pytest.mark.parametrize("kind", [STAY_OUT, CIRCLE_OUT])
+def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None:
+    result, text = refused(bench, circle(command=kind))
+    assert result == UNSUPPORTED
+    assert text.startswith(f"fence item 0: command {kind}")
+    assert "only a fence to stay in is supported" in text
+
+
+@pytest.mark.parametrize(
+    ("items", "result", "reason"),
+    [
+        ([circle(command=RETURN_POINT)], UNSUPPORTED, "return point"),
+        ([circle(command=16)], UNSUPPORTED, "not an item of a fence"),
+        ([*polygon(*SQUARE[:3], param1=4.0), circle()], UNSUPPORTED, "only one"),
+        (polygon(*SQUARE, param1=3.0), PARAM1, "corner of 3 in a fence of 4 items"),
+        (polygon(*SQUARE, param1=nan), PARAM1, "corner of nan"),
+        (polygon(*SQUARE[:2]), INVALID, "has 2 corners"),
+        (polygon(SQUARE[0], SQUARE[2], SQUARE[1], SQUARE[3]), INVALID, "cross"),
+        (polygon(*[SQUARE[0]] * 4), INVALID, "the same place"),
+        (polygon(*SQUARE, frame=1), FRAME, "frame 1"),
+        ([circle(0.0)], PARAM1, "radius_m"),
+        ([circle(-5.0)], PARAM1, "radius_m"),
+        ([circle(nan)], PARAM1, "radius_m"),
+        ([circle(inf)], PARAM1, "radius_m"),
+        ([circle(x=0, y=0)], 10, "latitude and longitude are 0"),
+        ([circle(x=0x7FFF_FFFF)], 10, "is not a latitude and longitude"),
+        (polygon(*SQUARE * 5), NO_SPACE, "fence: the robot takes at most 16 items"),
+    ],
+)
+def test_fence_is_refused_with_its_reason(
+    bench: MissionBench, items: list[MavMessage], result: int, reason: str
+) -> None:
+    if len(items) == 4 and items[-1].command == CIRCLE:
+        items[-1].seq = 3
+    found, text = refused(bench, *items)
+    assert found == result
+    assert reason in text
+
+
+def test_fence_that_leaves_the_robot_out_is_refused(bench: MissionBench) -> None:
+    bench.refusal = Verdict(Reason.FENCE_LEAVES_ROBOT_OUT, None)
+    result, text = refused(bench, circle())
+    assert (result, text) == (INVALID, "fence: the robot itself is outside of that fence")
+
+
+def test_refused_corner_is_named_as_on_mavlink(bench: MissionBench) -> None:
+    bench.refusal = Verdict(Reason.FENCE_NOT_SIMPLE, 3)
+    assert refused(bench, *polygon(*SQUARE))[1].startswith("fence item 2: ")
+
+
+def test_mission_and_fence_can_be_uploaded_at_the_same_time(bench: MissionBench) -> None:
+    bench.send(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
+    assert upload(bench, [circle()]).results == [ACCEPTED]
+    bench.send(item_int(0))
+    assert of_type(bench.send(item_int(1, 1000)), "MISSION_ACK")[0].type == ACCEPTED
+
+
+def fence_status(messages: list[MavMessage]) -> list[tuple[int, int, int]]:
+    found = of_type(messages, "FENCE_STATUS")
+    return [(one.breach_status, one.breach_count, one.breach_type) for one in found]
+
+
+def test_fence_status_is_streamed(bench: MissionBench) -> None:
+    bench.face.join(CLIENT.client)
+    assert fence_status(bench.after(3.1)) == [(0, 0, 0)] * 3
+
+
+def test_breach_is_counted_and_sent_at_once(bench: MissionBench) -> None:
+    bench.port.telemetry["status"] = status(vehicle_reason=Reason.FENCE_BREACHED)
+    assert fence_status(bench.after(0.02)) == [(1, 1, mavlink.FENCE_BREACH_BOUNDARY)]
+    bench.port.telemetry["status"] = status()
+    assert fence_status(bench.after(0.02)) == [(0, 1, mavlink.FENCE_BREACH_NONE)]
+    bench.port.telemetry["status"] = status(vehicle_reason=Reason.FENCE_BREACHED)
+    assert fence_status(bench.after(0.02)) == [(1, 2, mavlink.FENCE_BREACH_BOUNDARY)]
+
+
+def test_breach_has_the_time_of_its_begin(bench: MissionBench) -> None:
+    bench.after(1)
+    bench.port.telemetry["status"] = status(vehicle_reason=Reason.FENCE_BREACHED)
+    (found,) = of_type(bench.after(0.02), "FENCE_STATUS")
+    assert found.breach_time == bench.now_ns // 1_000_000
+
+
+def test_stale_robot_has_no_fence_status(bench: MissionBench) -> None:
+    bench.face.join(CLIENT.client)
+    bench.port.telemetry["status"] = None
+    assert fence_status(bench.after(3)) == []
+
+
+def test_disabled_fence_can_be_enabled_again(bench: MissionBench) -> None:
+    upload(bench, [circle(12.5)])
+    fence = bench.fence
+    assert acks(bench.send(command(ENABLE, 0))) == [(ENABLE, 0)]
+    assert (bench.fence, bench.port.performed[-1]) == (None, ClearFence())
+    assert acks(bench.send(command(ENABLE, 1))) == [(ENABLE, 0)]
+    assert bench.fence == fence
+    assert isinstance(bench.port.performed[-1], SetFence)
+
+
+def test_fence_in_force_stays_enabled(bench: MissionBench) -> None:
+    upload(bench, [circle(12.5)])
+    assert acks(bench.send(command(ENABLE, 1))) == [(ENABLE, 0)]
+    assert sum(isinstance(one, SetFence) for one in bench.port.performed) == 1
+
+
+def test_fence_that_is_not_there_cannot_be_enabled(bench: MissionBench) -> None:
+    sent = bench.send(command(ENABLE, 1))
+    assert acks(sent) == [(ENABLE, 4)]
+    assert words(sent) == "there is no fence: upload one"
+
+
+@pytest.mark.parametrize("value", [2.0, nan, -1.0])
+def test_fence_has_no_floor_to_disable(bench: MissionBench, value: float) -> None:
+    assert acks(bench.send(command(ENABLE, value))) == [(ENABLE, 2)]
+
+
+def test_client_without_control_cannot_disable_the_fence(bench: MissionBench) -> None:
+    upload(bench, [circle()])
+    sent = bench.send(command(ENABLE, 0), OTHER)
+    assert acks(sent) == [(ENABLE, 10)]
+    assert bench.fence is not None
+
+
+def test_fence_of_another_operator_is_noticed(bench: MissionBench) -> None:
+    bench.face.join(CLIENT.client)
+    upload(bench, [circle()])
+    bench.fence = Circle(x_m=1.0, y_m=0.0, radius_m=3.0)
+    before, *_, after = of_type(bench.after(12), "MISSION_CURRENT")
+    assert before.fence_id != after.fence_id != 0

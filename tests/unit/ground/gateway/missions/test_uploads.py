@@ -1,0 +1,326 @@
+from math import inf, nan
+from typing import Any
+
+import pytest
+
+from ground.client.operations import ClearMission, UploadMission
+from ground.gateway.control import WATCHER
+from ground.gateway.dialect import MavMessage, MissionCount, mavlink
+from ground.gateway.missions.uploads import RETRY_NS, TIMEOUT_NS
+from ground.missions.transfer import Verdict
+from protocol.wire.enums import Severity
+from protocol.wire.reasons import Reason
+from tests.support.gateway.fake_port import CLIENT, OTHER
+from tests.support.gateway.messages import words
+from tests.support.gateway.mission_bench import (
+    MissionBench,
+    Uploader,
+    as_float,
+    item_int,
+    line_of,
+    of_type,
+    upload,
+)
+
+ACCEPTED, ERROR, FRAME, UNSUPPORTED, NO_SPACE, INVALID = 0, 1, 2, 3, 4, 5
+PARAM1, PARAM2, PARAM3, PARAM5, PARAM6 = 6, 7, 8, 10, 11
+SEQUENCE, DENIED, CANCELLED = 13, 14, 15
+
+
+@pytest.fixture
+def bench() -> MissionBench:
+    return MissionBench()
+
+
+def count(number: int, kind: int = 0) -> MavMessage:
+    return MissionCount(1, 1, number, kind)
+
+
+def refused(bench: MissionBench, *items: MavMessage) -> tuple[int, str]:
+    """Upload a mission that must not be accepted; return the result and the texts."""
+    found = upload(bench, items)
+    assert bench.waypoints == ()
+    (result,) = found.results
+    return result, words(found.all)
+
+
+def test_items_are_asked_for_by_mission_request(bench: MissionBench) -> None:
+    found = upload(bench, line_of(3))
+    assert found.requested == [0, 1, 2, 3]
+    assert of_type(found.all, "MISSION_REQUEST_INT") == []
+    assert found.results == [ACCEPTED]
+
+
+def test_item_0_is_home_and_no_waypoint(bench: MissionBench) -> None:
+    upload(bench, [item_int(0, command=22), item_int(1, 1000)])
+    (waypoint,) = bench.waypoints
+    assert (waypoint.x_m, waypoint.y_m) == (0.0, 11.1178)
+
+
+def test_client_learns_that_its_first_item_is_home(bench: MissionBench) -> None:
+    hint = "item 0 is home"
+    assert hint in words(upload(bench, [item_int(0, 1000), item_int(1, 2000)]).all)
+    assert hint not in words(upload(bench, line_of(1)).all)
+
+
+def test_mission_item_and_item_int_give_the_same_mission(bench: MissionBench) -> None:
+    upload(bench, line_of(3))
+    exact = bench.waypoints
+    found = upload(bench, line_of(3), form=as_float)
+    assert found.results == [ACCEPTED]
+    for one, other in zip(exact, bench.waypoints, strict=True):
+        assert (one.x_m, one.y_m) == pytest.approx((other.x_m, other.y_m), abs=0.3)
+    assert "use MISSION_ITEM_INT" in words(found.all)
+
+
+def test_lost_item_is_asked_for_again(bench: MissionBench) -> None:
+    assert of_type(bench.send(count(2)), "MISSION_REQUEST")[0].seq == 0
+    again = of_type(bench.after(RETRY_NS / 1e9), "MISSION_REQUEST")
+    assert [one.seq for one in again] == [0]
+    bench.send(item_int(0))
+    again = of_type(bench.after(2 * RETRY_NS / 1e9), "MISSION_REQUEST")
+    assert [one.seq for one in again] == [1, 1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("loss", [0.2, 0.4])
+def test_upload_survives_loss_both_ways(bench: MissionBench, seed: int, loss: float) -> None:
+    found = Uploader(bench, line_of(20), loss=loss, seed=seed).run(seconds=60)
+    assert found.results[0] == ACCEPTED
+    assert len(bench.waypoints) == 20
+    assert sum(isinstance(one, UploadMission) for one in bench.port.performed) == 1
+
+
+def test_last_item_is_acknowledged_again(bench: MissionBench) -> None:
+    (first,) = upload(bench, line_of(2)).acks
+    (again,) = bench.send(line_of(2)[2])
+    assert again.to_dict() == first.to_dict()
+    assert bench.send(line_of(2)[1]) == []
+    assert sum(isinstance(one, UploadMission) for one in bench.port.performed) == 1
+
+
+def test_repeated_item_is_not_taken_twice(bench: MissionBench) -> None:
+    bench.send(count(3))
+    for item in (0, 0, 1, 1, 0, 2):
+        bench.send(item_int(item, item * 1000))
+    assert [waypoint.y_m for waypoint in bench.waypoints] == [11.1178, 22.2356]
+
+
+def test_item_out_of_turn_is_ignored(bench: MissionBench) -> None:
+    bench.send(count(3))
+    assert bench.send(item_int(2)) == []
+    assert of_type(bench.send(item_int(0)), "MISSION_REQUEST")[0].seq == 1
+
+
+def test_half_way_upload_is_cancelled(bench: MissionBench) -> None:
+    bench.send(count(5))
+    bench.send(item_int(0))
+    sent = bench.after(TIMEOUT_NS / 1e9 + 0.1)
+    (ack,) = of_type(sent, "MISSION_ACK")
+    assert ack.type == CANCELLED
+    assert "mission upload: item 1 has not arrived" in words(sent)
+    assert of_type(bench.after(2), "MISSION_REQUEST") == []
+    assert upload(bench, line_of(1), sender=OTHER).results == [ACCEPTED]
+
+
+def test_client_can_cancel_its_upload(bench: MissionBench) -> None:
+    bench.send(count(5))
+    bench.send(mavlink.MAVLink_mission_ack_message(1, 1, CANCELLED, 0), OTHER)
+    assert of_type(bench.after(0.5), "MISSION_REQUEST") != []
+    bench.send(mavlink.MAVLink_mission_ack_message(1, 1, CANCELLED, 0))
+    assert of_type(bench.after(1), "MISSION_REQUEST") == []
+
+
+def test_upload_ends_with_its_client(bench: MissionBench) -> None:
+    bench.send(count(5))
+    bench.face.forget(CLIENT.client)
+    assert of_type(bench.after(1), "MISSION_REQUEST") == []
+
+
+def test_same_client_can_begin_again(bench: MissionBench) -> None:
+    bench.send(count(3))
+    bench.send(item_int(0))
+    bench.send(item_int(1, 9000))
+    assert upload(bench, line_of(2)).results == [ACCEPTED]
+    assert [waypoint.y_m for waypoint in bench.waypoints] == [11.1178, 22.2356]
+
+
+def test_second_client_is_denied_during_an_upload(bench: MissionBench) -> None:
+    bench.send(count(3))
+    for message in (
+        count(2),
+        item_int(0),
+        mavlink.MAVLink_mission_request_list_message(1, 1, 0),
+        mavlink.MAVLink_mission_request_int_message(1, 1, 0, 0),
+        mavlink.MAVLink_mission_write_partial_list_message(1, 1, 0, 0, 0),
+        mavlink.MAVLink_mission_clear_all_message(1, 1, 0),
+    ):
+        (ack,) = of_type(bench.send(message, OTHER), "MISSION_ACK")
+        assert (ack.type, ack.target_system) == (DENIED, OTHER.system)
+    assert of_type(bench.send(item_int(0)), "MISSION_REQUEST")[0].seq == 1
+
+
+def test_client_without_control_cannot_upload(bench: MissionBench) -> None:
+    upload(bench, line_of(1))
+    found = upload(bench, line_of(2), sender=OTHER)
+    assert (found.results, found.requested) == ([DENIED], [])
+    assert "MAVLink 255" in words(found.all)
+
+
+def test_watching_client_cannot_upload(bench: MissionBench) -> None:
+    watcher = CLIENT._replace(may_command=False)
+    found = upload(bench, line_of(2), sender=watcher)
+    assert (found.results, bench.port.performed) == ([DENIED], [])
+    assert WATCHER in words(found.all)
+
+
+def test_10000_items_are_refused_at_once(bench: MissionBench) -> None:
+    sent = bench.send(count(10_000))
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] == [NO_SPACE]
+    assert words(sent) == "mission: the robot takes at most 200 items"
+    assert of_type(bench.after(1), "MISSION_REQUEST") == []
+
+
+def test_longest_mission_of_the_robot_is_taken(bench: MissionBench) -> None:
+    assert upload(bench, line_of(200)).results == [ACCEPTED]
+    assert len(bench.waypoints) == 200
+    assert upload(bench, line_of(201)).results == [NO_SPACE]
+
+
+@pytest.mark.parametrize("items", [0, 1])
+def test_mission_without_waypoints_clears(bench: MissionBench, items: int) -> None:
+    upload(bench, line_of(2))
+    sent = bench.send(count(items))
+    sent += bench.send(item_int(0)) if items else []
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] == [ACCEPTED]
+    assert bench.waypoints == ()
+    assert isinstance(bench.port.performed[-1], ClearMission)
+
+
+@pytest.mark.parametrize(
+    ("fields", "result", "reason"),
+    [
+        ({"command": 22}, UNSUPPORTED, "command 22 (take off)"),
+        ({"command": 178, "frame": 2}, UNSUPPORTED, "command 178 (change speed)"),
+        ({"command": 20, "frame": 2}, UNSUPPORTED, "command 20 (return to launch)"),
+        ({"command": 17}, UNSUPPORTED, "command 17 (loiter for ever)"),
+        ({"command": 19, "param1": 5.0}, UNSUPPORTED, "command 19 (loiter for a time)"),
+        ({"command": 0xFFFF}, UNSUPPORTED, "command 65535 (unknown)"),
+        ({"frame": 1}, FRAME, "frame 1"),
+        ({"frame": 200}, FRAME, "frame 200"),
+        ({"param1": -1.0}, PARAM1, "hold_s -1"),
+        ({"param1": inf}, PARAM1, "hold_s inf"),
+        ({"param1": 1e9}, PARAM1, "hold_s 1e+09"),
+        ({"param2": 0.001}, PARAM2, "position_tolerance_m 0.001"),
+        ({"param3": 5.0}, PARAM3, "pass beside the waypoint"),
+        ({"x": 0, "y": 0}, PARAM5, "latitude and longitude are 0"),
+        ({"x": 910_000_000}, PARAM5, "is not a latitude and longitude"),
+        ({"y": -0x8000_0000}, PARAM6, "is not a latitude and longitude"),
+        ({"x": 873_000_000}, PARAM6, "y_m"),
+    ],
+)
+def test_refusal_names_item_and_reason(
+    bench: MissionBench, fields: dict[str, Any], result: int, reason: str
+) -> None:
+    found, text = refused(bench, *line_of(1), item_int(2, **fields), item_int(3))
+    assert found == result
+    assert text.startswith("mission item 2: ")
+    assert reason in text
+
+
+@pytest.mark.parametrize("place", [{"x": nan}, {"y": inf}])
+def test_place_of_a_float_item_must_be_finite(bench: MissionBench, place: dict[str, float]) -> None:
+    bench.send(count(2))
+    bench.send(item_int(0))
+    item = as_float(item_int(1))
+    for name, value in place.items():
+        setattr(item, name, value)
+    sent = bench.send(item)
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] in ([PARAM5], [PARAM6])
+    assert "mission item 1: has no place" in words(sent)
+
+
+def test_refused_item_is_refused_again(bench: MissionBench) -> None:
+    items = [*line_of(1), item_int(2, command=22), item_int(3)]
+    upload(bench, items)
+    (again,) = of_type(bench.send(items[2]), "MISSION_ACK")
+    assert again.type == UNSUPPORTED
+
+
+@pytest.mark.parametrize(
+    ("reason", "item", "result", "text"),
+    [
+        (Reason.OUTSIDE_FENCE, 2, INVALID, "mission item 2: goal is outside of the fence"),
+        (Reason.GOAL_OUT_OF_RANGE, 1, INVALID, "mission item 1: goal is not finite or farther"),
+        (Reason.HOLD_OUT_OF_RANGE, 1, PARAM1, "mission item 1: hold time is not a number"),
+        (Reason.DRIVING, None, ERROR, "mission: not possible while a goal or mission is active"),
+        (Reason.LEASE_HELD, None, DENIED, "mission: another operator commands the robot"),
+        (250, None, ERROR, "mission: "),
+    ],
+)
+def test_refusal_of_the_robot_is_passed_on(
+    bench: MissionBench, reason: int, item: int | None, result: int, text: str
+) -> None:
+    bench.refusal = Verdict(reason, item)
+    found, words_found = refused(bench, *line_of(2))
+    assert found == result
+    assert words_found.startswith(text)
+
+
+def test_mission_that_is_not_saved_is_accepted_with_a_text(bench: MissionBench) -> None:
+    bench.refusal = Verdict(Reason.NOT_SAVED, None, 1)
+    found = upload(bench, line_of(1))
+    assert found.results == [ACCEPTED]
+    assert "could not be saved" in words(found.all)
+
+
+def test_silent_robot_is_an_error(bench: MissionBench) -> None:
+    bench.is_answering = False
+    bench.send(count(2))
+    bench.port.answer(error="no answer")
+    sent = bench.sent()
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] == [ERROR]
+    assert words(sent) == "mission: no answer"
+
+
+def test_waypoint_of_mavsdk_is_taken(bench: MissionBench) -> None:
+    fields: dict[str, Any] = {"param1": 0.5, "param2": 3.0, "param4": nan, "frame": 6}
+    assert upload(bench, [item_int(0), item_int(1, 1000, **fields)]).results == [ACCEPTED]
+    (waypoint,) = bench.waypoints
+    found = (waypoint.hold_s, waypoint.position_tolerance_m, waypoint.heading_deg)
+    assert found == (0.5, 1.0, None)
+
+
+def test_hold_of_nan_is_none(bench: MissionBench) -> None:
+    upload(bench, [item_int(0), item_int(1, 1000, param1=nan)])
+    assert bench.waypoints[0].hold_s == 0.0
+
+
+def test_item_without_an_upload_is_refused(bench: MissionBench) -> None:
+    sent = bench.send(item_int(1))
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] == [SEQUENCE]
+    assert "MISSION_COUNT first" in words(sent)
+
+
+def test_flood_of_announcements_waits_in_bounded_memory(bench: MissionBench) -> None:
+    bench.is_answering = False
+    for number in range(2, 500):
+        bench.send(count(number))
+        bench.send(mavlink.MAVLink_mission_ack_message(1, 1, CANCELLED, 0))
+    assert len(bench.port.waiting) <= 4
+    bench.is_answering = True
+    bench.answer_all()
+    assert upload(bench, line_of(1)).results == [ACCEPTED]
+
+
+def test_changed_announcement_is_asked_about_again(bench: MissionBench) -> None:
+    bench.is_answering = False
+    bench.send(count(3))
+    bench.send(count(1000))
+    bench.is_answering = True
+    assert [ack.type for ack in of_type(bench.answer_all(), "MISSION_ACK")] == [NO_SPACE]
+
+
+def test_hints_are_information_only(bench: MissionBench) -> None:
+    found = upload(bench, line_of(1), form=as_float)
+    assert {text.severity for text in of_type(found.all, "STATUSTEXT")} == {Severity.INFO}
