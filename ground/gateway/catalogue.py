@@ -53,6 +53,11 @@ class Catalogue:
         """Return the source of a message."""
         return self._sources.get(number)
 
+    def is_stream(self, number: int) -> bool:
+        """Return whether a message is repeated by itself, so that one may be dropped."""
+        source = self._sources.get(number)
+        return source is not None and source.rate_hz > 0
+
     def __iter__(self) -> Iterator[Source]:
         return iter(self._sources.values())
 

@@ -3,10 +3,13 @@
 from typing import Any, Final
 
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.framing import Deframer, Frame
 from ground.gateway.traffic import COMPONENT
 
 GONE_NS: Final = 10_000_000_000
 MAVLINK_1_IDS: Final = 256
+MAX_SOURCES: Final = 32
+"""Senders behind one client whose sequences are followed."""
 
 
 class NoFile:
@@ -19,29 +22,59 @@ class NoFile:
 class ClientLink:
     """Frames from and to one client. A sequence of its own for each vehicle, so without gaps."""
 
-    def __init__(self, number: int, name: str, now_ns: int, *, is_loopback: bool) -> None:
+    def __init__(self, number: int, name: str, now_ns: int) -> None:
         self.number = number
         self.name = name
-        self.is_loopback = is_loopback
         self.heard_ns = now_ns
-        self.received = self.sent = self.lost = self.malformed = 0
+        self.received = self.sent = self.lost = 0
         self.is_mavlink1 = False
-        self._parser = mavlink.MAVLink(NoFile())
-        self._parser.robust_parsing = True
+        self._deframer = Deframer()
+        self._ready: list[Frame] = []
+        self._decoder = mavlink.MAVLink(NoFile())
         self._encoders: dict[int, Any] = {}
         self._sequences: dict[tuple[int, int], int] = {}
 
-    def decode(self, data: bytes, now_ns: int) -> list[MavMessage]:
-        """Return the messages in received bytes; count what is malformed or unknown."""
-        self.heard_ns = now_ns
-        found = []
-        for message in self._parser.parse_buffer(data) or ():
-            if message.get_msgId() < 0 or message.get_type().startswith("UNKNOWN_"):
-                self.malformed += 1
-                continue
-            self._count(message)
-            found.append(message)
+    @property
+    def malformed(self) -> int:
+        """The places in the received bytes that were no frame, or one of an unknown message."""
+        return self._deframer.malformed + self._deframer.unknown
+
+    @property
+    def dropped(self) -> int:
+        """The received bytes that were dropped because too many waited."""
+        return self._deframer.dropped
+
+    def feed(self, data: bytes) -> None:
+        """Add received bytes."""
+        self._deframer.feed(data)
+
+    def has_frame(self, now_ns: int) -> bool:
+        """Return whether a frame is among the received bytes; it stays for `frames`."""
+        self._ready += self._deframer.take(now_ns)
+        return bool(self._ready)
+
+    def allow(self, frames: int) -> None:
+        """Permit so many frames until the next call."""
+        self._deframer.allowance = frames
+
+    def frames(self, now_ns: int) -> list[Frame]:
+        """Return the frames that wait, as far as the allowance goes."""
+        ready, self._ready = self._ready, []
+        found = ready + self._deframer.take(now_ns)
+        for frame in found:
+            self._count(frame)
+            self.heard_ns = now_ns
         return found
+
+    def decode(self, frame: Frame) -> MavMessage | None:
+        """Return the message in a frame; answer in the frame's version of the protocol."""
+        try:
+            message = self._decoder.decode(bytearray(frame.data))
+        except mavlink.MAVError:
+            self._deframer.malformed += 1
+            return None
+        self.is_mavlink1 = frame.is_mavlink1
+        return message
 
     def encode(self, system: int, message: MavMessage) -> bytes:
         """Return the next frame of a vehicle; empty if MAVLink 1 cannot carry the message."""
@@ -55,12 +88,12 @@ class ClientLink:
         self.sent += 1
         return frame
 
-    def _count(self, message: MavMessage) -> None:
+    def _count(self, frame: Frame) -> None:
         self.received += 1
-        self.is_mavlink1 = message.get_msgbuf()[0] == mavlink.PROTOCOL_MARKER_V1
-        source = (message.get_srcSystem(), message.get_srcComponent())
+        source = (frame.system, frame.component)
         expected = self._sequences.get(source)
-        sequence = message.get_seq()
         if expected is not None:
-            self.lost += (sequence - expected) & 0xFF
-        self._sequences[source] = (sequence + 1) & 0xFF
+            self.lost += (frame.sequence - expected) & 0xFF
+        elif len(self._sequences) >= MAX_SOURCES:
+            return
+        self._sequences[source] = (frame.sequence + 1) & 0xFF

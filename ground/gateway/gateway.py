@@ -8,11 +8,11 @@ from math import inf
 from typing import Final
 
 from ground.gateway.bus_port import BusPort
-from ground.gateway.client_link import GONE_NS, ClientLink
+from ground.gateway.clients import Client, Clients
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
-from ground.gateway.endpoints.udp import UdpEndpoint
+from ground.gateway.framing import Frame
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
 from runtime.clock import Clock
@@ -83,22 +83,17 @@ class Gateway:
         wake_up: WakeUp,
         recorder: TrafficRecorder | None = None,
     ) -> None:
-        self.clients: dict[tuple[Endpoint, str], ClientLink] = {}
+        self.clients = Clients(endpoints, self._join, self._leave)
         self._endpoints = tuple(endpoints)
         self._faces = tuple(faces)
         self._ports = tuple(ports)
         self._clock = clock
         self._wake_up = wake_up
         self._recorder = recorder
-        self._numbers = 0
         self._pace = Pace(clock.now_ns())
-        self._selector = selectors.DefaultSelector()
+        self._selector = selectors.PollSelector()
         self._selector.register(wake_up.reader, selectors.EVENT_READ)
-        for endpoint in self._endpoints:
-            for descriptor in endpoint.filenos():
-                self._selector.register(descriptor, selectors.EVENT_READ, endpoint)
-            if isinstance(endpoint, UdpEndpoint) and endpoint.fixed_peer is not None:
-                self._client(endpoint, endpoint.fixed_peer, is_loopback=False)
+        self._watched: dict[int, Endpoint] = {}
 
     def run(self) -> None:
         """Serve until an exception, such as a signal, ends it."""
@@ -107,21 +102,27 @@ class Gateway:
 
     def round(self, *, longest_s: float = inf) -> None:
         """Wait for traffic until a round is due, and process both."""
+        self._watch()
         wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
         ready = self._selector.select(min(wait_s, longest_s))
         now_ns = self._clock.now_ns()
-        for key, _ in ready:
-            if key.data is None:
+        is_due = self._pace.is_due(now_ns)
+        if is_due:
+            self.clients.begin_round(now_ns)
+        for endpoint in dict.fromkeys(key.data for key, _ in ready):
+            if endpoint is None:
                 self._wake_up.clear()
             else:
-                self._receive(key.data, now_ns)
+                for received in endpoint.receive():
+                    self.clients.feed(endpoint, received, now_ns)
+        for client, frame in self.clients.frames(now_ns):
+            self._dispatch(client, frame, now_ns)
         for port in self._ports:
             port.deliver()
-        if self._pace.is_due(now_ns):
-            self._forget_silent(now_ns)
+        if is_due:
             for face in self._faces:
                 face.due(now_ns)
-        self._flush()
+        self._send(now_ns)
 
     def close(self) -> None:
         """Close all endpoints."""
@@ -129,51 +130,54 @@ class Gateway:
             endpoint.close()
         self._selector.close()
 
-    def _receive(self, endpoint: Endpoint, now_ns: int) -> None:
-        for peer, data, is_loopback in endpoint.receive():
-            client = self._client(endpoint, peer, is_loopback=is_loopback)
-            for message in client.decode(data, now_ns):
-                self._pace.heard(message.get_msgId(), now_ns)
-                sender = Sender(
-                    client.number,
-                    message.get_srcSystem(),
-                    message.get_srcComponent(),
-                    is_loopback=is_loopback,
-                )
-                if self._recorder is not None:
-                    self._recorder.received(message, now_ns)
-                for face in self._faces:
-                    face.receive(message, sender, now_ns)
+    def _watch(self) -> None:
+        """Wait for the present descriptors: connections and lines come and go."""
+        wanted = {number: one for one in self._endpoints for number in one.filenos()}
+        for number in self._watched.keys() - wanted.keys():
+            self._selector.unregister(number)
+        for number in wanted.keys() - self._watched.keys():
+            self._selector.register(number, selectors.EVENT_READ, wanted[number])
+        for number in wanted.keys() & self._watched.keys():
+            if wanted[number] is not self._watched[number]:
+                self._selector.modify(number, selectors.EVENT_READ, wanted[number])
+        self._watched = wanted
 
-    def _client(self, endpoint: Endpoint, peer: str, *, is_loopback: bool) -> ClientLink:
-        found = self.clients.get((endpoint, peer))
-        if found is None:
-            self._numbers += 1
-            now_ns = self._clock.now_ns()
-            found = ClientLink(self._numbers, peer, now_ns, is_loopback=is_loopback)
-            self.clients[endpoint, peer] = found
-            for face in self._faces:
-                face.join(found.number)
-        return found
+    def _dispatch(self, client: Client, frame: Frame, now_ns: int) -> None:
+        message = client.link.decode(frame)
+        if message is None:
+            return
+        self._pace.heard(frame.number, now_ns)
+        sender = Sender(
+            client.link.number, frame.system, frame.component, is_loopback=client.is_loopback
+        )
+        if self._recorder is not None:
+            self._recorder.received(message, now_ns)
+        for face in self._faces:
+            face.receive(message, sender, now_ns)
 
-    def _forget_silent(self, now_ns: int) -> None:
-        for (endpoint, peer), client in list(self.clients.items()):
-            is_fixed = isinstance(endpoint, UdpEndpoint) and endpoint.fixed_peer == peer
-            if now_ns - client.heard_ns >= GONE_NS and not is_fixed:
-                del self.clients[endpoint, peer]
-                for face in self._faces:
-                    face.forget(client.number)
+    def _join(self, client: Client) -> None:
+        for face in self._faces:
+            face.join(client.link.number, client.endpoint.line_bytes_s)
 
-    def _flush(self) -> None:
+    def _leave(self, client: Client) -> None:
+        for face in self._faces:
+            face.forget(client.link.number)
+
+    def _send(self, now_ns: int) -> None:
         for face in self._faces:
             recorded: set[int] = set()
             for message, number in face.vehicle.outbox.take():
-                self._send(face.vehicle.system, message, number)
+                self._send_one(face, message, number)
                 if self._recorder is not None and id(message) not in recorded:
                     recorded.add(id(message))  # clients may share a message of this round
-                    self._recorder.sent(face.vehicle.system, message, self._clock.now_ns())
+                    self._recorder.sent(face.vehicle.system, message, now_ns)
+        for endpoint in self._endpoints:
+            endpoint.flush(now_ns)
 
-    def _send(self, system: int, message: MavMessage, number: int | None) -> None:
-        for (endpoint, peer), client in self.clients.items():
-            if number is None or number == client.number:
-                endpoint.send(peer, client.encode(system, message))
+    def _send_one(self, face: Face, message: MavMessage, number: int | None) -> None:
+        is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
+        for client in self.clients:
+            if number is None or number == client.link.number:
+                frame = client.link.encode(face.vehicle.system, message)
+                if frame:
+                    client.endpoint.send(client.peer, frame, is_stream=is_stream)

@@ -7,7 +7,7 @@ from pathlib import Path
 from ground.client.link import Link
 from ground.gateway.bus_port import BusPort
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
-from ground.gateway.endpoints.spec import EXAMPLE, opened
+from ground.gateway.endpoints.spec import EXAMPLE, all_opened
 from ground.gateway.frames.globe import DEFAULT_ALTITUDE_M, DEFAULT_ORIGIN
 from ground.gateway.gateway import Gateway, WakeUp
 from ground.gateway.services import face_of
@@ -24,7 +24,10 @@ RECORD_HELP = "record all traffic to a new .tlog with this name, or in this fold
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `gateway`."""
-    text = "where clients connect: udpin:HOST:PORT or udpout:HOST:PORT; several are possible"
+    text = (
+        "where clients connect: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT or"
+        " serial:DEVICE:BAUD; several are possible"
+    )
     parser.add_argument("endpoints", nargs="*", default=[EXAMPLE], metavar="ENDPOINT", help=text)
     parser.add_argument("--record", metavar="FILE", help=RECORD_HELP)
     folder = f"the robot's recordings, for clients to download (default {recordings_folder()})"
@@ -44,9 +47,9 @@ def vehicle_of(port: BusPort, link: Link) -> Vehicle:
 
 def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Serve until Ctrl-C."""
+    endpoints = all_opened(options.endpoints)
     wake_up = WakeUp()
     port = BusPort(link, wake_up.wake)
-    endpoints = [opened(text) for text in options.endpoints]
     vehicle = vehicle_of(port, link)
     recordings = Path(options.recordings) if options.recordings else recordings_folder()
     recorder = recorder_for(options.record, link.clock, output)

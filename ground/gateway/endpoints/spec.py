@@ -1,11 +1,15 @@
-"""Parse the endpoints of the command line: `udpin:HOST:PORT`, `udpout:HOST:PORT`."""
+"""Parse the endpoints of the command line, such as `udpin:127.0.0.1:14550`, and open them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
+from difflib import get_close_matches
 from functools import partial
 from types import MappingProxyType
 from typing import Final
 
 from ground.gateway.endpoints.endpoint import Endpoint
+from ground.gateway.endpoints.serial import SerialEndpoint
+from ground.gateway.endpoints.tcp import TcpEndpoint
 from ground.gateway.endpoints.udp import UdpEndpoint
 from runtime.errors import UserError
 
@@ -13,17 +17,36 @@ KINDS: Final[Mapping[str, Callable[[str, str, int], Endpoint]]] = MappingProxyTy
     {
         "udpin": partial(UdpEndpoint, listens=True),
         "udpout": partial(UdpEndpoint, listens=False),
+        "tcpin": TcpEndpoint,
+        "serial": SerialEndpoint,
     }
 )
 EXAMPLE: Final = "udpin:127.0.0.1:14550"
+SERIAL: Final = "serial"
+MAX_PORT: Final = 65_535
 
 
 def opened(text: str) -> Endpoint:
-    """Open an endpoint; UserError names what is wrong with it."""
+    """Open an endpoint; UserError names what is wrong with it, and the fix."""
     kind, _, rest = text.partition(":")
-    host, colon, port = rest.rpartition(":")
     if kind not in KINDS:
-        raise UserError(f"endpoint {text!r}: {kind!r} is not one of {', '.join(KINDS)}")
-    if not (colon and host and port.isdecimal() and int(port) < 65_536):
-        raise UserError(f"endpoint {text!r}: use {kind}:HOST:PORT, as in {EXAMPLE}")
-    return KINDS[kind](text, host, int(port))
+        near = get_close_matches(kind, KINDS, n=1)
+        fix = f"did you mean {near[0]}?" if near else f"use one as in {EXAMPLE}"
+        raise UserError(f"endpoint {text!r}: {kind!r} is none of {', '.join(KINDS)}; {fix}")
+    place, _, number = rest.rpartition(":")
+    form, example = "HOST:PORT", EXAMPLE.replace("udpin", kind)
+    if kind == SERIAL:
+        form, example = "DEVICE:BAUD", "serial:/dev/ttyUSB0:57600"
+    if not (place and number.isascii() and number.isdecimal()):
+        raise UserError(f"endpoint {text!r}: use {kind}:{form}, as in {example}")
+    if kind != SERIAL and int(number) > MAX_PORT:
+        raise UserError(f"endpoint {text!r}: ports end at {MAX_PORT}")
+    return KINDS[kind](text, place, int(number))
+
+
+def all_opened(texts: Sequence[str]) -> list[Endpoint]:
+    """Open several endpoints; UserError for the first that cannot be opened, and none stays."""
+    with ExitStack() as stack:
+        found = [stack.enter_context(closing(opened(text))) for text in texts]
+        stack.pop_all()
+    return found

@@ -1,12 +1,12 @@
-"""UDP endpoints: `udpin:HOST:PORT` answers whoever sends, `udpout:HOST:PORT` begins to send."""
+"""UDP endpoints: `udpin:HOST:PORT` answers each sender, `udpout:HOST:PORT` begins to send."""
 
 import socket
+from collections.abc import Collection
 from contextlib import suppress
-from ipaddress import ip_address
 from typing import Final
 
-from ground.gateway.endpoints.endpoint import Received
-from runtime.errors import UserError
+from ground.gateway.endpoints.addresses import Address, explained, is_loopback, name_of, resolved
+from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 
 LARGEST: Final = 65_535
 MAX_READ: Final = 256
@@ -16,62 +16,83 @@ MAX_READ: Final = 256
 class UdpEndpoint:
     """A UDP socket. `listens`: it is bound to the address, otherwise that is its only peer."""
 
+    line_bytes_s = None
+
     def __init__(self, text: str, host: str, port: int, *, listens: bool) -> None:
         self.text = text
-        self._addresses: dict[str, tuple[str, int]] = {}
+        self.refused = 0
+        self._addresses: dict[str, Address] = {}
+        self._fixed: tuple[str, ...] = ()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
         try:
-            address = (socket.gethostbyname(host), port)
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.setblocking(False)
-            if listens:
-                self._socket.bind(address)
-        except OSError as error:
-            raise UserError(f"{text}: {error.strerror or error}") from error
-        self._fixed = None if listens else _name(address)
-        if self._fixed is not None:
-            self._addresses[self._fixed] = address
+            with explained(text):
+                address = resolved(host, port)
+                if listens:
+                    self._socket.bind(address)
+        except BaseException:
+            self._socket.close()
+            raise
+        if not listens:
+            self._fixed = (name_of(address),)
+            self._addresses[name_of(address)] = address
 
     @property
     def port(self) -> int:
         """The real port, if 0 was given."""
         return int(self._socket.getsockname()[1])
 
-    @property
-    def fixed_peer(self) -> str | None:
-        """The peer to send to before anything has been received from it."""
-        return self._fixed
-
     def filenos(self) -> list[int]:
         """Return the descriptor."""
         return [self._socket.fileno()]
 
+    def lasting(self) -> Collection[str]:
+        """Return the address to send to before anything has been received from it."""
+        return self._fixed
+
+    def gone(self) -> list[str]:
+        """Return nothing: UDP has no connections."""
+        return []
+
     def receive(self) -> list[Received]:
-        """Return the datagrams that have arrived, at most MAX_READ."""
+        """Return the datagrams that have arrived, at most MAX_READ, of at most MAX_PEERS peers."""
         found = []
-        with suppress(OSError):
-            for _ in range(MAX_READ):
+        for _ in range(MAX_READ):
+            try:
                 data, address = self._socket.recvfrom(LARGEST)
-                peer = _name(address)
+            except BlockingIOError:
+                break
+            except OSError:
+                continue
+            peer = name_of(address)
+            if self._admits(peer):
                 self._addresses[peer] = address
-                found.append(Received(peer, data, ip_address(address[0]).is_loopback))
+                found.append(Received(peer, data, is_loopback(address)))
         return found
 
-    def send(self, peer: str, data: bytes) -> None:
+    def _admits(self, peer: str) -> bool:
+        if peer in self._addresses:
+            return True
+        if self._fixed or len(self._addresses) >= MAX_PEERS:
+            self.refused += 1
+            return False
+        return True
+
+    def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
         """Send one datagram; drop it if the socket's buffer is full."""
         address = self._addresses.get(peer)
         if address is not None:
             with suppress(OSError):
                 self._socket.sendto(data, address)
 
+    def flush(self, now_ns: int) -> None:
+        """Do nothing: no datagram waits."""
+
     def forget(self, peer: str) -> None:
         """Drop the address of a client that has gone."""
-        if peer != self._fixed:
+        if peer not in self._fixed:
             self._addresses.pop(peer, None)
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
-
-
-def _name(address: tuple[str, int]) -> str:
-    return f"{address[0]}:{address[1]}"

@@ -1,0 +1,99 @@
+from random import Random
+
+from ground.gateway.client_link import ClientLink, NoFile
+from ground.gateway.dialect import mavlink
+from ground.gateway.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
+from runtime.units import NS_PER_S
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+
+
+def packed(message: object = HEARTBEAT, *, mavlink1: bool = False, sequence: int = 0) -> bytes:
+    encoder = mavlink.MAVLink(NoFile(), 255, 190)
+    encoder.seq = sequence
+    found: bytes = message.pack(encoder, force_mavlink1=mavlink1)  # type: ignore[attr-defined]
+    return found
+
+
+def taken(deframer: Deframer, data: bytes, now_ns: int = 0) -> list[Frame]:
+    deframer.allowance = 100_000
+    deframer.feed(data)
+    return deframer.take(now_ns)
+
+
+def test_both_versions_pass_whole_and_in_pieces() -> None:
+    data = packed() + packed(mavlink1=True, sequence=7)
+    whole = taken(Deframer(), data)
+    deframer = Deframer()
+    pieces = [frame for byte in data for frame in taken(deframer, bytes((byte,)))]
+    assert whole == pieces
+    assert [(one.sequence, one.is_mavlink1) for one in whole] == [(0, False), (7, True)]
+    assert whole[0][2:] == (0, 255, 190, False)
+
+
+def test_frame_after_rubbish_is_found() -> None:
+    good = packed()
+    for rubbish in (b"\xfd", b"\xfe\xff", b"hello", good[:9], good[:-1] + b"!", b"\xfd" * 300):
+        deframer = Deframer()
+        found = taken(deframer, rubbish + good * 20)
+        assert len(found) >= 18, rubbish
+        assert deframer.malformed or rubbish == b"hello"
+
+
+def test_length_that_never_completes_costs_half_a_second() -> None:
+    deframer, stuck = Deframer(), b"\xfd\xff\x00"
+    assert taken(deframer, stuck + packed()) == []
+    assert taken(deframer, packed(), UNFINISHED_NS - 1) == []
+    assert len(taken(deframer, packed(), UNFINISHED_NS)) == 3
+
+
+def test_unknown_message_is_skipped_as_a_whole() -> None:
+    deframer, unknown = Deframer(), bytearray(packed())
+    unknown[7:10] = b"\xff\xff\x7f"
+    assert len(taken(deframer, bytes(unknown) + packed())) == 1
+    assert deframer.unknown == 1
+
+
+def test_flag_that_changes_the_format_is_refused() -> None:
+    odd = bytearray(packed())
+    odd[2] = 0x02
+    assert taken(Deframer(), bytes(odd)) == []
+
+
+def test_allowance_bounds_the_work_and_the_memory() -> None:
+    deframer = Deframer()
+    deframer.feed(b"\xfd\x00\x00" * 100_000)
+    deframer.allowance = 50
+    assert deframer.take(0) == []
+    assert deframer.allowance == 0
+    assert len(deframer._waiting) <= MAX_WAITING
+    assert deframer.dropped == 300_000 - MAX_WAITING
+
+
+def test_random_bytes_and_damaged_frames_never_raise() -> None:
+    random, link, data = Random(5), ClientLink(1, "peer", 0), packed()
+    for turn in range(3_000):
+        damaged = bytearray(data)
+        damaged[random.randrange(len(damaged))] = random.randrange(256)
+        rubbish = random.randbytes(random.randrange(40))
+        link.allow(100)
+        link.feed(bytes(damaged) + rubbish)
+        for frame in link.frames(turn * NS_PER_S // 100):
+            link.decode(frame)
+    assert link.malformed > 1_000
+
+
+def test_lost_frames_are_counted_per_sender() -> None:
+    link = ClientLink(1, "peer", 0)
+    link.allow(10)
+    link.feed(packed(sequence=254) + packed(sequence=255) + packed(sequence=2))
+    assert len(link.frames(0)) == 3
+    assert (link.received, link.lost) == (3, 2)
+
+
+def test_answers_are_in_the_version_of_the_client() -> None:
+    link = ClientLink(1, "peer", 0)
+    link.allow(10)
+    link.feed(packed(mavlink1=True))
+    assert link.decode(link.frames(0)[0]).type == 6
+    assert link.encode(1, HEARTBEAT)[0] == mavlink.PROTOCOL_MARKER_V1
