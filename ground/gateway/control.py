@@ -3,7 +3,7 @@
 The first state-changing command takes the lease if it is free. The gateway sends the operator's
 heartbeat to the robot for as long as the client in control is heard; then the robot treats its
 absence as that of any operator. An emergency stop needs no control, and neither does a command that
-only stops.
+only stops. Control passes from client to client of the gateway under the same lease.
 """
 
 from typing import Any, Final, NamedTuple
@@ -21,7 +21,7 @@ SILENCE_NS: Final = 5 * NS_PER_S
 """A client in control that is silent for so long has gone; ArduPilot's FS_GCS_TIMEOUT."""
 CROSSING_NS: Final = 300_000_000
 """A lease status sent before a change may arrive up to this time after it."""
-WATCHER: Final = "this endpoint accepts commands only from clients that sign their messages"
+WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
 
 
 class Owner(NamedTuple):
@@ -36,7 +36,7 @@ class OperatorControl:
 
     def __init__(self, port: RobotPort, outbox: Outbox) -> None:
         self.owner: Owner | None = None
-        self.takeover_allowed = True
+        self._takeover_allowed = True
         self._port = port
         self._outbox = outbox
         self._snapshot: Snapshot | None = None
@@ -44,6 +44,17 @@ class OperatorControl:
         self._now_ns = 0
         self._taking: list[tuple[Sender, Done]] = []
         self._heartbeat = HeartbeatTimer()
+
+    @property
+    def is_foreign(self) -> bool:
+        """True if an operator on the bus, such as one in the app, holds the lease."""
+        lease = None if self._snapshot is None else self._snapshot.lease
+        return lease is not None and bool(lease.held) and lease.holder != self._port.identity
+
+    @property
+    def takeover_allowed(self) -> bool:
+        """True if a request for control is granted without asking the owner."""
+        return self._takeover_allowed and (self.owner is not None or not self.is_foreign)
 
     def holds(self, sender: Sender) -> bool:
         """Return whether the sender is in control."""
@@ -83,6 +94,31 @@ class OperatorControl:
             if len(self._taking) == 1:
                 self._take(sender, LeaseAction.TAKE)
 
+    def request(self, sender: Sender, *, allow_takeover: bool, done: Done) -> None:
+        """Give control to the sender if it may take it, and set whether others may."""
+
+        def granted(answer: Answered) -> None:
+            if answer.ok and self.holds(sender):
+                self._takeover_allowed = allow_takeover
+            done(answer)
+
+        if self.owner is None or self.holds(sender) or not self.takeover_allowed:
+            self.ensure(sender, granted)
+        elif not sender.may_command:
+            done(Answered(None, WATCHER))
+        else:
+            self._taking.append((sender, granted))
+            if len(self._taking) == 1:
+                self._take(sender, LeaseAction.TAKE)
+
+    def release(self, sender: Sender, done: Done) -> None:
+        """Give back the lease if the sender is in control."""
+        if not self.holds(sender):
+            done(Answered(Accepted(0)) if self.owner is None else held_by(self.owner.system))
+            return
+        self._lose()
+        self._port.change_lease(LeaseAction.RELEASE, "", done)
+
     def _take(self, sender: Sender, action: LeaseAction) -> None:
         name = f"MAVLink {sender.system}"
         self._port.change_lease(action, name, lambda answer: self._taken(sender, answer))
@@ -91,6 +127,7 @@ class OperatorControl:
         waiting, self._taking = self._taking, []
         if answer.ok:
             self.owner = Owner(sender.client, sender.system)
+            self._takeover_allowed = True
             self._heard_ns = self._changed_ns = self._now_ns
             self._port.heartbeat()
         for other, done in waiting:
@@ -110,7 +147,7 @@ class OperatorControl:
         lease = snapshot.lease
         is_ours = lease is None or (lease.held and lease.holder == self._port.identity)
         if not is_ours and now_ns > self._changed_ns + CROSSING_NS:
-            self.owner = None
+            self._lose()
             return
         stamp_ns = 0 if snapshot.status is None else snapshot.status.time_ns
         if self._heartbeat.due(now_ns, stamp_ns):
@@ -124,6 +161,7 @@ class OperatorControl:
     def _lose(self) -> None:
         """End the heartbeat. The robot notices, acts as configured, and the lease lapses."""
         self.owner = None
+        self._takeover_allowed = True
 
 
 def held_by(system: int) -> Answered:

@@ -2,17 +2,20 @@
 
 import os
 import selectors
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from math import inf
 from typing import Final
 
 from ground.gateway.bus_port import BusPort
-from ground.gateway.clients import Client, Clients
+from ground.gateway.clients.client_table import Client, Clients
+from ground.gateway.clients.framing import Frame
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
-from ground.gateway.framing import Frame
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.signing.policy import Rights
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
 from runtime.clock import Clock
@@ -72,7 +75,10 @@ class WakeUp:
 
 
 class Gateway:
-    """The clients of all endpoints, and the vehicles that they see."""
+    """The clients of all endpoints, and the vehicles that they see.
+
+    `line_bytes_s` limits what each client gets, beside the limit of its line.
+    """
 
     def __init__(
         self,
@@ -82,6 +88,7 @@ class Gateway:
         clock: Clock,
         wake_up: WakeUp,
         recorder: TrafficRecorder | None = None,
+        guard: SigningGuard | None = None,
     ) -> None:
         self.clients = Clients(endpoints, self._join, self._leave)
         self._endpoints = tuple(endpoints)
@@ -91,6 +98,8 @@ class Gateway:
         self._wake_up = wake_up
         self._recorder = recorder
         self._pace = Pace(clock.now_ns())
+        self._guard = guard or SigningGuard(time.time_ns)
+        self.line_bytes_s: int | None = None
         self._selector = selectors.PollSelector()
         self._selector.register(wake_up.reader, selectors.EVENT_READ)
         self._watched: dict[int, Endpoint] = {}
@@ -143,12 +152,17 @@ class Gateway:
         self._watched = wanted
 
     def _dispatch(self, client: Client, frame: Frame, now_ns: int) -> None:
-        message = client.link.decode(frame)
+        link, loopback = client.link, client.is_loopback
+        rights, is_signed = self._guard.check(
+            frame, link.signing, client.endpoint.text, is_loopback=loopback
+        )
+        message = None if rights is Rights.NONE else link.decode(frame)
         if message is None:
             return
         self._pace.heard(frame.number, now_ns)
+        may_command = rights is Rights.COMMAND
         sender = Sender(
-            client.link.number, frame.system, frame.component, is_loopback=client.is_loopback
+            link.number, frame.system, frame.component, may_command, is_signed, loopback
         )
         if self._recorder is not None:
             self._recorder.received(message, now_ns)
@@ -156,8 +170,10 @@ class Gateway:
             face.receive(message, sender, now_ns)
 
     def _join(self, client: Client) -> None:
+        limits = [one for one in (self.line_bytes_s, client.endpoint.line_bytes_s) if one]
         for face in self._faces:
-            face.join(client.link.number, client.endpoint.line_bytes_s)
+            share = min(limits) // len(self._faces) if limits else None
+            face.join(client.link.number, share)
 
     def _leave(self, client: Client) -> None:
         for face in self._faces:
@@ -178,6 +194,6 @@ class Gateway:
         is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
         for client in self.clients:
             if number is None or number == client.link.number:
-                frame = client.link.encode(face.vehicle.system, message)
+                frame = client.link.encode(face.vehicle.system, message, self._guard)
                 if frame:
                     client.endpoint.send(client.peer, frame, is_stream=is_stream)

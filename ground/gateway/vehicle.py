@@ -5,10 +5,11 @@ from typing import Any, Final
 
 from ground.client.operations import Operation
 from ground.gateway.catalogue import Catalogue
-from ground.gateway.control import OperatorControl
+from ground.gateway.control import WATCHER, OperatorControl
 from ground.gateway.dialect import MavMessage
 from ground.gateway.motion.modes import Modes
 from ground.gateway.port import Done, RobotPort, Snapshot
+from ground.gateway.signing.policy import WATCHING
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
@@ -80,11 +81,17 @@ class Face:
         return self._by_id.keys()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Process a message unless it is for another system or component."""
+        """Process a message for this system that its sender may send."""
         if not self._is_target(message):
             return
-        self.vehicle.control.heard(sender, now_ns)
-        for service in self._by_id.get(message.get_msgId(), ()):
+        if sender.may_command:
+            self.vehicle.control.heard(sender, now_ns)
+        number = message.get_msgId()
+        services = self._by_id.get(number, ())
+        if services and not sender.may_command and number not in WATCHING:
+            self.vehicle.refusals.say(WATCHER, sender.client, now_ns)
+            return
+        for service in services:
             service.receive(message, sender, now_ns)
 
     def due(self, now_ns: int) -> None:

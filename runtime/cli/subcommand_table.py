@@ -80,6 +80,9 @@ KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
             "reject a certificate although it is valid", "keys revoke keys ground-ada"
         ),
         "check": Subcommand("expiry and faults of each certificate", "keys check keys"),
+        "signing": Subcommand(
+            "signing keys of the MAVLink gateway: new, show, rotate, retire", "keys signing new"
+        ),
     }
 )
 CONFIG: Final[Mapping[str, Subcommand]] = MappingProxyType(

@@ -19,7 +19,7 @@ REC: Final = "rec"
 MORE: Final = "groups"
 GROUPS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        RUN: "one process: plant, robot, router, container, health, bridge",
+        RUN: "one process: plant, robot, router, gateway, container, health, bridge",
         REC: "recordings: start, list, mark, export, plot, reexecute",
     }
 )
@@ -220,7 +220,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "gateway": Verb(
             RUN,
-            "present the robot to MAVLink ground stations",
+            "present robots to MAVLink ground stations",
             "run gateway udpin:127.0.0.1:14550",
             "ground.cli.run.gateway",
             act="act",
@@ -336,7 +336,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "keys": Verb(
             MORE,
-            "certificates for a locked bus: create and check them",
+            "certificates for a locked bus, and MAVLink signing keys",
             "keys new keys --robots r1 r2",
             "ground.cli.run.certificates",
             run="run",

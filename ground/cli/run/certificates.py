@@ -1,4 +1,4 @@
-"""`keys`: create, renew, revoke and check the certificates of a bus with TLS."""
+"""`keys`: create, renew, revoke and check the certificates of a bus with TLS; signing keys."""
 
 import argparse
 import re
@@ -8,6 +8,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Final
 
+from ground.cli.run import signing_keys
 from ground.grammar.words import add_json
 from ground.text.output import Output
 from protocol.bus.network import check_operators
@@ -43,6 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     for action in (new, renew):
         text = f"days of validity (default {DEFAULT_DAYS})"
         action.add_argument("--days", type=days, default=DEFAULT_DAYS, metavar="N", help=text)
+    signing_keys.arguments(actions["signing"])
     for action in actions.values():
         add_json(action)
 
@@ -86,6 +88,8 @@ def host(text: str) -> str:
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Run the action; return 0 for success, 1 if a certificate is not valid."""
+    if options.action == "signing":
+        return signing_keys.run(options, output)
     require_library()
     runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
     return runs[options.action](options, output)

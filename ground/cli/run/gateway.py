@@ -1,45 +1,111 @@
-"""`gateway`: present the robot to MAVLink ground stations, until a signal ends it."""
+"""`gateway`: present robots to MAVLink ground stations, until a signal ends it."""
 
 import argparse
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from ground.client.link import Link
 from ground.gateway.bus_port import BusPort
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
 from ground.gateway.endpoints.spec import EXAMPLE, all_opened
-from ground.gateway.frames.globe import DEFAULT_ALTITUDE_M, DEFAULT_ORIGIN
 from ground.gateway.gateway import Gateway, WakeUp
 from ground.gateway.services import face_of
+from ground.gateway.settings import (
+    LOW_RATE_BYTES_S,
+    EndpointText,
+    GatewaySettings,
+    robots_in,
+    settings_in,
+    system_in,
+    systems_of,
+    with_policy,
+)
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.signing.key_file import read_keys, usual_file, write_keys
+from ground.gateway.signing.policy import Policy
 from ground.gateway.vehicle import Vehicle
 from ground.grammar.words import add_common
 from ground.recording.build_info import build
 from ground.text.output import Output
-from ground.user.folders import recordings_folder
+from ground.user.folders import recordings_folder, state_folder
+from protocol.options import finite
 from runtime.clock import Clock
+from runtime.errors import UserError
 
-SYSTEM = 1
-RECORD_HELP = "record all traffic to a new .tlog with this name, or in this folder"
+RECORD_HELP: Final = "record all traffic to a new .tlog with this name, or in this folder"
+STAMPS: Final = "mavlink-stamp"
+"""The file with the newest time stamp of a signature, in the state folder."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `gateway`."""
     text = (
         "where clients connect: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT or"
-        " serial:DEVICE:BAUD; several are possible"
+        " serial:DEVICE:BAUD; several are possible. After a comma: which clients may command:"
+        " require (those that sign), loopback (also unsigned ones of this machine, the default),"
+        f" accept (all). Default {EXAMPLE}"
     )
-    parser.add_argument("endpoints", nargs="*", default=[EXAMPLE], metavar="ENDPOINT", help=text)
+    parser.add_argument("endpoints", nargs="*", metavar="ENDPOINT", help=text)
+    text = "the robots to present (default: that of --id)"
+    parser.add_argument("--robots", nargs="+", metavar="NAME", help=text)
+    text = "MAVLink system ids, as in r1=1 r2=2 (default: 1, 2, ... in the order of the names)"
+    parser.add_argument("--system", nargs="+", metavar="NAME=ID", help=text)
+    text = "place of x = 0, y = 0 on the globe, in degrees (default: the model airfield, Canberra)"
+    parser.add_argument("--origin", nargs=2, type=finite, metavar=("LAT", "LON"), help=text)
+    text = "send at most what a radio of 57,600 baud carries"
+    parser.add_argument("--low-rate", action="store_true", help=text)
+    text = "file of the signing keys (default: that of `sidestep keys signing`)"
+    parser.add_argument("--signing-keys", metavar="FILE", help=text)
     parser.add_argument("--record", metavar="FILE", help=RECORD_HELP)
     folder = f"the robot's recordings, for clients to download (default {recordings_folder()})"
     parser.add_argument("--recordings", metavar="DIR", help=folder)
     add_common(parser)
 
 
-def vehicle_of(port: BusPort, link: Link) -> Vehicle:
-    """Return the robot of a port at the default origin."""
+def settings_of(options: argparse.Namespace, robot: str, config: str | None) -> GatewaySettings:
+    """Merge the file and the command line; UserError or ConfigError for a wrong value."""
+    found = settings_in(config)
+    robots = robots_in(options.robots or ()) or robots_in(found.robots) or [robot]
+    systems = dict(map(system_in, options.system)) if options.system else found.systems
+    origin = tuple(options.origin) if options.origin else found.origin
+    if not (abs(origin[0]) <= 85.0 and abs(origin[1]) <= 180.0):
+        raise UserError(f"--origin {origin[0]:g} {origin[1]:g}: LAT -85 to 85, LON -180 to 180")
+    return replace(
+        found,
+        endpoints=tuple(options.endpoints or found.endpoints),
+        robots=tuple(robots),
+        systems=systems_of(robots, systems),
+        origin=origin,
+        low_rate=options.low_rate or found.low_rate,
+        keys=options.signing_keys or found.keys,
+    )
+
+
+def guard_of(settings: GatewaySettings, endpoints: Sequence[EndpointText]) -> SigningGuard:
+    """Return the signing of a gateway; UserError if it is required and there is no key."""
+    path = Path(settings.keys) if settings.keys else usual_file()
+    ring = read_keys(path)
+    required = [one.text for one in endpoints if one.policy is Policy.REQUIRE]
+    if required and not ring.key:
+        fix = "make one with `sidestep keys signing new`"
+        raise UserError(f"{required[0]} requires signing, and {path} has no key: {fix}")
+    return SigningGuard(
+        time.time_ns,
+        ring,
+        {one.text: one.policy for one in endpoints},
+        save=lambda changed: write_keys(path, changed),
+        stamps=state_folder() / STAMPS,
+    )
+
+
+def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> Vehicle:
+    """Return the robot of a port."""
     now_ns = link.clock.now_ns()
-    vehicle = Vehicle(SYSTEM, port, DEFAULT_ORIGIN, now_ns)
-    vehicle.origin_altitude_m = DEFAULT_ALTITUDE_M
+    vehicle = Vehicle(settings.systems[link.robot], port, settings.home, now_ns)
+    vehicle.origin_altitude_m = settings.altitude_m
     vehicle.unix_offset_ns = time.time_ns() - now_ns
     vehicle.commit = build()["commit"]
     return vehicle
@@ -47,22 +113,29 @@ def vehicle_of(port: BusPort, link: Link) -> Vehicle:
 
 def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Serve until Ctrl-C."""
-    endpoints = all_opened(options.endpoints)
+    settings = settings_of(options, link.robot, link.common.config)
+    texts = [with_policy(text) for text in settings.endpoints]
+    guard = guard_of(settings, texts)
+    endpoints = all_opened([one.text for one in texts])
     wake_up = WakeUp()
-    port = BusPort(link, wake_up.wake)
-    vehicle = vehicle_of(port, link)
     recordings = Path(options.recordings) if options.recordings else recordings_folder()
     recorder = recorder_for(options.record, link.clock, output)
-    faces = [face_of(vehicle, recordings)]
-    gateway = Gateway(endpoints, faces, [port], link.clock, wake_up, recorder)
-    output.note(f"{link.robot} is MAVLink system {SYSTEM} at {', '.join(options.endpoints)}")
+    links = [link.to(name) for name in settings.robots]
+    ports = [BusPort(one, wake_up.wake) for one in links]
+    vehicles = [vehicle_of(*pair, settings) for pair in zip(ports, links, strict=True)]
+    faces = [face_of(vehicle, recordings, guard) for vehicle in vehicles]
+    gateway = Gateway(endpoints, faces, ports, link.clock, wake_up, recorder, guard)
+    gateway.line_bytes_s = LOW_RATE_BYTES_S if settings.low_rate else None
+    for name, system in settings.systems.items():
+        output.note(f"{name} is MAVLink system {system} at {', '.join(settings.endpoints)}")
     try:
         gateway.run()
     except KeyboardInterrupt:
         output.note("gateway ends")
     finally:
         gateway.close()
-        port.close()
+        for port in ports:
+            port.close()
         wake_up.close()
     loss = "" if recorder is None else recorder.close()
     if loss:

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, Final
 
-from ground.gateway.client_link import NoFile
+from ground.gateway.clients.client_link import NoFile
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.traffic import COMPONENT
 from ground.recording.log_writer import LogFile, LogWriter, new_log

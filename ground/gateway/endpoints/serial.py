@@ -14,6 +14,8 @@ from runtime.errors import UserError
 from runtime.units import NS_PER_S
 
 BITS_PER_BYTE: Final = 10
+SHARE: Final = 5 / 6
+"""The part of the line that is used: a radio adds bytes of its own."""
 MAX_READ: Final = 4_096
 REOPEN_NS: Final = NS_PER_S
 STREAMS_WAIT_S: Final = 0.1
@@ -37,7 +39,7 @@ class SerialEndpoint:
 
     def __init__(self, text: str, device: str, baud: int) -> None:
         self.text = text
-        self.line_bytes_s = baud // BITS_PER_BYTE
+        self.line_bytes_s = round(baud / BITS_PER_BYTE * SHARE)
         self._device, self._baud = device, baud
         self._descriptor: int | None = None
         self._tried_ns = 0

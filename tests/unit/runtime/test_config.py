@@ -103,7 +103,7 @@ def test_keys_of_other_processes_in_a_shared_file_are_ignored(tmp_path: Path) ->
     ("text", "words"),
     [
         ("[paramters]", "paramters: unknown key; did you mean 'parameters'?"),
-        ("zzz = 1", "zzz: unknown key; known keys: network, parameters, robot"),
+        ("zzz = 1", "zzz: unknown key; known keys: gateway, network, parameters, robot"),
         ('[network]\nmod = "peer"', "network.mod: unknown key; did you mean 'mode'?"),
     ],
 )

@@ -125,7 +125,7 @@ def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
     device = os.ttyname(slave)
     os.close(slave)
     endpoint = stack.enter_context(closing(opened(f"serial:{device}:57600")))
-    assert endpoint.line_bytes_s == 5_760
+    assert endpoint.line_bytes_s == 4_800
     os.write(master, b"\x00\xfd\n\r\x11")
     assert b"".join(one.data for one in received(endpoint)) == b"\x00\xfd\n\r\x11"
     endpoint.send(device, b"\n\xfe\x03", is_stream=False)
@@ -134,7 +134,7 @@ def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
         endpoint.send(device, bytes(200), is_stream=True)
     assert isinstance(endpoint, SerialEndpoint)
     assert endpoint._buffer.dropped > 0
-    assert len(endpoint._buffer) <= 576 + 200
+    assert len(endpoint._buffer) <= 480 + 200
     os.close(master)
     until(lambda: not endpoint.receive() and not endpoint.filenos())
     assert endpoint.gone() == [device]

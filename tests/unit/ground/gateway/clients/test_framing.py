@@ -1,8 +1,9 @@
 from random import Random
 
-from ground.gateway.client_link import ClientLink, NoFile
+from ground.gateway.clients.client_link import ClientLink, NoFile
+from ground.gateway.clients.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
 from ground.gateway.dialect import mavlink
-from ground.gateway.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
+from ground.gateway.signing.guard import SigningGuard
 from runtime.units import NS_PER_S
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
@@ -95,5 +96,7 @@ def test_answers_are_in_the_version_of_the_client() -> None:
     link = ClientLink(1, "peer", 0)
     link.allow(10)
     link.feed(packed(mavlink1=True))
-    assert link.decode(link.frames(0)[0]).type == 6
-    assert link.encode(1, HEARTBEAT)[0] == mavlink.PROTOCOL_MARKER_V1
+    message = link.decode(link.frames(0)[0])
+    assert message is not None
+    assert message.type == 6
+    assert link.encode(1, HEARTBEAT, SigningGuard(lambda: 0))[0] == mavlink.PROTOCOL_MARKER_V1

@@ -2,8 +2,10 @@
 
 from typing import Any, Final
 
+from ground.gateway.clients.framing import Deframer, Frame
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.framing import Deframer, Frame
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.signing.policy import Counters
 from ground.gateway.traffic import COMPONENT
 
 GONE_NS: Final = 10_000_000_000
@@ -28,6 +30,7 @@ class ClientLink:
         self.heard_ns = now_ns
         self.received = self.sent = self.lost = 0
         self.is_mavlink1 = False
+        self.signing = Counters()
         self._deframer = Deframer()
         self._ready: list[Frame] = []
         self._decoder = mavlink.MAVLink(NoFile())
@@ -67,22 +70,23 @@ class ClientLink:
         return found
 
     def decode(self, frame: Frame) -> MavMessage | None:
-        """Return the message in a frame; answer in the frame's version of the protocol."""
+        """Return the message in a frame; answer in its version, in version 2 to one that signs."""
         try:
             message = self._decoder.decode(bytearray(frame.data))
         except mavlink.MAVError:
             self._deframer.malformed += 1
             return None
-        self.is_mavlink1 = frame.is_mavlink1
+        self.is_mavlink1 = frame.is_mavlink1 and not self.signing.signed
         return message
 
-    def encode(self, system: int, message: MavMessage) -> bytes:
+    def encode(self, system: int, message: MavMessage, guard: SigningGuard) -> bytes:
         """Return the next frame of a vehicle; empty if MAVLink 1 cannot carry the message."""
         if self.is_mavlink1 and message.get_msgId() >= MAVLINK_1_IDS:
             return b""
         encoder = self._encoders.get(system)
         if encoder is None:
             encoder = self._encoders[system] = mavlink.MAVLink(NoFile(), system, COMPONENT)
+        guard.prepare(encoder)
         frame: bytes = message.pack(encoder, force_mavlink1=self.is_mavlink1)
         encoder.seq = (encoder.seq + 1) & 0xFF
         self.sent += 1

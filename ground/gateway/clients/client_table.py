@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
-from ground.gateway.client_link import GONE_NS, ClientLink
+from ground.gateway.clients.client_link import GONE_NS, ClientLink
+from ground.gateway.clients.framing import Frame
 from ground.gateway.endpoints.endpoint import Endpoint, Received
-from ground.gateway.framing import Frame
 
 FRAMES_PER_ROUND: Final = 256
 """Received frames of all clients that a round of 20 ms processes; more wait, then are dropped."""

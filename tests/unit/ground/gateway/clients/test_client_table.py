@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from ground.gateway.client_link import GONE_NS
-from ground.gateway.clients import FRAMES_PER_ROUND, Client, Clients
+from ground.gateway.clients.client_link import GONE_NS
+from ground.gateway.clients.client_table import FRAMES_PER_ROUND, Client, Clients
 from ground.gateway.endpoints.endpoint import Received
-from tests.unit.ground.gateway.test_framing import packed
+from tests.unit.ground.gateway.clients.test_framing import packed
 
 
 class FakeEndpoint:

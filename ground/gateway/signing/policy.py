@@ -1,0 +1,96 @@
+"""What a client may do: by the signature of each frame, and the policy of its endpoint."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Final
+
+from ground.gateway.dialect import mavlink
+from ground.gateway.signing.verifier import Verdict
+
+
+class Policy(Enum):
+    """Which unsigned frames of an endpoint may command."""
+
+    REQUIRE = "require"
+    """None of them."""
+    LOOPBACK = "loopback"
+    """Those from this machine."""
+    ACCEPT = "accept"
+    """All of them."""
+
+
+class Rights(Enum):
+    """What a frame may do."""
+
+    NONE = 0
+    WATCH = 1
+    COMMAND = 2
+
+
+WATCHING: Final = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+        mavlink.MAVLINK_MSG_ID_PING,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
+        mavlink.MAVLINK_MSG_ID_MISSION_ACK,
+        mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,
+        mavlink.MAVLINK_MSG_ID_SET_MODE,
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+        mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_DATA,
+        mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END,
+        mavlink.MAVLINK_MSG_ID_SETUP_SIGNING,
+    }
+)
+"""Messages that a client without the right to command may send. The protocols of commands and of
+signing refuse by themselves what is more than reading; files are read-only."""
+
+
+@dataclass(slots=True)
+class Counters:
+    """Frames of one client by what was found about them."""
+
+    signed: int = 0
+    unsigned: int = 0
+    forged: int = 0
+    replayed: int = 0
+    future: int = 0
+
+    @property
+    def refused(self) -> int:
+        """Frames that were dropped because of their signature or its time stamp."""
+        return self.forged + self.replayed + self.future
+
+
+def rights_of(verdict: Verdict, policy: Policy, *, is_loopback: bool) -> Rights:
+    """Return what a frame may do."""
+    if verdict is Verdict.VALID:
+        return Rights.COMMAND
+    if verdict is not Verdict.UNSIGNED:
+        return Rights.NONE
+    if policy is Policy.ACCEPT or (policy is Policy.LOOPBACK and is_loopback):
+        return Rights.COMMAND
+    return Rights.WATCH
+
+
+def count(counters: Counters, verdict: Verdict) -> None:
+    """Count a verdict."""
+    match verdict:
+        case Verdict.VALID:
+            counters.signed += 1
+        case Verdict.UNSIGNED:
+            counters.unsigned += 1
+        case Verdict.FORGED:
+            counters.forged += 1
+        case Verdict.REPLAYED:
+            counters.replayed += 1
+        case Verdict.FUTURE:
+            counters.future += 1

@@ -1,0 +1,65 @@
+"""The time stamps of signatures: units of 10 us since 2015, never used twice, not after a restart.
+
+Stamps from before the start of the process are refused, so that nothing recorded before a restart
+can be replayed. A file keeps the newest stamp: the clock may be set back, or a client's be ahead.
+"""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from runtime.atomic_file import make_folder, replace
+from runtime.units import NS_PER_S
+
+EPOCH_S: Final = 1_420_070_400
+"""2015-01-01 00:00 UTC as Unix time."""
+NS_PER_STAMP: Final = 10_000
+PER_S: Final = 100_000
+SAVED_EVERY: Final = 10 * PER_S
+"""The file is written once in this time."""
+MAX_STAMP: Final = (1 << 48) - 1
+
+
+class StampClock:
+    """Gives stamps, and keeps the newest that was used; `floor` is that of the start."""
+
+    def __init__(self, unix_ns: Callable[[], int], path: Path | None = None) -> None:
+        self._unix_ns = unix_ns
+        self._path = path
+        self._saved = _read(path)
+        self.floor = self._newest = max(self._saved, self.now())
+
+    def now(self) -> int:
+        """Return the stamp of the present time."""
+        return max(0, self._unix_ns() - EPOCH_S * NS_PER_S) // NS_PER_STAMP
+
+    def next(self) -> int:
+        """Return a stamp for a frame to send: the present time, and later than all before."""
+        self._newest = max(self._newest + 1, self.now())
+        if self._newest >= self._saved + SAVED_EVERY:
+            self._save(self._newest)
+        return self._newest
+
+    def accept(self, stamp: int) -> None:
+        """Note the stamp of a verified frame."""
+        self._newest = max(self._newest, stamp)
+        if self._newest >= self._saved + SAVED_EVERY:
+            self._save(self._newest)
+        elif stamp > self.now() and stamp > self._saved:
+            self._save(stamp + SAVED_EVERY)
+
+    def _save(self, stamp: int) -> None:
+        self._saved = stamp
+        if self._path is not None:
+            with suppress(OSError):
+                make_folder(self._path.parent)
+                replace(self._path, f"{stamp}\n")
+
+
+def _read(path: Path | None) -> int:
+    try:
+        text = "" if path is None else path.read_text(encoding="ascii").strip()
+    except (OSError, ValueError):
+        return 0
+    return min(int(text), MAX_STAMP) if text.isdecimal() else 0

@@ -1,0 +1,172 @@
+"""Rows 51 and 54: forged, replayed and future frames are refused, and lock nobody out."""
+
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ground.gateway.clients.client_link import NoFile
+from ground.gateway.clients.framing import Deframer, Frame
+from ground.gateway.dialect import mavlink
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.signing.key_file import KeyRing, SigningKey
+from ground.gateway.signing.policy import Counters, Policy, Rights
+from ground.gateway.signing.stamps import EPOCH_S, PER_S, StampClock
+from ground.gateway.signing.verifier import Verdict, Verifier
+from runtime.units import NS_PER_S
+
+KEY, OLD, WRONG = b"k" * 32, b"o" * 32, b"w" * 32
+NOW_S = EPOCH_S + 350_000_000
+NOW = (NOW_S - EPOCH_S) * PER_S
+
+
+class Wall:
+    def __init__(self) -> None:
+        self.s = float(NOW_S)
+
+    def __call__(self) -> int:
+        return round(self.s * NS_PER_S)
+
+
+def framed(data: bytes) -> Frame:
+    deframer = Deframer()
+    deframer.feed(data)
+    deframer.allowance = 10
+    (frame,) = deframer.take(0)
+    return frame
+
+
+def signed(
+    stamp: int, key: bytes = KEY, *, link: int = 0, system: int = 255, message: Any = None
+) -> Frame:
+    encoder = mavlink.MAVLink(NoFile(), system, 190)
+    encoder.signing.secret_key, encoder.signing.sign_outgoing = key, True
+    encoder.signing.timestamp, encoder.signing.link_id = stamp, link
+    message = message or mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+    return framed(message.pack(encoder))
+
+
+UNSIGNED = framed(
+    mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3).pack(mavlink.MAVLink(NoFile(), 255, 190))
+)
+
+
+@pytest.fixture
+def wall() -> Wall:
+    return Wall()
+
+
+@pytest.fixture
+def verifier(wall: Wall) -> Verifier:
+    found = Verifier(StampClock(wall), (KEY, OLD))
+    wall.s += 100
+    return found
+
+
+LATER = NOW + 100 * PER_S
+
+
+def test_each_valid_key_verifies_and_no_other(verifier: Verifier) -> None:
+    assert verifier.check(signed(LATER)) is Verdict.VALID
+    assert verifier.check(signed(LATER + 1, OLD)) is Verdict.VALID
+    assert verifier.check(signed(LATER + 2, WRONG)) is Verdict.FORGED
+    assert verifier.check(UNSIGNED) is Verdict.UNSIGNED
+
+
+def test_each_damaged_byte_of_a_signature_is_forged(verifier: Verifier) -> None:
+    frame = signed(LATER)
+    for at in range(1, 14):
+        data = bytearray(frame.data)
+        data[-at] ^= 1
+        assert verifier.check(frame._replace(data=bytes(data))) is Verdict.FORGED
+    assert verifier.check(frame) is Verdict.VALID
+
+
+def test_replayed_frame_is_refused(verifier: Verifier) -> None:
+    first, second = signed(LATER), signed(LATER + 1)
+    assert verifier.check(second) is Verdict.VALID
+    assert verifier.check(second) is Verdict.REPLAYED
+    assert verifier.check(first) is Verdict.REPLAYED
+
+
+def test_streams_have_stamps_of_their_own(verifier: Verifier) -> None:
+    assert verifier.check(signed(LATER + 5)) is Verdict.VALID
+    assert verifier.check(signed(LATER, link=1)) is Verdict.VALID
+    assert verifier.check(signed(LATER, system=254)) is Verdict.VALID
+    assert verifier.check(signed(LATER - 61 * PER_S, system=253)) is Verdict.REPLAYED
+
+
+def test_forged_future_stamp_does_not_lock_the_owner_out(verifier: Verifier) -> None:
+    assert verifier.check(signed(LATER)) is Verdict.VALID
+    assert verifier.check(signed((1 << 48) - 1, WRONG)) is Verdict.FORGED
+    assert verifier.check(signed((1 << 48) - 1)) is Verdict.FUTURE
+    assert verifier.check(signed(LATER + 1)) is Verdict.VALID
+
+
+def test_stamps_go_on_after_a_restart(tmp_path: Path, wall: Wall) -> None:
+    path = tmp_path / "state" / "stamp"
+    before = StampClock(wall, path)
+    sent = [before.next() for _ in range(3)]
+    assert sent == sorted(set(sent))
+    frame = signed(NOW + 30 * PER_S)
+    assert Verifier(before, (KEY,)).check(frame) is Verdict.VALID
+    wall.s += 1
+    after = StampClock(wall, path)
+    assert after.next() > NOW + 30 * PER_S
+    assert Verifier(after, (KEY,)).check(frame) is Verdict.REPLAYED
+    wall.s += 45
+    assert Verifier(after, (KEY,)).check(signed(after.now())) is Verdict.VALID
+
+
+def test_clock_that_was_set_back_repeats_no_stamp(tmp_path: Path, wall: Wall) -> None:
+    newest = StampClock(wall, tmp_path / "stamp").next()
+    wall.s -= 86_400
+    assert StampClock(wall, tmp_path / "stamp").next() > newest
+
+
+def test_damaged_stamp_file_counts_as_none(tmp_path: Path, wall: Wall) -> None:
+    (tmp_path / "stamp").write_bytes(b"\xff-1")
+    assert StampClock(wall, tmp_path / "stamp").floor == NOW
+
+
+ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
+
+
+@pytest.mark.parametrize(
+    ("policy", "is_loopback", "rights"),
+    [
+        (Policy.REQUIRE, True, Rights.WATCH),
+        (Policy.REQUIRE, False, Rights.WATCH),
+        (Policy.LOOPBACK, True, Rights.COMMAND),
+        (Policy.LOOPBACK, False, Rights.WATCH),
+        (Policy.ACCEPT, False, Rights.COMMAND),
+    ],
+)
+def test_policy_decides_what_unsigned_frames_may_do(
+    wall: Wall, policy: Policy, is_loopback: bool, rights: Rights
+) -> None:
+    guard, counters, stamps = SigningGuard(wall, ring, {"end": policy}), Counters(), count(NOW + 1)
+    assert guard.check(UNSIGNED, counters, "end", is_loopback=is_loopback) == (rights, False)
+    valid = signed(next(stamps))
+    assert guard.check(valid, counters, "end", is_loopback=is_loopback) == (Rights.COMMAND, True)
+    forged = signed(next(stamps), WRONG)
+    assert guard.check(forged, counters, "end", is_loopback=is_loopback) == (Rights.NONE, False)
+    assert (counters.signed, counters.unsigned, counters.refused) == (1, 1, 1)
+
+
+def test_nothing_forged_or_replayed_or_unsigned_may_command(wall: Wall) -> None:
+    guard, counters = SigningGuard(wall, ring, {"end": Policy.REQUIRE}), Counters()
+    command = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+    valid = signed(NOW + 1, message=command)
+    assert guard.check(valid, counters, "end", is_loopback=True)[0] is Rights.COMMAND
+    for stamp in range(NOW - 350, NOW + 350):
+        for frame in (
+            signed(stamp, WRONG, message=command),
+            valid,
+            signed(NOW + 61 * PER_S + stamp, message=command),
+            UNSIGNED,
+        ):
+            rights, _ = guard.check(frame, counters, "end", is_loopback=True)
+            assert rights is not Rights.COMMAND
+    assert (counters.forged, counters.replayed, counters.future) == (700, 700, 700)

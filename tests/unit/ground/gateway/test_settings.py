@@ -1,0 +1,97 @@
+import argparse
+from pathlib import Path
+
+import pytest
+
+from ground.cli.run.gateway import arguments, guard_of, settings_of
+from ground.gateway.endpoints.spec import EXAMPLE
+from ground.gateway.settings import GatewaySettings, systems_of, with_policy
+from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
+from ground.gateway.signing.policy import Policy
+from runtime.errors import ConfigError, UserError
+
+FILE = """
+robot = "r9"
+[gateway]
+endpoints = ["udpin:0.0.0.0:14550,require", "serial:/dev/ttyUSB0:57600"]
+robots = ["r1", "r2"]
+systems = { r2 = 20 }
+origin = [47.4, 8.5]
+altitude_m = 400.0
+low_rate = true
+keys = "keys.toml"
+"""
+
+
+def settings(*words: str, config: str | None = None) -> GatewaySettings:
+    parser = argparse.ArgumentParser()
+    arguments(parser)
+    return settings_of(parser.parse_args(words), "r1", config)
+
+
+def test_defaults_present_one_robot_as_system_1() -> None:
+    found = settings()
+    assert found.endpoints == (EXAMPLE,)
+    assert found.systems == {"r1": 1}
+    assert (found.home.latitude_deg, found.low_rate) == (-35.3632621, False)
+
+
+def test_file_overrides_defaults_and_words_override_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "ground.toml"
+    path.write_text(FILE)
+    found = settings(config=str(path))
+    assert found.systems == {"r1": 1, "r2": 20}
+    assert (found.origin, found.altitude_m, found.low_rate) == ((47.4, 8.5), 400.0, True)
+    words = ("tcpin:0.0.0.0:5760", "--robots", "r3,r2", "--system", "r3=7", "r2=9")
+    found = settings(*words, "--origin", "1", "-2", config=str(path))
+    assert found.endpoints == ("tcpin:0.0.0.0:5760",)
+    assert found.systems == {"r3": 7, "r2": 9}
+    assert found.origin == (1.0, -2.0)
+
+
+def test_systems_are_numbered_in_the_order_of_the_names() -> None:
+    assert systems_of(["r3", "r1", "r2"], {}) == {"r3": 3, "r1": 1, "r2": 2}
+    assert systems_of(["b", "a", "c"], {"c": 1}) == {"b": 3, "a": 2, "c": 1}
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("--system", "r1"), "use ROBOT=ID"),
+        (("--system", "r1=0"), "1 to 250"),
+        (("--system", "r1=255"), "1 to 250"),
+        (("--system", "r2=1"), "the gateway has no r2"),
+        (("--robots", "r1", "r2", "--system", "r1=4", "r2=4"), "an id of its own"),
+        (("--robots", "r1", "r1"), "only once"),
+        (("--origin", "91", "0"), "LAT -85 to 85"),
+    ],
+)
+def test_wrong_words_are_refused_with_the_fix(words: tuple[str, ...], error: str) -> None:
+    with pytest.raises(UserError, match=error):
+        settings(*words)
+
+
+@pytest.mark.parametrize("line", ["low_rat = true", "systems = { r1 = 0 }", "origin = [99, 0]"])
+def test_wrong_key_of_the_file_is_refused(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "ground.toml"
+    path.write_text(f"[gateway]\n{line}\n")
+    with pytest.raises(ConfigError, match="gateway"):
+        settings(config=str(path))
+
+
+def test_policy_follows_the_endpoint_after_a_comma() -> None:
+    assert with_policy("udpin:127.0.0.1:14550").policy is Policy.LOOPBACK
+    assert with_policy("udpin:0.0.0.0:1,accept") == ("udpin:0.0.0.0:1", Policy.ACCEPT)
+    with pytest.raises(UserError, match=r"as in udpin:0\.0\.0\.0:1,require"):
+        with_policy("udpin:0.0.0.0:1,requrie")
+
+
+def test_required_signing_needs_a_key(tmp_path: Path) -> None:
+    path = tmp_path / "keys.toml"
+    wanted, endpoints = GatewaySettings(keys=str(path)), [with_policy("udpin:0.0.0.0:1,require")]
+    with pytest.raises(UserError, match="sidestep keys signing new"):
+        guard_of(wanted, endpoints)
+    write_keys(path, KeyRing(key=(new_key(),)))
+    guard = guard_of(wanted, endpoints)
+    assert guard.is_signing
+    assert guard.is_required
