@@ -15,13 +15,14 @@ from ground.client.operations import Operation, ShowParameters
 from ground.client.operations.parameters import ParameterTable
 from ground.client.parameter import parameters_in
 from ground.client.results import Accepted, Outcome, Refused
-from ground.gateway.client_link import ClientLink
+from ground.gateway.clients.client_link import ClientLink
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.wire import HEADER as FILE_HEADER
 from ground.gateway.files.wire import Opcode
 from ground.gateway.frames.globe import DEFAULT_ORIGIN
 from ground.gateway.port import Answered, Done, Snapshot
 from ground.gateway.services import face_of
+from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face, Vehicle
 from protocol.wire.enums import GoalState, LeaseAction, Mode, Navigator
@@ -33,6 +34,8 @@ from robot.parameters.table import described
 from verification.fuzz.target import FuzzTarget
 
 MAX_RECORDS: Final = 40
+MAX_FRAMES: Final = 256
+GUARD: Final = SigningGuard(lambda: 0)
 ROUND_NS: Final = 20_000_000
 ROUNDS: Final = (0, 1, 5, 60)
 """Rounds of the gateway after a message, by the lowest bits of its flags."""
@@ -157,12 +160,20 @@ def framed(number: int, payload: bytes) -> bytes:
 
 def raw(data: bytes, _: Path) -> None:
     """Receive bytes, in two parts, as they come from a socket."""
-    link = ClientLink(1, "a", 0, is_loopback=True)
-    found = link.decode(data[: len(data) // 2], 0) + link.decode(data[len(data) // 2 :], 1)
+    link = ClientLink(1, "a", 0)
+    found = received(link, data[: len(data) // 2], 0) + received(link, data[len(data) // 2 :], 1)
     face, _robot = new_face()
     for message in found[:MAX_RECORDS]:
         face.receive(message, Sender(1, 255, 190), 1)
     face.due(ROUND_NS)
+
+
+def received(link: ClientLink, data: bytes, now_ns: int) -> list[MavMessage]:
+    """Return the messages in bytes of a client."""
+    link.allow(MAX_FRAMES)
+    link.feed(data)
+    messages = (link.decode(frame) for frame in link.frames(now_ns))
+    return [one for one in messages if one is not None]
 
 
 def payloads(data: bytes, folder: Path) -> None:
@@ -171,7 +182,7 @@ def payloads(data: bytes, folder: Path) -> None:
     if not log.exists():
         log.write_bytes(bytes(1000))
     face, robot = new_face(folder)
-    link = ClientLink(1, "a", 0, is_loopback=True)
+    link = ClientLink(1, "a", 0)
     at = now_ns = 0
     for _record in range(MAX_RECORDS):
         if at + 2 > len(data):
@@ -180,7 +191,7 @@ def payloads(data: bytes, folder: Path) -> None:
         size = mavlink.mavlink_map[number].unpacker.size
         payload = data[at + 2 : at + 2 + size].ljust(size, b"\0")
         at += 2 + size
-        for message in link.decode(framed(number, payload), now_ns):
+        for message in received(link, framed(number, payload), now_ns):
             receive(face, message, robot.flags, now_ns)
         for _round in range(ROUNDS[robot.flags & 3]):
             now_ns += ROUND_NS
@@ -201,9 +212,9 @@ def receive(face: Face, message: MavMessage, flags: int, now_ns: int) -> None:
 
 def send(face: Face) -> None:
     """Encode all that is sent."""
-    link = ClientLink(1, "a", 0, is_loopback=True)
+    link = ClientLink(1, "a", 0)
     for message, _ in face.vehicle.outbox.take():
-        link.encode(1, message)
+        link.encode(1, message, GUARD)
 
 
 def record(message: MavMessage, flags: int) -> bytes:
