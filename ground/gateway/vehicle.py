@@ -27,6 +27,7 @@ class Vehicle:
     each client carries in bytes per second, None if that is no limit. `parameters` are the robot's
     values by their names, as far as they are known. `unix_offset_ns` is the time of day minus the
     time of this process; None without a clock. `commit` is that of this program.
+    `has_fence` is False once the robot is seen to have none.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -39,6 +40,7 @@ class Vehicle:
         self.parameters: dict[str, float] = {}
         self.unix_offset_ns: int | None = None
         self.commit = ""
+        self.has_fence = True
         self.catalogue = Catalogue()
         self.outbox = Outbox()
         self.refusals = Refusals(self.outbox)

@@ -46,6 +46,8 @@ class FenceService:
 
     def due(self, now_ns: int) -> None:
         """Count a breach, and send it at once."""
+        if self._kind.copy.values is not None:
+            self._vehicle.has_fence = bool(self._kind.copy.values)
         status = self._vehicle.snapshot.status
         if status is None:
             return

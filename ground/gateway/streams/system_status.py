@@ -42,7 +42,8 @@ UNKNOWN_TEMPERATURE: Final = 0x7FFF
 def sys_status(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
     """Return SYS_STATUS; there is no battery to measure."""
     snapshot = vehicle.snapshot
-    fields = (EVERY, EVERY, health(snapshot), load(snapshot.cycle), UNKNOWN_16, -1, -1)
+    enabled = EVERY if vehicle.has_fence else EVERY & ~FENCE
+    fields = (EVERY, enabled, health(snapshot), load(snapshot.cycle), UNKNOWN_16, -1, -1)
     return (mavlink.MAVLink_sys_status_message(*fields, 0, 0, 0, 0, 0, 0),)
 
 

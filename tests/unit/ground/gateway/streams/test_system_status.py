@@ -5,11 +5,14 @@ from typing import Any
 
 import pytest
 
+from ground.client.operations import FenceShown, ShowFence
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.services import face_of
 from ground.gateway.streams import system_status
+from ground.missions.mission import Circle
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
-from tests.support.gateway.fake_port import Bench
+from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import everything, odometry, scan, status
 
 NOW_NS = 20_000_000
@@ -89,3 +92,21 @@ def test_estimator_without_a_place_is_only_relative() -> None:
 def test_system_time_is_the_time_of_day() -> None:
     message = built(system_status.system_time)
     assert (message.time_unix_usec, message.time_boot_ms) == (1_000_020_000, 20)
+
+
+def test_fence_is_enabled_while_the_robot_has_one() -> None:
+    bench = Bench()
+    bench.face = face_of(bench.vehicle)
+    bench.face.join(CLIENT.client)
+    bench.port.telemetry = everything()
+    bits = []
+    for fence in (Circle(x_m=0.0, y_m=0.0, radius_m=5.0), None):
+        bench.after(11.0)
+        while bench.port.waiting:
+            is_asked = isinstance(bench.port.waiting[0][0], ShowFence)
+            bench.port.answer(FenceShown(fence=fence) if is_asked else None)
+        bench.after(0.1)
+        (message,) = system_status.sys_status(bench.vehicle, bench.now_ns)
+        assert message.onboard_control_sensors_present & system_status.FENCE
+        bits.append(bool(message.onboard_control_sensors_enabled & system_status.FENCE))
+    assert bits == [True, False]
