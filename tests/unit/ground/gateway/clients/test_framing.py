@@ -1,5 +1,7 @@
 from random import Random
 
+import pytest
+
 from ground.gateway.clients.client_link import ClientLink, NoFile
 from ground.gateway.clients.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
 from ground.gateway.dialect import mavlink
@@ -100,3 +102,17 @@ def test_answers_are_in_the_version_of_the_client() -> None:
     assert message is not None
     assert message.type == 6
     assert link.encode(1, HEARTBEAT, SigningGuard(lambda: 0))[0] == mavlink.PROTOCOL_MARKER_V1
+
+
+@pytest.mark.parametrize("mavlink1", [False, True])
+def test_each_vehicle_has_one_sequence_without_gaps(mavlink1: bool) -> None:
+    link, guard = ClientLink(1, "peer", 0), SigningGuard(lambda: 0)
+    link.is_mavlink1 = mavlink1
+    kinds = (HEARTBEAT, mavlink.MAVLink_wheel_distance_message(0, 0, [0.0] * 16))
+    frames = [link.encode(1 + at % 2, kinds[at % 3 == 0], guard) for at in range(1200)]
+    found = mavlink.MAVLink(NoFile()).parse_buffer(b"".join(frames))
+    for system in (1, 2):
+        mine = [one for one in found if one.get_srcSystem() == system]
+        assert [one.get_seq() for one in mine] == [at % 256 for at in range(len(mine))]
+        assert {one.get_srcComponent() for one in mine} == {mavlink.MAV_COMP_ID_AUTOPILOT1}
+    assert len(found) == (800 if mavlink1 else 1200)
