@@ -1,6 +1,7 @@
 """The FTP server: reading only, several clients and files at once (rows 20, 21, 23 and 50)."""
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 from ground.gateway.dialect import MavMessage, mavlink
@@ -69,7 +70,7 @@ class FileServer:
             case Opcode.RESET:
                 self._sessions.close_program(request.key)
                 self._reply(request)
-            case Opcode.LIST:
+            case Opcode.LIST | Opcode.LIST_WITH_TIME:
                 self._list(request)
             case Opcode.OPEN | Opcode.CHECKSUM:
                 self._open(request)
@@ -114,11 +115,12 @@ class FileServer:
         if entries is None:
             self._fail(request, Failure.FILE_NOT_FOUND)
             return
-        data = b""
-        for entry in entries[request.offset :]:
-            if len(data) + len(entry) + 1 > MAX_DATA:
+        data, with_time = b"", request.opcode == Opcode.LIST_WITH_TIME
+        for entry in islice(entries, request.offset, None):
+            line = entry.line(with_time=with_time) + b"\0"
+            if len(data) + len(line) > MAX_DATA:
                 break
-            data += entry + b"\0"
+            data += line
         if data:
             self._reply(request, data, request.offset)
         else:

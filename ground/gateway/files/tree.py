@@ -5,7 +5,7 @@ end in `.bin` or `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` beh
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from ground.gateway.files.recordings import Recording, Recordings
 from ground.gateway.files.sources import BytesSource, FileSource, Source
@@ -23,25 +23,42 @@ FOLDERS: Final = (LOGS_FOLDER, PARAMETERS_FOLDER, RECORDINGS_FOLDER)
 Opened = Callable[[Source | Failure], None]
 
 
+class Entry(NamedTuple):
+    """A line of a listing; `time_s` is since 1970, 0 if it is unknown."""
+
+    name: str
+    size: int = 0
+    time_s: int = 0
+    is_folder: bool = False
+
+    def line(self, *, with_time: bool) -> bytes:
+        """Return it as FTP lists it."""
+        kind = "D" if self.is_folder else "F"
+        parts = [kind + self.name]
+        if with_time or not self.is_folder:
+            parts.append(str(self.size))
+        if with_time:
+            parts.append(str(self.time_s))
+        return "\t".join(parts).encode()
+
+
 class VirtualTree:
     """What one vehicle offers for reading."""
 
     def __init__(self, store: ParameterStore, recordings: Recordings) -> None:
         self._store = store
         self._recordings = recordings
-        self._lines: dict[str, tuple[Sequence[Recording], list[bytes]]] = {}
+        self._entries: dict[str, tuple[Sequence[Recording], list[Entry]]] = {}
 
-    def entries(self, path: str, now_ns: int) -> list[bytes] | None:
-        """Return the entries of a folder as FTP lists them, None if there is no such folder."""
+    def entries(self, path: str, now_ns: int) -> Sequence[Entry] | None:
+        """Return what a folder contains, None if there is no such folder."""
         match path.strip("/"):
             case "" | ".":
-                files = self._metadata()
-                folders = [f"D{name}" for name in FOLDERS]
-                return [line.encode() for line in [*folders, *files]]
+                return [*(Entry(name, is_folder=True) for name in FOLDERS), *self._metadata()]
             case "@PARAM":
                 table = self._store.table
                 size = 0 if table is None else len(packed(table, Selection()) or b"")
-                return [_file(PACKED_NAME, size).encode()]
+                return [Entry(PACKED_NAME, size)]
             case "@MAV_LOG":
                 return self._logs(LOG_SUFFIX, now_ns)
             case "recordings":
@@ -64,21 +81,21 @@ class VirtualTree:
         else:
             then(Failure.FILE_NOT_FOUND)
 
-    def _metadata(self) -> list[str]:
+    def _metadata(self) -> list[Entry]:
         found = self._store.metadata
         if found is None:
             return []
         sizes = {GENERAL_NAME: len(found.general), PARAMETERS_NAME: len(found.parameters)}
-        return [_file(name, size) for name, size in sizes.items()]
+        return [Entry(name, size) for name, size in sizes.items()]
 
-    def _logs(self, suffix: str, now_ns: int) -> list[bytes]:
-        """Return the entries of all recordings; they are made once for each new list."""
+    def _logs(self, suffix: str, now_ns: int) -> list[Entry]:
+        """Return the entries of all recordings, which are made once for each new list."""
         found = self._recordings.listed(now_ns)
-        before, lines = self._lines.get(suffix, (None, []))
+        before, entries = self._entries.get(suffix, (None, []))
         if before is not found:
-            lines = [_file(one.name + suffix, one.size).encode() for one in found]
-            self._lines[suffix] = found, lines
-        return lines
+            entries = [Entry(one.name + suffix, one.size, one.began_s) for one in found]
+            self._entries[suffix] = found, entries
+        return entries
 
     def _described(self, name: str, table: MavTable | None) -> Source | Failure:
         found = self._store.metadata
@@ -94,10 +111,6 @@ class VirtualTree:
             return FileSource(found.path)
         except OSError:
             return Failure.FAIL
-
-
-def _file(name: str, size: int) -> str:
-    return f"F{name}\t{size}"
 
 
 def _packed(table: MavTable | None, selection: Selection | None) -> Source | Failure:

@@ -25,6 +25,7 @@ class Opcode(IntEnum):
     READ = 5
     CHECKSUM = 14
     BURST = 15
+    LIST_WITH_TIME = 16
     ACK = 128
     NAK = 129
 

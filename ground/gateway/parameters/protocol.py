@@ -137,8 +137,9 @@ class ParameterProtocol:
     def _refuse(self, table: MavTable, sender: Sender, index: int, why: str, error: int) -> None:
         """Answer with the value in force, and say why it is not the wanted one."""
         name, outbox = table.parameters[index].name, self._vehicle.outbox
-        outbox.send(table.message(index), sender.client)
+        # The error goes first: MAVSDK sends again when it gets another value without one.
         outbox.send(param_error(sender, name, index, error), sender.client)
+        outbox.send(table.message(index), sender.client)
         self._say(sender, f"{name} not changed: {why}")
 
     def _index(

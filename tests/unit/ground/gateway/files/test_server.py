@@ -35,10 +35,10 @@ def opened(bench: ParameterBench, path: bytes = PATH, session: int = 0) -> int:
     return int.from_bytes(reply.data, "little")
 
 
-def listing(bench: ParameterBench, path: bytes) -> list[str]:
+def listing(bench: ParameterBench, path: bytes, opcode: int = Opcode.LIST) -> list[str]:
     names: list[str] = []
     while True:
-        (reply,) = replies(bench, asked(Opcode.LIST, path, offset=len(names)))
+        (reply,) = replies(bench, asked(opcode, path, offset=len(names)))
         if reply.opcode == Opcode.NAK:
             assert reply.data == bytes([Failure.END_OF_FILE])
             return names
@@ -57,6 +57,19 @@ def test_folders_and_files_are_listed(bench: ParameterBench) -> None:
     assert listing(bench, b"/recordings/") == [f"F{NAME}\t{len(CONTENT)}"]
     assert listing(bench, b"@MAV_LOG") == [f"F{NAME}.bin\t{len(CONTENT)}"]
     assert [line.split("\t")[0] for line in listing(bench, b"@PARAM")] == ["Fparam.pck"]
+
+
+def test_folders_are_listed_with_times(bench: ParameterBench) -> None:
+    (line,) = listing(bench, b"@MAV_LOG", Opcode.LIST_WITH_TIME)
+    assert line == f"F{NAME}.bin\t{len(CONTENT)}\t{1_795_439_520}"
+    assert listing(bench, b"/", Opcode.LIST_WITH_TIME)[0] == "D@MAV_LOG\t0\t0"
+
+
+def test_new_recording_is_listed_after_a_second(bench: ParameterBench, folder: Path) -> None:
+    assert len(listing(bench, b"recordings")) == 1
+    (folder / "20261123T140000Z-r1.tlog").touch()
+    bench.after(1.0)
+    assert len(listing(bench, b"recordings")) == 2
 
 
 def test_long_folder_is_listed_in_parts(bench: ParameterBench, folder: Path) -> None:
@@ -166,7 +179,7 @@ def test_nothing_is_written(bench: ParameterBench, folder: Path, opcode: int) ->
     assert (folder / NAME).read_bytes() == CONTENT
 
 
-@pytest.mark.parametrize("opcode", [16, 99, 127, 255])
+@pytest.mark.parametrize("opcode", [17, 99, 127, 255])
 def test_unknown_operation_is_refused(bench: ParameterBench, opcode: int) -> None:
     assert failure(replies(bench, asked(opcode))) == Failure.UNKNOWN_COMMAND
 

@@ -128,6 +128,7 @@ def test_refused_change_is_answered_with_the_value_in_force() -> None:
     (value,) = values_in(found)
     assert value.param_value == pytest.approx(0.3)
     assert of_type(found, "PARAM_ERROR")[0].error == mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+    assert [one.get_type() for one in found] == ["PARAM_ERROR", "PARAM_VALUE", "STATUSTEXT"]
     assert texts_in(found) == "D_OBS_M not changed: allowed: 0.05 to 3 m"
 
 
