@@ -42,6 +42,7 @@ def goal_of(bench: Bench) -> Destination:
     (goto,) = performed(bench)
     assert isinstance(goto, Goto)
     assert not goto.arms
+    assert goto.goal is not None
     return goto.goal
 
 
@@ -223,6 +224,8 @@ def test_only_the_newest_position_follows(bench: Bench) -> None:
     first, last = performed(bench)
     assert isinstance(first, Goto)
     assert isinstance(last, Goto)
+    assert first.goal is not None
+    assert last.goal is not None
     assert (first.goal.y_m, last.goal.y_m) == (0.0, 49.0)
 
 
