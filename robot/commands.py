@@ -10,7 +10,7 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.packing import wire_of
-from robot.core import modes, place, reasons
+from robot.core import modes, place, reasons, states
 from robot.core.perception.from_messages import goal_of
 from robot.core.state import State
 from robot.core.values import Pose
@@ -20,6 +20,9 @@ MAX_OPERATORS: Final = 64
 MAX_ANSWERS: Final = 32
 """Answers kept for each operator; the operators with the newest requests are kept."""
 
+RESTART: Final = 1.0
+"""Parameter 1 of PREFLIGHT_REBOOT_SHUTDOWN that restarts the robot process."""
+
 CommandOrGoal: TypeAlias = CommandRequest | GoalRequest
 
 
@@ -28,7 +31,7 @@ class Commands:
 
     `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
     the request that started it. `stop_id` is the id of the newest emergency stop, 0 before the
-    first.
+    first. `restarts`: an operator has asked for a restart of the process.
     """
 
     def __init__(self, state: State, mission: Mission) -> None:
@@ -37,6 +40,7 @@ class Commands:
         self._mission = mission
         self._answers = AnswerCache()
         self.goal_id = self.stop_id = 0
+        self.restarts = False
 
     def receive(self, request: CommandOrGoal, now_ms: int, operator: str = "") -> CommandAck:
         """Act on a request and return the answer, which contains a reason.
@@ -122,6 +126,17 @@ class Commands:
 
     def _jump(self, request: CommandRequest, now_ms: int) -> int:
         return self._mission.jump(int(request.param1), now_ms)
+
+    def _restart(self, request: CommandRequest, now_ms: int) -> int:
+        """Ask for a restart; a robot that is armed or in an emergency stop refuses."""
+        if request.param1 != RESTART:
+            return reasons.PARAMETER_OUT_OF_RANGE
+        if self._machine.vehicle == states.EMERGENCY_STOP:
+            return reasons.EMERGENCY_STOPPED
+        if self._machine.vehicle == states.ACTIVE:
+            return reasons.ARMED
+        self.restarts = True
+        return reasons.OK
 
 
 class AnswerCache:
@@ -217,6 +232,7 @@ HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
         Command.NAV_RETURN_TO_LAUNCH: CommandRow(Commands._rtl),
         Command.MISSION_START: CommandRow(Commands._start_mission, ("param1",)),
         Command.DO_SET_MISSION_CURRENT: CommandRow(Commands._jump, ("param1",)),
+        Command.PREFLIGHT_REBOOT_SHUTDOWN: CommandRow(Commands._restart, ("param1",)),
         Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._set_navigator, ("param1", "param2")),
         Command.SIDESTEP_SET_POSE: CommandRow(Commands._set_pose, ("param1", "param2")),
         Command.SIDESTEP_ABORT_GOAL: CommandRow(Commands._abort),

@@ -47,7 +47,8 @@ class RobotProcess:
     """Connects a vehicle to a bus and a clock.
 
     All work is done in one thread; the threads of the bus only enqueue. An emergency stop has its
-    own path: a thread of the bus sets a latch, which the loop reads before anything else.
+    own path: a thread of the bus sets a latch, which the loop reads before anything else. `restart`
+    ends the loop when an operator asks for a restart; a supervisor then starts the process again.
     """
 
     def __init__(
@@ -58,9 +59,11 @@ class RobotProcess:
         senses: Senses,
         meter: CycleMeter,
         epoch: int = 0,
+        restart: Callable[[], None] | None = None,
     ) -> None:
         self.vehicle = vehicle
         self._stopping = False
+        self._restart = restart or self.stop
         self._bus = bus
         self._clock = clock
         self._senses = senses
@@ -272,6 +275,8 @@ class RobotProcess:
         answer = self.vehicle.receive(incoming.message, now_ns, incoming.operator)
         self._saved.reply(incoming, incoming.message, answer, now_ns)
         self.reports.record(incoming.message, answer)
+        if self.vehicle.commands.restarts:
+            self._restart()
 
     def _rejection(self, incoming: ServiceRequest) -> int:
         """Return why a request is refused: no operator, no deadline, or one that has passed.

@@ -130,14 +130,14 @@ def in_lockstep(
     clock = LockstepClock(patience_s=IDLE_S, idle=between)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows, clock=clock)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
-    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch)
-    process.serve(nudge=clock.nudge)
-    drive_clock(clock, bus)
 
     def stop() -> None:
         process.stop()
         clock.stop()
 
+    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch, stop)
+    process.serve(nudge=clock.nudge)
+    drive_clock(clock, bus)
     on_signal(stop)
     return process, ticks(clock, CONTROL_HZ)
 

@@ -269,6 +269,8 @@ class Vehicle:
             x_m, y_m, heading_rad = self.state.odometry.pose
             words = f"place set: {x_m:.2f} {y_m:.2f} m, {degrees(heading_rad):.0f} deg"
             self.announce(Severity.NOTICE, words)
+        if answer.command == Command.PREFLIGHT_REBOOT_SHUTDOWN and not answer.result_param2:
+            self.announce(Severity.NOTICE, "restarting on request")
         if machine.vehicle == states.ACTIVE and not was_armed:
             changes = self.parameters.safety_changes()
             if changes:

@@ -128,3 +128,9 @@ def autopilot_version(name: str, commit: str) -> MavMessage:
         int.from_bytes(unique[:8], "little"),
         list(unique[:18]),
     )
+
+
+def banner(name: str, commit: str) -> tuple[str, ...]:
+    """Return the texts that name the version, in the form that clients know, and the robot."""
+    release = ".".join(map(str, VERSION))
+    return (f"ArduRover V{release}-dev ({commit[:8] or 'unknown'})", f"Sidestep robot {name}")

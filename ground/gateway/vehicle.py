@@ -23,11 +23,11 @@ class Vehicle:
     """The state that the protocols of one robot share; `snapshot` is that of the present round.
 
     `origin` is the place on the globe of the robot's (0, 0), `origin_altitude_m` its height above
-    the sea, and `home` the local x and y of the home position. `clients` holds what the line of
-    each client carries in bytes per second, None if that is no limit. `parameters` are the robot's
-    values by their names, as far as they are known. `unix_offset_ns` is the time of day minus the
-    time of this process; None without a clock. `commit` is that of this program.
-    `has_fence` is False once the robot is seen to have none.
+    the sea, and `home` the local x and y of the home position, perhaps chosen by a client.
+    `clients` holds what the line of each client carries in bytes per second, None if that is no
+    limit. `parameters` are the robot's values by their names, as far as they are known.
+    `unix_offset_ns` is the time of day minus the time of this process; None without a clock.
+    `commit` is that of this program. `has_fence` is False once the robot is seen to have none.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -36,6 +36,7 @@ class Vehicle:
         self.origin = origin
         self.origin_altitude_m = 0.0
         self.home = (0.0, 0.0)
+        self.is_home_chosen = False
         self.clients: dict[int, int | None] = {}
         self.parameters: dict[str, float] = {}
         self.unix_offset_ns: int | None = None

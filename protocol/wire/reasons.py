@@ -73,6 +73,7 @@ class Reason(IntEnum):
     LESS_SAFE_THAN_CONFIGURED = 102
     NO_IDENTITY = 103
     PLACE_UNKNOWN = 104
+    ARMED = 105
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -136,6 +137,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     102: "less safe than the configuration allows",
     103: "the request does not name its operator",
     104: "the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation",
+    105: "not possible while the robot is armed: disarm first",
 }
 
 

@@ -67,3 +67,4 @@ LESS_SAFE_THAN_CONFIGURED: Final = 102  # less safe than the configuration allow
 NO_IDENTITY: Final = 103  # the request does not name its operator
 # the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation
 PLACE_UNKNOWN: Final = 104
+ARMED: Final = 105  # not possible while the robot is armed: disarm first

@@ -49,6 +49,7 @@ ENUMS: Final[dict[str, tuple[str, ...]]] = {
         "DO_REPOSITION",
         "DO_PAUSE_CONTINUE",
         "DO_SET_MISSION_CURRENT",
+        "PREFLIGHT_REBOOT_SHUTDOWN",
         "MISSION_START",
         "COMPONENT_ARM_DISARM",
         "NAV_FENCE_POLYGON_VERTEX_INCLUSION",

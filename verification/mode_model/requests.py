@@ -51,6 +51,7 @@ VARIANTS: Final[Mapping[int, tuple[tuple[str, float, float], ...]]] = MappingPro
             ("start mission at no item", 7, 0),
         ),
         Command.DO_SET_MISSION_CURRENT: (("jump to item 2", 1, 0), ("jump to no item", 7, 0)),
+        Command.PREFLIGHT_REBOOT_SHUTDOWN: (("restart", 1, 0), ("shut down", 2, 0)),
         Command.SIDESTEP_SET_NAVIGATOR: (
             ("navigator bug", Navigator.BUG, 0),
             ("navigator bug2", Navigator.BUG2, 0),

@@ -126,6 +126,15 @@ class ClearEmergencyStop(PlainCommand):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Restart(PlainCommand):
+    """End the robot's process, so that its supervisor starts it again; refused while armed."""
+
+    verb = "restart"
+    effect = "the robot process restarts"
+    parts = Parts(Command.PREFLIGHT_REBOOT_SHUTDOWN, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SetMode(PlainCommand):
     """Choose the mode."""
 

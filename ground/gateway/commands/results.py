@@ -84,6 +84,7 @@ RESULTS: Final = MappingProxyType(
         Reason.LESS_SAFE_THAN_CONFIGURED: DENIED,
         Reason.NO_IDENTITY: RESULT_NOT_IN_CONTROL,
         Reason.PLACE_UNKNOWN: FAILED,
+        Reason.ARMED: DENIED,
     }
 )
 

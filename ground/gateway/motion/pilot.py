@@ -87,9 +87,18 @@ class Pilot:
         self._try(sender, Hold(), Mode.HOLD, None, done)
 
     def return_home(self, number: int, sender: Sender, done: Done) -> None:
-        """Drive back along the trail; clients see the mode RTL or SMART_RTL, by `number`."""
-        shown = number if number == RTL else None
-        self._try(sender, ReturnHome(), Mode.SMART_RTL, shown, done)
+        """Drive back along the trail, by RTL to the home that a client has chosen, if any.
+
+        Clients see the mode RTL or SMART_RTL, by `number`.
+        """
+        if number != RTL:
+            self._try(sender, ReturnHome(), Mode.SMART_RTL, None, done)
+        elif self._vehicle.is_home_chosen:
+            x_m, y_m = self._vehicle.home
+            home = Destination(x_m=x_m, y_m=y_m, heading_rad=None)
+            self._try(sender, Goto(goal=home, wait=False, arms=False), Mode.AUTO, RTL, done)
+        else:
+            self._try(sender, ReturnHome(), Mode.SMART_RTL, RTL, done)
 
     def goto(self, goal: Destination, sender: Sender, done: Done) -> None:
         """Drive to a place in GUIDED; an unarmed robot refuses."""

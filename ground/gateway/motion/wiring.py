@@ -6,6 +6,7 @@ from ground.gateway.commands.arming import ArmingCommands
 from ground.gateway.commands.driving import DrivingCommands
 from ground.gateway.commands.guiding import GuidingCommands
 from ground.gateway.commands.service import CommandTable
+from ground.gateway.commands.upkeep import UpkeepCommands
 from ground.gateway.motion.guided_drive import GuidedDrive
 from ground.gateway.motion.guided_items import GuidedItems
 from ground.gateway.motion.manual_control import ManualControl
@@ -36,5 +37,6 @@ def motion_of(vehicle: Vehicle) -> MotionParts:
         ArmingCommands(vehicle).table,
         DrivingCommands(vehicle, pilot).table,
         GuidingCommands(vehicle, pilot, drive).table,
+        UpkeepCommands(vehicle).table,
     )
     return MotionParts(services, tables)

@@ -313,3 +313,25 @@ def test_a_mode_is_set_by_the_second_field_as_in_mavlink() -> None:
     robot = Robot()
     assert robot.ask(command(Command.DO_SET_MODE, 1.0, Mode.AUTO)) == Reason.NONE
     assert robot.machine.mode == states.AUTO
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "action", "reason"),
+    [
+        (states.BOOT, 1.0, Reason.NONE),
+        (states.STANDBY, 1.0, Reason.NONE),
+        (states.FAILSAFE, 1.0, Reason.NONE),
+        (states.ACTIVE, 1.0, Reason.ARMED),
+        (states.EMERGENCY_STOP, 1.0, Reason.EMERGENCY_STOPPED),
+        (states.STANDBY, 0.0, Reason.PARAMETER_OUT_OF_RANGE),
+        (states.STANDBY, 2.0, Reason.PARAMETER_OUT_OF_RANGE),
+        (states.STANDBY, nan, Reason.PARAMETER_OUT_OF_RANGE),
+    ],
+)
+def test_restart_needs_a_robot_that_is_disarmed(
+    vehicle: int, action: float, reason: Reason
+) -> None:
+    robot = Robot()
+    robot.machine.vehicle = vehicle
+    assert robot.ask(command(Command.PREFLIGHT_REBOOT_SHUTDOWN, action)) == reason
+    assert robot.commands.restarts == (reason == Reason.NONE)

@@ -1,5 +1,7 @@
 """Requests at the process: bounded queues, operators and deadlines."""
 
+from collections.abc import Iterator
+
 import pytest
 
 from protocol.topics import (
@@ -8,14 +10,18 @@ from protocol.topics import (
     LEASE_SERVICE,
     PARAMETER,
     PARAMETERS,
+    TEXT,
 )
-from protocol.wire.enums import AckResult, LeaseAction
+from protocol.wire.enums import AckResult, Command, LeaseAction
 from protocol.wire.messages import (
     CommandAck,
+    CommandRequest,
     MissionRequestList,
     ParamRequestRead,
 )
 from protocol.wire.reasons import Reason
+from robot.core import states
+from runtime.clock import Tick
 from tests.support.robot.processes import (
     ADA,
     BOB,
@@ -26,6 +32,10 @@ from tests.support.robot.processes import (
     press,
 )
 from tests.support.robot.vehicles import MS, goal
+
+RESTART = CommandRequest(
+    request_id=9, command=Command.PREFLIGHT_REBOOT_SHUTDOWN, param1=1.0, param2=0.0
+)
 
 
 def test_a_request_is_answered_recorded_and_nudges_the_loop() -> None:
@@ -128,3 +138,27 @@ def test_requests_are_answered_between_two_ticks() -> None:
     request = rig.ask(hold(5))
     rig.process.idle()
     assert request.reasons == [Reason.NONE]
+
+
+def ticks(rig: Rig, count: int) -> Iterator[Tick]:
+    for _ in range(count):
+        yield rig.next_tick()
+
+
+def test_restart_ends_the_loop_after_the_answer() -> None:
+    rig = Rig().ready()
+    rig.vehicle.state.machine.vehicle = states.STANDBY
+    request = rig.ask(RESTART)
+    before = rig.ticks
+    rig.process.run(ticks(rig, 5))
+    assert request.reasons == [Reason.NONE]
+    assert rig.ticks == before + 1
+    assert "restarting on request" in [one.text for one in rig.sent(TEXT)]
+
+
+def test_restart_of_an_armed_robot_is_refused() -> None:
+    rig = Rig().ready()
+    request = rig.ask(RESTART)
+    rig.process.run(ticks(rig, 5))
+    assert request.reasons == [Reason.ARMED]
+    assert rig.ticks == 6

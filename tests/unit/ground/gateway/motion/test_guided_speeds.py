@@ -1,0 +1,185 @@
+from math import inf, nan
+
+import pytest
+
+from ground.client.operations import Goto, Hold, SetMode
+from ground.gateway.dialect import MavMessage
+from protocol.wire.enums import Mode
+from protocol.wire.messages import LeaseStatus
+from protocol.wire.reasons import Reason
+from tests.support.gateway.fake_port import Bench
+from tests.support.gateway.messages import PLACE, acks, attitude, command, local_target, words
+from tests.support.gateway.piloting import driving_bench, performed, show
+
+ACCEPTED, DENIED, FAILED = 0, 2, 4
+TO_MANUAL, TO_GUIDED = SetMode(mode=Mode.MANUAL), SetMode(mode=Mode.GUIDED)
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return driving_bench(Mode.GUIDED)
+
+
+def start_speeds(bench: Bench) -> None:
+    """Send a speed; the robot changes to MANUAL."""
+    bench.send(local_target(frame=8, vx=0.5))
+    assert performed(bench) == [TO_MANUAL]
+    bench.port.answer()
+    show(bench, Mode.MANUAL)
+
+
+def shown(messages: list[MavMessage]) -> set[int]:
+    return {m.custom_mode for m in messages if m.get_type() == "HEARTBEAT"}
+
+
+def test_speeds_drive_and_clients_see_guided(bench: Bench) -> None:
+    bench.send(local_target(frame=8, vx=0.5))
+    bench.port.answer()
+    assert bench.port.driven == [(0.5, 0.0)]
+    sent = bench.after(0.02)
+    show(bench, Mode.MANUAL)
+    sent += bench.after(0.9)
+    assert shown(sent) <= {Mode.GUIDED}
+    assert bench.vehicle.modes.number == Mode.GUIDED
+    assert len(bench.port.driven) >= 12
+    assert set(bench.port.driven) == {(0.5, 0.0)}
+
+
+def test_speeds_stop_a_second_after_the_last(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.after(0.9)
+    assert (0.0, 0.0) not in bench.port.driven
+    bench.after(0.1)
+    assert bench.port.driven[-1] == (0.0, 0.0)
+    assert performed(bench) == [TO_GUIDED]
+    count = len(bench.port.driven)
+    bench.port.answer()
+    show(bench, Mode.GUIDED)
+    bench.after(1.0)
+    assert len(bench.port.driven) == count
+    assert bench.vehicle.modes.number == Mode.GUIDED
+
+
+def test_stream_of_speeds_goes_on(bench: Bench) -> None:
+    start_speeds(bench)
+    for _ in range(30):
+        bench.send(local_target(frame=8, vx=0.5))
+        bench.after(0.1)
+    assert performed(bench) == []
+    assert (0.0, 0.0) not in bench.port.driven
+
+
+def test_speed_after_the_time_out_drives_again(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.after(1.1)
+    bench.send(local_target(frame=8, vx=0.25))
+    bench.port.answer()
+    assert performed(bench) == [TO_GUIDED, TO_MANUAL]
+    bench.port.answer()
+    assert bench.port.driven[-1] == (0.25, 0.0)
+
+
+@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.AUTO, Mode.SMART_RTL])
+def test_speeds_end_with_another_mode(bench: Bench, mode: Mode) -> None:
+    start_speeds(bench)
+    bench.send(command(176, 1, mode))
+    bench.port.answer()
+    count = len(bench.port.driven)
+    show(bench, mode)
+    bench.send(local_target(frame=8, vx=0.5))
+    bench.after(1.5)
+    assert len(bench.port.driven) == count
+    assert TO_GUIDED not in performed(bench)
+
+
+def test_manual_ends_the_speeds_and_is_shown(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.send(command(176, 1, Mode.MANUAL))
+    bench.port.answer()
+    bench.after(0.02)
+    assert bench.port.driven[-1] == (0.0, 0.0)
+    assert bench.vehicle.modes.number == Mode.MANUAL
+
+
+def test_guided_again_does_not_interrupt_the_speeds(bench: Bench) -> None:
+    start_speeds(bench)
+    assert acks(bench.send(command(176, 1, Mode.GUIDED))) == [(176, ACCEPTED)]
+    assert performed(bench) == []
+
+
+def test_goal_ends_the_speeds(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.send(local_target(mask=PLACE, x=1.0, y=2.0))
+    assert [type(one) for one in performed(bench)] == [Goto]
+    bench.port.answer()
+    show(bench, Mode.GUIDED)
+    bench.after(1.5)
+    assert performed(bench) == []
+
+
+def test_refused_goal_leaves_the_robot_standing_in_guided(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.send(local_target(mask=PLACE, x=1.0, y=2.0))
+    bench.port.refuse(Reason.OUTSIDE_FENCE)
+    bench.after(0.04)
+    assert bench.port.driven[-1] == (0.0, 0.0)
+    assert performed(bench)[-1] == TO_GUIDED
+
+
+def test_speeds_end_with_the_loss_of_control(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.port.telemetry["lease"] = LeaseStatus(
+        time_ns=0, lapses_ms=1000, held=1, holder="ground/7", name="ada"
+    )
+    bench.after(0.5)
+    assert bench.port.driven[-1] == (0.0, 0.0)
+    assert performed(bench) == [Hold()]
+    assert bench.vehicle.modes.number == Mode.MANUAL
+
+
+def test_refused_speeds_say_why(bench: Bench) -> None:
+    bench.port.holder = "ada"
+    assert "ada" in words(bench.send(local_target(vx=0.5)))
+    assert bench.port.driven == []
+
+
+def test_robot_that_cannot_return_to_guided_holds(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.after(1.1)
+    bench.port.refuse(Reason.EMERGENCY_STOPPED)
+    assert performed(bench) == [TO_GUIDED, Hold()]
+
+
+def test_attitude_drives(bench: Bench) -> None:
+    bench.send(attitude(thrust=0.5, rate=0.25))
+    bench.port.answer()
+    assert bench.port.driven == [(0.4, -0.25)]
+
+
+def test_attitude_waits_for_the_speed_limit(bench: Bench) -> None:
+    bench.vehicle.parameters.clear()
+    assert "not known" in words(bench.send(attitude(thrust=0.5)))
+    assert performed(bench) == []
+
+
+def test_yaw_and_speed_command_drives(bench: Bench) -> None:
+    assert acks(bench.send(command(213, 90, 0.25, 0))) == [(213, ACCEPTED)]
+    bench.port.answer()
+    assert bench.port.driven == [(0.25, 0.0)]
+
+
+def test_yaw_and_speed_relative_to_the_robot(bench: Bench) -> None:
+    bench.send(command(213, 90, 0.25, 1))
+    bench.port.answer()
+    speed_m_s, yaw_rate_rad_s = bench.port.driven[0]
+    assert speed_m_s == pytest.approx(0.0)
+    assert yaw_rate_rad_s < -1.0
+
+
+@pytest.mark.parametrize("params", [(nan, 1), (inf, 1), (0, nan)])
+def test_yaw_and_speed_must_be_numbers(bench: Bench, params: tuple[float, float]) -> None:
+    assert acks(bench.send(command(213, *params))) == [(213, DENIED)]
+
+
+def test_yaw_and_speed_outside_guided_fails() -> None:
+    assert acks(driving_bench(Mode.HOLD).send(command(213, 90, 0.25))) == [(213, FAILED)]
