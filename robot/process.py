@@ -275,7 +275,7 @@ class RobotProcess:
         answer = self.vehicle.receive(incoming.message, now_ns, incoming.operator)
         self._saved.reply(incoming, incoming.message, answer, now_ns)
         self.reports.record(incoming.message, answer)
-        if self.vehicle.commands.restarts:
+        if self.vehicle.restarts:
             self._restart()
 
     def _rejection(self, incoming: ServiceRequest) -> int:

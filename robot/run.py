@@ -78,7 +78,7 @@ def run(
         finally:
             previous.end(end)
             process.finish()
-    log_line(f"robot {robot}: ends")
+    log_line(f"robot {robot}: ends{' for a restart on request' if vehicle.restarts else ''}")
     return 0
 
 

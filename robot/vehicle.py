@@ -181,6 +181,11 @@ class Vehicle:
         return self.state.machine.vehicle == states.EMERGENCY_STOP
 
     @property
+    def restarts(self) -> bool:
+        """True once an operator has asked for a restart of the process."""
+        return self.commands.restarts
+
+    @property
     def brakes(self) -> bool:
         """True while the motors brake: in a failsafe or an emergency stop."""
         return self.state.machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)

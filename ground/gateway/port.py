@@ -1,11 +1,12 @@
 """What the protocols need of one robot: its newest telemetry, requests, and the lease."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, Protocol
 
 from ground.client.operations import Operation
-from ground.client.results import Outcome
+from ground.client.results import Outcome, Refused
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import (
     CycleReport,
@@ -17,6 +18,15 @@ from protocol.wire.messages import (
     Statustext,
     WheelTicks,
 )
+from protocol.wire.reasons import Reason
+
+HINTS: Final[Mapping[int, str]] = MappingProxyType(
+    {
+        Reason.EMERGENCY_STOPPED: "command 185 with 0 clears it, forced arming too",
+        Reason.NO_GOAL: "Send a goal first",
+    }
+)
+"""Remedies for refusals, as MAVLink ground stations have them."""
 
 
 class Snapshot(NamedTuple):
@@ -51,7 +61,9 @@ class Answered:
 
     @property
     def text(self) -> str:
-        """The outcome or the error, for a person."""
+        """The outcome or the error, for a person with a MAVLink ground station."""
+        if isinstance(self.outcome, Refused):
+            return self.outcome.in_words(HINTS)
         return self.error if self.outcome is None else self.outcome.text
 
 

@@ -2,12 +2,12 @@
 
 from typing import Final
 
-from ground.gateway.port import Snapshot
+from ground.gateway.port import HINTS, Snapshot
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason, reason_text
 
 EMERGENCY_STOPPED: Final = (
-    f"{reason_text(Reason.EMERGENCY_STOPPED)}: command 185 with 0 clears it, forced arming too"
+    f"{reason_text(Reason.EMERGENCY_STOPPED)} ({HINTS[Reason.EMERGENCY_STOPPED]})"
 )
 
 

@@ -14,6 +14,8 @@ SETTLED_NS: Final = 2_000_000_000
 """Time after a restart until the messages about it have arrived and are recorded."""
 RESTART_WAIT_NS: Final = 8_000_000_000
 INTERNAL_ERROR: Final = "internal error: "
+RESTARTS: Final = "ends for a restart on request"
+"""The last words of a robot process that an operator has asked to restart."""
 MAX_CAUSE_CHARS: Final = 200
 
 
@@ -94,5 +96,7 @@ def cause_of(role: str, code: int, words: str) -> str:
         if INTERNAL_ERROR in line:
             core = "a core exception" if role.startswith("robot") else "an exception"
             return f"ended by {core} ({line.partition(INTERNAL_ERROR)[2]})"[:MAX_CAUSE_CHARS]
+    if lines and lines[-1].endswith(RESTARTS):
+        return RESTARTS.replace("ends", "ended")
     last = f": {lines[-1]}" if lines else ""
     return f"exited unexpectedly ({exit_description(code)}{last})"[:MAX_CAUSE_CHARS]

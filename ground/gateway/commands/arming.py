@@ -16,14 +16,15 @@ from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, result_of
 from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
 from ground.gateway.port import Answered
-from ground.gateway.prearm import EMERGENCY_STOPPED, faults
+from ground.gateway.prearm import faults
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
-from protocol.wire.reasons import Reason, reason_text
+from protocol.wire.reasons import Reason
 
 PREARM: Final = "PreArm: "
 """The prefix by which clients recognise why a robot cannot be armed."""
+REFUSED: Final = "refused: "
 
 
 class ArmingCommands:
@@ -54,7 +55,7 @@ class ArmingCommands:
 
     def _arm(self, call: Call, reply: Reply, *, is_forced: bool) -> None:
         def ended(answered: Answered) -> None:
-            words = "" if answered.ok else f"{PREARM}{refusal_in(answered)}"
+            words = "" if answered.ok else f"{PREARM}{answered.text.removeprefix(REFUSED)}"
             reply.result(result_of(answered), words, Severity.CRITICAL)
 
         def arm(answered: Answered) -> None:
@@ -98,17 +99,6 @@ class ArmingCommands:
             self._vehicle.perform(call.sender, ClearEmergencyStop(), reply.ended)
         else:
             reply.result(DENIED, "parameter 1 must be 1 to stop or 0 to clear the emergency stop")
-
-
-def refusal_in(answered: Answered) -> str:
-    """Return why arming was refused, without the words for the command line."""
-    outcome = answered.outcome
-    if not isinstance(outcome, Refused):
-        return answered.text
-    if outcome.reason == Reason.EMERGENCY_STOPPED:
-        return EMERGENCY_STOPPED
-    holder = f": {outcome.holder}" if outcome.holder else ""
-    return f"{reason_text(outcome.reason)}{holder}"
 
 
 def is_disarm(call: Call) -> bool:

@@ -9,14 +9,14 @@ from typing import Final
 
 from ground.client.operations import Hold
 from ground.gateway.motion.pilot import Pilot
-from ground.gateway.motion.velocity import REPEAT_NS, Velocity
+from ground.gateway.motion.velocity import REPEAT_NS, SLOWING_NS, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_S
 
-TIMEOUT_NS: Final = NS_PER_S
+TIMEOUT_NS: Final = NS_PER_S - SLOWING_NS
 
 
 class Stage(Enum):

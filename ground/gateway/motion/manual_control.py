@@ -10,17 +10,17 @@ from typing import Final, NamedTuple
 
 from ground.gateway.catalogue import Source
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.motion.velocity import REPEAT_NS, SPEED, TURN, within
+from ground.gateway.motion.velocity import REPEAT_NS, SLOWING_NS, SPEED, TURN, within
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import ANY, Vehicle
 from protocol.wire.enums import Mode
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_S
 
 FULL: Final = 1000
 NO_AXIS: Final = 0x7FFF
 """The value of an axis that the client does not have."""
-STICK_NS: Final = 500 * NS_PER_MS
-OVERRIDE_NS: Final = 1000 * NS_PER_MS
+STICK_NS: Final = 500 * NS_PER_MS - SLOWING_NS
+OVERRIDE_NS: Final = NS_PER_S - SLOWING_NS
 CHANNELS: Final = 18
 STEERING, THROTTLE = 0, 2
 NEUTRAL_US, HALF_US = 1500, 500

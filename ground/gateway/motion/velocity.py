@@ -12,6 +12,8 @@ TURN: Final = "yaw_max_rad_s"
 """The robot's parameter that limits its turns."""
 REPEAT_NS: Final = 60 * NS_PER_MS
 """Interval of the speeds to the robot, where each lasts 250 ms."""
+SLOWING_NS: Final = 100 * NS_PER_MS
+"""The stop at a time-out is sent so much earlier, because the robot slows down gradually."""
 TURN_GAIN_HZ: Final = 2.0
 """Turn rate per angle to the wanted heading."""
 FASTEST_RAD_S: Final = radians(FASTEST_DEG_S)

@@ -10,6 +10,8 @@ INTERNAL_ERROR = (
     "for the traceback: sidestep --traceback robot ..."
 )
 
+RESTARTED = "robot r1: ready, disarmed\nrobot r1: ends for a restart on request\n"
+
 
 @pytest.mark.parametrize(
     ("role", "code", "words", "expected"),
@@ -20,6 +22,7 @@ INTERNAL_ERROR = (
         ("plant", 1, INTERNAL_ERROR, "ended by an exception (ZeroDivisionError: as wanted"),
         ("plant", 2, "  there is one already\n\n", "(exit code 2: there is one already)"),
         ("robot r1", 0, "", "exited unexpectedly (exit code 0)"),
+        ("robot r1", 0, RESTARTED, "ended for a restart on request"),
     ],
 )
 def test_cause_combines_exit_code_and_output(

@@ -40,7 +40,7 @@ def test_arming_in_an_emergency_stop_names_the_way_out(bench: Bench) -> None:
     show(bench, Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR)
     bench.send(command(ARM, 1))
     bench.port.refuse(Reason.EMERGENCY_STOPPED)
-    assert "185 with 0 clears it" in words(bench.sent())
+    assert "command 185 with 0 clears it" in words(bench.sent())
 
 
 @pytest.mark.parametrize("force", [2989, 21196])

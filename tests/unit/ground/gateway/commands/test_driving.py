@@ -252,3 +252,9 @@ def test_change_speed_out_of_range_is_denied(bench: Bench) -> None:
 @pytest.mark.parametrize(("value", "result"), [(0, ACCEPTED), (1, DENIED)])
 def test_set_reverse(bench: Bench, value: int, result: int) -> None:
     assert acks(bench.send(command(194, value))) == [(194, result)]
+
+
+def test_refusals_name_no_verbs_of_the_command_line(bench: Bench) -> None:
+    bench.send(command(mavlink.MAV_CMD_MISSION_START))
+    bench.port.refuse(Reason.NO_MISSION)
+    assert words(bench.sent()) == "refused: there is no mission to act on"
