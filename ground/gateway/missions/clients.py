@@ -6,12 +6,12 @@ from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 
-ClientKey = tuple[int, int, int]
+ClientKey = tuple[int, int, int, bool]
 
 
 def key_of(sender: Sender) -> ClientKey:
-    """Return what tells clients apart."""
-    return sender.client, sender.system, sender.component
+    """Return what tells clients apart. One that may only watch is never one that may command."""
+    return sender.client, sender.system, sender.component, sender.may_command
 
 
 class Answers:

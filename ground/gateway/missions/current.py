@@ -59,6 +59,7 @@ class CurrentItem:
         self._mission = mission
         self._fence = fence
         self._chosen: int | None = None
+        self._of_mission = 0
         self._sent: tuple[int, ...] | None = None
         self._waiting: set[ClientKey] = set()
         number, group = MissionCurrent.id, mavlink.MAV_DATA_STREAM_EXTENDED_STATUS
@@ -89,8 +90,9 @@ class CurrentItem:
 
         def ended(answered: Answered) -> None:
             if answered.ok:
-                self._chosen = item
-                self.jumped_ns = self._vehicle.snapshot.now_ns
+                snapshot = self._vehicle.snapshot
+                self._chosen, self.jumped_ns = item, snapshot.now_ns
+                self._of_mission = 0 if snapshot.mission is None else snapshot.mission.mission_id
                 self._announce()
             done(answered)
 
@@ -134,7 +136,7 @@ class CurrentItem:
         )
 
     def _is_still_shown(self, status: MissionStatus | None, now_ns: int) -> bool:
-        if status is None:
+        if status is None or status.mission_id != self._of_mission:
             return False
         if now_ns < self.jumped_ns + CROSSING_NS:
             return True

@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from ground.gateway.control import WATCHER
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.missions.clients import Answers, ClientKey, key_of
 from ground.gateway.missions.downloads import Downloads
@@ -9,6 +10,7 @@ from ground.gateway.missions.kinds import ItemKind
 from ground.gateway.missions.results import (
     ACCEPTED,
     CANCELLED,
+    DENIED,
     ERROR,
     SEQUENCE,
     UNSUPPORTED,
@@ -36,6 +38,7 @@ REQUEST_PARTIAL: Final = mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_PARTIAL_LIST
 WRITE_PARTIAL: Final = mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST
 CLEAR: Final = mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL
 ACK: Final = mavlink.MAVLINK_MSG_ID_MISSION_ACK
+CHANGING: Final = (COUNT, WRITE_PARTIAL, CLEAR)
 
 
 class KindTransfers:
@@ -110,7 +113,9 @@ class MissionProtocol:
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Process a message of the mission protocol."""
         number, found = message.mission_type, self._kinds.get(message.mission_type)
-        if message.get_msgId() == CLEAR:
+        if message.get_msgId() in CHANGING and not sender.may_command:
+            self._answers.refuse(sender, number, Refusal(DENIED, WATCHER))
+        elif message.get_msgId() == CLEAR:
             self._clear(number, sender, now_ns)
         elif found is not None:
             found.receive(message, sender, now_ns)

@@ -264,7 +264,8 @@ class Uploads:
 
     def _stored(self, upload: Upload, change: Change[Any], answered: Answered) -> None:
         kind, now_ns, outcome = self._kind, self._vehicle.snapshot.now_ns, answered.outcome
-        in_force = isinstance(outcome, TransferOutcome) and outcome.verdict.in_force
+        is_kept = isinstance(outcome, TransferOutcome) and outcome.verdict.in_force
+        in_force = answered.ok or is_kept
         if in_force:
             kind.accepted(change.values, answered, now_ns)
         if self._upload is not upload:

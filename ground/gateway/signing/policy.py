@@ -39,6 +39,9 @@ WATCHING: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST,
         mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
         mavlink.MAVLINK_MSG_ID_MISSION_ACK,
+        mavlink.MAVLINK_MSG_ID_MISSION_COUNT,
+        mavlink.MAVLINK_MSG_ID_MISSION_WRITE_PARTIAL_LIST,
+        mavlink.MAVLINK_MSG_ID_MISSION_CLEAR_ALL,
         mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,
         mavlink.MAVLINK_MSG_ID_SET_MODE,
         mavlink.MAVLINK_MSG_ID_COMMAND_INT,
@@ -50,8 +53,8 @@ WATCHING: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_SETUP_SIGNING,
     }
 )
-"""Messages that a client without the right to command may send. The protocols of commands and of
-signing refuse by themselves what is more than reading; files are read-only."""
+"""Messages that a client without the right to command may send. The protocols of commands,
+missions and signing refuse by themselves what is more than reading; files are read-only."""
 
 
 @dataclass(slots=True)

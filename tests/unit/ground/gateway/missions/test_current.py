@@ -71,6 +71,12 @@ def test_item_0_is_taken_and_shown(bench: MissionBench) -> None:
     assert streamed(bench).seq == 1
 
 
+def test_new_mission_forgets_the_chosen_item(bench: MissionBench) -> None:
+    bench.send(choose(0))
+    upload(bench, line_of(2))
+    assert streamed(bench).seq == 1
+
+
 def test_command_224_is_acknowledged_and_answered(bench: MissionBench) -> None:
     sent = bench.send(command(SET_CURRENT, 2))
     assert (acks(sent), current(sent)) == ([(SET_CURRENT, 0)], [2])

@@ -167,11 +167,33 @@ def test_client_without_control_cannot_upload(bench: MissionBench) -> None:
     assert "MAVLink 255" in words(found.all)
 
 
-def test_watching_client_cannot_upload(bench: MissionBench) -> None:
-    watcher = CLIENT._replace(may_command=False)
-    found = upload(bench, line_of(2), sender=watcher)
-    assert (found.results, bench.port.performed) == ([DENIED], [])
-    assert WATCHER in words(found.all)
+WATCHING = CLIENT._replace(may_command=False)
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        count(2),
+        mavlink.MAVLink_mission_write_partial_list_message(1, 1, 0, 0, 0),
+        mavlink.MAVLink_mission_clear_all_message(1, 1, 0),
+    ],
+)
+def test_watching_client_changes_nothing(bench: MissionBench, message: MavMessage) -> None:
+    sent = bench.send(message, WATCHING)
+    assert [ack.type for ack in of_type(sent, "MISSION_ACK")] == [DENIED]
+    assert words(sent) == WATCHER
+    assert bench.port.performed == []
+
+
+def test_unsigned_frames_do_not_disturb_an_upload(bench: MissionBench) -> None:
+    bench.send(count(2))
+    for message in (
+        mavlink.MAVLink_mission_ack_message(1, 1, CANCELLED, 0),
+        mavlink.MAVLink_mission_request_list_message(1, 1, 0),
+        item_int(0),
+    ):
+        bench.send(message, WATCHING)
+    assert [one.seq for one in of_type(bench.after(0.5), "MISSION_REQUEST")] == [0]
 
 
 def test_10000_items_are_refused_at_once(bench: MissionBench) -> None:
