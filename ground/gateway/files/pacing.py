@@ -7,8 +7,8 @@ from runtime.units import NS_PER_S
 
 FAST_BYTES_S: Final = 250_000
 """A line without a limit of its own; a client in Python reads more than twice as fast."""
-LINE_SHARE: Final = 0.4
-"""The part of a slow line that transfers may use; telemetry and commands need the rest."""
+LINE_SHARE: Final = 0.3
+"""The part of a slow line that transfers may use; at 57,600 baud the streams take half of it."""
 FULL_NS: Final = 60_000_000
 """Unused budget is kept for so long."""
 

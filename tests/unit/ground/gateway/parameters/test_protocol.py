@@ -9,7 +9,8 @@ from ground.client.operations import SetParameter
 from ground.client.operations.parameters import ParameterChanged
 from ground.client.results import Refused
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.parameters.protocol import MAX_PENDING
+from ground.gateway.files.pacing import LINE_SHARE
+from ground.gateway.parameters.protocol import MAX_PENDING, VALUE_BYTES
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameters.table import TABLE
@@ -84,7 +85,7 @@ def test_list_is_paced_by_the_line_of_each_client() -> None:
             if one.client is not None:
                 counts[one.client] += 1
     assert counts[OTHER.client] == ALL
-    assert 5 <= counts[CLIENT.client] <= 5760 * 0.4 * 0.26 / 37 + 2
+    assert 5 <= counts[CLIENT.client] <= 5760 * LINE_SHARE * 0.26 / VALUE_BYTES + 2
 
 
 def test_parameter_is_read_by_name_and_by_index() -> None:
