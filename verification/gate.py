@@ -81,7 +81,10 @@ def computing(extra: Sequence[str]) -> list[Step]:
         Step("documentation", (*PYTHON, "verification.site")),
         Step("branch coverage", (*PYTHON, "verification.branch_coverage")),
         Step("mutation of the stop", mutation),
-        Step("tests", (*PYTEST, *workers, *BRIEF, "-m", "not stack and not compose", *extra)),
+        Step(
+            "tests",
+            (*PYTEST, *workers, *BRIEF, "-m", "not stack and not compose and not interop", *extra),
+        ),
     ]
 
 

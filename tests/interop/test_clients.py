@@ -1,0 +1,37 @@
+"""Each client does all that a ground station does, over a clean line and over a poor one."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.interop.clients.steps import STEPS
+from tests.interop.environments import Environment, NotInstalledError, environment_of
+from tests.interop.scenario import CLIENTS, Client, keep, read, run
+from tests.interop.vehicle import robot_on_air
+
+pytestmark = pytest.mark.interop
+
+
+@pytest.fixture
+def environment(client: Client) -> Environment | None:
+    """Return the environment of a client that has one of its own."""
+    if client.environment is None:
+        return None
+    try:
+        return environment_of(client.environment)
+    except NotInstalledError as error:
+        pytest.skip(f"{client.name} is not installed: {error}")
+
+
+@pytest.mark.parametrize("line", [pytest.param("clean", marks=pytest.mark.brief), "poor"])
+@pytest.mark.parametrize("client", CLIENTS, ids=[client.name for client in CLIENTS])
+def test_client_completes_every_step(
+    client: Client, line: str, seed: int, environment: Environment | None, tmp_path: Path
+) -> None:
+    with robot_on_air(tmp_path, line, seed) as robot:
+        output = run(client, environment, robot, tmp_path)
+        said = robot.gateway.said
+    found = read(output)
+    keep(client.name, line, seed, found.steps)
+    assert not found.failures, "\n".join([*found.failures, said[-500:]])
+    assert [one["step"] for one in found.steps] == list(STEPS)
