@@ -43,7 +43,10 @@ class Station:
         self, condition: Callable[[], object], what: str, within_s: float = PATIENCE_S
     ) -> None:
         """Receive until a condition holds."""
-        until(condition, f"{what}; {self.seen()}", within_s, self.look)
+        try:
+            until(condition, what, within_s, self.look)
+        except StepError as error:
+            raise StepError(f"{error}; {self.seen()}") from None
 
     def repeat(
         self,

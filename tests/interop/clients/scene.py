@@ -13,7 +13,7 @@ PARAMETER: Final = "V_MAX_M_S"
 VALUE: Final = 0.375
 """What the clients set it to; exact in 32 bits."""
 FLIGHT_TERMINATION: Final = 185
-EMERGENCY: Final = 8
+EMERGENCY: Final = 6
 """MAV_STATE_EMERGENCY."""
 
 

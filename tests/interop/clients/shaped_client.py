@@ -221,14 +221,17 @@ class Script:
         what: str,
     ) -> None:
         every_s = action["every_s"]
-        repeat(
-            act,
-            condition,
-            f"{what}; {self.pilot.seen()}",
-            every_s=every_s,
-            within_s=every_s * action["tries"],
-            look=self.pilot.look,
-        )
+        try:
+            repeat(
+                act,
+                condition,
+                what,
+                every_s=every_s,
+                within_s=every_s * action["tries"],
+                look=self.pilot.look,
+            )
+        except StepError as error:
+            raise StepError(f"{error}; {self.pilot.seen()}") from None
 
 
 def matches(message: Any, wanted: Mapping[str, Any]) -> bool:
