@@ -93,6 +93,14 @@ CONFIG: Final[Mapping[str, Subcommand]] = MappingProxyType(
         "context": Subcommand("list the contexts, or use one from now on", "config context lab"),
     }
 )
+MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
+    {
+        "check": Subcommand(
+            "check a MAVLink vehicle against the list of what clients need",
+            "mavlink check udpout:127.0.0.1:14550",
+        ),
+    }
+)
 WORLDS: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "list": Subcommand("list the shipped worlds", "worlds list"),

@@ -19,7 +19,7 @@ REC: Final = "rec"
 MORE: Final = "groups"
 GROUPS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        RUN: "one process: plant, robot, router, gateway, container, health, bridge",
+        RUN: "one: plant, robot, router, gateway, container, health, bridge",
         REC: "recordings: start, list, mark, export, plot, reexecute",
     }
 )
@@ -341,6 +341,14 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "ground.cli.run.certificates",
             run="run",
             subcommands=subcommand_table.KEYS,
+        ),
+        "mavlink": Verb(
+            MORE,
+            "check any MAVLink vehicle from outside",
+            "mavlink check udpout:127.0.0.1:14550 --rows 1-18",
+            "ground.cli.observe.mavlink",
+            run="run",
+            subcommands=subcommand_table.MAVLINK,
         ),
         "worlds": Verb(
             MORE,

@@ -1,0 +1,102 @@
+"""`mavlink check`: judge a MAVLink vehicle as a black box, row by row."""
+
+import argparse
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from ground.grammar.words import add_json
+from ground.text.output import Output
+from runtime.cli.parsers import add_subcommands
+from runtime.errors import UserError
+
+if TYPE_CHECKING:
+    from ground.vehicle_check.check import Judged, Options
+    from ground.vehicle_check.network import Network
+    from ground.vehicle_check.verdict import Row
+
+MAX_LOSS: Final = 0.9
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the actions of `mavlink`, with their arguments."""
+    check = add_subcommands(parser, "mavlink")["check"]
+    text = "where the vehicle is: udpout:HOST:PORT, tcp:HOST:PORT, or udpin:HOST:PORT to listen"
+    check.add_argument("endpoint", metavar="ENDPOINT", help=text)
+    text = "rows to judge, as in 1-7,19 (default all)"
+    check.add_argument("--rows", metavar="ROWS", help=text)
+    text = "arm and drive the vehicle, stop it and restart it"
+    check.add_argument("--allow-motion", action="store_true", help=text)
+    text = "secret key of the link (32 bytes, or 64 hexadecimal digits), for rows 51-54"
+    check.add_argument("--signing-key", type=Path, metavar="FILE", help=text)
+    text = "share of frames to drop in both directions, as in 0.2"
+    check.add_argument("--loss", type=loss, default=0.0, metavar="SHARE", help=text)
+    text = "seed of the dropped frames (default 1)"
+    check.add_argument("--seed", type=int, default=1, metavar="N", help=text)
+    check.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit file, too")
+    add_json(check)
+
+
+def loss(text: str) -> float:
+    """Parse a share of frames."""
+    try:
+        share = float(text)
+    except ValueError:
+        share = -1.0
+    if 0 <= share <= MAX_LOSS:
+        return share
+    raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0 to {MAX_LOSS:g}")
+
+
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Judge the vehicle; return 0 if no row fails, else 1."""
+    from ground.vehicle_check import report
+    from ground.vehicle_check.check import Options
+    from ground.vehicle_check.network import SocketNetwork
+    from ground.vehicle_check.signing import read_key
+    from ground.vehicle_check.verdict import rows
+
+    chosen = chosen_rows(rows(), options.rows)
+    key = None if options.signing_key is None else read_key(options.signing_key)
+    if options.junit is not None and not options.junit.parent.is_dir():
+        raise UserError(f"--junit {options.junit}: no such folder")
+    choices = Options(options.allow_motion, key, options.loss, options.seed, time.time())
+    judged = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
+    if options.junit is not None:
+        options.junit.write_bytes(report.as_junit(options.endpoint, judged))
+    output.result(report.as_dict(options.endpoint, judged), report.as_text(judged))
+    return 0 if report.is_good(judged) else 1
+
+
+def judged_over(
+    network: "Network", choices: "Options", rows: "Sequence[Row]", output: Output
+) -> "list[Judged]":
+    """Judge over a network, with a live line in a terminal; close the network."""
+    from ground.text.status_parts import Part
+    from ground.vehicle_check.check import judge
+
+    def progress(text: str) -> None:
+        if output.live:
+            output.line([Part(text)])
+
+    try:
+        return judge(network, choices, rows, progress)
+    finally:
+        network.close()
+
+
+def chosen_rows(table: "Mapping[int, Row]", text: str | None) -> "list[Row]":
+    """Return the rows that a text such as 1-7,19 names; UserError if it is none."""
+    if text is None:
+        return list(table.values())
+    numbers: set[int] = set()
+    for part in text.split(","):
+        low, dash, high = part.strip().partition("-")
+        if not (low.isdecimal() and (not dash or high.isdecimal())):
+            raise UserError(f"--rows {text!r}: {part!r} is not a row or a range, as in 1-7,19")
+        numbers |= set(range(int(low), int(high or low) + 1)) & set(range(1, 1000))
+    unknown = sorted(numbers - set(table))
+    if unknown or not numbers:
+        raise UserError(f"--rows {text!r}: rows are 1-{max(table)}")
+    return [row for number, row in table.items() if number in numbers]

@@ -1,0 +1,156 @@
+"""A client of the mission protocol: plans up and down, as the named clients send them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+from ground.vehicle_check.dialect import mavlink
+from ground.vehicle_check.session import Client
+from runtime.units import NS_PER_S
+
+MISSION: Final = mavlink.MAV_MISSION_TYPE_MISSION
+FENCE: Final = mavlink.MAV_MISSION_TYPE_FENCE
+RALLY: Final = mavlink.MAV_MISSION_TYPE_RALLY
+REQUESTS: Final = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
+DEGREES_E7: Final = 1e7
+MAX_ITEMS: Final = 500
+ANSWER_S: Final = 1.0
+RELATIVE: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+
+
+class Item(NamedTuple):
+    """One item of a plan; `x` and `y` are latitude and longitude in 1e-7 degrees."""
+
+    command: int
+    x: int
+    y: int
+    frame: int = RELATIVE
+    params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    z: float = 0.0
+
+
+@dataclass
+class Upload:
+    """How an upload went."""
+
+    result: int | None = None
+    opaque_id: int = 0
+    requests: list[tuple[str, int]] = field(default_factory=list)
+    ended_ns: int = 0
+
+
+def message_of(
+    client: Client, item: Item, seq: int, kind: int, *, as_float: bool = False, current: int = 0
+) -> Any:
+    """Return MISSION_ITEM_INT, or MISSION_ITEM."""
+    station = client.station
+    head = (station.target, station.target_component, seq, item.frame, item.command, current, 1)
+    if as_float:
+        place = (item.x / DEGREES_E7, item.y / DEGREES_E7, item.z)
+        return mavlink.MAVLink_mission_item_message(*head, *item.params, *place, kind)
+    place = (item.x, item.y, item.z)
+    return mavlink.MAVLink_mission_item_int_message(*head, *item.params, *place, kind)
+
+
+def count_message(client: Client, count: int, kind: int) -> Any:
+    """Return MISSION_COUNT."""
+    station = client.station
+    return mavlink.MAVLink_mission_count_message(
+        station.target, station.target_component, count, kind
+    )
+
+
+def upload(
+    client: Client,
+    items: Sequence[Item],
+    kind: int = MISSION,
+    *,
+    as_float: bool = False,
+    ignored: int | None = None,
+    within_s: float = 6.0,
+) -> Upload:
+    """Send a plan as the vehicle asks for it; the first request for item `ignored` is not answered.
+
+    The result is that of MISSION_ACK, None without one.
+    """
+    station, found = client.station, Upload()
+    end_ns = station.now_ns + round(within_s * NS_PER_S)
+    since = client.mark()
+    client.send(count_message(client, len(items), kind))
+    while station.now_ns < end_ns and found.result is None:
+        heard = station.wait(ANSWER_S, lambda: _has_traffic(client, since, kind))  # noqa: B023
+        if not heard and not found.requests:
+            client.send(count_message(client, len(items), kind))
+        if not heard and not station.is_lossy and found.requests and ignored is None:
+            break
+        taken, since = client.log[since:], client.mark()
+        for one in taken:
+            if one.is_lost or getattr(one.message, "mission_type", 0) != kind:
+                continue
+            if one.name in REQUESTS:
+                seq = int(one.message.seq)
+                is_ignored = seq == ignored and (seq not in [at for _, at in found.requests])
+                found.requests.append((one.name, seq))
+                if seq < len(items) and not is_ignored:
+                    item = message_of(client, items[seq], seq, kind, as_float=as_float)
+                    client.send(item)
+            elif one.name == "MISSION_ACK":
+                found.result, found.ended_ns = int(one.message.type), one.at_ns
+                found.opaque_id = int(one.message.opaque_id)
+    return found
+
+
+def _has_traffic(client: Client, since: int, kind: int) -> bool:
+    return any(
+        one.name in (*REQUESTS, "MISSION_ACK")
+        and not one.is_lost
+        and getattr(one.message, "mission_type", 0) == kind
+        for one in client.log[since:]
+    )
+
+
+class Download(NamedTuple):
+    """A plan of the vehicle."""
+
+    items: list[Item]
+    opaque_id: int
+    names: list[str]
+
+
+def download(client: Client, kind: int = MISSION, *, as_float: bool = False) -> Download | None:
+    """Fetch a plan; None if the vehicle does not give it."""
+    station = client.station
+    target = station.target, station.target_component
+    ask = mavlink.MAVLink_mission_request_list_message(*target, kind)
+    count = client.ask(ask, "MISSION_COUNT", lambda one: one.mission_type == kind, ANSWER_S)
+    if count is None or count.message.count > MAX_ITEMS:
+        return None
+    items, names = [], []
+    name = "MISSION_ITEM" if as_float else "MISSION_ITEM_INT"
+    request = "mission_request" if as_float else "mission_request_int"
+    make = getattr(mavlink, f"MAVLink_{request}_message")
+    for seq in range(count.message.count):
+        answer = client.ask(make(*target, seq, kind), name, _numbered(seq), ANSWER_S)
+        if answer is None:
+            return None
+        one = answer.message
+        scale = DEGREES_E7 if as_float else 1
+        params = (one.param1, one.param2, one.param3, one.param4)
+        place = round(one.x * scale), round(one.y * scale)
+        items.append(Item(one.command, *place, one.frame, params, one.z))
+        names.append(answer.name)
+    client.send(mavlink.MAVLink_mission_ack_message(*target, 0, kind))
+    return Download(items, int(count.message.opaque_id), names)
+
+
+def _numbered(seq: int) -> Any:
+    return lambda one: one.seq == seq
+
+
+def clear(client: Client, kind: int) -> int | None:
+    """Delete a plan; return the result of MISSION_ACK."""
+    station = client.station
+    target = station.target, station.target_component
+    message = mavlink.MAVLink_mission_clear_all_message(*target, kind)
+    found = client.ask(message, "MISSION_ACK", lambda one: one.mission_type == kind, 2.0)
+    return None if found is None else int(found.message.type)

@@ -1,0 +1,241 @@
+"""Rows 36, 37, 39-43: commands, their answers and their repetition, without motion."""
+
+from math import nan
+from typing import Final
+
+from ground.vehicle_check.check import Check
+from ground.vehicle_check.dialect import MavMessage, mavlink
+from ground.vehicle_check.missions import MISSION, Item, message_of
+from ground.vehicle_check.rows import driving
+from ground.vehicle_check.rows.plans import moved, outcome, place, sent, small_mission
+from ground.vehicle_check.session import COMPONENT, result_name
+from ground.vehicle_check.verdict import Findings, Verdict, not_tried, row
+from runtime.units import NS_PER_MS
+
+ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
+DENIED: Final = mavlink.MAV_RESULT_DENIED
+UNSUPPORTED: Final = mavlink.MAV_RESULT_UNSUPPORTED
+REPOSITION: Final = mavlink.MAV_CMD_DO_REPOSITION
+NO_COMMAND: Final = 31_998
+AT_ONCE_MS: Final = 100
+BANNER: Final = 42_428
+FORCE: Final = 21_196
+ARMED: Final = "the vehicle is armed: give --allow-motion"
+STEP_M: Final = 0.4
+
+
+def reposition(
+    check: Check, at: tuple[int, int], *, as_int: bool, speed: float = -1.0, flags: int = 0
+) -> MavMessage:
+    """Return DO_REPOSITION with a yaw of NaN, as QGroundControl sends it."""
+    target = check.target, check.station.target_component
+    if as_int:
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        return mavlink.MAVLink_command_int_message(
+            *target, frame, REPOSITION, 0, 0, speed, flags, 0, nan, *at, 0.0
+        )
+    return check.main.command_long(REPOSITION, speed, flags, 0, nan, at[0] / 1e7, at[1] / 1e7, 0)
+
+
+def answer_to(check: Check, message: MavMessage, number: int) -> int | None:
+    """Send a command and return its result."""
+    found = check.main.ask(message, "COMMAND_ACK", lambda ack: ack.command == number)
+    return None if found is None else int(found.message.result)
+
+
+@row(
+    36,
+    "DO_REPOSITION as INT and LONG: DENIED outside GUIDED and for 0/0, NaN yaw, never UNSUPPORTED",
+    suffers="QGroundControl, MAVSDK: goto does nothing or is said to be unsupported",
+)
+def goto(check: Check) -> Verdict:
+    """Send it where it must be denied; with motion, drive a step."""
+    if check.is_armed and not check.options.allow_motion:
+        return not_tried(ARMED)
+    found = Findings()
+    driving.stand(check)
+    at = moved(place(check), STEP_M, 0.0)
+    for name, is_int in (("INT", True), ("LONG", False)):
+        for words, target in (("in HOLD", at), ("0/0", (0, 0))):
+            flags = 0 if target == at else mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE
+            message = reposition(check, target, as_int=is_int, flags=flags)
+            result = answer_to(check, message, REPOSITION)
+            found.expect(result == DENIED, f"{name} {words}: {result_name(result)}")
+    if check.options.allow_motion:
+        driving.expect_goto(check, found, reposition)
+    else:
+        found.fact("driving not tried")
+    return found.verdict()
+
+
+@row(
+    37,
+    "guided item (current = 2) as ITEM and ITEM_INT is answered by MISSION_ACK",
+    suffers="DroneKit simple_goto, MAVProxy, older QGroundControl",
+)
+def guided_item(check: Check) -> Verdict:
+    """Send it outside GUIDED, which is refused; with motion, drive a step."""
+    if check.is_armed and not check.options.allow_motion:
+        return not_tried(ARMED)
+    found = Findings()
+    driving.stand(check)
+    modes = (
+        (("HOLD", False), ("GUIDED", True)) if check.options.allow_motion else (("HOLD", False),)
+    )
+    for mode, is_moving in modes:
+        if is_moving and not driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+            break
+        for as_float in (True, False):
+            item = Item(mavlink.MAV_CMD_NAV_WAYPOINT, *moved(place(check), 0.2, 0.0))
+            message = message_of(check.main, item, 0, MISSION, as_float=as_float, current=2)
+            ack = check.main.ask(message, "MISSION_ACK")
+            result = None if ack is None else int(ack.message.type)
+            is_right = result == mavlink.MAV_MISSION_ACCEPTED if is_moving else result is not None
+            kind = "ITEM" if as_float else "ITEM_INT"
+            found.expect(is_right, f"{kind} in {mode}: {outcome(result)}")
+    driving.stand(check)
+    return found.verdict()
+
+
+@row(
+    39,
+    "MISSION_START with 0, 0 starts; other items are denied or obeyed",
+    suffers="QGroundControl, MAVSDK: mission start",
+)
+def mission_start(check: Check) -> Verdict:
+    """Start beyond the mission's end; with motion, start it."""
+    if check.is_armed and not check.options.allow_motion:
+        return not_tried(ARMED)
+    found = Findings()
+    driving.stand(check)
+    sent(check, small_mission(check))
+    result = check.main.result_of(mavlink.MAV_CMD_MISSION_START, 98, 99)
+    found.expect(result not in (None, ACCEPTED, UNSUPPORTED), f"98-99: {result_name(result)}")
+    if check.options.allow_motion:
+        driving.expect_mission(check, found, by_command=True)
+    else:
+        found.fact("starting not tried")
+    return found.verdict()
+
+
+@row(
+    40,
+    "arming: 21196 forces it; reasons against it as STATUSTEXT 'PreArm: ...'",
+    suffers="QGroundControl shows the reasons by this prefix",
+)
+def arming(check: Check) -> Verdict:
+    """Run the checks; with motion, arm and disarm."""
+    found = Findings()
+    if not check.is_armed:
+        since = check.main.mark()
+        result = check.main.result_of(mavlink.MAV_CMD_RUN_PREARM_CHECKS)
+        found.expect(result == ACCEPTED, f"401: {result_name(result)}")
+        status = check.main.expect("SYS_STATUS", 2.5)
+        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        is_healthy = status is not None and bool(
+            status.message.onboard_control_sensors_health & bit
+        )
+        text = check.texts(since)
+        fact = f"prearm {'healthy' if is_healthy else 'not healthy'}, text {text!r}"
+        found.expect(is_healthy or "PreArm: " in text, fact)
+    if not check.options.allow_motion:
+        found.fact("arming not tried")
+        return found.verdict()
+    driving.stand(check)
+    for value, name in ((1, "arm"), (0, "disarm")):
+        result = check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, value, FORCE)
+        bit = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        check.station.wait(1.5, lambda: check.is_armed is bool(value))  # noqa: B023
+        is_right = result == ACCEPTED and check.is_armed is bool(value)
+        found.expect(is_right, f"{name} by force: {result_name(result)}")
+    return found.verdict()
+
+
+@row(
+    41,
+    "known commands answered, unknown ones UNSUPPORTED within 100 ms",
+    suffers="every client: waits and repeats",
+)
+def answers(check: Check) -> Verdict:
+    """Send commands that change nothing, and one that does not exist."""
+    found = Findings()
+    speed = mavlink.MAV_CMD_DO_CHANGE_SPEED
+    calls: list[tuple[int, tuple[float, ...]]] = [
+        (mavlink.MAV_CMD_REQUEST_MESSAGE, (148,)),
+        (mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (mavlink.MAVLINK_MSG_ID_VFR_HUD, 0)),
+        (mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, (1,)),
+        (mavlink.MAV_CMD_GET_HOME_POSITION, ()),
+        (mavlink.MAV_CMD_RUN_PREARM_CHECKS, ()),
+    ]
+    if not check.is_armed:
+        calls += [
+            (mavlink.MAV_CMD_DO_SET_MODE, (1, check.mode)),
+            (speed, (1, -1, -1)),
+            (mavlink.MAV_CMD_DO_PAUSE_CONTINUE, (0,)),
+        ]
+    results = {number: check.main.result_of(number, *params) for number, params in calls}
+    wrong = {
+        number: result_name(one) for number, one in results.items() if one in (None, UNSUPPORTED)
+    }
+    found.expect(not wrong, f"{len(results)} known commands" + f", wrong: {wrong}" * bool(wrong))
+    start_ns = check.station.now_ns
+    ack = check.main.command(NO_COMMAND)
+    late_ms = (check.station.now_ns - start_ns) / NS_PER_MS
+    result = None if ack is None else ack.message.result
+    is_right = result == UNSUPPORTED and (late_ms <= AT_ONCE_MS or check.station.is_lossy)
+    found.expect(is_right, f"{NO_COMMAND}: {result_name(result)} in {late_ms:.0f} ms")
+    return found.verdict()
+
+
+@row(
+    42,
+    "42428 gives the version as STATUSTEXT; 246 restarts, DENIED when armed",
+    suffers="Mission Planner and MAVProxy banner; DroneKit reboot",
+)
+def banner(check: Check) -> Verdict:
+    """Ask for the banner; with motion, ask an armed vehicle to restart."""
+    found = Findings()
+    since = check.main.mark()
+    result = check.main.result_of(BANNER)
+    check.station.wait(0.5)
+    text = check.texts(since)
+    has_version = any(one.isdigit() for one in text)
+    found.expect(result == ACCEPTED and has_version, f"42428: {result_name(result)} {text!r}")
+    if not check.options.allow_motion:
+        found.fact("restart not tried")
+    elif driving.start(check, mavlink.ROVER_MODE_GUIDED, found):
+        restart = check.main.result_of(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1)
+        found.expect(restart == DENIED, f"246 while armed: {result_name(restart)}")
+        driving.stand(check)
+    return found.verdict()
+
+
+@row(
+    43,
+    "one ACK for each command, to its sender; a repetition is answered and acts once",
+    suffers="QGroundControl repeats commands",
+)
+def one_answer(check: Check) -> Verdict:
+    """Count the answers to a command and to its repetition."""
+    found = Findings()
+    number = mavlink.MAV_CMD_DO_PAUSE_CONTINUE if not check.is_armed else BANNER
+    params = (0.0,)
+    marks = check.main.mark(), check.second.mark()
+    check.main.send(check.main.command_long(number, *params))
+    check.station.wait(0.7)
+    acks = check.main.heard("COMMAND_ACK", marks[0], lambda ack: ack.command == number)
+    found.expect(len(acks) == 1 or check.station.is_lossy, f"{len(acks)} ACK")
+    if acks:
+        one = acks[0].message
+        target = one.target_system, one.target_component
+        found.expect(target == (check.main.system, COMPONENT), f"ACK to {target}")
+    strays = check.second.heard(
+        "COMMAND_ACK",
+        marks[1],
+        lambda ack: ack.command == number and ack.target_system in (0, check.second.system),
+    )
+    found.expect(not strays, f"the other client sees {len(strays)}")
+    repeated = check.main.command_long(number, *params, confirmation=1)
+    ack = check.main.ask(repeated, "COMMAND_ACK", lambda one: one.command == number)
+    found.expect(ack, f"confirmation 1: {'answered' if ack else 'no ACK'}")
+    return found.verdict()

@@ -1,0 +1,88 @@
+"""Rows 14, 25, 48: origin, modes and clocks on request."""
+
+from typing import Final
+
+from ground.vehicle_check.check import Check
+from ground.vehicle_check.dialect import TIMESYNC, ExtraMessage, mavlink
+from ground.vehicle_check.session import COMPONENT, result_name
+from ground.vehicle_check.verdict import Findings, Verdict, failed, passed, row
+
+ORIGIN: Final = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+AVAILABLE_MODES: Final = 435
+CURRENT_MODE: Final = 436
+STAMP_NS: Final = 1_234_567_890_123
+
+
+@row(
+    14,
+    "GPS_GLOBAL_ORIGIN on request 49 and after SET_GPS_GLOBAL_ORIGIN",
+    suffers="mavros, MAVSDK; ArduPilot ignores local setpoints without an origin",
+)
+def origin(check: Check) -> Verdict:
+    """Ask for the origin, and set it to where it is."""
+    found = Findings()
+    answer = check.main.request(ORIGIN, "GPS_GLOBAL_ORIGIN")
+    if answer is None:
+        return failed("512/49: no GPS_GLOBAL_ORIGIN")
+    one = answer.message
+    found.fact(f"origin {one.latitude} {one.longitude}")
+    again = mavlink.MAVLink_set_gps_global_origin_message(
+        check.target, one.latitude, one.longitude, one.altitude
+    )
+    echo = check.main.ask(again, "GPS_GLOBAL_ORIGIN")
+    found.expect(echo, f"SET_GPS_GLOBAL_ORIGIN: {'echoed' if echo else 'no GPS_GLOBAL_ORIGIN'}")
+    if echo is not None:
+        is_same = (echo.message.latitude, echo.message.longitude) == (one.latitude, one.longitude)
+        found.expect(is_same, f"echo {echo.message.latitude} {echo.message.longitude}")
+    return found.verdict()
+
+
+@row(
+    25,
+    "AVAILABLE_MODES and CURRENT_MODE, or UNSUPPORTED at once",
+    suffers="QGroundControl: waits while connecting",
+)
+def modes(check: Check) -> Verdict:
+    """Ask for all modes and for the present one."""
+    asked = mavlink.MAV_CMD_REQUEST_MESSAGE
+    since = check.main.mark()
+    results = [check.main.result_of(asked, one) for one in (AVAILABLE_MODES, CURRENT_MODE)]
+    if results == [mavlink.MAV_RESULT_UNSUPPORTED] * 2:
+        return passed("both UNSUPPORTED")
+    check.station.wait(0.3)
+    found = Findings()
+    heard = check.main.heard("AVAILABLE_MODES", since)
+    listed = {one.message.mode_index: one.message for one in heard}
+    count = next(iter(listed.values())).number_modes if listed else 0
+    names = [one.mode_name.decode("utf-8", "replace") for one in listed.values()]
+    found.expect(listed and len(listed) == count, f"{len(listed)} of {count} modes: {names}")
+    current = check.main.heard("CURRENT_MODE", since)
+    number = current[-1].message.custom_mode if current else None
+    found.expect(number == check.mode, f"CURRENT_MODE {number}, HEARTBEAT {check.mode}")
+    found.fact(f"results {[result_name(one) for one in results]}")
+    return found.verdict()
+
+
+@row(
+    48,
+    "TIMESYNC and PING answered to their sender; SYSTEM_TIME 1 Hz",
+    suffers="mavros, MAVSDK: no common time",
+)
+def clocks(check: Check) -> Verdict:
+    """Send TIMESYNC with a target, and PING."""
+    found = Findings()
+    target = {"target_system": check.target, "target_component": 1}
+    answer = check.main.ask(
+        ExtraMessage(TIMESYNC, ts1=STAMP_NS, **target), "TIMESYNC", lambda one: one.tc1 != 0
+    )
+    if found.expect(answer, f"TIMESYNC: {'answered' if answer else 'no answer'}") and answer:
+        one = answer.message
+        found.expect(one.ts1 == STAMP_NS, f"ts1 {one.ts1}")
+        echoed = one.target_system, one.target_component
+        found.expect(echoed == (check.main.system, COMPONENT), f"TIMESYNC target {echoed}")
+    ping = mavlink.MAVLink_ping_message(STAMP_NS // 1000, 7, 0, 0)
+    pong = check.main.ask(ping, "PING", lambda one: one.seq == 7)
+    got = (pong.message.target_system, pong.message.target_component) if pong else None
+    found.expect(got == (check.main.system, COMPONENT), f"PING answered to {got}")
+    check.expect_rate(found, "SYSTEM_TIME", 1, 1)
+    return found.verdict()

@@ -1,0 +1,74 @@
+"""Signatures of MAVLink 2 frames, made here and not by pymavlink, so that tests can forge them."""
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+from fastcrc.crc16 import mcrf4xx
+
+from runtime.errors import UserError
+
+KEY_LENGTH: Final = 32
+EPOCH_S: Final = 1_420_070_400
+"""2015-01-01, from which the time stamps of signatures count units of 10 us."""
+UNITS_PER_S: Final = 100_000
+
+
+class Signer:
+    """Signs the frames of one link. `timestamp` grows with each frame."""
+
+    def __init__(self, key: bytes, link: int, timestamp: int) -> None:
+        self.key = key
+        self.link = link
+        self.timestamp = timestamp
+
+    def signed(self, frame: bytes) -> bytes:
+        """Return a MAVLink 2 frame with a signature."""
+        crc_extra = _crc_extra(frame)
+        flagged = bytearray(frame)
+        flagged[2] |= 1
+        flagged[-2:] = mcrf4xx(bytes(flagged[1:-2]) + bytes([crc_extra])).to_bytes(2, "little")
+        self.timestamp += 1
+        head = bytes(flagged) + bytes([self.link]) + self.timestamp.to_bytes(6, "little")
+        return head + sha256(self.key + head).digest()[:6]
+
+
+_CRC_EXTRA: Final[dict[bytes, int]] = {}
+"""The byte of the layout by message id."""
+
+
+def _crc_extra(frame: bytes) -> int:
+    """Return the byte of the layout with which a frame's checksum was made."""
+    number = bytes(frame[7:10])
+    if number not in _CRC_EXTRA:
+        checksum, body = int.from_bytes(frame[-2:], "little"), bytes(frame[1:-2])
+        found = (one for one in range(256) if mcrf4xx(body + bytes([one])) == checksum)
+        _CRC_EXTRA[number] = next(found)
+    return _CRC_EXTRA[number]
+
+
+def is_signed_with(frame: bytes, key: bytes) -> bool:
+    """Return True if the signature at the end of a frame was made with this key."""
+    return sha256(key + frame[:-6]).digest()[:6] == frame[-6:]
+
+
+def timestamp_at(unix_s: float) -> int:
+    """Return the time stamp of a signature."""
+    return round((unix_s - EPOCH_S) * UNITS_PER_S)
+
+
+def read_key(path: Path) -> bytes:
+    """Read a key of 32 bytes, raw or as 64 hexadecimal digits; UserError if it is neither."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise UserError(f"{path}: {error.strerror or error}") from error
+    if len(data) == KEY_LENGTH:
+        return data
+    try:
+        key = bytes.fromhex(data.decode("ascii").strip())
+    except ValueError:
+        key = b""
+    if len(key) != KEY_LENGTH:
+        raise UserError(f"{path}: a signing key has 32 bytes, or 64 hexadecimal digits")
+    return key

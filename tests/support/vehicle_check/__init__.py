@@ -1,0 +1,1 @@
+"""Vehicles in this process for tests of the judge."""

@@ -1,0 +1,125 @@
+"""The judge on vehicles of its own: a good one, three broken ones, and a hostile one."""
+
+from functools import cache
+
+import pytest
+
+from ground.vehicle_check.check import Judged, Options, judge
+from ground.vehicle_check.verdict import Status, Verdict, rows
+from runtime.errors import RemoteError
+from tests.support.vehicle_check.broken import (
+    CarelessVehicle,
+    GarbageVehicle,
+    MuteVehicle,
+    YesVehicle,
+)  # fmt: skip
+from tests.support.vehicle_check.core import Core
+from tests.support.vehicle_check.good import GoodVehicle, SigningVehicle
+from tests.support.vehicle_check.memory_network import MemoryNetwork
+
+KEY = SigningVehicle.key
+NUMBERS = list(range(1, 61))
+BROKEN = (MuteVehicle, CarelessVehicle, YesVehicle)
+
+
+class SecondVehicle(CarelessVehicle):
+    """A careless vehicle with another number at the same port."""
+
+    system = 2
+
+
+def judged(*vehicles: Core, numbers: list[int] | None = None, **options: object) -> list[Judged]:
+    """Judge vehicles with all options by default."""
+    choices = Options(allow_motion=True, key=KEY)._replace(**options)  # type: ignore[arg-type]
+    chosen = [row for number, row in rows().items() if numbers is None or number in numbers]
+    return judge(MemoryNetwork(*vehicles), choices, chosen)
+
+
+def by_number(found: list[Judged]) -> dict[int, Verdict]:
+    return {one.row.number: one.verdict for one in found}
+
+
+@cache
+def verdicts_of(kind: type[Core]) -> dict[int, Verdict]:
+    return by_number(judged(kind()))
+
+
+@cache
+def verdicts_of_a_careless_pair() -> dict[int, Verdict]:
+    return by_number(judged(CarelessVehicle(), SecondVehicle(), numbers=[53, 59]))
+
+
+def test_every_row_of_the_list_is_judged() -> None:
+    assert sorted(rows()) == NUMBERS
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_good_vehicle_passes_each_row(number: int) -> None:
+    verdict = verdicts_of(SigningVehicle)[number]
+    wanted = Status.NOT_APPLICABLE if number == 59 else Status.PASS
+    assert verdict.status is wanted, verdict.evidence
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_each_row_fails_on_a_broken_vehicle(number: int) -> None:
+    found = [verdicts_of(kind)[number] for kind in BROKEN]
+    if number == 59:
+        found.append(verdicts_of_a_careless_pair()[number])
+    assert Status.FAIL in [one.status for one in found], found
+
+
+def test_two_good_robots_pass_row_59() -> None:
+    class Second(SigningVehicle):
+        system = 2
+
+    found = by_number(judged(SigningVehicle(), Second(), numbers=[59]))
+    assert found[59].status is Status.PASS
+
+
+def test_without_motion_the_vehicle_is_never_armed() -> None:
+    class Watched(GoodVehicle):
+        was_armed = False
+
+        def command_400(self, params: list[float], peer: object) -> int:
+            self.was_armed = True
+            return super().command_400(params, peer)  # type: ignore[arg-type]
+
+    vehicle = Watched()
+    network = MemoryNetwork(vehicle)
+    started_ns = network.now_ns()
+    found = by_number(judge(network, Options(), list(rows().values())))
+    assert not vehicle.was_armed
+    assert (vehicle.x, vehicle.y) == (0.0, 0.0)
+    assert {number for number, one in found.items() if one.status is Status.NOT_TRIED} == {
+        *(38, 44, 45, 46, 47),
+        *(51, 52, 53, 54),
+    }
+    assert Status.FAIL not in {one.status for one in found.values()}
+    assert (network.now_ns() - started_ns) / 1e9 <= 90
+
+
+def test_own_plans_and_mode_are_restored() -> None:
+    vehicle = GoodVehicle()
+    item = ((3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0), (-353_632_600, 1_491_652_300), 0.0)
+    vehicle.plans[0] = [item, item]
+    judge(MemoryNetwork(vehicle), Options(), [rows()[number] for number in (1, 28, 34)])
+    assert [one[1] for one in vehicle.plans[0]][1:] == [item[1]]
+    assert vehicle.plans[1] == []
+    assert vehicle.mode == 4
+
+
+def test_garbage_among_the_frames_never_ends_the_judge() -> None:
+    found = judged(GarbageVehicle(), key=None)
+    assert [one.row.number for one in found] == NUMBERS
+
+
+def test_no_vehicle_is_an_error_within_seconds() -> None:
+    network = MemoryNetwork()
+    with pytest.raises(RemoteError, match="no heartbeat"):
+        judge(network, Options(), list(rows().values()))
+    assert network.now_ns() <= 7e9
+
+
+def test_loss_of_a_fifth_is_survived_by_the_parameters() -> None:
+    found = by_number(judged(SigningVehicle(), numbers=[1, 19, 21, 27, 41], loss=0.2, seed=3))
+    assert {one.status for one in found.values()} == {Status.PASS}, found
