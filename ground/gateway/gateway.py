@@ -21,10 +21,12 @@ from ground.gateway.vehicle import Face
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS, NS_PER_S
 
-CALM_NS: Final = 50 * NS_PER_MS
-"""Time between two rounds that only send streams: the robot's telemetry has 20 Hz."""
+CALM_NS: Final = 100 * NS_PER_MS
+"""Time between two rounds that only send streams of 10 Hz and less."""
+STREAMS_NS: Final = 50 * NS_PER_MS
+"""The same for faster streams: the robot's telemetry has 20 Hz."""
 BUSY_NS: Final = 20 * NS_PER_MS
-"""Time between two rounds while clients send more than heartbeats, for transfers and retries."""
+"""Time between two rounds while clients send or get more than heartbeats and streams."""
 BUSY_FOR_NS: Final = 2 * NS_PER_S
 
 
@@ -34,17 +36,21 @@ class Pace:
     def __init__(self, now_ns: int) -> None:
         self.due_ns = self._busy_until_ns = now_ns
 
-    def heard(self, number: int, now_ns: int) -> None:
-        """Note the id of a message from a client."""
+    def note(self, number: int, now_ns: int) -> None:
+        """Note the id of a message from a client, or of one to it that is no stream."""
         if number != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             self._busy_until_ns = now_ns + BUSY_FOR_NS
             self.due_ns = min(self.due_ns, now_ns + BUSY_NS)
 
-    def is_due(self, now_ns: int) -> bool:
-        """Return whether a round is due; then plan the next. Missed rounds are skipped."""
+    def is_due(self, now_ns: int, shortest_ns: int = CALM_NS) -> bool:
+        """Return whether a round is due; then plan the next. Missed rounds are skipped.
+
+        `shortest_ns` is the shortest time between two messages of a stream.
+        """
         if now_ns < self.due_ns:
             return False
-        period_ns = BUSY_NS if now_ns < self._busy_until_ns else CALM_NS
+        calm_ns = CALM_NS if shortest_ns >= CALM_NS else STREAMS_NS
+        period_ns = BUSY_NS if now_ns < self._busy_until_ns else calm_ns
         self.due_ns = max(self.due_ns + period_ns, now_ns)
         return True
 
@@ -115,7 +121,8 @@ class Gateway:
         wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
         ready = self._selector.select(min(wait_s, longest_s))
         now_ns = self._clock.now_ns()
-        is_due = self._pace.is_due(now_ns)
+        shortest_ns = min(face.vehicle.shortest_ns for face in self._faces)
+        is_due = self._pace.is_due(now_ns, shortest_ns)
         if is_due:
             self.clients.begin_round(now_ns)
         for endpoint in dict.fromkeys(key.data for key, _ in ready):
@@ -159,7 +166,7 @@ class Gateway:
         message = None if rights is Rights.NONE else link.decode(frame)
         if message is None:
             return
-        self._pace.heard(frame.number, now_ns)
+        self._pace.note(frame.number, now_ns)
         may_command = rights is Rights.COMMAND
         sender = Sender(
             link.number, frame.system, frame.component, may_command, is_signed, loopback
@@ -183,15 +190,17 @@ class Gateway:
         for face in self._faces:
             recorded: set[int] = set()
             for message, number in face.vehicle.outbox.take():
-                self._send_one(face, message, number)
+                self._send_one(face, message, number, now_ns)
                 if self._recorder is not None and id(message) not in recorded:
                     recorded.add(id(message))  # clients may share a message of this round
                     self._recorder.sent(face.vehicle.system, message, now_ns)
         for endpoint in self._endpoints:
             endpoint.flush(now_ns)
 
-    def _send_one(self, face: Face, message: MavMessage, number: int | None) -> None:
+    def _send_one(self, face: Face, message: MavMessage, number: int | None, now_ns: int) -> None:
         is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
+        if not is_stream:
+            self._pace.note(message.get_msgId(), now_ns)
         for client in self.clients:
             if number is None or number == client.link.number:
                 frame = client.link.encode(face.vehicle.system, message, self._guard)

@@ -13,7 +13,7 @@ from ground.gateway.signing.policy import WATCHING
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
-from runtime.units import NS_PER_MS, NS_PER_US
+from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
 ANY: Final = 0
 """The target that addresses every system, or every component."""
@@ -28,6 +28,7 @@ class Vehicle:
     limit. `parameters` are the robot's values by their names, as far as they are known.
     `unix_offset_ns` is the time of day minus the time of this process; None without a clock.
     `commit` is that of this program. `has_fence` is False once the robot is seen to have none.
+    `shortest_ns` is the shortest time between two messages of a stream.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -42,6 +43,7 @@ class Vehicle:
         self.unix_offset_ns: int | None = None
         self.commit = ""
         self.has_fence = True
+        self.shortest_ns = NS_PER_S
         self.catalogue = Catalogue()
         self.outbox = Outbox()
         self.refusals = Refusals(self.outbox)

@@ -6,7 +6,9 @@ from ground.gateway.catalogue import Catalogue
 from runtime.units import NS_PER_MS, NS_PER_S
 
 ROUND_NS: Final = 50 * NS_PER_MS
-"""Time between two rounds of the gateway, or more than that: the robot's telemetry has 20 Hz."""
+"""Shortest time between two messages of a stream: the robot's telemetry has 20 Hz."""
+EARLY_NS: Final = 10 * NS_PER_MS
+"""A stream goes with a round up to this time before it is due, so that jitter skips no message."""
 PHASE_NS: Final = 20 * NS_PER_MS
 MAX_HZ: Final = NS_PER_S / ROUND_NS
 STREAMS_SHARE: Final = 0.9
@@ -26,6 +28,7 @@ class ClientStreams:
         self._periods_ns: dict[int, int] = {}
         self._due_ns: dict[int, int] = {}
         self._next_ns = now_ns
+        self.shortest_ns = NS_PER_S
         self._plan(now_ns)
 
     def set(self, number: int, rate_hz: float, now_ns: int) -> None:
@@ -55,11 +58,12 @@ class ClientStreams:
 
     def take(self, now_ns: int) -> list[int]:
         """Return the messages that are due. A missed one is skipped, not made up for."""
-        if now_ns < self._next_ns:
+        until_ns = now_ns + EARLY_NS
+        if until_ns < self._next_ns:
             return []
         found = []
         for number, due_ns in self._due_ns.items():
-            if due_ns <= now_ns:
+            if due_ns <= until_ns:
                 found.append(number)
                 period_ns = self._periods_ns[number]
                 next_ns = due_ns + period_ns
@@ -81,6 +85,7 @@ class ClientStreams:
                 self._periods_ns[number] = period_ns
                 self._due_ns[number] = now_ns + place * PHASE_NS % period_ns
         self._next_ns = now_ns
+        self.shortest_ns = min(self._periods_ns.values(), default=NS_PER_S)
 
     def _cost(self, rates_hz: dict[int, float]) -> float:
         """Return the bytes per second of all streams, at most."""

@@ -46,6 +46,8 @@ class StreamScheduler:
             for number in () if known is None else known.take(now_ns):
                 for message in vehicle.catalogue.build(number, now_ns):
                     vehicle.outbox.send(message, client)
+        periods_ns = (streams.shortest_ns for streams in self._clients.values())
+        vehicle.shortest_ns = min(periods_ns, default=NS_PER_S)
 
     def forget(self, client: int) -> None:
         """Drop the rates of a client that has gone."""

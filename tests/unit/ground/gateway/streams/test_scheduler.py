@@ -199,3 +199,29 @@ def test_silent_robot_is_not_shown_as_live() -> None:
     found = rates.count(2)
     assert found["SYS_STATUS"] == 4
     assert found["GLOBAL_POSITION_INT"] == found["ATTITUDE"] == found["OBSTACLE_DISTANCE"] == 0
+
+
+@pytest.mark.parametrize("start_ms", [0, 3, 97])
+def test_jitter_of_the_rounds_costs_no_message(start_ms: int) -> None:
+    """Rounds of 100 ms, each up to 5 ms late, send a stream of 10 Hz in every round."""
+    rates = Rates()
+    sent, base_ms = 0, 1000 + start_ms
+    rates.bench.face.due(1_000_000_000)
+    rates.bench.sent()
+    for number in range(1, 101):
+        late_ms = number * 7 % 6
+        rates.bench.face.due((base_ms + 100 * number + late_ms) * 1_000_000)
+        sent += sum(one.get_type() == "ATTITUDE" for one in rates.bench.sent(CLIENT.client))
+    assert sent == pytest.approx(100, abs=1)
+
+
+def test_fast_streams_of_a_client_are_announced() -> None:
+    rates = Rates()
+    rates.count(1)
+    assert rates.bench.vehicle.shortest_ns == 100_000_000
+    rates.set(mavlink.MAVLINK_MSG_ID_ATTITUDE, 50_000)
+    rates.count(1)
+    assert rates.bench.vehicle.shortest_ns == 50_000_000
+    rates.bench.face.forget(CLIENT.client)
+    rates.count(1)
+    assert rates.bench.vehicle.shortest_ns == 100_000_000
