@@ -24,7 +24,7 @@ RESERVED: Final = MappingProxyType(
         "ground": "it is the name of the holder of the certificate `ground`",
     }
     | dict.fromkeys(("router", "plant", "robot", "viewer"), "it is the name of a role")
-    | {"recorder": "it is the name of a role"}
+    | dict.fromkeys(("recorder", "gateway"), "it is the name of a role")
 )
 """Names that no operator can have, with the reason."""
 

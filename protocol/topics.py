@@ -25,6 +25,7 @@ from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
     CycleReport,
+    GatewayStatus,
     GoalRequest,
     GroundTruth,
     Heartbeat,
@@ -241,6 +242,16 @@ MARK: Final = Topic(
     doc="an operator's remark, for recordings",
 )
 
+GATEWAY: Final = Topic(
+    path="op/gateway",
+    messages=(GatewayStatus,),
+    publisher=Role.GROUND,
+    rate_hz=1.0,
+    stale_after_ns=3000 * NS_PER_MS,
+    priority=Priority.DATA_LOW,
+    doc="state of a MAVLink gateway and its clients",
+)
+
 COMMAND: Final = Service(
     path="srv/command",
     requests=(CommandRequest, GoalRequest),
@@ -332,6 +343,7 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     TELEOP,
     STOP,
     MARK,
+    GATEWAY,
 )
 SERVICES: Final = (
     COMMAND,

@@ -10,7 +10,7 @@ from typing import Final
 from ground.certificates.authority import Authority, Pair, hosts_in
 from ground.client.connection import Config
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import OPERATOR, RECORDER, VIEWER
+from protocol.bus.tls.role_grants import GATEWAY, OPERATOR, RECORDER, VIEWER
 from runtime.atomic_file import replace
 from runtime.config import load_shared
 from runtime.errors import UserError
@@ -90,6 +90,7 @@ def roles_of(robots: Sequence[str], operators: Sequence[str]) -> Iterator[tuple[
         yield f"{OPERATOR}{operator}", robots[0], False
     yield VIEWER, robots[0], False
     yield RECORDER, robots[0], False
+    yield GATEWAY, robots[0], False
     for robot in robots:
         yield f"robot-{robot}", robot, True
 

@@ -6,6 +6,8 @@ from contextlib import suppress
 from queue import SimpleQueue
 from typing import Any, Final
 
+from msgspec.structs import replace
+
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
 from ground.client.operations import Operation, Session, Stopped
@@ -18,6 +20,7 @@ from ground.gateway.port import Answered, Done, Snapshot
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
+    GATEWAY,
     LEASE,
     MISSION,
     ODOMETRY,
@@ -30,7 +33,7 @@ from protocol.topics import (
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
-from protocol.wire.messages import Heartbeat, Statustext
+from protocol.wire.messages import GatewayStatus, Heartbeat, Statustext
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_S
 
@@ -50,6 +53,7 @@ class BusPort:
         self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
         self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
+        self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
         self._stick = TeleopSender(link)
         self._ended: SimpleQueue[Ended] = SimpleQueue()
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
@@ -116,6 +120,12 @@ class BusPort:
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""
         self._heartbeats.put(ALIVE)
+
+    def report(self, status: GatewayStatus) -> None:
+        """Publish the state of the gateway, stamped with the robot's time."""
+        newest = self._telemetry.latest(STATUS)
+        stamp_ns = 0 if newest is None else newest[0].time_ns
+        self._reports.put(replace(status, time_ns=stamp_ns))
 
     def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
         """Send speeds for MANUAL once."""

@@ -11,6 +11,7 @@ from typing import Final
 from ground.gateway.bus_port import BusPort
 from ground.gateway.clients.client_table import Client, Clients
 from ground.gateway.clients.framing import Frame
+from ground.gateway.clients.report import Reporter
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
@@ -104,6 +105,7 @@ class Gateway:
         self._wake_up = wake_up
         self._recorder = recorder
         self._pace = Pace(clock.now_ns())
+        self._reporter = Reporter(clock.now_ns())
         self._guard = guard or SigningGuard(time.time_ns)
         self.line_bytes_s: int | None = None
         self._selector = selectors.PollSelector()
@@ -138,6 +140,7 @@ class Gateway:
         if is_due:
             for face in self._faces:
                 face.due(now_ns)
+            self._report(now_ns)
         self._send(now_ns)
 
     def close(self) -> None:
@@ -183,8 +186,18 @@ class Gateway:
             face.join(client.link.number, share)
 
     def _leave(self, client: Client) -> None:
+        self._reporter.left(client.link)
         for face in self._faces:
             face.forget(client.link.number)
+
+    def _report(self, now_ns: int) -> None:
+        """Publish the state of the gateway once a second."""
+        if self._reporter.is_due(now_ns):
+            owners = {face.vehicle.system: face.vehicle.control.owner for face in self._faces}
+            links = [client.link for client in self.clients]
+            statuses = self._reporter.take(links, owners, now_ns)
+            for port, status in zip(self._ports, statuses, strict=True):
+                port.report(status)
 
     def _send(self, now_ns: int) -> None:
         for face in self._faces:
@@ -205,4 +218,5 @@ class Gateway:
             if number is None or number == client.link.number:
                 frame = client.link.encode(face.vehicle.system, message, self._guard)
                 if frame:
+                    self._reporter.sent(face.vehicle.system, len(frame))
                     client.endpoint.send(client.peer, frame, is_stream=is_stream)

@@ -63,4 +63,6 @@ MISSION_STATUS 54115 240 time_ns:Q mission_id:I hold_left_ms:I count:H current:H
 MISSION_VERDICT 54116 40 mission_id:I item:H reason:B mission_type:B
 TICK_INPUTS 54117 143 time_ns:Q now_ms:Q tick:I wheels_seq:I scan_seq:I requests:I scan_age_ms:I
   operator_age_ms:I speed_mm_s:h yaw_rate_mrad_s:h flags:B
+GATEWAY_STATUS 54118 56 time_ns:Q sent_bytes_s:I refused:I malformed:I received_hz:H
+  lost_permille:H system:B clients:B signing:B owner:B
 """

@@ -31,6 +31,7 @@ from protocol.wire.messages_common import (
 )
 from protocol.wire.messages_operator import (
     CommandRequest,
+    GatewayStatus,
     GoalRequest,
     LeaseRequest,
     LeaseStatus,
@@ -60,6 +61,7 @@ __all__ = [
     "CommandLong",
     "CommandRequest",
     "CycleReport",
+    "GatewayStatus",
     "GoalRequest",
     "GroundTruth",
     "Heartbeat",
@@ -136,4 +138,5 @@ MESSAGES: Final[tuple[type[Message], ...]] = (
     MissionStatus,
     MissionVerdict,
     TickInputs,
+    GatewayStatus,
 )

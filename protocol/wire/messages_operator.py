@@ -157,3 +157,31 @@ class MissionVerdict(Message, frozen=True, kw_only=True):
     item: int
     reason: int
     mission_type: int
+
+
+class GatewayStatus(Message, frozen=True, kw_only=True):
+    """State of a MAVLink gateway: all its clients together, and the signatures of their frames.
+
+    Attributes:
+        time_ns: Stamp, clock of the robot. [ns]
+        sent_bytes_s: Bytes sent to all clients, for this robot. [bytes/s]
+        refused: Frames refused since the start: forged, replayed or with a stamp from the future.
+        malformed: Received pieces since the start that were no frame, or one of an unknown message.
+        received_hz: Frames received from all clients. [Hz]
+        lost_permille: Frames from clients that were lost, of 1000.
+        system: MAVLink system id of this robot.
+        clients: Number of clients.
+        signing: Number of clients that sign their frames.
+        owner: System id of the client that commands this robot; 0: none.
+    """
+
+    time_ns: int
+    sent_bytes_s: int
+    refused: int
+    malformed: int
+    received_hz: int
+    lost_permille: int
+    system: int
+    clients: int
+    signing: int
+    owner: int

@@ -33,6 +33,7 @@ OPERATOR_MESSAGES: Final = frozenset(
         "COMMAND_REQUEST",
         "LEASE_REQUEST",
         "LEASE_STATUS",
+        "GATEWAY_STATUS",
         "TELEOP",
         "MISSION_STATUS",
         "MISSION_VERDICT",

@@ -7,6 +7,7 @@ import zenoh
 
 from protocol.bus.network import Network
 from protocol.bus.tls.role_grants import (
+    GATEWAY,
     GROUND,
     OPERATOR,
     PLANT,
@@ -45,6 +46,7 @@ NONE: Final = "any other, or revoked"
 COLUMNS: Final = (
     (VIEWER, VIEWER),
     (RECORDER, RECORDER),
+    (GATEWAY, GATEWAY),
     (GROUND, GROUND),
     (OPERATOR + NAME, f"{OPERATOR}NAME"),
     (PLANT, PLANT),

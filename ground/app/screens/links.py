@@ -8,10 +8,14 @@ from ground.app.panels.status import stop_role
 from ground.app.playback.app_interface import AppInterface
 from ground.app.screens.list_screen import ListScreen
 from ground.app.widgets.rows import Row, Span, faint, head, row
+from ground.client.telemetry import Age
 from ground.station.station import Station
-from protocol.topics import CYCLE, Role
+from protocol.topics import CYCLE, GATEWAY, Role
+from protocol.wire.messages import GatewayStatus
 
 ROLES = (Role.ROBOT, Role.PLANT, Role.GROUND)
+LOSS_PERMILLE = 10
+"""A loss of this many frames of 1000 from MAVLink clients is shown in another colour."""
 
 
 class LinksScreen(ListScreen[LinkRow]):
@@ -89,4 +93,27 @@ def link_lines(station: Station) -> list[Row]:
             head(" lease   "), Span(lease.words, "caution" if lease.others else "text"), faint(left)
         ),
         row(head(" last    "), station.last_command or faint(MISSING)),
+        *gateway_rows(station),
     ]  # fmt: skip
+
+
+def gateway_rows(station: Station) -> list[Row]:
+    """Return the state of the MAVLink gateway in a row; no row if none runs."""
+    seen = station.seen(GATEWAY)
+    status = seen.message
+    if seen.age is Age.GONE or not isinstance(status, GatewayStatus):
+        return []
+    owner = f", {status.owner} commands" if status.owner else ""
+    trouble = status.lost_permille >= LOSS_PERMILLE or bool(status.refused)
+    return [
+        row(
+            head(" mavlink "),
+            f"system {status.system}: {status.clients} client{'' if status.clients == 1 else 's'}"
+            f" ({status.signing} signed){owner}",
+            faint(f"   in {status.received_hz} Hz, out {status.sent_bytes_s / 1000:.1f} kB/s   "),
+            Span(
+                f"{status.lost_permille / 10:.1f} % lost, {status.refused} refused",
+                "caution" if trouble else "text",
+            ),
+        )
+    ]

@@ -5,13 +5,46 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from protocol.topic import RESERVED, ROBOT_NAME, operator_called
-from protocol.topics import MARK, SERVICES, TEXT, TOPICS, Role, Service, Topic, robot_name
+from protocol.topics import (
+    CLOCK_SERVICE,
+    COMMAND,
+    CYCLE,
+    HEARTBEAT,
+    LEASE,
+    LEASE_SERVICE,
+    MARK,
+    MISSION,
+    MISSION_SERVICE,
+    ODOMETRY,
+    PARAMETER,
+    PARAMETERS,
+    SERVICES,
+    SONAR,
+    STATUS,
+    STOP,
+    STOP_SERVICE,
+    TELEOP,
+    TEXT,
+    TOPICS,
+    WHEELS,
+    Role,
+    Service,
+    Topic,
+    robot_name,
+)
+from protocol.topics import (
+    GATEWAY as GATEWAY_STATE,
+)
+from protocol.topics import (
+    OPERATOR as OPERATOR_HEARTBEAT,
+)
 
 ROUTER: Final = "router"
 PLANT: Final = "plant"
 GROUND: Final = "ground"
 VIEWER: Final = "viewer"
 RECORDER: Final = "recorder"
+GATEWAY: Final = "gateway"
 ROBOT: Final = "robot-"
 OPERATOR: Final = "ground-"
 OPEN: Final = "open"
@@ -21,6 +54,29 @@ TRUTH: Final = "truth/"
 FOR_VIEWERS: Final = (TEXT, MARK)
 """Topics whose cached samples a viewer may fetch. The histories of requests and answers are long:
 a viewer receives only new ones."""
+
+GATEWAY_PUTS: Final = (OPERATOR_HEARTBEAT, TELEOP, STOP, GATEWAY_STATE)
+GATEWAY_RECEIVES: Final = (
+    STATUS,
+    ODOMETRY,
+    SONAR,
+    WHEELS,
+    LEASE,
+    MISSION,
+    CYCLE,
+    TEXT,
+    HEARTBEAT,
+)
+GATEWAY_ASKS: Final = (
+    COMMAND,
+    STOP_SERVICE,
+    PARAMETER,
+    PARAMETERS,
+    LEASE_SERVICE,
+    MISSION_SERVICE,
+    CLOCK_SERVICE,
+)
+"""What MAVLink clients need: no ground truth, nothing of other operators, no change of the run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +122,14 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
             fetches=ALL,
             asks=keys(names, open_to_all()),
         ),
+        GATEWAY: Grant(
+            description="commands the robots for MAVLink clients",
+            puts=keys(names, GATEWAY_PUTS, f"{GATEWAY}/*"),
+            subscribes=keys(names, GATEWAY_RECEIVES),
+            fetches=keys(names, (TEXT,)),
+            asks=keys(names, GATEWAY_ASKS, f"{GATEWAY}/*"),
+            shows=tuple(f"{name}/alive/{Role.GROUND.value}/*" for name in names),
+        ),
     }
     for operator in operators:
         description = f"commands the robots as {operator}"
@@ -96,8 +160,8 @@ def operator_name(name: str | None) -> str | None:
     """
     if name is None or name == ROUTER:
         return OPEN
-    if name == GROUND:
-        return GROUND
+    if name in (GROUND, GATEWAY):
+        return name
     return name.removeprefix(OPERATOR) if name.startswith(OPERATOR) else None
 
 

@@ -30,6 +30,7 @@ OURS = {
     "plant": ("sense/", "truth/"),
     "viewer": (),
     "recorder": (),
+    "gateway": ("op/",),
     "robot-r2": (),
     "stranger": (),
 }
@@ -40,6 +41,7 @@ MAY_ASK = {
     "ground-bob": ("srv/", "sim/"),
     "viewer": ("srv/parameters", "sim/world"),
     "recorder": ("srv/parameters", "sim/world"),
+    "gateway": ("srv/",),
 }
 WILD = (
     "{p}/**",

@@ -15,8 +15,9 @@ from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
 from ground.map.scene import MapTarget
 from ground.station.roster import Attention, RosterEntry
-from protocol.topics import STATUS, Role
+from protocol.topics import GATEWAY, STATUS, Role
 from protocol.wire.enums import Vehicle
+from protocol.wire.messages import GatewayStatus
 from runtime.errors import UserError
 from tests.support.tui.fakes import NOTHING, FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
@@ -117,6 +118,24 @@ def test_links_show_processes_and_streams() -> None:
             assert "100.0 % delivered   round trip 12 ms" in stage.words("about")
             assert "tlm/status" in stage.words("rows")
             assert "1 robot, 5 streams" in stage.words("heading")
+
+    play(story)
+
+
+def test_links_show_the_mavlink_gateway_while_it_runs() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            assert "mavlink" not in stage.words("about")
+            status = GatewayStatus(
+                time_ns=0, sent_bytes_s=4_200, refused=7, malformed=0, received_hz=12,
+                lost_permille=15, system=1, clients=2, signing=1, owner=255,
+            )  # fmt: skip
+            stage.station.air.put(GATEWAY, status, stage.station.now_ns)
+            await stage.redraw()
+            words = stage.words("about")
+            assert "system 1: 2 clients (1 signed), 255 commands" in words
+            assert "in 12 Hz, out 4.2 kB/s   1.5 % lost, 7 refused" in words
 
     play(story)
 

@@ -16,7 +16,7 @@ from ground.cli.options import common_of
 from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
 
-NAMES = ("router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2")
+NAMES = ("router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2")
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_a_host_of_a_robot_that_there_is_not_is_refused(
 
 
 def test_client_certificate_is_no_server_certificate(keys: Path) -> None:
-    for name in ("plant", "ground", "viewer", "recorder"):
+    for name in ("plant", "ground", "viewer", "recorder", "gateway"):
         extensions = certificate(keys / f"{name}.pem").extensions
         usage = extensions.get_extension_for_class(x509.ExtendedKeyUsage)
         assert list(usage.value) == [ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -253,5 +253,8 @@ def test_a_secret_does_not_show_in_a_message() -> None:
 def test_json_lists_the_roles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["keys", "new", str(tmp_path / "keys"), "--days", "7", "--json"]) == 0
     printed = capsys.readouterr().out
-    assert '"roles": ["router", "plant", "ground", "viewer", "recorder", "robot-r1"]' in printed
+    assert (
+        '"roles": ["router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1"]'
+        in printed
+    )
     assert "PRIVATE" not in printed

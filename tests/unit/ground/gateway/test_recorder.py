@@ -18,6 +18,7 @@ from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
 from ground.gateway.gateway import Gateway, WakeUp
 from ground.gateway.services import face_of
 from ground.gateway.vehicle import Vehicle
+from protocol.wire.messages import GatewayStatus
 from runtime.clock import Clock
 from runtime.errors import UserError
 from tests.support.gateway.fake_port import ORIGIN, FakePort
@@ -92,6 +93,9 @@ class SimulatedPort(FakePort):
 
     def deliver(self) -> None:
         """End no request."""
+
+    def report(self, status: GatewayStatus) -> None:
+        """Publish nothing."""
 
 
 class Drive:

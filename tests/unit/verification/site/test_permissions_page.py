@@ -6,6 +6,7 @@ from verification.site import permissions_page
 from verification.site.permissions_page import COLUMNS, rows
 
 OPERATORS = {"`ground`", "`ground-NAME`"}
+COMMANDERS = OPERATORS | {"`gateway`"}
 ROUTER = {"`router`"}
 OWN_ROBOT = {"`robot-NAME, of NAME`"}
 
@@ -21,11 +22,13 @@ def able(says: str) -> set[str]:
 @pytest.mark.parametrize(
     ("says", "who"),
     [
-        ("stop the robot and receive", OPERATORS | ROUTER),
-        ("take or seize", OPERATORS | ROUTER),
+        ("stop the robot and receive", COMMANDERS | ROUTER),
+        ("take or seize", COMMANDERS | ROUTER),
         ("command as another operator", ROUTER),
         ("fetch missed commands", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`"}),
-        ("fetch missed texts", OPERATORS | ROUTER | OWN_ROBOT | {"`recorder`", "`viewer`"}),
+        ("fetch missed texts", COMMANDERS | ROUTER | OWN_ROBOT | {"`recorder`", "`viewer`"}),
+        ("receive ground truth", OPERATORS | ROUTER | {"`recorder`", "`viewer`", "`plant`"}),
+        ("pause or score", OPERATORS | ROUTER),
         ("publish sensor data of the robot", ROUTER | {"`plant`"}),
         ("command the wheels", ROUTER | OWN_ROBOT),
         ("be accepted by a robot", ROUTER),

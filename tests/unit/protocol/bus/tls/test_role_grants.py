@@ -20,6 +20,7 @@ from protocol.topics import (
     ANSWERED,
     COMMAND,
     COMMANDED,
+    GATEWAY,
     MARK,
     PARAMETERS,
     RUN,
@@ -31,7 +32,7 @@ from protocol.topics import (
 )
 from runtime.errors import UserError
 
-ALL_ROLES = {"router", "plant", "ground", "viewer", "recorder", "robot-r1", "robot-r2"}
+ALL_ROLES = {"router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2"}
 
 
 def rules(network: Network | None = None) -> dict[str, Any]:
@@ -67,6 +68,18 @@ def test_robot_receives_only_senses_and_commands() -> None:
     robot = grants(("r1", "r2"))["robot-r1"]
     families = {path.split("/")[1] for path in set(robot.subscribes) - set(robot.puts)}
     assert families == {"sense", "op"}
+
+
+def test_gateway_has_the_least_rights_that_its_clients_need() -> None:
+    grant = grants(("r1",))["gateway"]
+    assert not [key for key in grant.subscribes if not key.startswith(("r1/tlm/", "r1/sense/"))]
+    assert not {"r1/sim/run", "r1/sim/world"} & {*grant.asks, *grant.puts}
+    assert all(key.endswith("/gateway/*") for key in (*grant.puts, *grant.asks))
+    assert f"r1/{GATEWAY.path}/gateway/*" in grant.puts
+    assert operator_name("gateway") == "gateway"
+    assert denial("gateway", "r1", COMMAND) == ""
+    assert "may not query sim/run" in denial("gateway", "r1", RUN)
+    assert not may_fetch("gateway", "r1", COMMANDED)
 
 
 def test_publisher_may_subscribe_to_its_own_topics() -> None:
@@ -118,9 +131,14 @@ def test_only_the_router_may_put_or_query_wildcards() -> None:
         if {"put", "query", "reply", "declare_queryable"} & set(rule["messages"]):
             plain = [key.partition("/@adv/")[0] for key in rule["key_exprs"]]
             commands = [key for key in rule["key_exprs"] if "/@adv/" not in key]
-            own = [key.removesuffix("/ground/*").removesuffix("/**") for key in commands]
+            ends = ("/ground/*", "/gateway/*", "/**")
+            own = [
+                next((key.removesuffix(e) for e in ends if key.endswith(e)), key)
+                for key in commands
+            ]
             assert all("*" not in key for key in own), rule["id"]
-            asker = name in ("ground", "viewer", "recorder") or name.startswith("robot-")
+            is_robot = name.startswith("robot-")
+            asker = is_robot or name in ("ground", "viewer", "recorder", "gateway")
             assert asker or all("*" not in key for key in plain), rule["id"]
 
 
@@ -216,7 +234,7 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
         ("ground", "the holder of the certificate `ground`"),
         *(
             (role, "it is the name of a role")
-            for role in ("router", "plant", "robot", "viewer", "recorder")
+            for role in ("router", "plant", "robot", "viewer", "recorder", "gateway")
         ),
         ("Ada", "use 1 to 16 of the characters"),
     ],
