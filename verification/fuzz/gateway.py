@@ -11,23 +11,43 @@ from typing import Any, Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from ground.client.operations import Operation, ShowParameters
+from ground.client.operations import (
+    ClearFence,
+    ClearMission,
+    FenceShown,
+    FetchMission,
+    MissionFetched,
+    Operation,
+    SetFence,
+    ShowFence,
+    ShowParameters,
+    TransferOutcome,
+    UploadMission,
+)
 from ground.client.operations.parameters import ParameterTable
 from ground.client.parameter import parameters_in
 from ground.client.results import Accepted, Outcome, Refused
 from ground.gateway.clients.client_link import ClientLink
-from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.gateway.files.wire import HEADER as FILE_HEADER
 from ground.gateway.files.wire import Opcode
-from ground.gateway.frames.globe import DEFAULT_ORIGIN
+from ground.gateway.frames.globe import DEFAULT_ORIGIN, place_of
 from ground.gateway.port import Answered, Done, Snapshot
 from ground.gateway.services import face_of
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face, Vehicle
-from protocol.wire.enums import GoalState, LeaseAction, Mode, Navigator
+from ground.missions.mission import Circle, Mission, Waypoint
+from ground.missions.transfer import Verdict
+from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator
 from protocol.wire.enums import Vehicle as State
-from protocol.wire.messages import NavigatorStatus, PlanarOdometry, SonarScan, Statustext
+from protocol.wire.messages import (
+    MissionStatus,
+    NavigatorStatus,
+    PlanarOdometry,
+    SonarScan,
+    Statustext,
+)
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.parameters.table import described
@@ -39,6 +59,7 @@ GUARD: Final = SigningGuard(lambda: 0)
 ROUND_NS: Final = 20_000_000
 ROUNDS: Final = (0, 1, 5, 60)
 """Rounds of the gateway after a message, by the lowest bits of its flags."""
+SOME_ROUNDS: Final = 2
 OTHER_CLIENT, SILENT, ARMED, AS_SENT = 0x04, 0x20, 0x40, 0x80
 ANSWERS: Final[tuple[Answered | None, ...]] = (
     Answered(Accepted(1)),
@@ -55,6 +76,16 @@ STATUS: Final[dict[str, Any]] = dict.fromkeys(NavigatorStatus.__struct_fields__,
     "goal": GoalState.NONE,
     "navigator": Navigator.VGM,
     "side": 1,
+}
+MISSION: Final = MissionStatus(
+    time_ns=5, mission_id=1, hold_left_ms=0, count=2, current=0, state=MissionState.READY, reason=0
+)
+WAYPOINTS: Final = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
+KEPT: Final = TransferOutcome(verdict=Verdict(Reason.NONE, None, 1), done="")
+MISSION_ANSWERS: Final[dict[type, Outcome]] = {
+    FetchMission: MissionFetched(Mission(waypoints=WAYPOINTS)),
+    ShowFence: FenceShown(Circle(x_m=0.0, y_m=0.0, radius_m=5.0)),
+    **dict.fromkeys((UploadMission, ClearMission, SetFence, ClearFence), KEPT),
 }
 RECORDING: Final = "20261123T131200Z-r1.tlog"
 PATHS: Final = (
@@ -90,7 +121,7 @@ class SimulatedRobot:
         state = State.ACTIVE if self.flags & ARMED else State.STANDBY
         status = NavigatorStatus(**{**STATUS, "time_ns": now_ns, "vehicle": state})
         place = PlanarOdometry(**{**PLACE, "time_ns": now_ns})  # type: ignore[arg-type]
-        return Snapshot(now_ns, status=status, odometry=place, scan=SCAN)
+        return Snapshot(now_ns, status=status, odometry=place, scan=SCAN, mission=MISSION)
 
     def new_texts(self) -> list[Statustext]:
         """Return no texts."""
@@ -119,9 +150,15 @@ class SimulatedRobot:
         answer = ANSWERS[self.flags >> 3 & 3]
         for _ in range(len(self._waiting) if answer is not None else 0):
             done, operation = self._waiting.popleft()
-            accepts = answer is ANSWERS[0]
             assert answer is not None, "checked above"
-            done(Answered(LIST) if accepts and isinstance(operation, ShowParameters) else answer)
+            done(accepted(operation) if answer is ANSWERS[0] else answer)
+
+
+def accepted(operation: Operation[Any] | None) -> Answered:
+    """Return the answer of a robot that accepts."""
+    if isinstance(operation, ShowParameters):
+        return Answered(LIST)
+    return Answered(MISSION_ANSWERS.get(type(operation), Accepted(1)))
 
 
 def robots_list() -> Outcome:
@@ -237,7 +274,7 @@ def records() -> Sequence[bytes]:
             numbers = (1.0, 0.0, 0.0, 0.0, 5.0, 6.0, 0.0)
             call = mavlink.MAVLink_command_long_message(1, 1, command, 0, *numbers)
             found += [record(call, flags) for flags in (1, ARMED | 1)]
-    return [*found, *file_records(), *parameter_records()]
+    return [*found, *file_records(), *parameter_records(), *mission_records()]
 
 
 def file_records() -> Sequence[bytes]:
@@ -269,6 +306,35 @@ def parameter_records() -> Sequence[bytes]:
             listing + record(mavlink.MAVLink_param_request_read_message(1, 1, name, -1), 3)
         )
     return found
+
+
+def mission_records() -> Sequence[bytes]:
+    """Return whole uploads and partial ones, and downloads."""
+    found: list[tuple[MavMessage, ...]] = []
+    for kind, command in ((0, 16), (1, 5001), (1, 5003)):
+        size = 1 if command == 5003 else 4
+        items = [mission_item(at, command, size, kind) for at in range(size)]
+        listing = mavlink.MAVLink_mission_request_list_message(1, 1, kind)
+        reading = mavlink.MAVLink_mission_request_message(1, 1, 1, kind)
+        partly = mavlink.MAVLink_mission_write_partial_list_message(1, 1, 0, 1, kind)
+        clearing = mavlink.MAVLink_mission_clear_all_message(1, 1, kind)
+        counted = MissionCount(1, 1, size, kind)
+        found += [
+            (counted, *items, items[-1]),
+            (partly, *items[:2]),
+            (listing, reading, clearing, counted),
+        ]
+    return [b"".join(record(one, SOME_ROUNDS) for one in messages) for messages in found]
+
+
+def mission_item(at: int, command: int, size: int, kind: int) -> MavMessage:
+    """Return an item near the origin."""
+    place = place_of(DEFAULT_ORIGIN.latitude_deg, DEFAULT_ORIGIN.longitude_deg)
+    x, y = place.latitude_e7 + 100 * (at // 2), place.longitude_e7 + 100 * (at in (1, 2))
+    given = (0.0 if kind == 0 else float(size), 0.0, 0.0, 0.0)
+    return mavlink.MAVLink_mission_item_int_message(
+        1, 1, at, 3, command, 0, 1, *given, x, y, 0.0, kind
+    )
 
 
 def frames() -> Sequence[bytes]:
