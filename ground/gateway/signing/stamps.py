@@ -14,7 +14,7 @@ from runtime.units import NS_PER_S
 
 EPOCH_S: Final = 1_420_070_400
 """2015-01-01 00:00 UTC as Unix time."""
-NS_PER_STAMP: Final = 10_000
+STAMP_NS: Final = 10_000
 PER_S: Final = 100_000
 SAVED_EVERY: Final = 10 * PER_S
 """The file is written once in this time."""
@@ -32,7 +32,7 @@ class StampClock:
 
     def now(self) -> int:
         """Return the stamp of the present time."""
-        return max(0, self._unix_ns() - EPOCH_S * NS_PER_S) // NS_PER_STAMP
+        return max(0, self._unix_ns() - EPOCH_S * NS_PER_S) // STAMP_NS
 
     def next(self) -> int:
         """Return a stamp for a frame to send: the present time, and later than all before."""
