@@ -95,9 +95,10 @@ def state_of(snapshot: Snapshot, number: int | None = None) -> State:
     if status is None:
         return State(INITIALISING, False, mavlink.MAV_STATE_UNINIT)
     is_armed = status.vehicle == Vehicle.ACTIVE
-    usual = mavlink.MAV_STATE_STANDBY if status.mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE
+    mode = int(status.mode) if number is None else number
+    usual = mavlink.MAV_STATE_STANDBY if mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE
     system_status = EMERGENCIES.get(Vehicle(status.vehicle), usual)
-    return State(int(status.mode) if number is None else number, is_armed, system_status)
+    return State(mode, is_armed, system_status)
 
 
 def current_mode(number: int) -> MavMessage:

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from typing import Final, NamedTuple, Protocol
 
-from runtime.errors import UserError
+from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
 LARGEST: Final = 65_535
@@ -94,7 +94,7 @@ class SocketNetwork:
         return time.monotonic_ns()
 
     def open(self) -> int:
-        """Open one more connection; UserError if the address cannot be used."""
+        """Open one more connection; UserError or RemoteError if that fails."""
         number = len(self._sockets)
         kind = socket.SOCK_STREAM if self.is_stream else socket.SOCK_DGRAM
         made = socket.socket(socket.AF_INET, kind)
@@ -107,7 +107,8 @@ class SocketNetwork:
                 made.bind(target)
         except OSError as error:
             made.close()
-            raise UserError(f"{self._text}: {error.strerror or error}") from error
+            kind_of_error = RemoteError if self.is_stream else UserError
+            raise kind_of_error(f"{self._text}: {error.strerror or error}") from error
         made.setblocking(False)
         self._sockets.append(made)
         self._selector.register(made, selectors.EVENT_READ, number)

@@ -1,5 +1,6 @@
 """Signatures of MAVLink 2 frames, made here and not by pymavlink, so that tests can forge them."""
 
+import re
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
@@ -9,6 +10,8 @@ from fastcrc.crc16 import mcrf4xx
 from runtime.errors import UserError
 
 KEY_LENGTH: Final = 32
+HEXADECIMAL: Final = re.compile("[0-9a-fA-F]{64}")
+MAX_PASSPHRASE: Final = 200
 EPOCH_S: Final = 1_420_070_400
 """2015-01-01, from which the time stamps of signatures count units of 10 us."""
 UNITS_PER_S: Final = 100_000
@@ -58,7 +61,11 @@ def timestamp_at(unix_s: float) -> int:
 
 
 def read_key(path: Path) -> bytes:
-    """Read a key of 32 bytes, raw or as 64 hexadecimal digits; UserError if it is neither."""
+    """Read a key: 32 raw bytes, 64 hexadecimal digits, or a passphrase.
+
+    The key of a passphrase is its SHA-256, as in MAVProxy, Mission Planner and QGroundControl.
+    UserError if the file holds none of them.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -66,9 +73,12 @@ def read_key(path: Path) -> bytes:
     if len(data) == KEY_LENGTH:
         return data
     try:
-        key = bytes.fromhex(data.decode("ascii").strip())
-    except ValueError:
-        key = b""
-    if len(key) != KEY_LENGTH:
-        raise UserError(f"{path}: a signing key has 32 bytes, or 64 hexadecimal digits")
-    return key
+        text = data.decode("utf-8").strip()
+    except UnicodeDecodeError:
+        text = ""
+    if HEXADECIMAL.fullmatch(text):
+        return bytes.fromhex(text)
+    if not text or len(text) > MAX_PASSPHRASE or "\n" in text:
+        words = "32 bytes, 64 hexadecimal digits, or one line with a passphrase"
+        raise UserError(f"{path}: a signing key is {words}")
+    return sha256(text.encode()).digest()

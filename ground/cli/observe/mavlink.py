@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument("--rows", metavar="ROWS", help=text)
     text = "arm and drive the vehicle, stop it and restart it"
     check.add_argument("--allow-motion", action="store_true", help=text)
-    text = "secret key of the link (32 bytes, or 64 hexadecimal digits), for rows 51-54"
+    text = "secret key of the link: hexadecimal digits or a passphrase, for rows 51-54"
     check.add_argument("--signing-key", type=Path, metavar="FILE", help=text)
     text = "share of frames to drop in both directions, as in 0.2"
     check.add_argument("--loss", type=loss, default=0.0, metavar="SHARE", help=text)

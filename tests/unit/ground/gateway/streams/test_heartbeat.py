@@ -2,7 +2,9 @@
 
 import pytest
 
+from ground.gateway.ardupilot import state_of
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.port import Snapshot
 from ground.gateway.streams.heartbeat import HeartbeatStream
 from protocol.wire.enums import Mode, Vehicle
 from tests.support.gateway.fake_port import Bench
@@ -57,3 +59,17 @@ def test_silent_robot_is_not_shown_as_live() -> None:
     assert found.system_status == mavlink.MAV_STATE_UNINIT
     assert not found.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     assert found.custom_mode == mavlink.ROVER_MODE_INITIALIZING
+
+
+@pytest.mark.parametrize(
+    ("robot", "shown", "expected"),
+    [
+        (Mode.HOLD, Mode.GUIDED, mavlink.MAV_STATE_ACTIVE),
+        (Mode.GUIDED, Mode.HOLD, mavlink.MAV_STATE_STANDBY),
+    ],
+)
+def test_state_is_that_of_the_mode_that_clients_see(
+    robot: Mode, shown: Mode, expected: int
+) -> None:
+    found = state_of(Snapshot(0, status=status(mode=robot)), int(shown))
+    assert (found.mode, found.system_status) == (shown, expected)
