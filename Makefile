@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test mutation bench generate docs pictures generate-docs clean afresh
+.PHONY: help setup up test interop clients-table mutation bench generate docs pictures generate-docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -83,6 +83,16 @@ bench: setup
 test: setup
 	@PATH="$(BIN):$$PATH"
 	exec "$(BIN)/python" -m verification.gate $(if $(CI),--no-skips)
+
+# A client that cannot be installed is skipped with the reason, and fails with CI set. Each client
+# drives a robot in real time: at most two at once.
+interop: setup
+	@PATH="$(BIN):$$PATH"
+	exec "$(BIN)/python" -m pytest -q -n 2 -m interop $(if $(CI),--no-skips) $(ARGS) tests/interop
+
+# From the results of `make interop`.
+clients-table: setup
+	@exec "$(BIN)/python" -m verification.site.clients_table
 
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup

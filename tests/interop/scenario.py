@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -99,10 +98,13 @@ def read(output: str) -> Scenario:
     return Scenario(steps, begun, code, others)
 
 
-def keep(client: str, line: str, seed: int, steps: Sequence[dict[str, Any]]) -> None:
-    """Add the results of a run to the file that the table of the documentation is made from."""
+def keep(client: str, line: str, seed: int, output: str, scenario: Scenario) -> None:
+    """Add a run to the results that the documentation has a table of, and keep its output."""
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
-    found = [{key: one[key] for key in ("step", "passed", "seconds")} for one in steps]
+    log = RESULTS.with_name(f"{client}-{line}-{seed}.log")
+    log.write_text(output, encoding="utf-8")
+    keys = ("step", "passed", "seconds")
+    found = [{key: one[key] for key in keys} for one in scenario.steps]
     row = {"client": client, "line": line, "seed": seed, "steps": found}
     with RESULTS.open("a", encoding="utf-8") as file:
         file.write(json.dumps(row) + "\n")

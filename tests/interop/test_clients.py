@@ -32,6 +32,6 @@ def test_client_completes_every_step(
         output = run(client, environment, robot, tmp_path)
         said = robot.gateway.said
     found = read(output)
-    keep(client.name, line, seed, found.steps)
+    keep(client.name, line, seed, output, found)
     assert not found.failures, "\n".join([*found.failures, said[-500:]])
     assert [one["step"] for one in found.steps] == list(STEPS)

@@ -99,8 +99,8 @@ class MavProxy:
         self.repeat(lines, lambda: self.printed(pattern, since), f"output {pattern!r}", within_s)
 
     def end(self) -> None:
-        """End the process."""
-        self._process.terminate()
+        """End the process, which at SIGTERM only waits for the next line at its prompt."""
+        self._process.kill()
         self._process.wait()
 
     def _quote(self, wait: Callable[[], object]) -> None:
@@ -183,7 +183,7 @@ def drive(proxy: MavProxy, steps: Steps, start: Place, folder: Path) -> None:
         proxy.repeat(["mode AUTO"], lambda: seen.mode == "AUTO", "mode AUTO")
         proxy.until(lambda: seen.is_at(places[-1]), "the last waypoint", 50.0)
     with steps.step("goto"):
-        lines = ["mode GUIDED", f"guided {there.latitude:.7f} {there.longitude:.7f} 0"]
+        lines = [f"guided {there.latitude:.7f} {there.longitude:.7f} 0"]
         proxy.repeat(lines, lambda: seen.is_at(there), "the place", 50.0, every_s=15.0)
     with steps.step("mode"):
         since = len(proxy.lines)
