@@ -65,7 +65,6 @@ class Call(NamedTuple):
     port: int
     recording: Path
     folder: Path
-    is_lossy: bool
 
     @property
     def address(self) -> str:
@@ -85,6 +84,5 @@ def called() -> Call:
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--recording", type=Path, required=True)
     parser.add_argument("--folder", type=Path, required=True)
-    parser.add_argument("--lossy", action="store_true")
     found = parser.parse_args()
-    return Call(found.host, found.port, found.recording, found.folder, found.lossy)
+    return Call(found.host, found.port, found.recording, found.folder)
