@@ -5,6 +5,7 @@ import selectors
 import socket
 import time
 from contextlib import suppress
+from ipaddress import ip_address
 from typing import Final, NamedTuple, Protocol
 
 from runtime.errors import RemoteError, UserError
@@ -30,6 +31,10 @@ class Network(Protocol):
     @property
     def is_stream(self) -> bool:
         """True for connections that deliver without loss, such as TCP."""
+
+    @property
+    def is_loopback(self) -> bool:
+        """True if the vehicle is on this machine."""
 
     def now_ns(self) -> int:
         """Return the time."""
@@ -88,6 +93,11 @@ class SocketNetwork:
     def is_stream(self) -> bool:
         """True for TCP."""
         return self._address.kind == "tcp"
+
+    @property
+    def is_loopback(self) -> bool:
+        """True for an address of this machine only."""
+        return ip_address(self._host).is_loopback
 
     def now_ns(self) -> int:
         """Return the monotonic time."""

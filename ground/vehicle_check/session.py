@@ -143,7 +143,8 @@ class Client:
             if frame is None:
                 self.malformed += 1
                 continue
-            self.station.systems.add(frame.system)
+            if frame.name == "HEARTBEAT" and frame.message.type != mavlink.MAV_TYPE_GCS:
+                self.station.systems.add(frame.system)
             self.station.forwarded_keys += frame.name == "SETUP_SIGNING"
             is_target = self.station.target in (0, frame.system)
             if is_target and len(self.log) < MAX_LOG:

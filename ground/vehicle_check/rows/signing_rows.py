@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Final
+from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import mavlink
+from ground.vehicle_check.rows import driving
 from ground.vehicle_check.rows.log_rows import entries
-from ground.vehicle_check.session import result_name
+from ground.vehicle_check.session import Client, result_name
 from ground.vehicle_check.signing import (
     KEY_LENGTH,
     UNITS_PER_S,
@@ -22,6 +23,7 @@ ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 SPEED: Final = mavlink.MAV_CMD_DO_CHANGE_SPEED
 NEEDED: Final = "needs --signing-key FILE"
 WRONG_KEY: Final = bytes(range(KEY_LENGTH))
+NO_KEY: Final = bytes(KEY_LENGTH)
 NEW_KEY: Final = bytes(reversed(range(100, 100 + KEY_LENGTH)))
 YEAR_UNITS: Final = 365 * 24 * 3600 * UNITS_PER_S
 WITHIN_S: Final = 1.5
@@ -66,11 +68,11 @@ def stranger(check: Check) -> Verdict:
     return found.verdict()
 
 
-def _setup(check: Check, key: bytes) -> None:
+def _setup(check: Check, client: Client, key: bytes) -> None:
     target = check.target, check.station.target_component
     message = mavlink.MAVLink_setup_signing_message(*target, list(key), stamp(check))
     for _ in range(2):
-        check.main.send(message)
+        client.send(message)
 
 
 def _signed_soon(check: Check, key: bytes | None) -> bool:
@@ -93,34 +95,76 @@ def _signed_soon(check: Check, key: bytes | None) -> bool:
 )
 @with_key
 def setup(check: Check) -> Verdict:
-    """Exchange the key, and set the old one again."""
+    """Exchange the key and set the old one again; let a stranger try; end signing, and begin it."""
     if check.is_armed:
         return not_tried("the vehicle is armed")
-    found, old = Findings(), check.options.key or b""
-    check.facts["other mark"] = check.second.mark()
-    _setup(check, NEW_KEY)
+    found = Findings()
+    _setup(check, check.main, NEW_KEY)
     is_new = _signed_soon(check, NEW_KEY)
     found.expect(is_new, f"HEARTBEAT with the new key: {is_new}")
     if is_new:
-        check.main.signer = Signer(NEW_KEY, 1, stamp(check))
-        _setup(check, old)
-        is_old = _signed_soon(check, old)
-        found.expect(is_old, f"HEARTBEAT with the old key: {is_old}")
+        _restore(check, found, NEW_KEY)
+    _expect_no_strangers_key(check, found)
+    _expect_end(check, found)
+    if check.options.allow_motion and driving.start(check, driving.GUIDED, found):
+        since = check.main.mark()
+        _setup(check, check.main, NEW_KEY)
+        is_taken = _signed_soon(check, NEW_KEY)
+        found.expect(not is_taken, f"while armed {'taken' if is_taken else 'refused'}")
+        found.expect(_refused(check.main, since), f"text {check.texts(since)!r}")
+        driving.stand(check)
+        if is_taken:
+            _restore(check, found, NEW_KEY)
+    return found.verdict()
+
+
+def _restore(check: Check, found: Findings, present: bytes) -> None:
+    """Set the old key with a present one."""
+    old = check.options.key or b""
+    check.main.signer = Signer(present, 1, stamp(check)) if any(present) else None
+    _setup(check, check.main, old)
+    is_old = _signed_soon(check, old)
+    found.expect(is_old, f"HEARTBEAT with the old key: {is_old}")
     check.main.signer = Signer(old, 1, stamp(check))
+
+
+def _expect_no_strangers_key(check: Check, found: Findings) -> None:
+    """Send a key without a signature; only a vehicle on this machine may take it."""
     stranger = check.station.connect()
     stranger.signer = None
-    target = check.target, check.station.target_component
+    stranger.beat(check.station.now_ns)
     since = stranger.mark()
-    stranger.send(mavlink.MAVLink_setup_signing_message(*target, list(WRONG_KEY), stamp(check)))
-    check.station.wait(1.2)
-    frames = check.main.heard(
-        "HEARTBEAT", check.main.mark() - 200 if check.main.mark() > 200 else 0
-    )
-    is_taken = any(one.is_signed and is_signed_with(one.raw, WRONG_KEY) for one in frames)
-    found.expect(not is_taken, f"a stranger's key: {'taken' if is_taken else 'refused'}")
-    found.fact(f"text {check.texts(since, stranger)!r}")
+    _setup(check, stranger, WRONG_KEY)
+    if _signed_soon(check, WRONG_KEY):
+        fact = "a stranger's key: taken"
+        found.expect(check.station.network.is_loopback, f"{fact} (loopback may)")
+        _restore(check, found, WRONG_KEY)
+    else:
+        text = check.texts(since, stranger)
+        found.expect(_refused(stranger, since), f"a stranger's key: refused, text {text!r}")
     stranger.beats = False
-    return found.verdict()
+
+
+def _expect_end(check: Check, found: Findings) -> None:
+    """End signing by a key of zeros; a vehicle that needs signing may refuse it in words."""
+    since = check.main.mark()
+    _setup(check, check.main, NO_KEY)
+    if _signed_soon(check, None):
+        found.fact("a key of zeros: HEARTBEAT unsigned")
+        _restore(check, found, NO_KEY)
+    else:
+        text = check.texts(since)
+        found.expect(_refused(check.main, since), f"a key of zeros: text {text!r}")
+
+
+def _refused(client: Client, since: int) -> bool:
+    """Return True after a STATUSTEXT of severity ERROR with the word that QGroundControl needs."""
+
+    def is_refusal(one: Any) -> bool:
+        words = one.text if isinstance(one.text, str) else one.text.decode("utf-8", "replace")
+        return one.severity <= mavlink.MAV_SEVERITY_ERROR and "signing" in words.lower()
+
+    return bool(client.heard("STATUSTEXT", since, is_refusal))
 
 
 @row(

@@ -215,7 +215,12 @@ class SigningVehicle(GoodVehicle):
         """Check the signature, then the time stamp."""
         if name in STRANGERS_MAY:
             return True
+        is_begin = self.signer is None and name == "SETUP_SIGNING"
+        if is_begin:
+            return True
         if self.signer is None or not raw[2] & 1 or not is_signed_with(raw, self.signer.key):
+            if name == "SETUP_SIGNING":
+                self.text("signing: refused to a stranger", peer, 3)
             return False
         stamp, link = int.from_bytes(raw[-12:-6], "little"), (peer.number, raw[-13])
         is_new = stamp > self.stamps.get(link, 0)
@@ -223,6 +228,9 @@ class SigningVehicle(GoodVehicle):
         return is_new
 
     def on_setup_signing(self, message: Any, peer: Peer) -> None:
-        assert self.signer is not None
-        self.signer = Signer(bytes(message.secret_key), 0, self.signer.timestamp)
+        key = bytes(message.secret_key)
+        if self.is_armed:
+            self.text("signing: not while armed", peer, 3)
+            return
+        self.signer = Signer(key, 0, 1_000) if any(key) else None
         self.stream("HEARTBEAT", None)

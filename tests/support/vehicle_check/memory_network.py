@@ -23,6 +23,7 @@ class MemoryNetwork:
     """Connections to vehicles in this process; the time advances only while the judge waits."""
 
     is_stream = False
+    is_loopback = False
 
     def __init__(self, *vehicles: InProcessVehicle) -> None:
         self._vehicles = vehicles
