@@ -9,14 +9,14 @@ from typing import Final
 
 from ground.client.operations import Hold
 from ground.gateway.motion.pilot import Pilot
-from ground.gateway.motion.velocity import REPEAT_NS, SLOWING_NS, Velocity
+from ground.gateway.motion.velocity import LIFE_NS, REPEAT_NS, Velocity
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
 from runtime.units import NS_PER_S
 
-TIMEOUT_NS: Final = NS_PER_S - SLOWING_NS
+TIMEOUT_NS: Final = NS_PER_S
 
 
 class Stage(Enum):
@@ -54,8 +54,10 @@ class GuidedDrive:
         return self._stage is not Stage.IDLE
 
     def end(self) -> None:
-        """Stop following speeds in the next round, because a goal follows."""
-        self._velocity, self._until_ns = Velocity(), 0
+        """Stop following speeds, because a goal follows."""
+        self._until_ns = 0
+        if self._stage is Stage.DRIVING:
+            self._stop()
 
     def due(self, now_ns: int) -> None:
         """Repeat the speeds, or end the drive."""
@@ -73,10 +75,9 @@ class GuidedDrive:
             modes.show_own()
             self._vehicle.port.perform(Hold(), lambda _: None)
         elif now_ns >= self._until_ns:
-            self._stop()
             self._stage = Stage.LEAVING
             self._pilot.await_goal(sender, self._left)
-        elif now_ns - self._sent_ns >= REPEAT_NS:
+        elif now_ns - self._sent_ns >= REPEAT_NS and now_ns <= self._until_ns - LIFE_NS:
             self._drive()
 
     def _enter(self) -> None:

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from ground.gateway.catalogue import Source
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.motion.velocity import REPEAT_NS, SLOWING_NS, SPEED, TURN, within
+from ground.gateway.motion.velocity import LIFE_NS, REPEAT_NS, SPEED, TURN, within
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import ANY, Vehicle
 from protocol.wire.enums import Mode
@@ -19,8 +19,8 @@ from runtime.units import NS_PER_MS, NS_PER_S
 FULL: Final = 1000
 NO_AXIS: Final = 0x7FFF
 """The value of an axis that the client does not have."""
-STICK_NS: Final = 500 * NS_PER_MS - SLOWING_NS
-OVERRIDE_NS: Final = NS_PER_S - SLOWING_NS
+STICK_NS: Final = 500 * NS_PER_MS
+OVERRIDE_NS: Final = NS_PER_S
 CHANNELS: Final = 18
 STEERING, THROTTLE = 0, 2
 NEUTRAL_US, HALF_US = 1500, 500
@@ -83,17 +83,18 @@ class ManualControl:
             self._override(message, sender, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Repeat the speeds; stop when they end."""
+        """Repeat the speeds while they last."""
         if self._overrider is not None and now_ns - self._overridden_ns >= OVERRIDE_NS:
             self._release()
         stick = self._stick
         if stick is None:
             return
-        if not (self._is_manual and self._vehicle.control.holds(stick.sender)):
+        if (
+            not (self._is_manual and self._vehicle.control.holds(stick.sender))
+            or now_ns >= stick.until_ns
+        ):
             self._stick = None
-        elif now_ns >= stick.until_ns:
-            self._stop()
-        elif now_ns - self._sent_ns >= REPEAT_NS:
+        elif now_ns - self._sent_ns >= REPEAT_NS and now_ns <= stick.until_ns - LIFE_NS:
             self._drive(stick, now_ns)
 
     def forget(self, client: int) -> None:

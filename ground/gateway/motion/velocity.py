@@ -3,7 +3,7 @@
 from math import cos, pi, radians, remainder
 from typing import Final, NamedTuple
 
-from ground.client.operations.teleop import FASTEST_DEG_S, FASTEST_M_S
+from ground.client.operations.teleop import FASTEST_DEG_S, FASTEST_M_S, TTL_MS
 from runtime.units import NS_PER_MS
 
 SPEED: Final = "v_max_m_s"
@@ -11,9 +11,10 @@ SPEED: Final = "v_max_m_s"
 TURN: Final = "yaw_max_rad_s"
 """The robot's parameter that limits its turns."""
 REPEAT_NS: Final = 60 * NS_PER_MS
-"""Interval of the speeds to the robot, where each lasts 250 ms."""
-SLOWING_NS: Final = 100 * NS_PER_MS
-"""The stop at a time-out is sent so much earlier, because the robot slows down gradually."""
+"""Interval of the speeds to the robot."""
+LIFE_NS: Final = TTL_MS * NS_PER_MS
+"""Each lasts so long, then the robot stops without a ramp. So the last one is sent this long before
+a time-out, and the wheels stop at the time-out even if the gateway does not run any more."""
 TURN_GAIN_HZ: Final = 2.0
 """Turn rate per angle to the wanted heading."""
 FASTEST_RAD_S: Final = radians(FASTEST_DEG_S)

@@ -9,6 +9,7 @@ from ground.client.operations import (
     Hold,
     Mark,
     Operation,
+    Restart,
     SetMode,
     SetNavigator,
     StopNow,
@@ -92,6 +93,7 @@ def test_silence_is_given_up_after_the_time_allowed() -> None:
             (Command.SIDESTEP_SET_NAVIGATOR, float(Navigator.BUG), -1.0),
         ),
         (Arm(), (Command.COMPONENT_ARM_DISARM, 1.0, 0.0)),
+        (Restart(), (Command.PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0)),
     ],
 )
 def test_values_become_the_parameters_of_the_command(

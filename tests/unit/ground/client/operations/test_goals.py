@@ -73,6 +73,17 @@ def test_standing_robot_is_armed_first() -> None:
     assert stage.notes.notes[0] == "armed"
 
 
+@pytest.mark.parametrize("attended", [True, False])
+def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
+    replies = [Reason.NOT_ARMED] if attended else [Reason.NONE, Reason.NOT_ARMED]
+    stage = Stage(*replies, attended=attended)
+    stage.bus.set_newest(*STANDBY)
+    outcome = Goto(goal=GOAL, arms=False).perform(stage.session)
+    assert isinstance(outcome, Refused)
+    assert outcome.reason == Reason.NOT_ARMED
+    assert "COMPONENT_ARM_DISARM" not in kinds(stage)
+
+
 def test_refused_goal_is_the_outcome_and_the_lease_goes_back() -> None:
     stage = Stage(Reason.NONE, Reason.OUTSIDE_FENCE)
     outcome = Goto(goal=GOAL).perform(stage.session)

@@ -143,6 +143,13 @@ def test_mission_starts_where_it_is_or_at_an_item() -> None:
         assert len(requests) == 3
 
 
+def test_mission_that_may_not_arm_is_refused() -> None:
+    stage = Stage(Reason.NOT_ARMED)
+    stage.bus.set_newest(*STANDBY)
+    assert not StartMission(item=1, arms=False).perform(stage.session).ok
+    assert [one.command for one in stage.bus.requests] == [Command.MISSION_START]
+
+
 def test_mission_that_is_done_begins_again() -> None:
     stage = Stage()
     stage.bus.set_newest(MISSION, progress(MissionState.DONE))

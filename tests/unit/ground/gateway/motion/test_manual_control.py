@@ -47,24 +47,19 @@ def test_axes_are_shares_of_the_fastest(
     assert bench.port.driven[0] == pytest.approx(expected)
 
 
-def test_stick_lasts_half_a_second(bench: Bench) -> None:
-    bench.send(manual_control(z=1000))
-    bench.after(0.38)
-    assert len(bench.port.driven) >= 6
-    assert set(bench.port.driven) == {(FASTEST_M_S, 0.0)}
-    bench.after(0.04)
-    assert bench.port.driven[-1] == (0.0, 0.0)
+@pytest.mark.parametrize(
+    ("message", "lasts_s"), [(manual_control(z=1000), 0.5), (rc_override(1500, 0xFFFF, 2000), 1.0)]
+)
+def test_speeds_end_with_their_time(bench: Bench, message: MavMessage, lasts_s: float) -> None:
+    """Each speed lasts 250 ms on the robot, so the last is sent so long before the end."""
+    bench.send(message)
+    bench.after(lasts_s - 0.25 - 0.06)
     count = len(bench.port.driven)
+    bench.after(0.06)
+    assert len(bench.port.driven) == count + 1
     bench.after(1.0)
-    assert len(bench.port.driven) == count
-
-
-def test_override_lasts_a_second(bench: Bench) -> None:
-    bench.send(rc_override(1500, 0xFFFF, 2000))
-    bench.after(0.88)
-    assert bench.port.driven[-1] == (FASTEST_M_S, 0.0)
-    bench.after(0.04)
-    assert bench.port.driven[-1] == (0.0, 0.0)
+    assert len(bench.port.driven) == count + 1
+    assert set(bench.port.driven) == {(FASTEST_M_S, 0.0)}
 
 
 def test_released_channels_stop_at_once(bench: Bench) -> None:
