@@ -14,7 +14,7 @@ ENV PATH=/opt/sidestep/bin:$PATH \
 # The directories that volumes are mounted at: a new volume takes their owner.
 RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sidestep \
     && install -d -o sidestep -g sidestep -m 0700 /recordings \
-        /forge/all /forge/router /forge/plant /forge/ground /forge/record \
+        /forge/all /forge/router /forge/plant /forge/ground /forge/record /forge/gateway \
     && install -d -m 0755 /keys /forge/robot && install -d -m 1777 /state
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a

@@ -105,8 +105,8 @@ def systems_of(robots: Sequence[str], given: Mapping[str, int]) -> dict[str, int
 
 
 def robots_in(names: Sequence[str]) -> list[str]:
-    """Return the names of robots, separated by blanks or commas; UserError for wrong ones."""
+    """Return the names of robots, separated by commas; UserError for wrong ones."""
     found = [robot_name(name) for words in names for name in words.split(",") if name]
     if len(set(found)) < len(found):
-        raise UserError(f"--robots {' '.join(found)}: each robot only once")
+        raise UserError(f"--robots {','.join(found)}: each robot only once")
     return found

@@ -61,6 +61,8 @@ class Scenario:
     keep: str | None = None
     locks: str | None = None
     """Folder of the certificates; without one, links are not encrypted."""
+    mavlink: tuple[str, ...] = ()
+    """Endpoints of the MAVLink gateway; without one, none is started."""
 
     @property
     def level(self) -> str:
@@ -117,6 +119,7 @@ class RunOptions(Protocol):
     record: str | None
     keep: str | None
     locks: str | None
+    mavlink: list[str]
 
 
 def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
@@ -146,6 +149,7 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
         calibrated=not options.uncalibrated,
         keep=options.keep,
         locks=options.locks,
+        mavlink=tuple(options.mavlink),
     )
 
 
@@ -204,7 +208,16 @@ def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, 
         keep = [] if scenario.keep is None else ["--keep", scenario.keep]
         words = ["record", scenario.record, *keep, "--connect", endpoint, "--id"]
         commands += [(f"{RECORDER} {name}", [*words, name]) for name in scenario.robots]
+    if scenario.mavlink:
+        commands.append(("gateway", gateway(scenario, endpoint)))
     return [*commands, ("plant", plant(scenario, endpoint))]
+
+
+def gateway(scenario: Scenario, endpoint: str) -> list[str]:
+    """Return the arguments of the MAVLink gateway, which presents all robots."""
+    found = ["gateway", *scenario.mavlink, "--robots", ",".join(scenario.robots)]
+    found += [] if scenario.record is None else ["--recordings", scenario.record]
+    return [*found, "--connect", endpoint]
 
 
 def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> list[str]:

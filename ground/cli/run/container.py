@@ -256,6 +256,11 @@ def as_plant(options: argparse.Namespace, place: Place) -> Iterator[str]:
         yield from ("--noise", options.noise)
 
 
+def as_gateway(options: argparse.Namespace, place: Place) -> Iterator[str]:
+    """Yield the names of all robots."""
+    yield from ("--robots", ",".join(f"r{number}" for number in range(1, place.robots + 1)))
+
+
 def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
     """Yield the goal that `up` would send to this robot."""
     facts = facts_of(options, place)
@@ -266,7 +271,9 @@ def as_driven(options: argparse.Namespace, place: Place) -> Iterator[str]:
 
 
 ADDED_OPTIONS: Final[Mapping[str, Callable[[argparse.Namespace, Place], Iterator[str]]]] = (
-    MappingProxyType({"robot": as_robot, "plant": as_plant, "goto": as_driven})
+    MappingProxyType(
+        {"robot": as_robot, "plant": as_plant, "gateway": as_gateway, "goto": as_driven}
+    )
 )
 
 

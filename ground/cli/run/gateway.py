@@ -49,8 +49,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         f" accept (all). Default {EXAMPLE}"
     )
     parser.add_argument("endpoints", nargs="*", metavar="ENDPOINT", help=text)
-    text = "the robots to present (default: that of --id)"
-    parser.add_argument("--robots", nargs="+", metavar="NAME", help=text)
+    text = "the robots to present, as in r1,r2 (default: that of --id)"
+    parser.add_argument("--robots", action="append", metavar="NAMES", help=text)
     text = "MAVLink system ids, as in r1=1 r2=2 (default: 1, 2, ... in the order of the names)"
     parser.add_argument("--system", nargs="+", metavar="NAME=ID", help=text)
     text = "place of x = 0, y = 0 on the globe, in degrees (default: the model airfield, Canberra)"

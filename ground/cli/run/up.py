@@ -73,6 +73,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--locks", metavar="DIR", help="TLS with the certificates of `sidestep keys new`"
     )
+    text = (
+        "present the robots to MAVLink ground stations here, as in udpin:127.0.0.1:14550;"
+        " repeatable, see `run gateway`"
+    )
+    parser.add_argument("--mavlink", metavar="ENDPOINT", action="append", default=[], help=text)
     add_json(parser)
 
 
@@ -117,6 +122,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     on_screen = has_screen() and not (options.headless or options.plain or options.json)
     if on_screen and not options.no_record:
         options.record = str(folder_of(options))  # kept when the operator changes the world
+    check_endpoints(options.mavlink)
     facts = world_facts(command(world_query(options), os.getpid()))
     scenario = scenario_of(options, facts)
     for scenario_robot in scenario.scenario_robots:
@@ -130,6 +136,16 @@ def run(options: argparse.Namespace, output: Output) -> int:
     outcomes = run_headless(options, scenario, output, WallClock())
     output.result(as_json(scenario.robots, outcomes), in_words(scenario.robots, outcomes))
     return 0 if all(outcome.reached for outcome in outcomes) else 1
+
+
+def check_endpoints(texts: Sequence[str]) -> None:
+    """Raise UserError for an endpoint of `--mavlink` that cannot be opened now."""
+    if texts:
+        from ground.gateway.endpoints.spec import all_opened
+        from ground.gateway.settings import with_policy
+
+        for endpoint in all_opened([with_policy(text).text for text in texts]):
+            endpoint.close()
 
 
 def run_headless(

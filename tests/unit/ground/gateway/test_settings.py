@@ -61,8 +61,8 @@ def test_systems_are_numbered_in_the_order_of_the_names() -> None:
         (("--system", "r1=0"), "1 to 250"),
         (("--system", "r1=255"), "1 to 250"),
         (("--system", "r2=1"), "the gateway has no r2"),
-        (("--robots", "r1", "r2", "--system", "r1=4", "r2=4"), "an id of its own"),
-        (("--robots", "r1", "r1"), "only once"),
+        (("--robots", "r1,r2", "--system", "r1=4", "r2=4"), "an id of its own"),
+        (("--robots", "r1", "--robots", "r1"), "only once"),
         (("--origin", "91", "0"), "LAT -85 to 85"),
     ],
 )

@@ -78,6 +78,18 @@ def test_several_robots_use_a_router() -> None:
     assert "r1,r2,r3" in words_of(found, "plant")
 
 
+def test_gateway_presents_all_robots_to_mavlink_clients(tmp_path: Path) -> None:
+    assert "gateway" not in roles(scenario())
+    endpoints = ("udpin:127.0.0.1:14550", "serial:/dev/ttyUSB0:57600,require")
+    words = [word for text in endpoints for word in ("--mavlink", text)]
+    found = scenario("--robots", "2", *words)
+    assert roles(found)[-2:] == ["gateway", "plant"]
+    common = ["--robots", "r1,r2", "--connect", ENDPOINT]
+    assert words_of(found, "gateway") == ["gateway", *endpoints, *common]
+    recorded = words_of(scenario("--record", str(tmp_path), *words), "gateway")
+    assert recorded[-4:-2] == ["--recordings", str(tmp_path)]
+
+
 @pytest.mark.parametrize("speed", ["max", "10", "1", "0.5"])
 def test_paced_run_is_lockstep_and_starts_paused(speed: str) -> None:
     found = scenario("--speed", speed)
