@@ -15,6 +15,7 @@ mavlink: Final = mavutil.mavlink
 GROUND_STATION: Final = (255, 190)
 DEG_E7: Final = 1e7
 LOG_CHUNK: Final = 90
+MAX_READ: Final = 50
 SILENCE_S: Final = 1.0
 """After so long without an answer a request is sent again."""
 GLOBAL: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
@@ -125,10 +126,12 @@ class Station:
 
     def upload(self, items: Sequence[Any], mission_type: int) -> None:
         """Upload items: a transfer that the vehicle leads."""
-        done = []
+        done: list[int] = []
+        asked: list[int] = []
 
         def answer(request: Any) -> None:
             if request.mission_type == mission_type and request.seq < len(items):
+                asked.append(request.seq)
                 self.mav.send(items[request.seq])
 
         def acknowledged(ack: Any) -> None:
@@ -142,11 +145,11 @@ class Station:
         }
 
         def begin() -> None:
-            asked = self.counts["MISSION_REQUEST"] + self.counts["MISSION_REQUEST_INT"]
-            if asked == before:  # once it has begun, the vehicle repeats what is lost
+            if asked:  # the item or the acknowledgement of the last one was lost
+                self.mav.send(items[asked[-1]])
+            else:
                 self.mav.mission_count_send(1, 1, len(items), mission_type)
 
-        before = self.counts["MISSION_REQUEST"] + self.counts["MISSION_REQUEST_INT"]
         try:
             self.repeat(begin, lambda: done, "a MISSION_ACK")
         finally:
@@ -225,7 +228,9 @@ class Pilot(Station):
             )
         message = self.link.recv_match(blocking=True, timeout=0.05)
         self.mav = self.link.mav  # mavutil makes a new one when it learns the protocol's version
-        while message is not None:
+        for _ in range(MAX_READ):  # on a busy computer they may come faster than they are read
+            if message is None:
+                break
             self.take(message)
             message = self.link.recv_match(blocking=False)
 

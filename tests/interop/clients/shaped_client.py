@@ -114,8 +114,12 @@ class Script:
         got: list[bytes] = []
         client = mavftp.MAVFTP(self.pilot.link, 1, 1)
 
+        def keep(read: Any) -> None:
+            if read is not None:  # it is None after a failure
+                got.append(read.read())
+
         def ask() -> None:
-            client.cmd_get([action["path"]], callback=lambda read: got.append(read.read()))
+            client.cmd_get([action["path"]], callback=keep)
             client.process_ftp_reply("OpenFileRO", timeout=action["every_s"])
 
         self._repeat(action, ask, lambda: got and got[0], action["path"])

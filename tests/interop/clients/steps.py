@@ -114,13 +114,12 @@ def repeat(
 ) -> int:
     """Act again until the effect shows, as a person at a lossy line does; return how often."""
     count, deadline_s = 0, time.monotonic() + within_s
-    while True:
+    while not (count and condition()):
+        if count and time.monotonic() >= deadline_s:
+            raise StepError(f"not within {within_s:g} s and {count} tries: {what}")
         act()
         count += 1
         next_s = min(deadline_s, time.monotonic() + every_s)
-        while time.monotonic() < next_s:
-            if condition():
-                return count
+        while not condition() and time.monotonic() < next_s:
             look()
-        if time.monotonic() >= deadline_s:
-            raise StepError(f"not within {within_s:g} s and {count} tries: {what}")
+    return count
