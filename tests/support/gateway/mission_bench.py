@@ -1,7 +1,10 @@
 """A bench whose robot keeps a mission and a fence, and a client that transfers them."""
 
+import json
 from collections.abc import Callable, Sequence
+from math import nan
 from random import Random
+from struct import pack, unpack
 from typing import Any
 
 from ground.client.operations import (
@@ -24,12 +27,13 @@ from ground.gateway.missions.wiring import missions_of
 from ground.gateway.streams.scheduler import StreamScheduler
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
+from ground.missions import plan_file
 from ground.missions.mission import Fence, Mission, Waypoint
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import MissionState, MissionType, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
-from tests.support.gateway.fake_port import CLIENT, Bench
+from tests.support.gateway.fake_port import CLIENT, ORIGIN, Bench
 from tests.support.gateway.telemetry import status
 
 LIMITS = {MissionType.MISSION: 200, MissionType.FENCE: 16}
@@ -153,11 +157,34 @@ def as_float(message: MavMessage) -> MavMessage:
 
 
 def single(value: float) -> float:
-    """Round to single precision."""
-    from struct import pack, unpack
-
+    """Round to single precision, as MAVLink carries parameters."""
     rounded: float = unpack("<f", pack("<f", value))[0]
     return rounded
+
+
+def planned(*waypoints: Waypoint, fence: Fence | None = None) -> dict[str, Any]:
+    """Return a plan, with places in whole 1e-7 degrees as ground stations send them."""
+    mission = Mission(waypoints=waypoints, fence=fence)
+    plan: dict[str, Any] = json.loads(plan_file.text_of(mission, ORIGIN))
+    for item in plan["mission"]["items"]:
+        item["params"][4:6] = [round(value, 7) for value in item["params"][4:6]]
+    for shape in plan["geoFence"]["polygons"]:
+        shape["polygon"] = [[round(value, 7) for value in one] for one in shape["polygon"]]
+    return plan
+
+
+def messages_of(plan: dict[str, Any]) -> list[MavMessage]:
+    """Return the MISSION_ITEM_INTs that a ground station sends for a plan: home first."""
+    found = [item_int(0)]
+    for seq, item in enumerate(plan["mission"]["items"], start=1):
+        *params, latitude_deg, longitude_deg, _ = [
+            nan if value is None else single(value) if at < 4 else value
+            for at, value in enumerate(item["params"])
+        ]
+        named: dict[str, Any] = {f"param{at}": value for at, value in enumerate(params, start=1)}
+        place = {"x": round(latitude_deg * E7), "y": round(longitude_deg * E7)}
+        found.append(item_int(seq, frame=item["frame"], **place, **named))
+    return found
 
 
 def line_of(count: int) -> list[MavMessage]:

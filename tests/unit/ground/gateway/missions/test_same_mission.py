@@ -1,7 +1,6 @@
 """A mission is the same, whether it is read from a `.plan` or uploaded by MAVLink."""
 
 import json
-from struct import pack, unpack
 from typing import Any
 
 import pytest
@@ -13,46 +12,22 @@ from ground.gateway.missions.item_messages import item_in, usual
 from ground.missions import plan_file
 from ground.missions.geography import to_local
 from ground.missions.items import Item, waypoint_of
-from ground.missions.mission import Home, Mission, Polygon, Waypoint
+from ground.missions.mission import Home, Polygon, Waypoint
 from ground.missions.wire import items_of
 from tests.support.gateway.fake_port import ORIGIN
-from tests.support.gateway.mission_bench import FENCE, MissionBench, as_float, item_int, upload
+from tests.support.gateway.mission_bench import (
+    E7,
+    FENCE,
+    MissionBench,
+    as_float,
+    item_int,
+    messages_of,
+    planned,
+    single,
+    upload,
+)
 
-E7 = 10_000_000
-
-
-def single(value: float) -> float:
-    """Round to single precision, as MAVLink carries parameters."""
-    rounded: float = unpack("<f", pack("<f", value))[0]
-    return rounded
-
-
-def planned(*waypoints: Waypoint) -> dict[str, Any]:
-    """Return a plan, with places in whole 1e-7 degrees as ground stations show and send them."""
-    fence = Polygon(corners=((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)))
-    mission = Mission(waypoints=waypoints, fence=fence)
-    plan: dict[str, Any] = json.loads(plan_file.text_of(mission, ORIGIN))
-    for item in plan["mission"]["items"]:
-        item["params"][4:6] = [round(value, 7) for value in item["params"][4:6]]
-    for shape in plan["geoFence"]["polygons"]:
-        shape["polygon"] = [[round(value, 7) for value in one] for one in shape["polygon"]]
-    return plan
-
-
-def messages_of(plan: dict[str, Any]) -> list[Any]:
-    """Return the MISSION_ITEM_INTs that a ground station sends for a plan: home first."""
-    found = [item_int(0)]
-    for seq, item in enumerate(plan["mission"]["items"], start=1):
-        *params, latitude_deg, longitude_deg, _ = [
-            float("nan") if value is None else single(value) if at < 4 else value
-            for at, value in enumerate(item["params"])
-        ]
-        named: dict[str, Any] = {f"param{at}": value for at, value in enumerate(params, start=1)}
-        place = {"x": round(latitude_deg * E7), "y": round(longitude_deg * E7)}
-        found.append(item_int(seq, frame=item["frame"], **place, **named))
-    return found
-
-
+FENCED = Polygon(corners=((-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)))
 TOUR = (
     Waypoint(x_m=1.25, y_m=-2.5),
     Waypoint(x_m=10.0, y_m=3.3333, heading_deg=33.3, hold_s=0.1, position_tolerance_m=0.07),
@@ -62,7 +37,7 @@ TOUR = (
 
 
 def test_uploaded_mission_equals_that_of_the_plan_file() -> None:
-    plan = planned(*TOUR)
+    plan = planned(*TOUR, fence=FENCED)
     read = plan_file.read_text(json.dumps(plan), "tour.plan").mission
     bench = MissionBench()
     assert upload(bench, messages_of(plan)).results == [0]
@@ -71,7 +46,7 @@ def test_uploaded_mission_equals_that_of_the_plan_file() -> None:
 
 
 def test_uploaded_fence_equals_that_of_the_plan_file() -> None:
-    plan = planned(*TOUR)
+    plan = planned(*TOUR, fence=FENCED)
     read = plan_file.read_text(json.dumps(plan), "tour.plan").mission
     (corners,) = [shape["polygon"] for shape in plan["geoFence"]["polygons"]]
     places = [(round(latitude * E7), round(longitude * E7)) for latitude, longitude in corners]
@@ -103,7 +78,7 @@ def test_item_of_a_plan_and_of_mavlink_is_the_same_waypoint(
 
 def test_float_items_are_exact_to_a_metre_only() -> None:
     """MISSION_ITEM has 24 bits for a place: the mission is near, and not the same."""
-    bench, plan = MissionBench(), planned(*TOUR)
+    bench, plan = MissionBench(), planned(*TOUR, fence=FENCED)
     exact = plan_file.read_text(json.dumps(plan), "tour.plan").mission.waypoints
     assert upload(bench, messages_of(plan), form=as_float).results == [0]
     assert bench.waypoints != exact
