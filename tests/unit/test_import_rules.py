@@ -9,7 +9,7 @@ PACKAGES = ("protocol", "robot", "plant", "ground", "study")
 MAY_IMPORT = {
     "zenoh": ("protocol/bus/",),
     "pymunk": ("plant/sim/physics.py",),
-    "pymavlink": ("ground/gateway/dialect.py",),
+    "pymavlink": ("ground/gateway/dialect.py", "ground/vehicle_check/dialect.py"),
     "textual": ("ground/app", "ground/app/widgets"),
     "numpy": ("plant/", "study/"),
 }

@@ -6,8 +6,8 @@ from typing import Final
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import MavMessage, mavlink
 from ground.vehicle_check.missions import MISSION, Item, message_of
+from ground.vehicle_check.plans import moved, outcome, place, sent, small_mission
 from ground.vehicle_check.rows import driving
-from ground.vehicle_check.rows.plans import moved, outcome, place, sent, small_mission
 from ground.vehicle_check.session import COMPONENT, result_name
 from ground.vehicle_check.verdict import Findings, Verdict, not_tried, row
 from runtime.units import NS_PER_MS

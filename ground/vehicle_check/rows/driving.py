@@ -6,7 +6,7 @@ from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import MavMessage, mavlink
-from ground.vehicle_check.rows.plans import moved, place
+from ground.vehicle_check.plans import moved, place
 from ground.vehicle_check.session import result_name
 from ground.vehicle_check.verdict import Findings
 

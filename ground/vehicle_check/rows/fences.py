@@ -5,8 +5,7 @@ from typing import Final
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import mavlink
 from ground.vehicle_check.missions import FENCE, RALLY, Item, download, upload
-from ground.vehicle_check.rows.mission_rows import with_plans
-from ground.vehicle_check.rows.plans import (
+from ground.vehicle_check.plans import (
     ITEM_ACCEPTED,
     fence_around,
     keep,
@@ -15,6 +14,7 @@ from ground.vehicle_check.rows.plans import (
     place,
     same_places,
 )  # fmt: skip
+from ground.vehicle_check.rows.mission_rows import with_plans
 from ground.vehicle_check.session import result_name
 from ground.vehicle_check.verdict import Findings, Verdict, row
 

@@ -15,7 +15,7 @@ from ground.vehicle_check.missions import (
     message_of,
     upload,
 )  # fmt: skip
-from ground.vehicle_check.rows.plans import (
+from ground.vehicle_check.plans import (
     ITEM_ACCEPTED,
     is_disarmed_or_allowed,
     keep,

@@ -7,8 +7,8 @@ from typing import Final
 
 from ground.vehicle_check.check import Check, is_vehicle
 from ground.vehicle_check.dialect import MavMessage, mavlink
+from ground.vehicle_check.plans import sent, small_mission
 from ground.vehicle_check.rows import driving
-from ground.vehicle_check.rows.plans import sent, small_mission
 from ground.vehicle_check.session import result_name
 from ground.vehicle_check.verdict import Findings, Verdict, failed, not_tried, row
 

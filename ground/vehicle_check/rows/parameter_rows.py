@@ -28,7 +28,7 @@ from ground.vehicle_check.parameters import (
     unpacked,
     write,
 )  # fmt: skip
-from ground.vehicle_check.rows.rover_names import has_rover_name, is_compatibility
+from ground.vehicle_check.rover_names import has_rover_name, is_compatibility
 from ground.vehicle_check.verdict import Findings, Verdict, failed, not_applicable, row
 from runtime.units import NS_PER_S
 

@@ -95,19 +95,22 @@ class Grant:
     """Liveliness tokens."""
 
 
+ROUTES_ALL: Final = Grant(
+    description="forwards what the rules permit",
+    puts=ALL,
+    subscribes=ALL,
+    fetches=ALL,
+    asks=ALL,
+    answers=ALL,
+    shows=ALL,
+)
+
+
 def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Grant]:
     """Return the permissions by common name, for the given robots and operators."""
     names = tuple(robot_name(robot) for robot in robots)
     found = {
-        ROUTER: Grant(
-            description="forwards what the rules permit",
-            puts=ALL,
-            subscribes=ALL,
-            fetches=ALL,
-            asks=ALL,
-            answers=ALL,
-            shows=ALL,
-        ),
+        ROUTER: ROUTES_ALL,
         PLANT: granted("simulates the robots", Role.PLANT, names),
         GROUND: granted("commands the robots", Role.GROUND, names, GROUND),
         VIEWER: Grant(
@@ -122,14 +125,7 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
             fetches=ALL,
             asks=keys(names, open_to_all()),
         ),
-        GATEWAY: Grant(
-            description="commands the robots for MAVLink clients",
-            puts=keys(names, GATEWAY_PUTS, f"{GATEWAY}/*"),
-            subscribes=keys(names, GATEWAY_RECEIVES),
-            fetches=keys(names, (TEXT,)),
-            asks=keys(names, GATEWAY_ASKS, f"{GATEWAY}/*"),
-            shows=tuple(f"{name}/alive/{Role.GROUND.value}/*" for name in names),
-        ),
+        GATEWAY: gateway_grant(names),
     }
     for operator in operators:
         description = f"commands the robots as {operator}"
@@ -139,6 +135,18 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
     for name in names:
         found[ROBOT + name] = granted(f"is the robot {name}", Role.ROBOT, (name,))
     return found
+
+
+def gateway_grant(names: tuple[str, ...]) -> Grant:
+    """Return the permissions of the MAVLink gateway: what its clients can ask for, and no more."""
+    return Grant(
+        description="commands the robots for MAVLink clients",
+        puts=keys(names, GATEWAY_PUTS, f"{GATEWAY}/*"),
+        subscribes=keys(names, GATEWAY_RECEIVES),
+        fetches=keys(names, (TEXT,)),
+        asks=keys(names, GATEWAY_ASKS, f"{GATEWAY}/*"),
+        shows=tuple(f"{name}/alive/{Role.GROUND.value}/*" for name in names),
+    )
 
 
 def grant_of(name: str, robot: str = "") -> Grant | None:
