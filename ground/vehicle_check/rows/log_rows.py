@@ -93,6 +93,21 @@ def _read(check: Check, number: int, offset: int, count: int) -> bytes:
     return bytes(found)
 
 
+def _expect_same_bytes(check: Check, found: Findings, folder: str, files: list[str]) -> None:
+    """Compare the start of one log by both protocols: that whose size only one file has."""
+    logs = entries(check)
+    for line in files:
+        name, _, size = line[1:].partition("\t")
+        numbers = [one for one, length in logs.items() if length and str(length) == size]
+        if len(numbers) != 1:
+            continue
+        wanted = min(logs[numbers[0]], MAX_BYTES)
+        data = FileClient(check.main).fetch(folder + name)
+        is_same = data is not None and data[:wanted] == _read(check, numbers[0], 0, wanted)
+        found.expect(is_same, f"{name}: {'same bytes' if is_same else 'other bytes'}")
+        return
+
+
 @row(
     50,
     "the same recordings by an FTP listing",
@@ -116,5 +131,6 @@ def log_files(check: Check) -> Verdict:
         if files or (reply is not None and reply.error == END_OF_FILE):
             fact = f"{folder}: {len(files)} files, {len(sizes)} logs by LOG_REQUEST_LIST"
             found.expect(len(files) >= len(sizes), fact)
+            _expect_same_bytes(check, found, f"{folder}/", files)
             return found.verdict()
     return failed(f"none of {', '.join(FOLDERS)} can be listed")

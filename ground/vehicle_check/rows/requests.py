@@ -1,15 +1,18 @@
 """Rows 14, 25, 48: origin, modes and clocks on request."""
 
-from typing import Final
+from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import TIMESYNC, ExtraMessage, mavlink
+from ground.vehicle_check.rows import driving
 from ground.vehicle_check.session import COMPONENT, result_name
 from ground.vehicle_check.verdict import Findings, Verdict, failed, passed, row
 
 ORIGIN: Final = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
 AVAILABLE_MODES: Final = 435
 CURRENT_MODE: Final = 436
+MOVED_E7: Final = 10_000
+"""About 100 m."""
 STAMP_NS: Final = 1_234_567_890_123
 
 
@@ -34,7 +37,27 @@ def origin(check: Check) -> Verdict:
     if echo is not None:
         is_same = (echo.message.latitude, echo.message.longitude) == (one.latitude, one.longitude)
         found.expect(is_same, f"echo {echo.message.latitude} {echo.message.longitude}")
+    if check.options.allow_motion and driving.start(check, driving.GUIDED, found):
+        _expect_fixed_origin(check, found, one)
+        driving.stand(check)
     return found.verdict()
+
+
+def _expect_fixed_origin(check: Check, found: Findings, one: Any) -> None:
+    """Try to move the origin of an armed vehicle."""
+    moved = mavlink.MAVLink_set_gps_global_origin_message(
+        check.target, one.latitude + MOVED_E7, one.longitude, one.altitude
+    )
+    check.main.send(moved)
+    check.station.wait(0.5)
+    now = check.main.request(ORIGIN, "GPS_GLOBAL_ORIGIN")
+    is_fixed = now is not None and now.message.latitude == one.latitude
+    found.expect(is_fixed, f"moved while armed: {'refused' if is_fixed else 'taken'}")
+    if now is not None and not is_fixed:
+        again = mavlink.MAVLink_set_gps_global_origin_message(
+            check.target, one.latitude, one.longitude, one.altitude
+        )
+        check.main.ask(again, "GPS_GLOBAL_ORIGIN")
 
 
 @row(
