@@ -54,7 +54,8 @@ TIMEOUT_S: Final = 300.0
 NOISES: Final = ("none", "default", "lossy", "harsh")
 OPEN_NS: Final = 30 * NS_PER_S
 PLAIN_NS: Final = 5 * NS_PER_S
-RECORDERS_NS: Final = 3 * NS_PER_S
+RECORDERS_NS: Final = 10 * NS_PER_S
+"""A busy computer takes seconds to start one; one that has exited is noticed at once."""
 POLL_NS: Final = NS_PER_S // 50
 SETTLED_NS: Final = NS_PER_S // 2
 CATCH_UP_NS: Final = 5 * NS_PER_S
