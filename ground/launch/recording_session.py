@@ -24,6 +24,8 @@ WRITING: Final = "REC"
 STALLED: Final = "REC!"
 CHECK_NS: Final = NS_PER_S // 2
 STALL_NS: Final = 3 * NS_PER_S
+STARTING_NS: Final = 10 * NS_PER_S
+"""A busy computer takes seconds to start a recorder."""
 FULL_BYTES: Final = 1 << 20
 DEFAULT_KEEP: Final = "2GB"
 
@@ -162,12 +164,22 @@ class RecordingSession:
             self._size, self._grew_ns = size, now_ns
         elif not is_receiving and self.words == WRITING:
             self._grew_ns = now_ns
-        was, self.words = self.words, WRITING if now_ns - self._grew_ns < STALL_NS else STALLED
+        is_written = now_ns - self._grew_ns < (STARTING_NS if self._is_starting() else STALL_NS)
+        was, self.words = self.words, WRITING if is_written else STALLED
         if was == self.words:
             return messages
         if self.words == WRITING:
             return [*messages, "RECORDING resumed"]
         return [*messages, f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
+
+    def _is_starting(self) -> bool:
+        """Return whether a recorder of our own runs and has not written yet."""
+        if not self._is_child or self._size:
+            return False
+        with suppress(ChildExitError):
+            self._children.check()
+            return True
+        return False
 
     def _delete_old(self) -> None:
         """Delete old recordings here: the recorder's own messages would not be shown."""
@@ -186,7 +198,8 @@ class RecordingSession:
             return f"{self._folder}: {error.strerror}"
         if disk.f_bavail * disk.f_frsize < FULL_BYTES:
             return f"the disk is full ({self._folder})"
-        return f"nothing was written to {self._folder} for {STALL_NS // NS_PER_S} s"
+        silent_s = (self._clock.now_ns() - self._grew_ns) // NS_PER_S
+        return f"nothing was written to {self._folder} for {silent_s} s"
 
     def _newest_own(self) -> Path | None:
         """Return the file of the recorder that was started here."""

@@ -110,6 +110,17 @@ def test_newer_file_of_another_run_in_the_folder_does_not_count(
         assert session.recording.file is None, "the new recorder has not created its file yet"
 
 
+def test_recorder_that_starts_has_ten_seconds_to_write(session: Session) -> None:
+    with printing_children() as children:
+        session.recording._children = children
+        session.recording.begin()
+        session.run(9.0, grows=False)
+        assert (session.recording.words, session.messages) == ("REC", [])
+        session.run(2.0, grows=False)
+        assert session.recording.words == "REC!"
+        assert "nothing was written" in session.messages[0]
+
+
 def test_no_recorder_means_no_messages(session: Session) -> None:
     session.run(10.0, grows=False)
     assert (session.recording.words, session.messages) == ("", [])

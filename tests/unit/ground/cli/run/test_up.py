@@ -54,7 +54,7 @@ def test_the_drive_begins_when_the_first_frame_is_written(
 def test_every_robot_must_be_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     two = recorded(tmp_path, "--robots", "2")
     logs = [tmp_path / "a.tlog", tmp_path / "b.tlog"]
-    assert waited(two, logs[:1], 0.0, logs) == pytest.approx(3.0, abs=0.1)
+    assert waited(two, logs[:1], 0.0, logs) == pytest.approx(10.0, abs=0.1)
     assert "no recorder has written" in capsys.readouterr().err
     assert waited(two, logs, 0.0, logs) < 0.1
 
@@ -65,7 +65,7 @@ def test_an_empty_log_and_that_of_another_run_do_not_count(
 ) -> None:
     log = tmp_path / "a.tlog"
     log.write_bytes(content)
-    assert waited(recorded(tmp_path), [], 0.0, [] if content else [log]) >= 3.0
+    assert waited(recorded(tmp_path), [], 0.0, [] if content else [log]) >= 10.0
     assert f"no recorder has written to {tmp_path} yet" in capsys.readouterr().err
 
 
