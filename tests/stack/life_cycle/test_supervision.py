@@ -36,7 +36,7 @@ MS = 1_000_000
 STOPPED_MS = 200 + 50  # the truth comes once in a period
 HUNG = {"paced": "hung (silent for 4.5 s)", WALL: "hung (silent for 2.5 s)"}
 KILLED = "was killed (signal SIGKILL)"
-HEALED_S = 15.0
+HEALED_S = 30.0
 TRIES = 3
 
 
