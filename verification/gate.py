@@ -29,7 +29,7 @@ BRIEF: Final = ("--examples", "brief")
 REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
-WORKERS: Final = 4
+WORKERS: Final = 3
 """Of the tests with processes: more would start so many at once that robots miss deadlines. Those
 with containers have one, as each stack of containers keeps a core busy."""
 
