@@ -1,11 +1,10 @@
 """`python -m verification.gate`: every check of the project.
 
 There are two phases. In the first one all that computes runs: static checks, and tests that own
-their time. They yield to the other lane, which compiles the tests, builds the images and then runs
-the tests with containers: those wait for most of their time. The second phase are the tests with
-processes, in wall time. Nothing runs beside it, so that robots are not late. Every step is run, so
-that one call shows all there is to mend. The exit code is 1 when a step failed, and the last line
-names it.
+their time; meanwhile the tests are compiled, and the images for those with containers are built.
+The second one measures wall time: tests with processes, first drives among them, and tests with
+containers. Nothing runs beside it, so that robots are not late. Every step is run, so that one call
+shows all there is to mend. The exit code is 1 when a step failed, and the last line names it.
 """
 
 import argparse
@@ -23,7 +22,6 @@ from typing import Final, NamedTuple
 ROOT: Final = Path(__file__).resolve().parents[1]
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q", "--durations=12")
-YIELDING: Final = (*PYTHON, "verification.background")
 EXIT_INTERRUPTED: Final = 130
 BRIEF: Final = ("--examples", "brief")
 """Branch coverage and mutation, which depend on what examples reach, have the usual number."""
@@ -52,17 +50,19 @@ def phases(extra: Sequence[str]) -> list[list[Lane]]:
         # In a fresh clone each worker would compile all tests, at the same time as the others.
         Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
         Step("images", (*PYTHON, "tests.support.compose.images")),
-        Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
     ]
     return [[computing(extra), prepared], [real_time(extra)]]
 
 
 def real_time(extra: Sequence[str]) -> list[Step]:
-    """Return the step whose tests measure wall time; they include first drives."""
+    """Return the steps whose tests measure wall time."""
     # A file runs on one worker, as its tests share processes; in the order of the folders.
     workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
     processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
-    return [Step("tests with processes", processes)]
+    return [
+        Step("tests with processes", processes),
+        Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
+    ]
 
 
 def computing(extra: Sequence[str]) -> list[Step]:
