@@ -192,9 +192,9 @@ class Station:
 
     def take(self, message: Any) -> None:
         """Keep a message of the vehicle, and hand it to its handler."""
-        if message.get_srcSystem() != 1:
-            return
         name = message.get_type()
+        if message.get_srcSystem() != 1 and not name.startswith("UNKNOWN_"):  # those have no sender
+            return
         self.newest[name] = message
         self.counts[name] += 1
         if name == "STATUSTEXT":
