@@ -17,7 +17,7 @@ from runtime.toml_reader import MAX_BYTES, key_lines, table_in
 T = TypeVar("T")
 PLACE: Final = re.compile(r"^(?P<reason>.*?)(?: - at `\$\.?(?P<key>.*)`)?$", re.DOTALL)
 SHARED: Final = ("robot", "network", "parameters", "gateway")
-"""Top-level keys of a file that ground, robot, plant and gateway may share."""
+"""Top-level keys of a file that can be used by ground, robot, plant and gateway."""
 MISSING: Final = re.compile(r"missing required field `(.+)`")
 
 

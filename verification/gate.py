@@ -1,10 +1,10 @@
 """`python -m verification.gate`: every check of the project.
 
-There are two phases. In the first one all that computes runs: static checks, and tests that own
-their time; meanwhile the tests are compiled, and the images for those with containers are built.
-The second one measures wall time: tests with processes, first drives among them, and tests with
-containers. Nothing runs beside it, so that robots are not late. Every step is run, so that one call
-shows all there is to mend. The exit code is 1 when a step failed, and the last line names it.
+There are two phases. The first phase runs static checks and tests that control their time;
+meanwhile it compiles the tests and builds the images for the tests with containers. The second
+phase measures wall time: tests with processes, including first drives, and tests with containers.
+No other step runs at the same time, so that robots are not late. Every step is run, so that one
+call shows all errors. The exit code is 1 when a step failed, and the last line names it.
 """
 
 import argparse

@@ -312,7 +312,7 @@ class GroundApp(App[int]):
     # Keys.
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle keys and pastes in their order; a stop key does not wait for a screen to open."""
+        """Handle keys and pastes in order; a stop key does not wait until a screen is open."""
         if not isinstance(event, events.Key | events.Paste) or event.is_forwarded:
             await super().on_event(event)
             return
@@ -320,7 +320,7 @@ class GroundApp(App[int]):
         await self._typed.take(event, at_once=isinstance(event, events.Key) and self._stops(event))
 
     def _stops(self, event: events.Key) -> bool:
-        """Return whether a key is a stop here, whatever the keys before it do."""
+        """Return whether a key is a stop on this screen, independent of the keys before it."""
         keymap = self._keymap_in_force
         ids: tuple[str, ...] = ("estop",)
         if self._typed.is_empty and Layer.STOP in self.key_layers():
@@ -355,7 +355,7 @@ class GroundApp(App[int]):
     def doable(self) -> Mapping[str, Action]:
         """Return the actions that are possible now, by id.
 
-        Before a screen has its widgets, those are the actions that need none of them.
+        Before a screen has its widgets, only actions without widgets are possible.
         """
         sheet = self.base_screen
         own = sheet.actions() if sheet is not None and sheet.is_mounted else {}

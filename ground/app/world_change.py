@@ -9,9 +9,9 @@ from ground.launch.scenario import Scenario
 def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None:
     """Restart the processes that this app started with a scenario; `what` goes to the log.
 
-    The old processes do not count as lost. The robots are armed and drive to the goals of the new
-    world, as at the first start. Changes of the old robots cannot be undone in the new ones, and a
-    mission draft belongs to its world.
+    The end of the old processes is not reported as a loss. The robots are armed and drive to the
+    goals of the new world, as at the first start. Changes of the old robots cannot be undone in the
+    new ones, and a mission draft belongs to its world.
     """
     stack = interface.stack
     if stack is None:

@@ -32,7 +32,7 @@ NO_VALUE: Final = re.compile(r"expected .*arguments?")
 
 
 def in_words(parser: argparse.ArgumentParser, message: str) -> str:
-    """Return what is wrong, and a line that is right."""
+    """Return the error, and an example of a correct line."""
     if message.startswith(MISSING):
         why = missing(parser, message.removeprefix(MISSING).split(", "))
     elif message.startswith(UNKNOWN):
@@ -52,7 +52,7 @@ def missing(parser: argparse.ArgumentParser, names: list[str]) -> str:
 
 
 def too_much(parser: argparse.ArgumentParser, words: str) -> str:
-    """Return which words are too much, with a suggestion for a misspelt option."""
+    """Return the surplus words, with a suggestion for a misspelt option."""
     if not words.startswith("-"):
         return f"too many words: {shown(words)}"
     option = words.split()[0].partition("=")[0]
@@ -60,7 +60,7 @@ def too_much(parser: argparse.ArgumentParser, words: str) -> str:
 
 
 def wrong_value(parser: argparse.ArgumentParser, name: str, why: str) -> str:
-    """Return what a value must be."""
+    """Return the required form of a value."""
     action = action_named(parser, name)
     unit = UNITS.get(str(action.metavar), "") if action is not None else ""
     of_unit = f" in {unit}" if unit else ""
@@ -92,7 +92,7 @@ def shown(value: str) -> str:
 
 
 def example_of(parser: argparse.ArgumentParser, message: str) -> str:
-    """Return a line that is right: without options, unless the error is about one of its own."""
+    """Return a correct line: without options, unless the error is about one of its options."""
     call = find(parser.prog.split())
     if call is None or not VERBS[call.word].words:  # a command of the app
         usage = " ".join(parser.format_usage().removeprefix("usage:").split())

@@ -1,4 +1,4 @@
-"""All that is particular to ArduPilot's Rover: its modes, states and versions."""
+"""The behaviour that is specific to ArduPilot's Rover: its modes, states and versions."""
 
 from hashlib import sha256
 from types import MappingProxyType
@@ -19,9 +19,9 @@ MODES: Final = MappingProxyType(
         Mode.GUIDED: mavlink.ROVER_MODE_GUIDED,
     }
 )
-"""The number of each of the robot's modes; they are the same numbers."""
+"""ArduPilot's number of each of the robot's modes; both use equal numbers."""
 SATELLITES: Final = 10
-"""A number of satellites that clients take for a good fix; there is no receiver."""
+"""A number of satellites that clients accept as a good fix; the robot has no GPS receiver."""
 MODES_BY_NUMBER: Final = MappingProxyType(
     {number: mode for mode, number in MODES.items()} | {RTL: Mode.SMART_RTL}
 )
@@ -67,7 +67,7 @@ MODE_LIST: Final = (
 
 
 class State(NamedTuple):
-    """What a heartbeat tells: mode, whether armed, and MAV_STATE."""
+    """The state in a heartbeat: mode, whether armed, and MAV_STATE."""
 
     mode: int
     is_armed: bool
@@ -102,7 +102,7 @@ def state_of(snapshot: Snapshot, number: int | None = None) -> State:
 
 
 def current_mode(number: int) -> MavMessage:
-    """Return CURRENT_MODE. ArduPilot declares every mode as not standard, and so does this."""
+    """Return CURRENT_MODE. Like ArduPilot, it declares every mode as not standard."""
     return CurrentMode(0, number, 0)
 
 
@@ -132,6 +132,6 @@ def autopilot_version(name: str, commit: str) -> MavMessage:
 
 
 def banner(name: str, commit: str) -> tuple[str, ...]:
-    """Return the texts that name the version, in the form that clients know, and the robot."""
+    """Return the texts that name the version, in the form that clients recognise, and the robot."""
     release = ".".join(map(str, VERSION))
     return (f"ArduRover V{release}-dev ({commit[:8] or 'unknown'})", f"Sidestep robot {name}")

@@ -1,8 +1,8 @@
 """Parameters that exist only so that ground stations accept the vehicle as an ArduPilot Rover.
 
 QGroundControl's set-up pages and Mission Planner ask for them by name. They are read-only, describe
-no part of the robot, and are not in `param list`. There is no FRAME_CLASS, which would open a page
-for frames that this robot does not have.
+no part of the robot, and are not in `param list`. FRAME_CLASS is left out: with it, QGroundControl
+shows a page about frames that do not apply to this robot.
 """
 
 from collections.abc import Iterator

@@ -90,7 +90,7 @@ class BusPort:
         return found
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Carry out an operation; operations of one robot run in their order."""
+        """Start an operation; operations of one robot run one after another."""
         self._submit(self._requests, lambda: operation.perform(self._session()), done)
 
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
@@ -103,7 +103,7 @@ class BusPort:
         self._submit(self._requests, ask, done)
 
     def stop(self, done: Done) -> None:
-        """Send the emergency stop at once, and repeat it in a thread of its own."""
+        """Send the emergency stop at once, and repeat it in a separate thread."""
         stop = EmergencyStop(
             self._link.bus,
             self._stops,
@@ -132,7 +132,7 @@ class BusPort:
         self._stick.drive(speed_m_s, yaw_rate_rad_s)
 
     def deliver(self) -> None:
-        """Call `done` of every request that has ended since the last call."""
+        """Call `done` for every request that has ended since the last call."""
         while not self._ended.empty():
             done, answer = self._ended.get()
             done(answer)

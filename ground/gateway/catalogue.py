@@ -1,7 +1,7 @@
-"""The messages that a vehicle can send: one builder each, and how often they are sent by default.
+"""The messages that a vehicle can send: the builder and the default rate of each.
 
 A service adds its messages in its constructor. The scheduler sends them, and REQUEST_MESSAGE builds
-one at once; both share what has been built in a round.
+one at once; both share the messages that were built in a round.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,8 +19,8 @@ class Source(NamedTuple):
     """One kind of message.
 
     `rate_hz` is the default rate, and `slow_hz` that on a line too slow for all defaults; at 0 it
-    is sent only on request. `group` is the MAV_DATA_STREAM that REQUEST_DATA_STREAM changes it
-    with. `copies` is the number of messages per build.
+    is sent only on request. `group` is the MAV_DATA_STREAM of REQUEST_DATA_STREAM to which it
+    belongs. `copies` is the number of messages per build.
     """
 
     number: int
@@ -54,7 +54,7 @@ class Catalogue:
         return self._sources.get(number)
 
     def is_stream(self, number: int) -> bool:
-        """Return whether a message is repeated by itself, so that one may be dropped."""
+        """Return whether a message is sent periodically, so that one may be dropped."""
         source = self._sources.get(number)
         return source is not None and source.rate_hz > 0
 

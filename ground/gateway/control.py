@@ -1,9 +1,9 @@
 """Operator control: one client of the gateway at a time holds the robot's lease.
 
 The first state-changing command takes the lease if it is free. The gateway sends the operator's
-heartbeat to the robot for as long as the client in control is heard; then the robot treats its
-absence as that of any operator. An emergency stop needs no control, and neither does a command that
-only stops. Control passes from client to client of the gateway under the same lease.
+heartbeat to the robot while messages of the client in control arrive. Without them, the robot
+reacts as to the loss of any operator. An emergency stop needs no control, and neither does a
+command that only stops. Control passes from client to client of the gateway under the same lease.
 """
 
 from typing import Any, Final, NamedTuple
@@ -18,7 +18,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
 SILENCE_NS: Final = 5 * NS_PER_S
-"""A client in control that is silent for so long has gone; ArduPilot's FS_GCS_TIMEOUT."""
+"""A client in control that is silent for this long loses control; ArduPilot's FS_GCS_TIMEOUT."""
 CROSSING_NS: Final = 300_000_000
 """A lease status sent before a change may arrive up to this time after it."""
 WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
@@ -61,13 +61,16 @@ class OperatorControl:
         return self.owner == Owner(sender.client, sender.system)
 
     def heard(self, sender: Sender, now_ns: int) -> None:
-        """Note that a client is alive."""
+        """Record the time of a message of a client."""
         self._now_ns = now_ns
         if self.holds(sender):
             self._heard_ns = now_ns
 
     def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
-        """Carry out an operation; take control first if it moves the robot and nobody has it."""
+        """Start an operation.
+
+        Take control first if it moves the robot and no client has control.
+        """
         if not sender.may_command:
             done(Answered(None, WATCHER))
         elif not operation.moves or self.holds(sender):
@@ -82,7 +85,10 @@ class OperatorControl:
             done(answer)
 
     def ensure(self, sender: Sender, done: Done) -> None:
-        """Give control to the sender if nobody has it; `done` gets the refusal otherwise."""
+        """Give control to the sender if no operator has it.
+
+        Otherwise `done` receives the refusal.
+        """
         if not sender.may_command:
             done(Answered(None, WATCHER))
         elif self.holds(sender):
@@ -95,7 +101,10 @@ class OperatorControl:
                 self._take(sender, LeaseAction.TAKE)
 
     def request(self, sender: Sender, *, allow_takeover: bool, done: Done) -> None:
-        """Give control to the sender if it may take it, and set whether others may."""
+        """Give control to the sender if that is permitted.
+
+        Set whether others may take it over.
+        """
 
         def granted(answer: Answered) -> None:
             if answer.ok and self.holds(sender):
@@ -154,12 +163,15 @@ class OperatorControl:
             self._port.heartbeat()
 
     def forget(self, client: int) -> None:
-        """Give up control if the client that has it has gone."""
+        """Give up control if the client in control has disconnected."""
         if self.owner is not None and self.owner.client == client:
             self._lose()
 
     def _lose(self) -> None:
-        """End the heartbeat. The robot notices, acts as configured, and the lease lapses."""
+        """End the heartbeat.
+
+        The robot then acts as configured for the loss of its operator, and the lease expires.
+        """
         self.owner = None
         self._takeover_allowed = True
 

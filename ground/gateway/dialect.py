@@ -1,8 +1,8 @@
-"""The MAVLink dialect of the gateway: pymavlink's ardupilotmega, and standard messages it lacks.
+"""The MAVLink dialect of the gateway: pymavlink's ardupilotmega, and missing standard messages.
 
 pymavlink 2.4.50 has COMPONENT_METADATA and CONTROL_STATUS in no dialect, and AVAILABLE_MODES and
-CURRENT_MODE only in `development`; its TIMESYNC lacks the target, and its mission messages the ids
-of plans. Their layouts here are those of mavlink/mavlink of July 2026.
+CURRENT_MODE only in `development`; its TIMESYNC has no target fields, and its mission messages have
+no plan ids. Their layouts here are those of mavlink/mavlink of July 2026.
 """
 
 from collections.abc import Callable, Sequence

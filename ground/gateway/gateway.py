@@ -1,4 +1,4 @@
-"""The process: wait for clients and the bus, hand messages to vehicles, send what they answer."""
+"""The process: wait for clients and the bus, pass messages to vehicles, and send their answers."""
 
 import os
 import selectors
@@ -25,9 +25,9 @@ from runtime.units import NS_PER_MS, NS_PER_S
 CALM_NS: Final = 100 * NS_PER_MS
 """Time between two rounds that only send streams of 10 Hz and less."""
 STREAMS_NS: Final = 50 * NS_PER_MS
-"""The same for faster streams: the robot's telemetry has 20 Hz."""
+"""The same for faster streams: the robot sends telemetry at 20 Hz."""
 BUSY_NS: Final = 20 * NS_PER_MS
-"""Time between two rounds while clients send or get more than heartbeats and streams."""
+"""Time between two rounds while clients send or receive more than heartbeats and streams."""
 BUSY_FOR_NS: Final = 2 * NS_PER_S
 
 
@@ -38,7 +38,7 @@ class Pace:
         self.due_ns = self._busy_until_ns = now_ns
 
     def note(self, number: int, now_ns: int) -> None:
-        """Note the id of a message from a client, or of one to it that is no stream."""
+        """Record the id of a message from a client, or of one to it that is no stream."""
         if number != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             self._busy_until_ns = now_ns + BUSY_FOR_NS
             self.due_ns = min(self.due_ns, now_ns + BUSY_NS)
@@ -82,9 +82,9 @@ class WakeUp:
 
 
 class Gateway:
-    """The clients of all endpoints, and the vehicles that they see.
+    """The clients of all endpoints, and the vehicles that are presented to them.
 
-    `line_bytes_s` limits what each client gets, beside the limit of its line.
+    `line_bytes_s` limits the rate to each client, in addition to the limit of its line.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class Gateway:
         self._watched: dict[int, Endpoint] = {}
 
     def run(self) -> None:
-        """Serve until an exception, such as a signal, ends it."""
+        """Serve clients until an exception, such as that of a signal."""
         while True:
             self.round()
 
@@ -150,7 +150,7 @@ class Gateway:
         self._selector.close()
 
     def _watch(self) -> None:
-        """Wait for the present descriptors: connections and lines come and go."""
+        """Update the descriptors to wait for: connections and lines appear and disappear."""
         wanted = {number: one for one in self._endpoints for number in one.filenos()}
         for number in self._watched.keys() - wanted.keys():
             self._selector.unregister(number)

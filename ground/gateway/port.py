@@ -1,4 +1,4 @@
-"""What the protocols need of one robot: its newest telemetry, requests, and the lease."""
+"""The interface of the protocols to one robot: its newest telemetry, requests, and the lease."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ HINTS: Final[Mapping[int, str]] = MappingProxyType(
         Reason.NO_GOAL: "Send a goal first",
     }
 )
-"""Remedies for refusals, as MAVLink ground stations have them."""
+"""Remedies for refusals, in terms of MAVLink ground stations."""
 
 
 class Snapshot(NamedTuple):
@@ -61,18 +61,18 @@ class Answered:
 
     @property
     def text(self) -> str:
-        """The outcome or the error, for a person with a MAVLink ground station."""
+        """The outcome or the error, as a text for the user of a MAVLink ground station."""
         if isinstance(self.outcome, Refused):
             return self.outcome.in_words(HINTS)
         return self.error if self.outcome is None else self.outcome.text
 
 
 Done = Callable[[Answered], None]
-"""Called once in the gateway's thread, at a later round."""
+"""Called once in the gateway's thread, in a later round."""
 
 
 class RobotPort(Protocol):
-    """One robot. No call blocks: what must wait is done by other threads."""
+    """One robot. No call blocks: other threads do the work that must wait."""
 
     @property
     def name(self) -> str:
@@ -89,13 +89,13 @@ class RobotPort(Protocol):
         """Return the robot's texts, in pieces, that have arrived since the last call."""
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Carry out an operation; operations of one robot run in their order."""
+        """Start an operation; operations of one robot run one after another."""
 
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
         """Take, seize or release the lease."""
 
     def stop(self, done: Done) -> None:
-        """Send the emergency stop at once, ahead of everything, and repeat it until it is shown."""
+        """Send the emergency stop before all requests; repeat it until telemetry shows it."""
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""

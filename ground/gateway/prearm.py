@@ -1,4 +1,4 @@
-"""What keeps the robot from being armed, as far as its telemetry shows."""
+"""The reasons why the robot cannot be armed, from its telemetry."""
 
 from typing import Final
 
@@ -12,9 +12,9 @@ EMERGENCY_STOPPED: Final = (
 
 
 def faults(snapshot: Snapshot) -> tuple[str, ...]:
-    """Return the reasons, for a person; none if the robot can be armed or is armed.
+    """Return the reasons as texts; none if the robot can be armed or is armed.
 
-    A failsafe ends by arming again, so it counts as none while the robot has its senses.
+    Arming again ends a failsafe, so a failsafe is no reason while sensor data arrive.
     """
     status = snapshot.status
     if status is None:

@@ -1,4 +1,4 @@
-"""The protocols of a vehicle, in the order in which they get messages and time."""
+"""The protocols of a vehicle, in the order in which they are called."""
 
 from pathlib import Path
 

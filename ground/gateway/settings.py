@@ -16,9 +16,9 @@ from runtime.config import load_shared
 from runtime.errors import UserError
 
 MAX_SYSTEM: Final = 250
-"""The ids above are those of ground stations."""
+"""Larger ids are usual for ground stations."""
 LOW_RATE_BYTES_S: Final = 4_800
-"""What clients get at most with `low_rate`; streams take 90 % of it. Fits 57,600 baud."""
+"""Limit of the rate to a client with `low_rate`; streams use 90 % of it. It fits 57,600 baud."""
 MAX_ALTITUDE_M: Final = 20_000.0
 
 Latitude = Annotated[float, Meta(ge=-85.0, le=85.0)]
@@ -65,7 +65,7 @@ class EndpointText(NamedTuple):
 
 
 def settings_in(path: str | None) -> GatewaySettings:
-    """Return the table of a file, the defaults without a file; ConfigError for a wrong key."""
+    """Return the table of a file, or the defaults without a file; ConfigError for a wrong key."""
     return GatewaySettings() if path is None else load_shared(Path(path), GatewayFile).gateway
 
 

@@ -1,4 +1,4 @@
-"""Texts that say why something was refused, at a limited rate for each client."""
+"""Texts with the reason of a refusal, at a limited rate for each client."""
 
 from typing import Final
 
@@ -7,13 +7,13 @@ from protocol.wire.enums import Severity
 from runtime.units import NS_PER_S
 
 AGAIN_NS: Final = NS_PER_S
-"""The same words are sent to a client again only after this time."""
+"""The same text is sent to a client again only after this time."""
 MAX_RECENT: Final = 8
 """Different texts to one client within that time."""
 
 
 class Refusals:
-    """Sends refusals in words; drops repetitions, and all beyond a limit."""
+    """Sends texts of refusals; drops repetitions, and texts beyond a limit."""
 
     def __init__(self, outbox: Outbox) -> None:
         self._outbox = outbox
@@ -32,5 +32,5 @@ class Refusals:
         self._outbox.text(severity, words, client)
 
     def forget(self, client: int) -> None:
-        """Drop what is kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""
         self._recent.pop(client, None)

@@ -1,4 +1,4 @@
-"""What every protocol of the gateway uses: the sender of a message, and the outbox for answers."""
+"""Common types of the protocols: the sender of a message, and the outbox for answers."""
 
 from collections.abc import Collection
 from typing import Final, NamedTuple, Protocol
@@ -12,10 +12,10 @@ EVERYONE: Final = None
 
 
 class Sender(NamedTuple):
-    """Where a message came from.
+    """The origin of a message.
 
     `client` numbers the peers of all endpoints, and is never reused. `may_command` is False for a
-    peer that the signing policy of its endpoint lets only watch.
+    peer that may only receive telemetry by the signing policy of its endpoint.
     """
 
     client: int
@@ -56,7 +56,7 @@ class Outbox:
             )
 
     def take(self) -> list[Send]:
-        """Return all messages in their order, and forget them."""
+        """Return all messages in their order, and remove them."""
         taken, self._sends = self._sends, []
         return taken
 
@@ -72,7 +72,7 @@ class MavService(Protocol):
         """Process a message for this vehicle."""
 
     def due(self, now_ns: int) -> None:
-        """Do what is due: streams, retries, time-outs. Called about every 20 ms."""
+        """Process streams, retries and time-outs. Called about every 20 ms."""
 
     def forget(self, client: int) -> None:
-        """Drop the state kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""

@@ -1,4 +1,4 @@
-"""One robot as a MAVLink system: what its protocols share, and the dispatch of messages to them."""
+"""One robot as a MAVLink system: the shared state, and the dispatch of messages."""
 
 from collections.abc import Collection, Sequence
 from typing import Any, Final
@@ -24,11 +24,11 @@ class Vehicle:
 
     `origin` is the place on the globe of the robot's (0, 0), `origin_altitude_m` its height above
     the sea, and `home` the local x and y of the home position, perhaps chosen by a client.
-    `clients` holds what the line of each client carries in bytes per second, None if that is no
-    limit. `parameters` are the robot's values by their names, as far as they are known.
-    `unix_offset_ns` is the time of day minus the time of this process; None without a clock.
-    `commit` is that of this program. `has_fence` is False once the robot is seen to have none.
-    `shortest_ns` is the shortest time between two messages of a stream.
+    `clients` holds the capacity of each client's line in bytes per second, None if it has no limit.
+    `parameters` are the robot's values by their names, as far as they are known. `unix_offset_ns`
+    is the time of day minus the time of this process; None without a clock. `commit` is that of
+    this program. `has_fence` is False once the robot is seen to have none. `shortest_ns` is the
+    shortest time between two messages of a stream.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -65,7 +65,7 @@ class Vehicle:
         return self.boot_ns(now_ns) // NS_PER_MS & 0xFFFFFFFF
 
     def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
-        """Carry out an operation for a client if it is in control, or gets control now."""
+        """Start an operation for a client that has control or obtains it now."""
         self.control.perform(sender, operation, done)
 
 
@@ -86,7 +86,7 @@ class Face:
         return self._by_id.keys()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Process a message for this system that its sender may send."""
+        """Process a message for this system if its sender has the right to send it."""
         if not self._is_target(message):
             return
         if sender.may_command:
@@ -100,7 +100,7 @@ class Face:
             service.receive(message, sender, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Take a new snapshot and do what is due."""
+        """Take a new snapshot and process streams, retries and time-outs."""
         self.vehicle.snapshot = self.vehicle.port.snapshot(now_ns)
         self.vehicle.modes.due(self.vehicle.snapshot)
         self.vehicle.control.due(self.vehicle.snapshot, now_ns)
@@ -108,11 +108,11 @@ class Face:
             service.due(now_ns)
 
     def join(self, client: int, line_bytes_s: int | None = None) -> None:
-        """Begin to send streams to a client, at most so many bytes per second."""
+        """Start to send streams to a client; `line_bytes_s` is the capacity of its line."""
         self.vehicle.clients[client] = line_bytes_s
 
     def forget(self, client: int) -> None:
-        """Drop the state kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""
         self.vehicle.clients.pop(client, None)
         self.vehicle.control.forget(client)
         self.vehicle.refusals.forget(client)

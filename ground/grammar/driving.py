@@ -65,7 +65,7 @@ class GotoWords(Words):
         )
 
     def goal(self) -> Destination | None:
-        """Return the goal, or None without X Y; UserError if only a part of it is there."""
+        """Return the goal, or None without X Y; UserError if only a part of it is given."""
         if self.x is not None and self.y is not None:
             return destination(
                 [self.x, self.y] + ([] if self.heading is None else [self.heading]),

@@ -11,7 +11,7 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
 PACED_SILENT_NS: Final = 4_500 * NS_PER_MS
-"""In paced time lateness is no safety event, and a restart costs the robot its place.
+"""In paced time lateness is no safety event, and after a restart the robot's position is unknown.
 
 Longer than the plant waits for a silent robot (3 s), and shorter than the watchdog of each process
 (5 s), so that the cause of the restart is the same in both clocks.
@@ -38,7 +38,7 @@ class HangDetector:
     ) -> None:
         """Create a detector for `roles`, which publish a heartbeat; `silent_ns` without one hang.
 
-        A router publishes none; `linked` returns whether any link is up.
+        A router publishes no heartbeat; `linked` returns whether any link is up.
         """
         self.cause = f"hung (silent for {silent_ns / NS_PER_S:g} s)"
         self._silent_ns = silent_ns

@@ -151,7 +151,7 @@ class Stack:
         return self._recorder_files.all
 
     def recording_of(self, robot: str) -> Path | None:
-        """Return the newest .tlog of a robot of this run, or None before there is one."""
+        """Return the newest .tlog of a robot of this run, or None if there is none yet."""
         self.recordings()
         return self._recorder_files.newest(robot)
 

@@ -1,4 +1,4 @@
-"""Find the files of the recorders that were started here, and of no others in the same folder."""
+"""Find the files of the recorders of this run, without other files in the same folder."""
 
 import re
 from pathlib import Path
@@ -9,7 +9,7 @@ from ground.recording.log_reader import robot_in
 from protocol.topic import NAME
 
 RECORDER: Final = "recorder"
-"""Begins the role of each recorder."""
+"""Prefix of the role of each recorder."""
 CREATED: Final = re.compile(
     rf"^recording .*?(?P<name>\d{{8}}T\d{{6}}Z-{NAME}(\.\d{{1,3}})?\.tlog) and \.mcap$",
     re.MULTILINE,
@@ -25,7 +25,7 @@ class RecorderFiles:
     """The .tlog of each recorder among some children.
 
     Another run may record a robot of the same name in the same folder, so the names and times of
-    the files do not show which run they belong to. Each recorder prints the name of its own.
+    the files do not identify the run. Each recorder prints the name of its file.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class RecorderFiles:
         return next((log for log in reversed(self.all) if robot_in(log) == robot), None)
 
     def update(self, children: Children, folder: Path) -> None:
-        """Read what new recorders have printed; call it before a child is removed."""
+        """Read the output of new recorders; call it before a child is removed."""
         for child in children.snapshot():
             pid = child.process.pid
             if child.role.startswith(RECORDER) and pid not in self._found:

@@ -173,7 +173,7 @@ class RecordingSession:
         return [*messages, f"RECORDING HAS STOPPED: {self._why()}; the robot drives on"]
 
     def _is_starting(self) -> bool:
-        """Return whether a recorder of our own runs and has not written yet."""
+        """Return whether a recorder of this run is running and has not written yet."""
         if not self._is_child or self._size:
             return False
         with suppress(ChildExitError):

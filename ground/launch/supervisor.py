@@ -15,7 +15,7 @@ SETTLED_NS: Final = 2_000_000_000
 RESTART_WAIT_NS: Final = 8_000_000_000
 INTERNAL_ERROR: Final = "internal error: "
 RESTARTS: Final = "ends for a restart on request"
-"""The last words of a robot process that an operator has asked to restart."""
+"""The last line of output of a robot process after an operator has requested a restart."""
 MAX_CAUSE_CHARS: Final = 200
 
 

@@ -23,7 +23,7 @@ Run = tuple[str, str]
 ECHO_RANK: Final = RANK["seen"]
 """Marks up to this rank are hidden by dots that were drawn later."""
 SHORT: Final = 6
-"""The dots of lines up to this length are looked up instead of computed."""
+"""The dots of lines up to this length are stored in a table."""
 OFF_CANVAS: Final = (0, 0, 0, 0, 0, 1)
 """The result of `clip_line` for a line that misses the canvas."""
 

@@ -97,9 +97,10 @@ def draw_traces(
     *,
     drawn: int | None = None,
 ) -> None:
-    """Draw the layers above the static ones, which stay the same while `trace_parts` does.
+    """Draw the layers above the static ones.
 
-    When only the trail has grown, and its first `drawn` points are on the canvas, draw the others.
+    They change only with `trace_parts` and the trail. The first `drawn` points of the trail are
+    already on the canvas; draw the others.
     """
     if drawn is None:
         _draw(TRACES, scene, Pen(canvas, view), layers)

@@ -1,4 +1,4 @@
-"""Keep the layers below the robot from frame to frame, and draw again only what has changed."""
+"""Cache the layers below the robot, and draw only changed layers again."""
 
 from collections.abc import Collection, Sequence
 
@@ -33,7 +33,7 @@ class KeptLayers:
     def _trace(
         self, scene: MapScene, view: View, layers: Collection[str], *, is_same: bool
     ) -> None:
-        """Draw the traces; if only the trail has grown, its new end."""
+        """Draw the traces; if only the trail has grown, draw only its new part."""
         key, trail, drawn = trace_parts(scene), scene.trail, len(self._trail)
         if is_same and key == self._trace_key and trail[:drawn] == self._trail:
             if len(trail) > drawn:

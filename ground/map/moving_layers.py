@@ -29,7 +29,7 @@ def draw_trail(pen: Pen, scene: MapScene) -> None:
 
 
 def draw_trail_end(pen: Pen, scene: MapScene, drawn: int) -> None:
-    """Draw the way of the robot from the last of the first `drawn` points on."""
+    """Draw the trail of the robot after its first `drawn` points."""
     pen.path(scene.trail[max(0, drawn - 1) :], "trail")
 
 

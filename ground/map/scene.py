@@ -134,7 +134,7 @@ class MapScene:
 
     @property
     def shows_sonars(self) -> bool:
-        """True while the sonars are drawn; old echoes of a robot that is late may be wrong."""
+        """True while the sonars are drawn; echoes of a robot with late telemetry may be wrong."""
         robot = self.robot
         return robot is not None and self.live and isfinite(robot.heading_rad)
 

@@ -2,9 +2,9 @@
 
 x points east and y north in the plane that touches the WGS 84 ellipsoid at the home. A place on
 Earth is the point of the ellipsoid below or above a point of that plane (EPSG method 9840, the
-orthographic projection), so both maps are exact: over 1 km they differ from distances on the
-ground by less than 0.1 mm. A place that is written and read again moves by far less than the
-wire's 0.1 mm.
+orthographic projection), so both maps are exact: over 1 km they differ from distances on the ground
+by less than 0.1 mm. The error of both conversions together is far less than the 0.1 mm of the wire
+format.
 """
 
 from functools import lru_cache
@@ -17,7 +17,8 @@ SEMI_MAJOR_M: Final = 6_378_137.0
 FLATTENING: Final = 1 / 298.257223563
 ECCENTRICITY_2: Final = FLATTENING * (2 - FLATTENING)
 NEAR_COSINE: Final = cos(radians(5.0))
-"""Farther from its home than 5 degrees a place has no exact metres, only a rough distance."""
+"""A position more than 5 degrees from its home has no exact metres, only an approximate
+distance."""
 
 
 class Plane(NamedTuple):
@@ -38,7 +39,8 @@ def _plane(latitude_deg: float) -> Plane:
 def to_local(home: Home, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
     """Return x and y in metres.
 
-    A place more than 5 degrees away gets a rough distance, far beyond what a mission may contain.
+    A position more than 5 degrees away has an approximate distance, far beyond the limit of a
+    mission.
     """
     plane, place = _plane(home.latitude_deg), _plane(latitude_deg)
     east_deg = (longitude_deg - home.longitude_deg + 180.0) % 360.0 - 180.0
@@ -48,7 +50,7 @@ def to_local(home: Home, latitude_deg: float, longitude_deg: float) -> tuple[flo
         return on_the_wire(SEMI_MAJOR_M * radians(east_deg) * plane.cosine), on_the_wire(north_m)
     x_m = place.radius_m * place.cosine * sin(radians(east_deg))
     polar_m = (1 - ECCENTRICITY_2) * (place.radius_m * place.sine - plane.radius_m * plane.sine)
-    # The distances from the axis, subtracted without a loss of digits near the home.
+    # The difference of the distances from the axis, in a form without cancellation near the home.
     half = sin(radians(east_deg / 2))
     outward_m = place.radius_m * place.cosine - plane.radius_m * plane.cosine
     outward_m -= 2 * place.radius_m * place.cosine * half * half

@@ -103,7 +103,7 @@ PARTS: Final = MappingProxyType(
         "y_m": ItemPart.PARAM6,
     }
 )
-"""The parameter that each key of a waypoint comes from."""
+"""The parameter of the item for each key of a waypoint."""
 
 
 class UnsupportedItemError(UserError):
@@ -153,7 +153,7 @@ def _checked(table: dict[str, float]) -> Waypoint:
 
 
 def place_in(item: Item, home: Home | None) -> tuple[float, float]:
-    """Return the x and y of an item; UnsupportedItemError if it has no place or a strange one."""
+    """Return the x and y of an item; UnsupportedItemError if its position is missing or invalid."""
     first, second = item.params[4:6]
     if not (isfinite(first) and isfinite(second)):
         part = ItemPart.PARAM6 if isfinite(first) else ItemPart.PARAM5

@@ -116,7 +116,7 @@ class Upload(Transfer):
 
 
 class Announcement(Transfer):
-    """Announces an upload, to learn from the robot whether it takes one of so many items now."""
+    """Announces an upload: the robot answers whether it accepts this number of items now."""
 
     def __init__(self, count: int, kind: MissionType, now_ns: int) -> None:
         super().__init__(MissionCount(count=count, mission_type=kind), kind, now_ns, ATTEMPTS)

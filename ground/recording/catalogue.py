@@ -54,8 +54,9 @@ def began(path: Path) -> datetime:
 def recording_named(text: str | None) -> Path:
     """Return the recording for an argument FILE.
 
-    None is the newest one of the user, `-2` the one before, and a folder its newest one. Only a
-    name chooses one that is still being recorded. Raises UserError if there is none.
+    None is the newest one of the user, `-2` the one before, and a folder its newest one. A
+    recording that is still being written is chosen only by its name. Raises UserError if there is
+    none.
     """
     back = BACK.match(text or "-1")
     if text is not None and (back is None or Path(text).exists()):
@@ -79,7 +80,7 @@ def newest(folder: Path, number: int) -> Path:
 
 
 def remark_on(path: Path, named: str | None) -> str:
-    """Return what a verb prints about its recording: which was chosen, and if it is unfinished."""
+    """Return the text of a verb about its recording: its path, and whether it is unfinished."""
     if is_running(path):
-        return f"{path} {UNFINISHED}: this is what it holds so far"
+        return f"{path} {UNFINISHED}: this is the part that is already written"
     return "" if str(path) == named else str(path)

@@ -120,7 +120,10 @@ class McapLog(McapFile):
             yield LoggedFrame(time_ns, standard_key(raw.key, self.robot), raw.frame)
 
     def damage(self) -> str:
-        """Return what was lost, in words; a file that is still being recorded is not closed yet."""
+        """Return a description of the damage.
+
+        A file that is still being recorded is not closed yet.
+        """
         return "" if self._is_running and not self.lost_bytes else super().damage()
 
 
@@ -183,7 +186,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def is_running(path: Path) -> bool:
-    """Return whether a file is known to be still recorded."""
+    """Return whether a file is certainly still being recorded."""
     try:
         return is_being_written(path)
     except OSError:

@@ -28,7 +28,7 @@ NO_GOAL: Final = "no goal"
 
 
 class Summary(NamedTuple):
-    """A recording at a glance; what is not known is None or empty.
+    """A summary of a recording; unknown values are None or empty.
 
     `length_s` is the robot's time between its first and its last status. `size` counts both files.
     `is_running`: it is still being recorded.

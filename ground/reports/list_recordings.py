@@ -16,7 +16,7 @@ from ground.user.folders import recordings_folder
 HEADS: Final = ("", "BEGAN", "LENGTH", "WORLD", "NAVIGATOR", "OUTCOME", "SIZE", "NAME")
 UNKNOWN: Final = "--"
 RUNNING: Final = "REC"
-"""Marks a recording that is not finished, and so has no number."""
+"""Mark of a recording that is not finished. It has no number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +72,7 @@ def table(found: Sequence[Summary]) -> list[str]:
 
 
 def cells(name: str, one: Summary) -> tuple[str, ...]:
-    """Return the cells of a recording; `name` is how verbs name it, or that it is running."""
+    """Return the cells of a recording; `name` is its name for verbs, or a mark if it is running."""
     return (
         name,
         f"{one.began.astimezone():%Y-%m-%d %H:%M:%S}",

@@ -24,7 +24,7 @@ class Attention(IntEnum):
     LOST = 2
     """No live status, or a loss."""
     UNPLACED = 3
-    """It does not know its place, so it refuses goals in the world."""
+    """Its position is unknown, so it refuses goals in the world."""
     NONE = 4
 
 
@@ -59,7 +59,7 @@ class RosterEntry(NamedTuple):
 
     @property
     def needs_attention(self) -> bool:
-        """True for a robot that stopped itself, is stuck or lost, or has no known place."""
+        """True for a robot that stopped itself, is stuck or lost, or has an unknown position."""
         return self.attention is not Attention.NONE
 
 

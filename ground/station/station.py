@@ -171,7 +171,7 @@ class Station(StationView):
     def submit(self, words: str, job: Job, *, moves: bool = True) -> bool:
         """Run a request in a thread; return False with the reason in the log if it is rejected.
 
-        One request is pending at a time, and a few wait for it. A request that `moves` the robot
+        One request is pending at a time, and a few can wait. A request that `moves` the robot
         takes the lease first. The result is a line in the log.
         """
         why, session = self.refusal(moves=moves), self._session

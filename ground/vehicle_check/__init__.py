@@ -1,4 +1,4 @@
-"""The judge: check any MAVLink vehicle from outside against the rows of the acceptance list.
+"""The judge: test any MAVLink vehicle as a client does, by the rows of the acceptance list.
 
-It imports nothing of the gateway, so that its judgement is independent of it.
+It imports nothing of the gateway, so its verdicts are independent of the gateway.
 """

@@ -1,4 +1,4 @@
-"""One run of the judge: connect, judge the rows, restore what was changed."""
+"""One run of the judge: connect, judge the rows, restore changed values and plans."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
@@ -24,7 +24,7 @@ MAX_RUN_WITH_MOTION_S: Final = 300.0
 
 
 class Options(NamedTuple):
-    """What the command line chooses."""
+    """The options of the command line."""
 
     allow_motion: bool = False
     key: bytes | None = None
@@ -41,7 +41,7 @@ class Judged(NamedTuple):
 
 
 class Window(NamedTuple):
-    """The frames of the main client while the judge only watched."""
+    """The frames of the main client while the judge only received."""
 
     frames: list[Frame]
     seconds: float
@@ -52,7 +52,7 @@ class Window(NamedTuple):
 
 
 class Check:
-    """The vehicle under test, and what several rows share."""
+    """The vehicle under test, and values that several rows share."""
 
     def __init__(self, network: Network, options: Options) -> None:
         self.options = options
@@ -63,7 +63,7 @@ class Check:
         self.began_ns = self.station.now_ns
         self.restore: list[Callable[[], None]] = []
         self.facts: dict[str, Any] = {}
-        """What a row has found out that others use."""
+        """Results of rows that other rows use."""
 
     @property
     def target(self) -> int:
@@ -94,14 +94,14 @@ class Check:
 
     @cached_property
     def second(self) -> Client:
-        """A second ground station, which stays."""
+        """A second ground station, which remains connected."""
         client = self.station.connect()
         self.station.wait(0.3)
         return client
 
     @cached_property
     def window(self) -> Window:
-        """Watch the streams; ask for them first if the vehicle sends none by itself."""
+        """Receive the streams; request them first if the vehicle sends none."""
         began_ns = self.station.now_ns
         watchers = [self.station.connect() for _ in range(WATCHERS)]
         silent = self.station.connect(beats=False)
@@ -131,7 +131,7 @@ class Check:
         return [one for one in self.window.frames if one.name == name and not one.is_lost]
 
     def rate(self, name: str, since: int | None = None, seconds: float = 0.0) -> float:
-        """Return the rate in the window as the vehicle sends, or since a mark."""
+        """Return the rate at which the vehicle sends in the window, or since a mark."""
         if since is None:
             frames, seconds = self.window.frames, self.window.seconds
         else:
@@ -212,7 +212,7 @@ def _judged(row: Row, check: Check) -> Verdict:
     try:
         return row.judge(check)
     except (AttributeError, IndexError, KeyError, ValueError, OverflowError, TypeError) as error:
-        # A hostile vehicle must not end the judge: values that it sends reach the rows as they are.
+        # A hostile vehicle must not end the judge: rows receive its values unchecked.
         return failed(f"unusable answer: {type(error).__name__}: {error}")
 
 

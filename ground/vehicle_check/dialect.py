@@ -1,4 +1,4 @@
-"""The MAVLink dialect of the judge: pymavlink's, and standard messages that pymavlink lacks.
+"""The MAVLink dialect of the judge: pymavlink's, and standard messages that are missing there.
 
 Their layouts are those of mavlink/mavlink, `common.xml` of 2026. They are decoded beside
 pymavlink's table of messages, which stays unchanged.
@@ -36,7 +36,7 @@ def _code(field: Field) -> str:
 
 
 class Layout(NamedTuple):
-    """A message that pymavlink lacks. Its fields stand in the order of the wire."""
+    """A message that is missing in pymavlink. Its fields are in the order of the wire."""
 
     number: int
     name: str

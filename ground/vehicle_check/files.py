@@ -1,4 +1,4 @@
-"""A client of MAVLink FTP, as MAVProxy and QGroundControl use it: bursts, then what is missing."""
+"""A client of MAVLink FTP, as in MAVProxy and QGroundControl: bursts, then missing blocks."""
 
 from struct import Struct
 from typing import Final, NamedTuple
@@ -94,7 +94,7 @@ class FileClient:
         return found
 
     def burst(self, session: int, size: int, chunk: int) -> dict[int, bytes]:
-        """Ask for a burst from the start; return the blocks that arrive, by offset."""
+        """Request a burst from the start; return the blocks that arrive, by offset."""
         parts: dict[int, bytes] = {}
         self._sequence = (self._sequence + 1) & 0xFFFF
         since = self._client.mark()

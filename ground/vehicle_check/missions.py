@@ -1,4 +1,4 @@
-"""A client of the mission protocol: plans up and down, as the named clients send them."""
+"""A client of the mission protocol: upload and download plans like the named clients."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ class Item(NamedTuple):
 
 @dataclass
 class Upload:
-    """How an upload went."""
+    """The result of an upload."""
 
     result: int | None = None
     opaque_id: int = 0
@@ -69,7 +69,7 @@ def upload(
     ignored: int | None = None,
     within_s: float = 6.0,
 ) -> Upload:
-    """Send a plan as the vehicle asks for it; the first request for item `ignored` is not answered.
+    """Send a plan as the vehicle requests it; the first request for item `ignored` is not answered.
 
     The result is that of MISSION_ACK, None without one.
     """
@@ -118,7 +118,7 @@ class Download(NamedTuple):
 
 
 def download(client: Client, kind: int = MISSION, *, as_float: bool = False) -> Download | None:
-    """Fetch a plan; None if the vehicle does not give it."""
+    """Download a plan; None if the vehicle does not send it."""
     station = client.station
     target = station.target, station.target_component
     ask = mavlink.MAVLink_mission_request_list_message(*target, kind)

@@ -1,4 +1,4 @@
-"""How the judge reaches a vehicle: several peers of one endpoint, over sockets."""
+"""Connections of the judge to a vehicle: several peers of one endpoint, over sockets."""
 
 import random
 import selectors
@@ -46,7 +46,7 @@ class Network(Protocol):
         """Send bytes to the vehicle."""
 
     def receive(self, until_ns: int) -> list[Heard]:
-        """Wait until something arrives, at most until a time; return all that has arrived."""
+        """Wait for bytes, at most until a time; return all bytes that have arrived."""
 
     def close(self) -> None:
         """Close all connections."""
@@ -61,7 +61,7 @@ class Address(NamedTuple):
 
 
 def address_of(text: str) -> Address:
-    """Parse an endpoint; UserError names what is wrong with it."""
+    """Parse an endpoint; UserError names the error."""
     kind, _, rest = text.partition(":")
     host, colon, port = rest.rpartition(":")
     if kind not in KINDS or not (colon and host):
@@ -174,7 +174,7 @@ class SocketNetwork:
 
 
 class Losses:
-    """Decides by a seed which frames are dropped."""
+    """Selects the frames to drop, by a seed."""
 
     def __init__(self, share: float, seed: int) -> None:
         self.share = share

@@ -19,7 +19,7 @@ HAS_DEFAULT: Final = 1
 
 
 class Value(NamedTuple):
-    """A parameter as PARAM_VALUE gives it."""
+    """A parameter from PARAM_VALUE."""
 
     position: int
     value: float
@@ -41,7 +41,7 @@ class ParameterList:
         return bool(self.count) and indexes >= set(range(self.count))
 
     def take(self, message: Any) -> None:
-        """Note a PARAM_VALUE; one that answers a single request may have no index."""
+        """Store a PARAM_VALUE; the answer to a single request may have no index."""
         name = name_of(message)
         self.count = min(int(message.param_count), MAX_PARAMETERS)
         index = int(message.param_index)
@@ -58,7 +58,7 @@ def name_of(message: Any) -> str:
 
 
 def download(client: Client, within_s: float = 8.0) -> ParameterList:
-    """Ask for the whole list, and for what is missing 50 at a time, as DroneKit does."""
+    """Request the whole list, then missing parameters, 50 at a time, as DroneKit does."""
     station = client.station
     target = station.target, station.target_component
     start_ns = station.now_ns
@@ -96,7 +96,7 @@ def read(client: Client, name: str = "", index: int = -1) -> Any:
 
 
 def write(client: Client, name: str, value: float, kind: int) -> Any:
-    """Set one parameter; return the PARAM_VALUE that answers, or None."""
+    """Set one parameter; return the PARAM_VALUE of the answer, or None."""
     station = client.station
     target = station.target, station.target_component
     message = mavlink.MAVLink_param_set_message(*target, name.encode(), value, kind)

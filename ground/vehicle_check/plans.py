@@ -1,4 +1,4 @@
-"""What the rows about plans share: where the vehicle is, its own plans, a small mission."""
+"""Functions that rows about plans share: the vehicle's position, its own plans, a small mission."""
 
 from math import cos, radians
 from typing import Final
@@ -48,12 +48,12 @@ def small_mission(check: Check, steps: int = 3, spread_m: float = 0.3) -> list[I
 
 
 def is_disarmed_or_allowed(check: Check) -> bool:
-    """Return True if plans may be exchanged for those of the judge."""
+    """Return True if the judge may replace the plans of the vehicle."""
     return check.options.allow_motion or not check.is_armed
 
 
 def keep(check: Check, kind: int) -> None:
-    """Fetch the vehicle's own plan once; it is sent back after the check."""
+    """Download the vehicle's own plan once; it is restored after the check."""
     name = f"plan {kind}"
     if name in check.facts:
         return
@@ -88,7 +88,7 @@ def fence_around(check: Check, size_m: float = 15.0) -> list[Item]:
 
 
 def same_places(first: list[Item], second: list[Item], skip: int = 0) -> bool:
-    """Return True if two plans have equal commands and places, to 2 cm."""
+    """Return True if two plans have equal commands, and equal positions to 2 cm."""
     near = 2
     return len(first) == len(second) and all(
         one.command == other.command

@@ -12,7 +12,7 @@ WIDTH = 200
 
 
 def as_text(judged: Sequence[Judged]) -> str:
-    """Return a line per row, what clients suffer from each failure, and the sums."""
+    """Return a line per row, the clients that each failure affects, and the totals."""
     lines = []
     for (number, title, suffers, _), (status, evidence) in judged:
         lines.append(f"{number:>3}  {status:<14}  {title}")
@@ -24,7 +24,7 @@ def as_text(judged: Sequence[Judged]) -> str:
 
 
 def summary(judged: Sequence[Judged]) -> str:
-    """Return how many rows ended in each way."""
+    """Return the number of rows with each verdict."""
     counts = Counter(one.verdict.status for one in judged)
     parts = [f"{counts[status]} {status}" for status in Status if counts[status]]
     return f"{len(judged)} rows: {', '.join(parts)}"
@@ -81,5 +81,5 @@ def as_junit(endpoint: str, judged: Sequence[Judged]) -> bytes:
 
 
 def _printable(text: str) -> str:
-    """Replace characters that a terminal or XML cannot show: the vehicle has sent them."""
+    """Replace unprintable characters from the vehicle, for terminals and XML."""
     return "".join(one if one.isprintable() else "?" for one in text)

@@ -1,4 +1,4 @@
-"""Ground stations as the vehicle sees them: frames with times, requests with answers."""
+"""Ground stations of the judge: frames with times, requests with answers."""
 
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple, TypeAlias
@@ -32,7 +32,7 @@ class Frame(NamedTuple):
 
 
 class NoFile:
-    """The encoders write to no file."""
+    """An output that discards the bytes of the encoders."""
 
     def write(self, data: bytes) -> None:
         """Drop it."""
@@ -63,7 +63,7 @@ class Station:
 
     @property
     def tries(self) -> int:
-        """How often a request is sent before its answer counts as missing."""
+        """Number of attempts of a request before its answer counts as missing."""
         return 6 if self.is_lossy else 1
 
     def connect(self, system: int | None = None, *, beats: bool = True) -> "Client":

@@ -101,9 +101,9 @@ def abort(machine: Machine, now_ms: int) -> int:
 def goto(machine: Machine, goal: Goal, mode: int, now_ms: int, from_robot: bool = False) -> int:
     """Drive to a pose in AUTO or GUIDED and replace an active goal; a refusal changes neither.
 
-    A refusal is the state of the goal only before the first goal: later, the end of the last goal
-    stays, because an operator may continue to it.
-    `from_robot`: the goal was given relative to the robot, so its place may be unknown.
+    Only before the first goal does a refusal set the state of the goal. Later, the state of the
+    last goal remains, because an operator may continue to it. `from_robot`: the goal was given
+    relative to the robot, so its place may be unknown.
     """
     refusal = refusal_of(machine, goal, mode)
     if not (machine.placed or from_robot):

@@ -96,7 +96,7 @@ CONFIG: Final[Mapping[str, Subcommand]] = MappingProxyType(
 MAVLINK: Final[Mapping[str, Subcommand]] = MappingProxyType(
     {
         "check": Subcommand(
-            "check a MAVLink vehicle against the list of what clients need",
+            "test a MAVLink vehicle against the requirements of clients",
             "mavlink check udpout:127.0.0.1:14550",
         ),
     }

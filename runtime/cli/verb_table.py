@@ -344,7 +344,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
         ),
         "mavlink": Verb(
             MORE,
-            "check any MAVLink vehicle from outside",
+            "test any MAVLink vehicle as a client does",
             "mavlink check udpout:127.0.0.1:14550 --rows 1-18",
             "ground.cli.observe.mavlink",
             run="run",

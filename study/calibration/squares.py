@@ -69,7 +69,7 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Squar
 
 
 def totals_of(plant: Plant) -> tuple[int, int]:
-    """Return the encoder counters now, which belong to the start of the next square."""
+    """Return the present encoder counters, which are those at the start of the next square."""
     wheels, _ = plant.senses()
     if wheels is None:
         raise SquareError("the plant sent no wheel ticks")

@@ -1,7 +1,7 @@
 """`python -m tests.interop.environments`: install the virtual environment of each real client.
 
-The versions stand in `pins/`, one file per client, with all that the client imports. An environment
-is made once for a file, in `build/interop`. The script prints what it did as it goes.
+The versions are in `pins/`, one file per client, with all packages that the client imports. An
+environment is made once for a file, in `build/interop`. The script prints what it did as it goes.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Each client does all that a ground station does, over a clean line and over a poor one."""
+"""Each client performs all steps of a scenario, on a clean line and on a lossy line."""
 
 from pathlib import Path
 

@@ -1,6 +1,6 @@
-"""Input from MAVLink clients: any bytes as frames, and any payloads in frames that are whole.
+"""Input from MAVLink clients: any bytes as frames, and any payloads in complete frames.
 
-The robot behind the gateway is simulated here; it accepts, refuses or does not answer.
+The robot is simulated here; it accepts, refuses or does not answer.
 """
 
 import json
@@ -105,7 +105,7 @@ FTP: Final = mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
 
 
 class SimulatedRobot:
-    """A robot that answers as the flags of the last message say."""
+    """A robot whose answers depend on the flags of the last message."""
 
     name = "r1"
     identity = "gateway/1"
@@ -146,7 +146,7 @@ class SimulatedRobot:
         """Ignore the speeds."""
 
     def deliver(self) -> None:
-        """Answer what waits."""
+        """Answer the waiting requests."""
         answer = ANSWERS[self.flags >> 3 & 3]
         for _ in range(len(self._waiting) if answer is not None else 0):
             done, operation = self._waiting.popleft()
@@ -240,7 +240,7 @@ def payloads(data: bytes, folder: Path) -> None:
 
 
 def receive(face: Face, message: MavMessage, flags: int, now_ns: int) -> None:
-    """Give a message to the vehicle, which is its target unless the flags keep that as sent."""
+    """Pass a message to the vehicle. The vehicle is its target unless the flags keep the target."""
     if not flags & AS_SENT and hasattr(message, "target_system"):
         message.target_system = message.target_component = 0
     client = 2 if flags & OTHER_CLIENT else 1
@@ -248,7 +248,7 @@ def receive(face: Face, message: MavMessage, flags: int, now_ns: int) -> None:
 
 
 def send(face: Face) -> None:
-    """Encode all that is sent."""
+    """Encode all sent messages."""
     link = ClientLink(1, "a", 0)
     for message, _ in face.vehicle.outbox.take():
         link.encode(1, message, GUARD)

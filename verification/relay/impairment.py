@@ -1,4 +1,4 @@
-"""What a bad line does to datagrams: seeded loss, delay, jitter and reordering, without I/O."""
+"""The effects of a bad line: seeded loss, delay, jitter and reordering, without I/O."""
 
 from heapq import heappop, heappush
 from random import Random
@@ -7,11 +7,11 @@ from typing import Final, NamedTuple
 from runtime.units import NS_PER_MS
 
 OVERTAKEN_NS: Final = 30 * NS_PER_MS
-"""A reordered datagram is this much later, so that those sent after it arrive before it."""
+"""Extra delay of a reordered datagram, so that later datagrams arrive before it."""
 
 
 class Impairment(NamedTuple):
-    """The properties of one direction; shares are between 0 and 1."""
+    """The properties of one direction; probabilities are between 0 and 1."""
 
     loss: float = 0.0
     delay_ns: int = 0
@@ -25,7 +25,7 @@ POOR: Final = Impairment(0.2, 50 * NS_PER_MS, 20 * NS_PER_MS, 0.1)
 
 
 class ImpairedLine:
-    """One direction. The same datagrams with the same seed have the same fate."""
+    """One direction. Equal datagrams with an equal seed have equal results."""
 
     def __init__(self, impairment: Impairment, seed: int) -> None:
         self.lost = self.passed = 0

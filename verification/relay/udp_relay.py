@@ -19,7 +19,7 @@ Address = tuple[str, int]
 
 
 class Peer(NamedTuple):
-    """A client: its address, the socket that stands for it at the server, and its two lines."""
+    """A client: its address, the socket that represents it at the server, and its two lines."""
 
     address: Address
     upstream: socket.socket
@@ -28,7 +28,7 @@ class Peer(NamedTuple):
 
 
 class UdpRelay:
-    """Forwards what clients send to `port` on to the server, and its answers back."""
+    """Forwards datagrams of clients from `port` to the server, and its answers back."""
 
     def __init__(self, server: Address, impairment: Impairment, seed: int) -> None:
         self.peers: dict[Address, Peer] = {}
@@ -70,7 +70,7 @@ class UdpRelay:
         return max(0.0, (min(due) - monotonic_ns()) / NS_PER_S) if due else IDLE_S
 
     def _receive(self, peer: Peer | None) -> None:
-        with suppress(OSError):  # nothing is left, or the other end is not there
+        with suppress(OSError):  # no datagram is left, or the other end does not exist
             for _ in range(MAX_READ):
                 if peer is None:
                     data, address = self._listener.recvfrom(LARGEST)

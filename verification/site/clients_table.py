@@ -1,4 +1,4 @@
-"""`python -m verification.site.clients_table`: what the real clients did, in the documentation.
+"""`python -m verification.site.clients_table`: write results of real clients to the page.
 
 It reads the results of `make interop` and rewrites the tables of the page.
 """
@@ -59,7 +59,7 @@ class Run(NamedTuple):
 
     @property
     def ready_s(self) -> float | None:
-        """Seconds from the first frame until the client is ready; None if it did not get there."""
+        """Seconds from the first frame until the client is ready; None if it was never ready."""
         times = [self.steps.get(step) for step in READY]
         known = [one for one in times if one is not None]
         return sum(known) if len(known) == len(READY) else None
@@ -98,7 +98,7 @@ def with_tables(page: str, runs: Sequence[Run]) -> str:
 
 
 def summary(runs: Sequence[Run]) -> str:
-    """Return the table of clients: runs that passed whole, and the time until they were ready."""
+    """Return the table of clients: complete runs, and the time until the clients were ready."""
     rows = []
     for client, name in NAMES.items():
         cells = [name]

@@ -14,7 +14,7 @@ SHOWN_S: Final = 5.0
 ROLES: Final = {"E": "danger", "W": "caution"}
 MARKS: Final = {"E": "▲ ", "W": "▲ "}
 MORE: Final = " see Log"
-"""Ends an answer that is cut: the log has it whole."""
+"""The end of an answer that is too long for the line; the log shows all of it."""
 LEAST: Final = 40
 HINTS: Final = (("g", "sets a goal"), ("space", "stops"), ("?", "shows all keys"))
 """The hints of the very first start."""

@@ -58,6 +58,6 @@ def place(key: KeyBinding) -> int:
 def button(
     key: KeyBinding, name: str, role: str = "key", *, presses: int = 1, others: str = ""
 ) -> Button:
-    """Return a key, as often as it must be pressed, with `others` that belong to it, and a name."""
+    """Return a button: the key, repeated as often as it must be pressed, `others`, and a name."""
     words = " ".join([shown(key.keys[:1])] * presses) + others
     return Button(row(" ", Span(words, role), Span(f" {name} ")), f"do('{key.id}')")

@@ -1,4 +1,4 @@
-"""Place Textual's messages, and show only as many as there is room for."""
+"""Place Textual's messages, and show only as many as fit."""
 
 from typing import Any, Final
 

@@ -17,7 +17,7 @@ class CommandSink(Protocol):
         """The last command as a line for a shell; empty when there was none."""
 
     def begin_world(self, *, keeps_draft: bool) -> None:
-        """Forget the changes of robots that are ended; the draft, too, unless it is kept."""
+        """Remove the changes of robots that have ended; also the draft, unless it is kept."""
 
     @property
     def draft_items(self) -> tuple[MapTarget, ...]:

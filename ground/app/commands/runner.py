@@ -106,7 +106,7 @@ class CommandRunner:
             return True  # a wrong line only causes a message
 
     def begin_world(self, *, keeps_draft: bool) -> None:
-        """Forget the changes of robots that are ended; the draft, too, unless it is kept."""
+        """Remove the changes of robots that have ended; also the draft, unless it is kept."""
         self._undo_list = self._undo_list.in_new_world(keeps_draft=keeps_draft)
         if not keeps_draft:
             self.draft = Draft()
@@ -163,7 +163,7 @@ class CommandRunner:
         """Perform an operation in another thread, for the robot that was shown when it was given.
 
         It has its own link, so that request ids are unique. With the `line` that was typed, it can
-        be taken back.
+        be undone.
         """
         station, undo_list = self._station, self._undo_list
         robot = robot or station.robot
@@ -182,7 +182,7 @@ class CommandRunner:
         return None if world is None else floor_in(world.text)
 
     def _undo(self) -> str:
-        """Take back the last change; a request under way may make one, so it is ended first."""
+        """Undo the last change; a pending request may make one, so it is ended first."""
         station, robot = self._station, self._station.robot
         if not station.busy:
             return self._take_back(robot)
@@ -211,7 +211,10 @@ class CommandRunner:
         return f"undone: {change.line}; {self.draft.listed()}"
 
     def _restore(self, change: Change, robot: str) -> JobResult:
-        """Restore what was before a change of a robot; a refused one can be taken back again."""
+        """Restore the state before a change of a robot.
+
+        After a refusal the change can be undone again.
+        """
         undo_list, back = self._undo_list, change.back
         assert back is not None, "refused by take()"
         assert not isinstance(back, Mission), "the draft is restored without a request"

@@ -32,7 +32,7 @@ Back: TypeAlias = Operation[Outcome] | Mission
 
 
 class Change(NamedTuple):
-    """A change: the robot, the line that made it, and what takes it back.
+    """A change: the robot, the line that made it, and the operation that undoes it.
 
     A mission is the draft before the change. None: the state before it is not known.
     """
@@ -51,7 +51,7 @@ class RestoreParameters:
 
     @property
     def verb(self) -> str:
-        """What it does, for the log."""
+        """The description for the log."""
         return f"set back {', '.join(name for name, _ in self.values)}"
 
     def perform(self, session: Session) -> ParametersLoaded:
@@ -67,9 +67,11 @@ class UndoList:
         self._nothing = nothing
 
     def in_new_world(self, *, keeps_draft: bool) -> "UndoList":
-        """Return a list without the changes of robots; those of the draft stay with the draft.
+        """Return a list without the changes of robots.
 
-        A request that is still under way adds its change to this list, which is not used any more.
+        Changes of the draft remain if the draft remains.
+
+        A request that is still pending adds its change to this list, which is no longer used.
         """
         kept = (one for one in self._changes if keeps_draft and isinstance(one.back, Mission))
         return UndoList(kept, NEW_WORLD)
@@ -96,7 +98,7 @@ class UndoList:
     def take(self, robot: str) -> Change:
         """Remove and return the newest change; UserError if it is of another robot.
 
-        A change that cannot be taken back is removed, too, with a UserError.
+        A change that cannot be undone is removed, too, with a UserError.
         """
         if not self._changes:
             raise UserError(f"nothing to undo: {self._nothing}")
@@ -107,7 +109,7 @@ class UndoList:
             )
         self._changes.pop()
         if newest.back is None:
-            raise UserError(f"{newest.line} cannot be undone: what was before it is not known")
+            raise UserError(f"{newest.line} cannot be undone: the state before it is unknown")
         return newest
 
 

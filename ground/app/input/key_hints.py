@@ -21,12 +21,12 @@ REMEDIES: Final[Mapping[int, str]] = MappingProxyType(
         Reason.FENCE_UNCHECKED: "`{place}` sets the place, or `:fence off`",
     }
 )
-"""What remedies a refusal; keys by the id of their action."""
+"""The remedy of each refusal; keys by the id of their action."""
 SHELL: Final = "sidestep "
 
 
 def key_hints(keymap: Keymap) -> Mapping[int, str]:
-    """Return the remedies of refusals, as keys where the keymap has them, else as commands."""
+    """Return the remedies of refusals: keys if the keymap has them, otherwise commands."""
     named = {
         reason: words.format_map({id: shown(keymap[id].keys[:1]) for id in ids_in(words)})
         for reason, words in REMEDIES.items()
@@ -42,5 +42,5 @@ def ids_in(words: str) -> list[str]:
 
 
 def in_the_app(words: str) -> str:
-    """Return the remedy of a shell as one of the command line."""
+    """Convert a shell command to a command of the app's command line."""
     return f"`:{words.removeprefix(SHELL)}`" if words.startswith(SHELL) else words

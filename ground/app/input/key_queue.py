@@ -1,7 +1,7 @@
-"""Handle keys and pastes in their order: each by what is open when the ones before are done.
+"""Handle keys and pastes in order: each after the effect of the ones before it.
 
-Textual passes a key on to the task of a widget, and its effect comes later. A key that was typed
-ahead would then be handled by what was open before.
+Textual passes a key to the task of a widget, and its effect follows later. Without this queue, a
+key that was typed early would go to the screen that was open before.
 """
 
 from collections import deque
@@ -18,14 +18,14 @@ from ground.app.widgets.command_line import insert
 
 Typed: TypeAlias = events.Key | events.Paste
 MAX_HELD: Final = 1000
-"""A screen opens within milliseconds; more is no typing."""
+"""A screen opens within milliseconds; more keys than these were not typed by a person."""
 
 
 class RunBinding(Protocol):
     """Runs the action of a key, if it has one; `priority` ones come before typed text."""
 
     def __call__(self, key: str, priority: bool = False) -> Awaitable[bool]:
-        """Return whether there was one."""
+        """Return whether there was an action."""
 
 
 @runtime_checkable
@@ -37,7 +37,7 @@ class TakesKeys(Protocol):
 
 
 class KeyQueue:
-    """Holds what is typed while a screen opens, and handles one after the other."""
+    """Keeps input while a screen opens, and handles it one after another."""
 
     def __init__(self, app: App[Any], run_binding: RunBinding) -> None:
         self._app, self._run_binding = app, run_binding
@@ -45,11 +45,11 @@ class KeyQueue:
 
     @property
     def is_empty(self) -> bool:
-        """True while nothing is held."""
+        """True while no input waits."""
         return not self._held
 
     async def take(self, typed: Typed, *, at_once: bool = False) -> None:
-        """Handle what was typed; with `at_once` before all that is held."""
+        """Handle an input; with `at_once` before all waiting inputs."""
         if at_once or (self.is_empty and is_ready(self._app.screen)):
             await self._handle(typed)
             return
@@ -58,20 +58,20 @@ class KeyQueue:
             self._wait()
 
     def _wait(self) -> None:
-        """Go on behind all messages that the top screen has received, as those that open it."""
+        """Continue after the messages that the top screen has already received."""
         screen = self._app.screen
         if not screen.call_later(self._app.call_later, self._release, screen):
             self._app.call_later(self._release, screen)
 
     async def _release(self, screen: Screen[Any]) -> None:
-        """Handle the first that is held, unless another screen opens meanwhile."""
+        """Handle the first waiting input, unless another screen is opening."""
         if self._held and (self._app.screen is screen or is_ready(self._app.screen)):
             await self._handle(self._held.popleft())
         if self._held:
             self._wait()
 
     async def _handle(self, typed: Typed) -> None:
-        """Handle what was typed completely, by what has the focus now."""
+        """Handle an input completely, by the widget that has the focus now."""
         screen, line = self._app.screen, self._app.focused
         if isinstance(typed, events.Paste):
             if isinstance(line, Input):

@@ -66,6 +66,9 @@ def nothing_row(words: str) -> Row:
 
 
 def hidden_spans(above: int, below: int) -> Row:
-    """Return how many rows are out of sight, for the heading; empty when all are in sight."""
+    """Return the number of hidden rows above and below, for the heading.
+
+    Empty if all are visible.
+    """
     signs = [f"▲ {above} above"] * bool(above) + [f"▼ {below} below"] * bool(below)
     return (Span(f"   {'  '.join(signs)}", "key"),) if signs else ()

@@ -43,8 +43,8 @@ class Limits:
 def sonar_rows(station: Station, width: int, bars: int) -> list[Row]:
     """Return the names, `bars` rows of bars, and the ranges.
 
-    A sonar that gave no reading in one of the last scans is `dead`, in a colour that is none of
-    those of health.
+    A sonar that gave no reading in one of the last scans is `dead`, in a colour that does not mean
+    health.
     """
     seen, limits = station.seen(SONAR), Limits(station)
     scan: SonarScan | None = live(seen)

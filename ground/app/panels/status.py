@@ -100,7 +100,7 @@ def presence(station: Station) -> Span:
 def stop_role(station: Station) -> str:
     """Return the role of a robot that has stopped itself, or is being stopped; else nothing.
 
-    An old status counts, too: a robot that is not received any more is still stopped.
+    An old status counts, too: a lost robot is still stopped.
     """
     if station.stopping:
         return DANGER

@@ -35,7 +35,7 @@ class Player:
         self.station = self._station()
         self.note(f"{path.name}: {self.duration_s:.1f} s of {self.bus.robot}")
         if is_running(path):
-            self.note(f"{path.name} {UNFINISHED}: this is what it holds so far")
+            self.note(f"{path.name} {UNFINISHED}: this is the part that is already written")
         if self.bus.damage:
             self.note(f"damaged: {self.bus.damage}")
         self.seek(0.0)

@@ -119,7 +119,7 @@ class AppScreen(Screen[None], StillWidget):
         self._messages.place(self.app.screen, self.query_one("#middle").region)
 
     def bar_keys(self) -> list[KeyBinding]:
-        """Return the keys for the key bar: below a dialog only those that work in it, too."""
+        """Return the keys for the key bar: with a dialog open, only those that also work in it."""
         keys = self.interface.keys_now()
         return (
             keys if self.app.screen is self else [key for key in keys if key.layer is Layer.ALWAYS]
@@ -144,7 +144,7 @@ class AppScreen(Screen[None], StillWidget):
         self.query_one(AnswerLine).draw(self.interface, room, typing=self.typing)
 
     def take_key(self, key: str) -> bool:
-        """Handle a key that no layer has; return whether it had an effect."""
+        """Handle a key without a binding; return whether it had an effect."""
         return False
 
     def close_what_is_open(self) -> None:
@@ -231,7 +231,7 @@ class AppScreen(Screen[None], StillWidget):
         self.ask("", text, self.interface.commands.run_line)
 
     def place_steps(self) -> str:
-        """Return what to press and type from here so that the robot knows its place."""
+        """Return the keys and commands that set the position of the robot."""
         key_shown = self.interface.key_shown
         is_true = self.interface.station.place_remedy == PLACE_FROM_TRUTH
         entered = "Enter sets its true pose" if is_true else "X Y DEG and Enter set its pose"
@@ -338,7 +338,7 @@ class AppScreen(Screen[None], StillWidget):
 def alarm_rows(station: Station, width: int, place_steps: str) -> list[Row]:
     """Return the most urgent alarm, an emergency stop first; no rows without an alarm.
 
-    `place_steps` lead to a robot that knows its place.
+    `place_steps` are the keys and commands that set the position of the robot.
     """
     if station.stopping:
         return across(station.stopping, "alarm", width)

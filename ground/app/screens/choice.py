@@ -17,7 +17,7 @@ from ground.app.widgets.rows import Row, Span, cut, faint, row
 
 KEYS: Final = "Enter takes, / filters, Esc closes"
 HIDDEN: Final = 44
-"""Columns of a title for the counts of the filter and of the choices out of sight."""
+"""Columns of a title for the counts of the filter and of the hidden choices."""
 AROUND: Final = 6
 """Rows of the screen that the box does not use for choices."""
 
@@ -82,7 +82,7 @@ class ChoiceScreen(ModalScreen[str]):
         return max(1, min(len(self._every), self.app.size.height - AROUND))
 
     def first(self) -> int:
-        """Return the position of the first choice in sight."""
+        """Return the position of the first visible choice."""
         room = self.room()
         return max(0, min(self._at - room // 2, len(self._choices) - room))
 
@@ -153,7 +153,7 @@ class ChoiceScreen(ModalScreen[str]):
         self.show()
 
     def filter_choices(self) -> None:
-        """Keep the choices that pass the filter as it is typed now."""
+        """Show only the choices that match the typed filter."""
         words = self.query_one(Input).value
         if words == self._filtered_by:
             return

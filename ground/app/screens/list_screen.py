@@ -104,7 +104,7 @@ class ScrolledScreen(AppScreen):
         self._kept_words = words.strip()
 
     def following_keys(self) -> tuple[NextKey, ...]:
-        """Return the keys of the filter; that which clears it, while there is one."""
+        """Return the keys of the filter; the key that clears it only while there is a filter."""
         return (*(FILTERED if self.words else super().following_keys()), FILTER)
 
     def close_what_is_open(self) -> None:

@@ -42,7 +42,7 @@ class Alerts:
         self._alerts: dict[tuple[EventKind, str], Alert] = {}
 
     def poll(self) -> None:
-        """Announce what has happened since the last poll; of a recording, nothing.
+        """Announce events since the last poll; none of a recording.
 
         A message about a stop disappears with the stop.
         """
@@ -78,7 +78,7 @@ class Alerts:
         self._alerts = young
 
     def _drop_cleared(self) -> bool:
-        """Forget robots whose stop is over; return whether a message named one of them."""
+        """Remove robots whose stop has ended; return whether a message named one of them."""
         before, self._alerts = self._alerts, {}
         is_over = False
         for (kind, cause), one in before.items():
@@ -93,7 +93,7 @@ class Alerts:
         return is_over
 
     def _is_in_the_band(self, kind: EventKind, one: Alert) -> bool:
-        """Return whether the band across the screen says the same."""
+        """Return whether the band across the screen shows the same alarm."""
         return kind is not EventKind.REACHED and one.robots == (self._app.station.robot,)
 
     def _show(
@@ -103,7 +103,7 @@ class Alerts:
         *,
         anew: bool,
     ) -> None:
-        """Show new messages; with `anew`, or if one has got another robot, show all of them."""
+        """Show new messages; with `anew`, or if a message names one more robot, show all."""
         shown = changed
         if anew or any(of in known for of in changed):
             self._app.clear_notifications()

@@ -1,6 +1,6 @@
-"""Keep the strips of containers, which draw only background and border, from frame to frame.
+"""Cache the strips of containers, which draw only background and border.
 
-Textual draws each container below what has changed, though its children hide it.
+Textual draws each container below a changed widget, although the children cover it.
 """
 
 from textual.containers import Container, Grid, Horizontal, Vertical
@@ -12,7 +12,8 @@ from textual.widget import Widget
 class StillWidget(Widget):
     """A widget whose strips change only with its style, its size and the colours of the terminal.
 
-    Name it behind the container in the bases of a class: Textual takes style sheets of the first.
+    List it after the container in the bases of a class: Textual uses the style sheets of the first
+    one.
     """
 
     _kept: tuple[tuple[object, ...], list[Strip]] | None = None

@@ -1,4 +1,4 @@
-"""Draw a widget from its strips, without the general way of Textual where that is possible."""
+"""Draw a widget from its strips, without Textual's general method where that is possible."""
 
 from textual.color import Color
 from textual.filter import LineFilter
@@ -10,9 +10,9 @@ from textual.widget import Widget
 class StripWidget(Widget):
     """A widget whose `render_line` returns strips from a cache, with the background in them.
 
-    Without padding, and with no border but a left one, they are used as they are. That takes a
-    third of the time of Textual's general way. `forget_background` belongs to every change of the
-    style.
+    Without padding, and with no border except a left one, they are used unchanged. That takes a
+    third of the time of Textual's general method. Call `forget_background` after every change of
+    the style.
     """
 
     _background: Color | None = None
@@ -46,7 +46,10 @@ class StripWidget(Widget):
         return first.crop(0, left)
 
     def _finish(self, y: int, strip: Strip) -> Strip:
-        """Return a strip with its border, filtered; each strip of Textual costs, so only one."""
+        """Return a strip with its border, filtered.
+
+        Creating strips is slow in Textual, so create only one.
+        """
         inner, finished = self._finished.get(y, (None, strip))
         if inner is not strip and self._edge is not None and self._background is not None:
             segments = [*self._edge, *strip]

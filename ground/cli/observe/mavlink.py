@@ -1,4 +1,4 @@
-"""`mavlink check`: judge a MAVLink vehicle as a black box, row by row."""
+"""`mavlink check`: test a MAVLink vehicle as a black box, row by row."""
 
 import argparse
 import time
@@ -22,9 +22,9 @@ MAX_LOSS: Final = 0.9
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the actions of `mavlink`, with their arguments."""
     check = add_subcommands(parser, "mavlink")["check"]
-    text = "where the vehicle is: udpout:HOST:PORT, tcp:HOST:PORT, or udpin:HOST:PORT to listen"
+    text = "endpoint of the vehicle: udpout:HOST:PORT, tcp:HOST:PORT, or udpin:HOST:PORT to listen"
     check.add_argument("endpoint", metavar="ENDPOINT", help=text)
-    text = "rows to judge, as in 1-7,19 (default all)"
+    text = "rows to test, as in 1-7,19 (default all)"
     check.add_argument("--rows", metavar="ROWS", help=text)
     text = "arm and drive the vehicle, stop it and restart it"
     check.add_argument("--allow-motion", action="store_true", help=text)

@@ -1,4 +1,4 @@
-"""`keys`: create, renew, revoke and check the certificates of a bus with TLS; signing keys."""
+"""`keys`: create, renew, revoke and check certificates of a bus with TLS; manage signing keys."""
 
 import argparse
 import re

@@ -43,7 +43,7 @@ STAMPS: Final = "mavlink-stamp"
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `gateway`."""
     text = (
-        "where clients connect: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT or"
+        "endpoints for clients: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT or"
         " serial:DEVICE:BAUD; several are possible. After a comma: which clients may command:"
         " require (those that sign), loopback (also unsigned ones of this machine, the default),"
         f" accept (all). Default {EXAMPLE}"
@@ -55,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--system", nargs="+", metavar="NAME=ID", help=text)
     text = "place of x = 0, y = 0 on the globe, in degrees (default: the model airfield, Canberra)"
     parser.add_argument("--origin", nargs=2, type=finite, metavar=("LAT", "LON"), help=text)
-    text = "send at most what a radio of 57,600 baud carries"
+    text = "limit the rate to the capacity of a radio of 57,600 baud"
     parser.add_argument("--low-rate", action="store_true", help=text)
     text = "file of the signing keys (default: that of `sidestep keys signing`)"
     parser.add_argument("--signing-keys", metavar="FILE", help=text)

@@ -72,7 +72,7 @@ def rotated(path: Path, ring: KeyRing) -> KeyRing:
 
 
 def retired(path: Path, ring: KeyRing) -> KeyRing:
-    """Return the key that signs; UserError if no other is valid."""
+    """Return the key that signs, without the old one; UserError if there is no old key."""
     if len(ring.key) < MAX_KEYS:
         raise UserError(f"{path} has no old key to end")
     return KeyRing(key=ring.key[:1])

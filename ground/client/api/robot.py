@@ -228,7 +228,7 @@ class Robot(Telemetry):
     ) -> GoalEnded | Refused:
         """Drive to a place (metres, in the robot's own frame) and wait for the end.
 
-        The place is not compared with the world of a simulation: a goal in an obstacle ends STUCK.
+        The goal is not compared with the world of a simulation: a goal in an obstacle ends STUCK.
         Without `heading_deg` (counter-clockwise from x) any heading is accepted. Arms a robot in
         standby. Returns the end, which is `ok` if the goal was reached, or the refusal. Cancelling
         this, for example by a time limit, aborts the goal: the robot stops.

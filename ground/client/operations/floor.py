@@ -1,4 +1,7 @@
-"""The floor of the plant's world and its goal; beside it and in obstacles no goal makes sense."""
+"""The floor of the plant's world and its goal.
+
+Goals outside of the floor or in obstacles are refused.
+"""
 
 import re
 from collections.abc import Mapping
@@ -15,7 +18,7 @@ from runtime.json_reader import value_in
 
 EXAMPLE: Final = "example: goto 2 1.5"
 FOLLOWER: Final = re.compile(r"r(?!1\Z)\d+\Z")
-"""Names that `up` gives to its further robots."""
+"""Names that `up` gives to additional robots."""
 
 
 class Circle(NamedTuple):
@@ -104,7 +107,7 @@ def world_goal(link: Link) -> Destination:
     except (RemoteError, ValueError, TypeError, KeyError, AttributeError):
         known = False
     if not known:
-        raise UserError(f"X Y is missing, and no simulation names a goal; {EXAMPLE}")
+        raise UserError(f"X Y is missing, and there is no simulation with a goal; {EXAMPLE}")
     if FOLLOWER.match(link.robot):
         raise UserError(f"X Y is missing: the world's goal {goal} is that of r1; {EXAMPLE}")
     return goal

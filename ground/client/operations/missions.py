@@ -127,7 +127,7 @@ def with_holder(link: Link, verdict: Verdict, done: str, what: str = "") -> Tran
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnnounceItems:
-    """Ask whether the robot takes so many items now; nothing is changed."""
+    """Ask whether the robot accepts this number of items now; nothing is changed."""
 
     verb: ClassVar[str] = "mission announce"
     moves: ClassVar[bool] = True
@@ -135,7 +135,10 @@ class AnnounceItems:
     count: int
 
     def perform(self, session: Session) -> TransferOutcome:
-        """Return the robot's verdict; for too many items it names the first too many."""
+        """Return the robot's verdict.
+
+        For too many items it names the first item beyond the limit.
+        """
         link = session.link
         verdict = send(link, Announcement(self.count, self.kind, link.clock.now_ns()))
         return with_holder(link, verdict, "ok, the robot takes them")
@@ -255,9 +258,9 @@ class DownloadMission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartMission:
-    """Drive the robot's mission from an item (from 1) on; with `arms`, arm a robot in standby.
+    """Start the robot's mission at an item (from 1 on); with `arms`, arm a robot in standby.
 
-    Without an item it continues at the current one, or begins again once the mission is done.
+    Without an item the mission continues at the current one, or starts again if it is complete.
     """
 
     verb: ClassVar[str] = "mission start"

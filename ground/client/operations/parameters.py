@@ -273,7 +273,7 @@ class ParametersLoaded:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of those that were set."""
+        """The names of the parameters that were set."""
         return tuple(name for name, _ in self.before)
 
     @property

@@ -1,1 +1,1 @@
-"""The clients of the gateway: their frames in both directions, and which of them are there."""
+"""The clients of the gateway: their frames in both directions, and the list of present clients."""

@@ -1,4 +1,4 @@
-"""One peer of an endpoint: framing in both directions, and what is counted about it."""
+"""One peer of an endpoint: framing in both directions, and counters."""
 
 from typing import Any, Final
 
@@ -22,7 +22,10 @@ class NoFile:
 
 
 class ClientLink:
-    """Frames from and to one client. A sequence of its own for each vehicle, so without gaps."""
+    """Frames from and to one client.
+
+    Each vehicle has its own sequence numbers, so they have no gaps.
+    """
 
     def __init__(self, number: int, name: str, now_ns: int) -> None:
         self.number = number
@@ -39,12 +42,12 @@ class ClientLink:
 
     @property
     def malformed(self) -> int:
-        """The places in the received bytes that were no frame, or one of an unknown message."""
+        """The number of byte sequences that were no frame, or a frame of an unknown message."""
         return self._deframer.malformed + self._deframer.unknown
 
     @property
     def dropped(self) -> int:
-        """The received bytes that were dropped because too many waited."""
+        """The number of received bytes that were dropped because the buffer was full."""
         return self._deframer.dropped
 
     def feed(self, data: bytes) -> None:
@@ -57,11 +60,11 @@ class ClientLink:
         return bool(self._ready)
 
     def allow(self, frames: int) -> None:
-        """Permit so many frames until the next call."""
+        """Permit this many frames until the next call."""
         self._deframer.allowance = frames
 
     def frames(self, now_ns: int) -> list[Frame]:
-        """Return the frames that wait, as far as the allowance goes."""
+        """Return the waiting frames, at most as many as permitted."""
         ready, self._ready = self._ready, []
         found = ready + self._deframer.take(now_ns)
         for frame in found:

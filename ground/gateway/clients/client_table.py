@@ -1,4 +1,4 @@
-"""The clients of all endpoints: who is there, and how much of their traffic a round processes."""
+"""The clients of all endpoints, and how much of their traffic a round processes."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
@@ -22,7 +22,7 @@ class Client(NamedTuple):
 
 
 class Clients:
-    """Creates a client for each peer that sends a frame or is connected, and drops the silent."""
+    """Creates a client for each peer that sends a frame or is connected; drops silent ones."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class Clients:
         return len(self._known)
 
     def begin_round(self, now_ns: int) -> None:
-        """Give each client its share of the round; add the connected, drop those that are gone."""
+        """Give each client its share of the round; add connected peers, drop disconnected ones."""
         for endpoint in self._endpoints:
             for peer in endpoint.gone():
                 self._drop(endpoint, peer)
@@ -59,7 +59,7 @@ class Clients:
             client.link.allow(share)
 
     def feed(self, endpoint: Endpoint, received: Received, now_ns: int) -> None:
-        """Add bytes of a peer. One that is not connected becomes a client by a good frame."""
+        """Add bytes of a peer. A peer without a connection becomes a client by a valid frame."""
         peer, data, is_loopback = received
         client = self._known.get((endpoint, peer))
         if client is None:
@@ -77,7 +77,7 @@ class Clients:
             client.link.feed(data)
 
     def frames(self, now_ns: int) -> Iterator[tuple[Client, Frame]]:
-        """Return the frames that wait, of all clients, within their shares."""
+        """Return the waiting frames of all clients, within their shares."""
         for client in self:
             for frame in client.link.frames(now_ns):
                 yield client, frame

@@ -1,7 +1,8 @@
 """Split received bytes into MAVLink frames. Only complete frames with the right checksum pass.
 
-pymavlink's parser waits for as many bytes as a damaged length asks for, and drops them all if the
-checksum is wrong. This one goes on with the byte after the wrong start, and bounds its work.
+pymavlink's parser waits for as many bytes as a damaged length field demands, and drops them all if
+the checksum is wrong. This parser continues with the byte after the wrong start, and limits its
+work.
 """
 
 from typing import Final, NamedTuple
@@ -22,7 +23,7 @@ SIGNATURE: Final = 13
 MAX_WAITING: Final = 16_384
 """Bytes of one client that wait to be processed; more are dropped."""
 UNFINISHED_NS: Final = 500 * NS_PER_MS
-"""The rest of a frame arrives within this time, or it never does."""
+"""If the rest of a frame does not arrive within this time, the frame is incomplete."""
 
 
 class Frame(NamedTuple):
@@ -42,9 +43,9 @@ class Frame(NamedTuple):
 
 
 class Deframer:
-    """The bytes of one client that wait; `malformed`, `unknown` and `dropped` count trouble.
+    """The waiting bytes of one client; `malformed`, `unknown` and `dropped` count faults.
 
-    `allowance` is the number of places to look at before it is raised again.
+    `allowance` is the number of positions that may be examined before it is raised again.
     """
 
     def __init__(self) -> None:
@@ -59,7 +60,7 @@ class Deframer:
         self._waiting += data[:room]
 
     def take(self, now_ns: int) -> list[Frame]:
-        """Return the next frames, as far as the allowance goes; the rest waits."""
+        """Return the next frames, as many as the allowance permits; the rest waits."""
         found: list[Frame] = []
         waiting, at = bytes(self._waiting), 0
         while self.allowance > 0:
@@ -77,7 +78,7 @@ class Deframer:
         return found
 
     def _is_overdue(self, at: int, end: int, now_ns: int) -> bool:
-        """Return whether the rest of the frame at a place has not arrived in time."""
+        """Return whether the rest of the frame at a position has not arrived in time."""
         if at == end:
             self._unfinished_ns = None
             return False
@@ -86,7 +87,7 @@ class Deframer:
         return now_ns - self._unfinished_ns >= UNFINISHED_NS
 
     def _frame(self, waiting: bytes, at: int, size: int, found: list[Frame]) -> int:
-        """Add the frame at a place if it is good; return the place to go on at."""
+        """Add the frame at a position if it is valid; return the position to continue at."""
         frame = _parsed(waiting[at : at + size])
         known = mavlink.mavlink_map.get(frame.number)
         if known is None:
@@ -106,13 +107,13 @@ class Deframer:
 
 
 def _next_start(data: bytes, at: int) -> int:
-    """Return the place of the next byte that can start a frame, or the end."""
+    """Return the position of the next byte that can start a frame, or the end."""
     places = (data.find(V1, at), data.find(V2, at))
     return min((place for place in places if place >= 0), default=len(data))
 
 
 def _size(data: bytes, at: int) -> int:
-    """Return the size of the frame at a place; 0 if its header is not complete."""
+    """Return the size of the frame at a position; 0 if its header is not complete."""
     if len(data) - at < 3:
         return 0
     if data[at] == V1:

@@ -1,4 +1,4 @@
-"""The state of the gateway for the bus: its clients together, once a second."""
+"""The state of the gateway for the bus: the totals of its clients, once a second."""
 
 from collections.abc import Iterable
 from typing import Final, NamedTuple
@@ -13,7 +13,7 @@ LARGEST: Final = 0xFFFF_FFFF
 
 
 class Totals(NamedTuple):
-    """Counters of all clients, those that have gone included."""
+    """Counters of all clients, including those that have disconnected."""
 
     received: int = 0
     lost: int = 0
@@ -22,7 +22,7 @@ class Totals(NamedTuple):
 
 
 class Reporter:
-    """Counts for all vehicles, and says what each sends."""
+    """Counts the traffic of all vehicles, and reports it for each one."""
 
     def __init__(self, now_ns: int) -> None:
         self._due_ns = self._since_ns = now_ns
@@ -35,7 +35,7 @@ class Reporter:
         self._sent_bytes[system] = self._sent_bytes.get(system, 0) + size
 
     def left(self, link: ClientLink) -> None:
-        """Keep the counters of a client that has gone."""
+        """Keep the counters of a client that has disconnected."""
         self._gone = _sum(self._gone, _totals(link))
 
     def is_due(self, now_ns: int) -> bool:

@@ -1,1 +1,1 @@
-"""COMMAND_LONG, COMMAND_INT and SET_MODE: one table of commands, acknowledged once each."""
+"""COMMAND_LONG, COMMAND_INT and SET_MODE: one table of commands; each is acknowledged once."""

@@ -1,4 +1,4 @@
-"""A command of a client, the same for COMMAND_LONG, COMMAND_INT and SET_MODE."""
+"""A command of a client, in one form for COMMAND_LONG, COMMAND_INT and SET_MODE."""
 
 from math import isfinite, nan
 from struct import Struct
@@ -60,7 +60,7 @@ def whole(value: float) -> int | None:
 
 
 def is_unset(value: float) -> bool:
-    """Return whether a parameter is 0 or NaN, as that of a client that does not use it."""
+    """Return whether a parameter is 0 or NaN: clients send these values in unused parameters."""
     return value == 0.0 or value != value
 
 

@@ -2,8 +2,9 @@
 
 As in mavlink/mavlink of July 2026: parameter 1 requests (1) or releases (0), parameter 2 permits
 takeover without asking, parameter 3 is the time for the owner's answer in seconds, parameter 4 the
-system id of the client that wants control. An owner who does not permit takeover is asked by the
-same command. An operator on Sidestep's own bus shows as the vehicle's own system id.
+system id of the client that wants control. If the owner does not permit takeover, the gateway sends
+the same command to the owner. An operator on Sidestep's own bus is reported with the vehicle's own
+system id.
 """
 
 from collections.abc import Sequence
@@ -38,7 +39,7 @@ NO_SECONDARY: Final = (0,) * 10
 
 
 class Asked(NamedTuple):
-    """A question to the owner that waits for an answer."""
+    """A request that was sent to the owner and waits for its answer."""
 
     requester: Sender
     owner: Owner
@@ -46,7 +47,7 @@ class Asked(NamedTuple):
 
 
 class OperatorCommands:
-    """Requests and releases control for clients, and tells all of them who has it."""
+    """Requests and releases control for clients, and reports the owner to all of them."""
 
     handles = ()
 
@@ -58,7 +59,7 @@ class OperatorCommands:
 
     @property
     def table(self) -> CommandTable:
-        """The command by its number; each repetition is a request of its own."""
+        """The command by its number; each repetition is a separate request."""
         row = Row(self._change, stops=lambda _: True)
         return MappingProxyType({REQUEST_OPERATOR_CONTROL: row})
 
@@ -75,7 +76,7 @@ class OperatorCommands:
                 self._vehicle.outbox.send(message)
 
     def forget(self, client: int) -> None:
-        """Drop the question of a client that has gone."""
+        """Drop the request of a client that has disconnected."""
         if self._asked is not None and self._asked.requester.client == client:
             self._asked = None
 

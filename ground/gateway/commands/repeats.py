@@ -1,8 +1,8 @@
-"""Commands that have arrived before: a client or the network repeats them, and they act once.
+"""Repeated commands: a client or the network repeats a command, which is executed once.
 
-A copy made by the network has the sequence number of its original. A client that got no answer
-sends the command again, with a higher `confirmation` or without any mark. The same command counts
-as new if the client has sent another one since, or some time later.
+A copy made by the network has the sequence number of its original. A client that received no answer
+sends the command again, with a higher `confirmation` or unchanged. The same command counts as new
+if the client has sent another one since, or some time later.
 """
 
 from collections import OrderedDict
@@ -18,7 +18,7 @@ COPY_NS: Final = 3 * NS_PER_S
 CONFIRMED_NS: Final = 10 * NS_PER_S
 """Age of a command that is repeated with a `confirmation`."""
 UNMARKED_NS: Final = 3 * NS_PER_S // 2
-"""Age of a command that is repeated without a mark; MAVSDK repeats it up to 1.5 s later."""
+"""Age of a command that is repeated unchanged; MAVSDK repeats it up to 1.5 s later."""
 MAX_KEPT: Final = 16
 MAX_SENDERS: Final = 64
 
@@ -27,7 +27,7 @@ Key = tuple[int, int, int]
 
 @dataclass(slots=True, eq=False)
 class Kept:
-    """A command that was taken; `result` is None until it is known."""
+    """A command that was accepted for execution; `result` is None until it is known."""
 
     number: int
     content: bytes
@@ -72,11 +72,11 @@ class Repeats:
         return sum(one.result is None for one in self._of.get(key_of(sender), []))
 
     def forget(self, client: int) -> None:
-        """Drop the commands of a client that has gone."""
+        """Drop the commands of a client that has disconnected."""
         for key in [key for key in self._of if key[0] == client]:
             del self._of[key]
 
 
 def key_of(sender: Sender) -> Key:
-    """Return what tells senders apart."""
+    """Return the key that distinguishes senders."""
     return sender.client, sender.system, sender.component

@@ -1,7 +1,7 @@
 """The MAV_RESULT of each reason of the robot.
 
-TEMPORARILY_REJECTED is a state that passes by itself. FAILED is one that the operator must end
-first. DENIED is a value that is never accepted.
+TEMPORARILY_REJECTED: a state that ends without action. FAILED: a state that the operator must end
+first. DENIED: a value that is never accepted.
 """
 
 from types import MappingProxyType
@@ -100,6 +100,9 @@ def result_of(answered: Answered) -> int:
 
 
 def reason_of(outcome: Outcome | None) -> Reason | None:
-    """Return the reason of a refusal; None if it has none, or one that is newer than this."""
+    """Return the reason of a refusal.
+
+    None if it has no reason, or one that this version does not define.
+    """
     number = getattr(outcome, "reason", None)
     return Reason(number) if isinstance(number, int) and number in RESULTS else None

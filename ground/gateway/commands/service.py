@@ -1,4 +1,4 @@
-"""The command protocol: each command is carried out once, and acknowledged to its sender."""
+"""The command protocol: execute each command once, and acknowledge it to its sender."""
 
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
@@ -26,7 +26,7 @@ class Reply:
         self._is_given = False
 
     def result(self, result: int, words: str = "", severity: Severity = Severity.WARNING) -> None:
-        """Acknowledge with a MAV_RESULT; a refusal says why in `words`."""
+        """Acknowledge with a MAV_RESULT; `words` give the reason of a refusal."""
         if not self._is_given:
             self._is_given = True
             self._send(result, words, severity)
@@ -40,10 +40,10 @@ Handler = Callable[[Call, Reply], None]
 
 
 class Row(NamedTuple):
-    """How to carry out one command.
+    """How to execute one command.
 
-    `reads`: it changes nothing, so that each repetition is answered anew, for all clients.
-    `stops` returns whether a call only stops the robot: then each repetition is carried out.
+    `reads`: it changes nothing, so each repetition is answered again, for all clients. `stops`
+    returns whether a call only stops the robot: then each repetition is executed.
     """
 
     handler: Handler
@@ -69,7 +69,7 @@ class CommandService:
         self._repeats = Repeats()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Carry out a command, or repeat the answer to it."""
+        """Execute a command, or repeat the answer to it."""
         call = call_of(message, sender, now_ns)
         is_set_mode = message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_MODE
         acknowledged = mavlink.MAVLINK_MSG_ID_SET_MODE if is_set_mode else call.number

@@ -73,7 +73,7 @@ class UpkeepCommands:
         self._vehicle.control.ensure(call.sender, ensured)
 
     def _wanted_home(self, call: Call) -> Destination:
-        """Return the robot's place for parameter 1 = 1, else the given one."""
+        """Return the robot's position for parameter 1 = 1, otherwise the given position."""
         if call.param1 != 1.0:
             origin = self._vehicle.origin
             return place_goal(origin, call.latitude_deg, call.longitude_deg, None)

@@ -1,4 +1,4 @@
-"""Addresses of sockets: resolve them, and say why one cannot be used."""
+"""Addresses of sockets: resolve them, and explain errors."""
 
 import errno
 import socket

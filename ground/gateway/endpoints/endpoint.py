@@ -1,4 +1,4 @@
-"""What every endpoint has: bytes of named peers in, bytes to one of them out, nothing blocks."""
+"""The interface of every endpoint: receive bytes of peers, send bytes to one, never block."""
 
 from collections.abc import Collection
 from typing import Final, NamedTuple, Protocol
@@ -24,28 +24,28 @@ class Endpoint(Protocol):
 
     @property
     def line_bytes_s(self) -> int | None:
-        """What the line carries at most, in bytes per second; None if that is no limit."""
+        """Capacity of the line in bytes per second; None if it has no limit."""
 
     def filenos(self) -> list[int]:
         """Return the descriptors to wait for."""
 
     def lasting(self) -> Collection[str]:
-        """Return the peers that are there although they are silent: connections and lines."""
+        """Return the peers that stay present while they are silent: connections and lines."""
 
     def gone(self) -> list[str]:
         """Return the peers whose connection has ended since the last call."""
 
     def receive(self) -> list[Received]:
-        """Return what has arrived, at most as much as one round can process."""
+        """Return the bytes that have arrived, at most as many as one round can process."""
 
     def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
-        """Send a frame; if the line is slow, drop streams first, then everything."""
+        """Send a frame; if the line is slow, drop telemetry first, then all frames."""
 
     def flush(self, now_ns: int) -> None:
-        """Send what waits; open a lost line again."""
+        """Send the waiting frames; open a lost line again."""
 
     def forget(self, peer: str) -> None:
-        """Drop what is kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""
 
     def close(self) -> None:
         """Close it."""

@@ -1,7 +1,7 @@
-"""Record what the endpoints send and receive as a `.tlog` that every MAVLink tool reads.
+"""Record the messages that the endpoints send and receive as a `.tlog` for every MAVLink tool.
 
-Each message is recorded once, however many clients it goes to, with a sequence of the recording's
-own. A key is never recorded.
+Each message is recorded once, also if several clients receive it. The recording has its own
+sequence numbers. A key is never recorded.
 """
 
 from datetime import UTC, datetime
@@ -33,7 +33,7 @@ def new_file(path: Path) -> LogFile:
 
 
 class TrafficRecorder:
-    """Takes messages in the gateway's thread, and writes them in one of its own."""
+    """Collects messages in the gateway's thread, and writes them in another thread."""
 
     def __init__(self, file: LogFile, utc_offset_ns: int) -> None:
         self.path = file.path
@@ -65,7 +65,10 @@ class TrafficRecorder:
         self._take(frame, now_ns)
 
     def close(self) -> str:
-        """Write the rest; return what could not be written, empty if the recording is complete."""
+        """Write the rest.
+
+        Return a description of the lost messages, empty if the recording is complete.
+        """
         self._ending.set()
         self._thread.join()
         if self._writer.close():

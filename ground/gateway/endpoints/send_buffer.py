@@ -5,7 +5,7 @@ from typing import Final
 
 MAX_BYTES: Final = 65_536
 STREAM_BYTES: Final = 2_048
-"""With so much waiting, a frame of telemetry is dropped: a newer one follows anyway."""
+"""With this much waiting, a frame of telemetry is dropped, because a newer one follows."""
 
 
 class SendBuffer:
@@ -21,7 +21,7 @@ class SendBuffer:
         return len(self._waiting)
 
     def add(self, data: bytes, *, is_stream: bool) -> None:
-        """Send a frame, now or later, or drop it; OSError if the line is gone."""
+        """Send a frame, now or later, or drop it; OSError if the line is lost."""
         limit = self._stream_bytes if is_stream else MAX_BYTES
         if self._waiting and len(self._waiting) + len(data) > limit:
             self.dropped += 1
@@ -30,7 +30,7 @@ class SendBuffer:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, as far as the line takes it; OSError if the line is gone."""
+        """Send the waiting frames, as many as the line accepts; OSError if the line is lost."""
         if not self._waiting:
             return
         try:

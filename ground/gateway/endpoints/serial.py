@@ -24,18 +24,18 @@ SPEEDS: Final = {
     for name, value in vars(termios).items()
     if name[0] == "B" and name[1:].isdecimal() and int(name[1:]) > 0
 }
-"""The speeds that this system knows, with their code."""
+"""The speeds that this system supports, with their codes."""
 ADVICE: Final = {
     errno.ENOENT: "no such device: list them with `ls /dev/tty* /dev/serial/by-id`",
     errno.ENXIO: "no such device: list them with `ls /dev/tty* /dev/serial/by-id`",
     errno.EACCES: "missing rights: join the group `dialout`, then log in again",
     errno.EBUSY: "another process uses this line: end it",
-    errno.ENOTTY: "this file is no serial line",
+    errno.ENOTTY: "this file is not a serial line",
 }
 
 
 class SerialEndpoint:
-    """A serial line. One that is lost, such as an unplugged adapter, is opened again."""
+    """A serial line. It is opened again if it is lost, for example if the adapter is unplugged."""
 
     def __init__(self, text: str, device: str, baud: int) -> None:
         self.text = text
@@ -84,7 +84,10 @@ class SerialEndpoint:
         return gone
 
     def receive(self) -> list[Received]:
-        """Return what has arrived. A serial line may be a radio: it counts as another machine."""
+        """Return the bytes that have arrived.
+
+        A line may be a radio, so its client counts as another machine.
+        """
         if self._descriptor is None:
             return []
         try:
@@ -108,7 +111,7 @@ class SerialEndpoint:
             self._lose()
 
     def flush(self, now_ns: int) -> None:
-        """Send what waits; once per second, try to open a lost line again."""
+        """Send the waiting frames; once per second, try to open a lost line again."""
         if self._descriptor is None:
             if now_ns - self._tried_ns >= REOPEN_NS:
                 self._tried_ns = now_ns

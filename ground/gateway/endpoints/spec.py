@@ -27,7 +27,7 @@ MAX_PORT: Final = 65_535
 
 
 def opened(text: str) -> Endpoint:
-    """Open an endpoint; UserError names what is wrong with it, and the fix."""
+    """Open an endpoint; UserError names the error and the fix."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         near = get_close_matches(kind, KINDS, n=1)
@@ -45,7 +45,7 @@ def opened(text: str) -> Endpoint:
 
 
 def all_opened(texts: Sequence[str]) -> list[Endpoint]:
-    """Open several endpoints; UserError for the first that cannot be opened, and none stays."""
+    """Open several endpoints; after a UserError none remains open."""
     with ExitStack() as stack:
         found = [stack.enter_context(closing(opened(text))) for text in texts]
         stack.pop_all()

@@ -103,7 +103,7 @@ class TcpEndpoint:
                 self._end(peer)
 
     def flush(self, now_ns: int) -> None:
-        """Send what waits."""
+        """Send the waiting frames."""
         for peer, connection in list(self._connections.items()):
             try:
                 connection.buffer.flush()

@@ -1,4 +1,4 @@
-"""UDP endpoints: `udpin:HOST:PORT` answers each sender, `udpout:HOST:PORT` begins to send."""
+"""UDP endpoints: `udpin:HOST:PORT` waits for clients, `udpout:HOST:PORT` sends first."""
 
 import socket
 from collections.abc import Collection
@@ -10,7 +10,7 @@ from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 
 LARGEST: Final = 65_535
 MAX_READ: Final = 256
-"""Datagrams read in one round, so that a flood cannot hold up the vehicles."""
+"""Datagrams read in one round, so that a flood does not delay the vehicles."""
 
 
 class UdpEndpoint:
@@ -89,7 +89,7 @@ class UdpEndpoint:
         """Do nothing: no datagram waits."""
 
     def forget(self, peer: str) -> None:
-        """Drop the address of a client that has gone."""
+        """Drop the address of a client that has disconnected."""
         if peer not in self._fixed:
             self._addresses.pop(peer, None)
 

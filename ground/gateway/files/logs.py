@@ -23,7 +23,7 @@ NO_LOG: Final = "no log {number}; ask for the list again"
 
 @dataclass(slots=True)
 class Transfer:
-    """One open log, and the ranges of it that are wanted: where to go on, and where to end."""
+    """One open log, and the requested ranges of it: the next offset and the end of each."""
 
     number: int
     source: FileSource
@@ -32,7 +32,7 @@ class Transfer:
 
 @dataclass(slots=True)
 class LogClient:
-    """What one client has asked for; its numbers stay those of its last list."""
+    """The requests of one client; its log numbers remain those of its last list."""
 
     logs: tuple[Recording, ...] = ()
     entries: deque[int] = field(default_factory=deque)
@@ -57,7 +57,7 @@ class LogProtocol:
         self._clients: dict[int, LogClient] = {}
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Begin or end a list or a download."""
+        """Start or end a list or a download."""
         number = message.get_msgId()
         if number == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_END:
             self._stop(sender.client)
@@ -71,7 +71,10 @@ class LogProtocol:
             self._begin(message, sender.client, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Send as much as each client's line allows; end all downloads when the robot is armed."""
+        """Send as much as the line of each client allows.
+
+        End all downloads when the robot is armed.
+        """
         is_armed = self._is_armed()
         for client, state in self._clients.items():
             if is_armed and (state.transfer is not None or state.entries):
@@ -81,7 +84,7 @@ class LogProtocol:
             self._send_data(client, state, now_ns)
 
     def forget(self, client: int) -> None:
-        """Close the log of a client that has gone."""
+        """Close the log of a client that has disconnected."""
         self._stop(client)
         self._clients.pop(client, None)
 
@@ -112,7 +115,7 @@ class LogProtocol:
             self._vehicle.outbox.send(mavlink.MAVLink_log_entry_message(0, 0, 0, 0, 0), client)
 
     def _begin(self, message: MavMessage, client: int, now_ns: int) -> None:
-        """Add a range; one of another log ends the download of the log before."""
+        """Add a range; a range of another log ends the download of the previous log."""
         state = self._state(client, now_ns)
         if state.transfer is None or state.transfer.number != message.id:
             self._stop(client)

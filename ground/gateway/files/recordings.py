@@ -10,7 +10,7 @@ from runtime.units import NS_PER_S
 
 SUFFIX: Final = ".tlog"
 MAX_LISTED: Final = 1000
-"""The newest of them; a number has 16 bits."""
+"""The number of newest recordings that are listed; a log number has 16 bits."""
 FRESH_NS: Final = NS_PER_S
 
 
@@ -37,7 +37,7 @@ class Recordings:
         self._looked_ns: int | None = None
 
     def listed(self, now_ns: int) -> tuple[Recording, ...]:
-        """Return them, the oldest first, as they were at most a second ago."""
+        """Return the recordings, the oldest first; the list is at most a second old."""
         if self._looked_ns is None or now_ns - self._looked_ns >= FRESH_NS:
             self._looked_ns = now_ns
             self._found = self._look()

@@ -1,4 +1,4 @@
-"""The FTP server: reading only, several clients and files at once (rows 20, 21, 23 and 50)."""
+"""The FTP server: read-only, for several clients and files at once (rows 20, 21, 23 and 50)."""
 
 from dataclasses import dataclass
 from itertools import islice
@@ -54,7 +54,7 @@ class FileServer:
         self._now_ns = 0
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Carry out a request."""
+        """Execute a request."""
         self._now_ns = now_ns
         request = request_in(message, sender)
         if request.size > MAX_DATA:
@@ -84,7 +84,7 @@ class FileServer:
                 self._fail(request, why)
 
     def due(self, now_ns: int) -> None:
-        """Go on with bursts and checksums; close what is not used."""
+        """Continue bursts and checksums; close unused files."""
         self._now_ns = now_ns
         for session in list(self._sessions.open.values()):
             self._go_on(session)
@@ -92,7 +92,7 @@ class FileServer:
         self._sessions.close_unused(now_ns)
 
     def forget(self, client: int) -> None:
-        """Close the files of a client that has gone."""
+        """Close the files of a client that has disconnected."""
         self._sessions.close_client(client)
         for key in [key for key in self._checks if key.client == client]:
             self._checks.pop(key).source.close()
@@ -106,7 +106,10 @@ class FileServer:
         self._outbox.send(request.failed(failure), request.sender.client)
 
     def _close(self, request: FileRequest) -> None:
-        """Close a session. It is no failure if there is none, as after a reply that was lost."""
+        """Close a session.
+
+        A missing session is no error: the reply to an earlier request may have been lost.
+        """
         self._sessions.close(request.key)
         self._reply(request)
 
@@ -127,7 +130,7 @@ class FileServer:
             self._fail(request, Failure.END_OF_FILE)
 
     def _open(self, request: FileRequest) -> None:
-        """Open a file, or the file whose checksum is wanted; a repeated request only waits."""
+        """Open a file for reading or for its checksum; a repeated request only waits."""
         path, key = request.path, request.key
         check, waiting = self._checks.get(key), self._opening.get(key)
         if path is None:
@@ -223,7 +226,7 @@ class FileServer:
             return None
 
     def _check(self) -> None:
-        """Go on with the first checksum."""
+        """Continue the first checksum."""
         key, check = next(iter(self._checks.items()), (None, None))
         if key is None or check is None:
             return

@@ -1,4 +1,4 @@
-"""Open files of clients: a bounded number, closed when they have not been used for long."""
+"""The open files of clients: a limited number; unused files are closed after some time."""
 
 from dataclasses import dataclass, field
 from typing import Final
@@ -10,10 +10,10 @@ from runtime.units import NS_PER_S
 MAX_OF_CLIENT: Final = 8
 MAX_OPEN: Final = 64
 IDLE_NS: Final = 3 * NS_PER_S
-"""A session that is idle for so long may be closed for another client's."""
+"""A session that is idle for this long may be closed to make room for another client."""
 GONE_NS: Final = 20 * NS_PER_S
 MAX_BURST: Final = 2000
-"""Replies to one request; then the client asks again."""
+"""Replies to one request; then the client must send a new request."""
 
 
 @dataclass(slots=True)
@@ -74,11 +74,11 @@ class Sessions:
         self._close_all([other for other in self.open if other[:3] == key[:3]])
 
     def close_client(self, client: int) -> None:
-        """Close all sessions of a client that has gone."""
+        """Close all sessions of a client that has disconnected."""
         self._close_all([key for key in self.open if key.client == client])
 
     def close_unused(self, now_ns: int) -> None:
-        """Close what has not been used for long."""
+        """Close sessions that have been idle for too long."""
         unused = [key for key, one in self.open.items() if now_ns - one.used_ns >= GONE_NS]
         self._close_all(unused)
 

@@ -1,4 +1,4 @@
-"""What a client reads: bytes in memory, or a file as it was when it was opened."""
+"""Sources that clients read: bytes in memory, or a file with its size at the time of opening."""
 
 import os
 from pathlib import Path
@@ -9,14 +9,14 @@ LARGEST: Final = 0xFFFF_FFFF
 
 
 class Source(Protocol):
-    """Something of a fixed size."""
+    """Data of a fixed size."""
 
     @property
     def size(self) -> int:
         """The size in bytes."""
 
     def read(self, offset: int, count: int) -> bytes:
-        """Return at most so many bytes; none beyond the end. OSError if it cannot be read."""
+        """Return at most `count` bytes; none beyond the end. OSError if it cannot be read."""
 
     def close(self) -> None:
         """Release it."""
@@ -34,7 +34,7 @@ class BytesSource:
         return len(self._data)
 
     def read(self, offset: int, count: int) -> bytes:
-        """Return at most so many bytes."""
+        """Return at most `count` bytes."""
         return self._data[offset : offset + count]
 
     def close(self) -> None:
@@ -42,14 +42,14 @@ class BytesSource:
 
 
 class FileSource:
-    """A file; what is appended to it later is not shown. OSError if it cannot be opened."""
+    """A file, without bytes that are appended later. OSError if it cannot be opened."""
 
     def __init__(self, path: Path) -> None:
         self._fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
         self.size = min(os.fstat(self._fd).st_size, LARGEST)
 
     def read(self, offset: int, count: int) -> bytes:
-        """Return at most so many bytes."""
+        """Return at most `count` bytes."""
         return os.pread(self._fd, max(0, min(count, self.size - offset)), offset)
 
     def close(self) -> None:

@@ -1,6 +1,6 @@
-"""The virtual tree: names that are looked up in lists, so that no path can lead out of it.
+"""The virtual tree: names are looked up in lists, so no path leads outside of it.
 
-`@PARAM` and `@MAV_LOG` are names that ground stations know. QGroundControl lists only files that
+`@PARAM` and `@MAV_LOG` are names that ground stations use. QGroundControl lists only files that
 end in `.bin` or `.ulg` as logs, so in `@MAV_LOG` the recordings have `.bin` behind their names.
 """
 
@@ -43,7 +43,7 @@ class Entry(NamedTuple):
 
 
 class VirtualTree:
-    """What one vehicle offers for reading."""
+    """The files of one vehicle."""
 
     def __init__(self, store: ParameterStore, recordings: Recordings) -> None:
         self._store = store
@@ -66,7 +66,7 @@ class VirtualTree:
         return None
 
     def open(self, path: str, then: Opened, now_ns: int) -> None:
-        """Call `then` with the file or the reason why there is none, perhaps at a later round."""
+        """Call `then` with the file or the reason of a failure, perhaps in a later round."""
         name, _, query = path.removeprefix("/").partition("?")
         folder, slash, file = name.partition("/")
         if name in (GENERAL_NAME, PARAMETERS_NAME):

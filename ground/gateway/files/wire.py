@@ -11,7 +11,7 @@ HEADER: Final = Struct("<HBBBBBxI")
 MAX_DATA: Final = 239
 PAYLOAD_BYTES: Final = HEADER.size + MAX_DATA
 FRAME_BYTES: Final = 28
-"""All of a frame but header and data, signature included."""
+"""Bytes of a frame without header and data, with the signature."""
 
 
 class Opcode(IntEnum):
@@ -48,7 +48,7 @@ class Failure(IntEnum):
 
 
 class Key(NamedTuple):
-    """A session: the program that opened it, and the number that it has given it."""
+    """A session: the program that opened it, and the number chosen by that program."""
 
     client: int
     system: int
@@ -81,7 +81,7 @@ class FileRequest(NamedTuple):
         return text.decode("ascii") if text and plain else None
 
     def repeated_by(self, other: "FileRequest") -> bool:
-        """Return whether another request of the same session asks for the same."""
+        """Return whether another request of the same session has the same content."""
         return (self.opcode, self.data) == (other.opcode, other.data)
 
     def reply(
@@ -93,7 +93,7 @@ class FileRequest(NamedTuple):
         *,
         last: bool = False,
     ) -> MavMessage:
-        """Return a reply with the request's session; `sent` replies have gone before it."""
+        """Return a reply with the request's session; `sent` replies were sent before it."""
         head = HEADER.pack(
             (self.sequence + 1 + sent) & 0xFFFF,
             self.session,

@@ -1,4 +1,4 @@
-"""The protocols of parameters and files, which share the list, the recordings and a pace."""
+"""The protocols of parameters and files, with one parameter list and one rate limit."""
 
 from pathlib import Path
 

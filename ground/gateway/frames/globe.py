@@ -1,4 +1,4 @@
-"""Places on the globe as MAVLink carries them: whole multiples of 1e-7 degrees."""
+"""Positions on Earth as in MAVLink messages: whole multiples of 1e-7 degrees."""
 
 from typing import Final, NamedTuple
 
@@ -7,7 +7,7 @@ from ground.missions.mission import FARTHEST_M, Home
 
 PER_DEG: Final = 10_000_000
 DEFAULT_ORIGIN: Final = Home(latitude_deg=-35.3632621, longitude_deg=149.1652374)
-"""The model airfield at Canberra where ArduPilot's simulator starts; clients know the place."""
+"""The model airfield at Canberra where ArduPilot's simulator starts."""
 DEFAULT_ALTITUDE_M: Final = 584.0
 MAX_LATITUDE_DEG: Final = 85.0
 MAX_LONGITUDE_DEG: Final = 180.0
@@ -21,24 +21,24 @@ class Place(NamedTuple):
 
 
 def place_of(latitude_deg: float, longitude_deg: float) -> Place:
-    """Round a place to the resolution of MAVLink, about 1 cm."""
+    """Round a position to the resolution of MAVLink, about 1 cm."""
     return Place(round(latitude_deg * PER_DEG), round(longitude_deg * PER_DEG))
 
 
 def place_at(origin: Home, x_m: float, y_m: float) -> Place | None:
-    """Return the place of local metres; None if they are farther than missions reach."""
+    """Return the position of local metres; None beyond the largest distance of a mission."""
     if not (abs(x_m) <= FARTHEST_M and abs(y_m) <= FARTHEST_M):
         return None
     return place_of(*to_global(origin, x_m, y_m))
 
 
 def local_at(origin: Home, place: Place) -> tuple[float, float]:
-    """Return local metres of a place."""
+    """Return local metres of a position."""
     return to_local(origin, place.latitude_e7 / PER_DEG, place.longitude_e7 / PER_DEG)
 
 
 def home_at(place: Place) -> Home | None:
-    """Return an origin; None for one too near a pole, beyond the globe, or at 0/0 ("none")."""
+    """Return an origin; None if it is too near a pole, out of range, or 0/0, which means "none"."""
     latitude_deg, longitude_deg = place.latitude_e7 / PER_DEG, place.longitude_e7 / PER_DEG
     if abs(latitude_deg) > MAX_LATITUDE_DEG or abs(longitude_deg) > MAX_LONGITUDE_DEG:
         return None

@@ -21,7 +21,7 @@ heading_of: Final = yaw_of
 
 
 class NedPose(NamedTuple):
-    """A pose with its velocity, in north-east-down; the robot moves in a plane."""
+    """A pose with its velocity in north-east-down; the robot moves in a horizontal plane."""
 
     north_m: float
     east_m: float
@@ -50,21 +50,21 @@ def pose_of(odometry: PlanarOdometry) -> NedPose:
 
 
 def is_usable(odometry: PlanarOdometry) -> bool:
-    """Return whether pose and speeds are numbers that MAVLink can carry."""
+    """Return whether pose and speeds are in the range of the MAVLink fields."""
     values = (odometry.x_m, odometry.y_m, odometry.heading_rad)
     speeds = (odometry.speed_m_s, odometry.yaw_rate_rad_s)
     return all(abs(value) < FARTHEST for value in (*values, *speeds))
 
 
 def knows_place(odometry: PlanarOdometry) -> bool:
-    """Return whether the pose counts from the origin; the covariance is NaN if it does not."""
+    """Return whether the pose is relative to the origin; the covariance is NaN if it is not."""
     place = (odometry.cov_xx_m2, odometry.cov_xy_m2, odometry.cov_yy_m2)
     heading = (odometry.cov_xh_m_rad, odometry.cov_yh_m_rad, odometry.cov_hh_rad2)
     return is_usable(odometry) and all(abs(value) < FARTHEST**2 for value in (*place, *heading))
 
 
 def deviation_m(odometry: PlanarOdometry) -> float:
-    """Return the standard deviation of the place along the worst direction."""
+    """Return the standard deviation of the position in the worst direction."""
     mean = (odometry.cov_xx_m2 + odometry.cov_yy_m2) / 2
     half = (odometry.cov_xx_m2 - odometry.cov_yy_m2) / 2
     return sqrt(max(0.0, mean + hypot(half, odometry.cov_xy_m2)))

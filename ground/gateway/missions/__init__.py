@@ -1,1 +1,1 @@
-"""Missions, fences and rally points: uploads, downloads, the current item, and what was reached."""
+"""Missions, fences and rally points: uploads, downloads, the current item, and reached items."""

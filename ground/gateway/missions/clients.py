@@ -10,12 +10,12 @@ ClientKey = tuple[int, int, int, bool]
 
 
 def key_of(sender: Sender) -> ClientKey:
-    """Return what tells clients apart. One that may only watch is never one that may command."""
+    """Return the key of a client. A peer with and without the right to command has two keys."""
     return sender.client, sender.system, sender.component, sender.may_command
 
 
 class Answers:
-    """Sends the end of a transfer, and why."""
+    """Sends the result of a transfer, and the reason of a refusal."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle

@@ -1,7 +1,7 @@
 """The current item: MISSION_CURRENT, MISSION_SET_CURRENT and DO_SET_MISSION_CURRENT.
 
-Items count as on MAVLink: 0 is home, so the mission begins at 1. A client that chooses 0 chooses
-the first waypoint, and sees 0 until the mission runs.
+Items are numbered as in MAVLink: 0 is home, so the mission begins at 1. A client that chooses 0
+chooses the first waypoint, and receives 0 until the mission runs.
 """
 
 from collections.abc import Sequence
@@ -49,7 +49,7 @@ SUSPENDED: Final = 2
 
 
 class CurrentItem:
-    """Chooses the current item, and sends it: on request, when it changes, and as a stream."""
+    """Chooses the current item, and sends it on request, after a change, and periodically."""
 
     handles = (mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT,)
 
@@ -99,7 +99,7 @@ class CurrentItem:
         self._vehicle.perform(sender, JumpTo(item=max(item, FIRST)), ended)
 
     def due(self, now_ns: int) -> None:
-        """Follow the robot, and send what has changed."""
+        """Read the robot's mission status, and send changes."""
         status = self._vehicle.snapshot.mission
         if self._chosen is not None and not self._is_still_shown(status, now_ns):
             self._chosen = None
@@ -107,7 +107,7 @@ class CurrentItem:
             self._announce()
 
     def forget(self, client: int) -> None:
-        """Keep nothing for a client: the robot's answer ends a jump."""
+        """Do nothing: the robot's answer ends a jump."""
 
     def messages(self, now_ns: int) -> Sequence[MavMessage]:
         """Return MISSION_CURRENT; nothing without the robot's mission status."""

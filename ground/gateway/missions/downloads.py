@@ -72,7 +72,7 @@ class Downloads:
         self._kind.copy.known(then, now_ns)
 
     def forget(self, client: int) -> None:
-        """Drop what waits for a client that has gone."""
+        """Drop the waiting requests of a client that has disconnected."""
         self._waiting = {one for one in self._waiting if one[0][0] != client}
 
     def _may_read(self, sender: Sender, now_ns: int) -> bool:

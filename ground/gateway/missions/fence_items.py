@@ -1,4 +1,4 @@
-"""The items of a fence: the corners of one polygon, or one circle, to stay in."""
+"""The items of a fence: the corners of one polygon, or one circle, that encloses the robot."""
 
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -15,8 +15,8 @@ CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
 CIRCLE: Final = Command.NAV_FENCE_CIRCLE_INCLUSION
 NAMES: Final = {
     5000: "return point: the robot stops at its fence",
-    5002: "polygon to stay out of: only a fence to stay in is supported",
-    5004: "circle to stay out of: only a fence to stay in is supported",
+    5002: "exclusion polygon: only an inclusion fence is supported",
+    5004: "exclusion circle: only an inclusion fence is supported",
 }
 ONE: Final = "only one polygon or one circle is supported"
 

@@ -1,7 +1,7 @@
 """The fence while driving: FENCE_STATUS, and DO_FENCE_ENABLE.
 
-The robot obeys every fence that it has. So "disable" deletes the fence from it, and "enable" gives
-it the deleted fence again.
+A stored fence is always in force. So "disable" deletes the fence from the robot, and "enable"
+uploads the deleted fence again.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """Items in MISSION_ITEM_INT and MISSION_ITEM.
 
-The places of MISSION_ITEM are floats of 24 bits: near a longitude of 180 degrees they are multiples
-of 1.7 m. The parameters are such floats in both messages.
+The positions of MISSION_ITEM are 32-bit floats with 24 significant bits: near a longitude of 180
+degrees they are multiples of 1.7 m. The parameters of both messages are such floats.
 """
 
 from math import isnan
@@ -38,14 +38,14 @@ def item_in(message: MavMessage) -> Item:
 
 
 def scale_of(frame: int) -> int:
-    """Return what the x and y of a MISSION_ITEM_INT are multiplied by."""
+    """Return the factor of x and y in a MISSION_ITEM_INT."""
     if frame in GLOBAL_FRAMES:
         return PER_DEG
     return PER_METRE if frame in LOCAL_FRAMES else 1
 
 
 def typed(value: float) -> float:
-    """Return the decimal number of at most 7 digits that a client has rounded to 24 bits."""
+    """Return the decimal number of at most 7 digits that a client has rounded to a 32-bit float."""
     return float(f"{value:.7g}")
 
 
@@ -63,7 +63,7 @@ def usual(item: Item) -> Item:
 
 
 def item_message(item: Item, kind: int, sender: Sender, *, is_int: bool) -> MavMessage:
-    """Return the message with an item that has a global place; none is the current one."""
+    """Return the message with an item at a global position, not marked as the current item."""
     latitude_deg, longitude_deg, height_m = item.params[4:]
     head = (sender.system, sender.component, item.number, item.frame, item.command, 0, 1)
     if is_int:

@@ -1,4 +1,4 @@
-"""What can be uploaded and downloaded: a mission, whose item 0 is home, and a fence."""
+"""The plans to upload and download: a mission, whose item 0 is home, and a fence."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -33,7 +33,7 @@ HOME_NOTE: Final = "mission: item 0 is home, the robot drives from item 1 on"
 
 
 class Change(NamedTuple, Generic[V]):
-    """What an upload asks of the robot, and what it has afterwards."""
+    """The operation of an upload, and the robot's values after it."""
 
     operation: Operation[Any]
     values: tuple[V, ...]
@@ -52,10 +52,10 @@ class ItemKind(Protocol[V, P]):
         """Return an item as a part of `count`; UnsupportedItemError if it cannot be one."""
 
     def note_on(self, item: Item) -> str:
-        """Return what the client should know about an item that is accepted."""
+        """Return a hint to the client about an accepted item, empty without one."""
 
     def change_to(self, parts: Sequence[P]) -> Change[V]:
-        """Return the change that an upload asks for; UnsupportedItemError if it is senseless."""
+        """Return the change that an upload requests; UnsupportedItemError if it is invalid."""
 
     def clearing(self) -> Operation[Any]:
         """Return the operation that deletes all items."""
@@ -67,14 +67,14 @@ class ItemKind(Protocol[V, P]):
         """Return the parts that would upload what the robot has."""
 
     def id_of(self, values: Sequence[V]) -> int:
-        """Return the opaque id of what the robot has."""
+        """Return the opaque id of the robot's values."""
 
     def accepted(self, values: tuple[V, ...], answered: Answered, now_ns: int) -> None:
-        """Note what the robot has accepted."""
+        """Store the values that the robot has accepted."""
 
 
 class MissionKind:
-    """The mission. Its item 0 is home: clients may send anything as that, and get the robot's."""
+    """The mission. Clients may send any item 0; they receive the robot's home."""
 
     number = mavlink.MAV_MISSION_TYPE_MISSION
     name = "mission"
@@ -142,7 +142,7 @@ class MissionKind:
 
 
 class FenceKind:
-    """The fence: one polygon or circle that the robot stays in."""
+    """The fence: one polygon or circle that encloses the robot."""
 
     number = mavlink.MAV_MISSION_TYPE_FENCE
     name = "fence"

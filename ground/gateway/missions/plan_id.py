@@ -1,4 +1,4 @@
-"""The opaque id of a plan: a checksum of what it contains, and of where on the globe that is."""
+"""The opaque id of a plan: a checksum of its items and of its position on Earth."""
 
 from collections.abc import Callable, Iterable, Sequence
 from struct import Struct
@@ -20,7 +20,7 @@ V = TypeVar("V")
 
 
 class PlanId(Generic[V]):
-    """The id of what the robot has, computed once for each plan and origin."""
+    """The id of the robot's plan, computed once for each plan and origin."""
 
     def __init__(self, compute: Callable[[Home, Sequence[V]], int]) -> None:
         self._compute = compute
@@ -53,7 +53,7 @@ def _id(origin: Home, items: Iterable[MissionItemInt]) -> int:
 
 
 def _packed(item: MissionItemInt) -> bytes:
-    """Return an item as it is after its way to the robot and back."""
+    """Return an item with the rounding of the robot's wire format."""
     given = (item.param1, item.param2, item.param3, item.param4)
     kept = [round(FLOAT.unpack(FLOAT.pack(value))[0], DIGITS) for value in given]
     return ITEM.pack(item.command, item.x, item.y, *kept)

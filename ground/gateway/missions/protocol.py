@@ -1,4 +1,4 @@
-"""The mission protocol: each message goes to its kind: mission, fence, or rally points."""
+"""The mission protocol: pass each message to its kind: mission, fence, or rally points."""
 
 from typing import Any, Final
 
@@ -76,7 +76,7 @@ class KindTransfers:
         self.uploads.due(now_ns)
 
     def forget(self, client: int) -> None:
-        """Drop the state kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""
         self.uploads.forget(client)
         self.downloads.forget(client)
 
@@ -128,7 +128,7 @@ class MissionProtocol:
             transfers.due(now_ns)
 
     def forget(self, client: int) -> None:
-        """Drop the state kept for a client that has gone."""
+        """Drop the state of a client that has disconnected."""
         for transfers in self._kinds.values():
             transfers.forget(client)
 

@@ -1,4 +1,4 @@
-"""MISSION_ITEM_REACHED, from what changes in the robot's mission status."""
+"""MISSION_ITEM_REACHED, from changes of the robot's mission status."""
 
 from typing import Final
 
@@ -12,13 +12,13 @@ from runtime.units import NS_PER_S
 
 AGAIN_NS: Final = NS_PER_S
 COPIES: Final = 4
-"""How often the message is sent: MAVSDK takes no mission for finished without one of them."""
+"""Number of repetitions of the message: MAVSDK does not finish a mission before it receives one."""
 
 
 class ReachedItems:
-    """Sends each item that is reached.
+    """Sends each item that is reached, after a change of the robot's mission status.
 
-    The robot waits at an item, goes on to the next one, or is done with the last one. A jump to the
+    The robot waits at an item, starts the next one, or has finished the last one. A jump to the
     next item by another operator looks like the second case.
     """
 
@@ -36,7 +36,7 @@ class ReachedItems:
         """Take no message."""
 
     def due(self, now_ns: int) -> None:
-        """Find what has been reached, and repeat the message some times."""
+        """Find reached items, and repeat the message some times."""
         last, status = self._last, self._vehicle.snapshot.mission
         self._last = status
         if status is None or last is None or status.mission_id != last.mission_id:

@@ -1,4 +1,4 @@
-"""The MAV_MISSION_RESULT of each refusal, with the words for its STATUSTEXT."""
+"""The MAV_MISSION_RESULT of each refusal, with the text of its STATUSTEXT."""
 
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -57,7 +57,7 @@ REASON_RESULTS: Final = MappingProxyType(
 
 
 class Refusal(NamedTuple):
-    """A result that is not ACCEPTED, and why."""
+    """A result that is not ACCEPTED, with its reason."""
 
     result: int
     words: str

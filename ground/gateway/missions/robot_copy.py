@@ -1,4 +1,4 @@
-"""The gateway's copy of the robot's mission or fence, read from the robot when it is needed."""
+"""The gateway's copy of the robot's mission or fence, read from the robot on demand."""
 
 from collections.abc import Callable
 from typing import Any, Final, Generic, TypeVar
@@ -19,20 +19,20 @@ from runtime.units import NS_PER_S
 T = TypeVar("T")
 Key = tuple[int, int]
 Then = Callable[[tuple[T, ...] | None, str], None]
-"""Gets what the robot has, or None with the reason."""
+"""Receives the robot's values, or None with the reason."""
 
 FRESH_NS: Final = NS_PER_S
 PERIOD_NS: Final = 10 * NS_PER_S
-"""A fence that another operator has changed is noticed within this time."""
+"""A change of the fence by another operator is read within this time."""
 MAX_WAITING: Final = 64
 BUSY: Final = "too many requests at once"
 
 
 class RobotCopy(Generic[T]):
-    """What the robot had when it was read last; `values` is None before that.
+    """The robot's values when they were last read; `values` is None before that.
 
-    `key` returns what changes with the robot's data, None if nothing tells. A copy without a key is
-    read again from time to time while there are clients.
+    `key` returns a value that changes with the robot's data, None if there is none. A copy without
+    a key is read again periodically while there are clients.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class RobotCopy(Generic[T]):
         self._waiting: list[Then[T]] = []
 
     def latest(self, then: Then[T], now_ns: int) -> None:
-        """Call `then` with what the robot has now, perhaps at a later round."""
+        """Call `then` with the robot's present values, perhaps in a later round."""
         if self._is_fresh(now_ns):
             then(self.values, "")
         elif len(self._waiting) >= MAX_WAITING:
@@ -64,19 +64,19 @@ class RobotCopy(Generic[T]):
             self._ask(now_ns)
 
     def known(self, then: Then[T], now_ns: int) -> None:
-        """Call `then` with what was read last; read it if that has not been done."""
+        """Call `then` with the values that were last read; read them if there are none."""
         if self.values is None:
             self.latest(then, now_ns)
         else:
             then(self.values, "")
 
     def adopt(self, values: tuple[T, ...], key: Key | None, now_ns: int) -> None:
-        """Note what the robot has accepted."""
+        """Store the values that the robot has accepted."""
         self.values, self._read_key = values, key
         self._read_ns = self._asked_ns = now_ns
 
     def due(self, now_ns: int) -> None:
-        """Read it again if it has changed, or could have."""
+        """Read the values again if they have changed, or may have changed."""
         vehicle, key = self._vehicle, self._key()
         if not (vehicle.clients and vehicle.snapshot.is_live):
             return
@@ -111,7 +111,7 @@ class RobotCopy(Generic[T]):
 
 
 def mission_copy(vehicle: Vehicle) -> RobotCopy[Waypoint]:
-    """Return the copy of a robot's mission; its status tells when that has changed."""
+    """Return the copy of a robot's mission; its status shows a change."""
 
     def key() -> Key | None:
         status = vehicle.snapshot.mission

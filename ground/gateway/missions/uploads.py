@@ -1,7 +1,7 @@
-"""Uploads of one kind: the vehicle asks for the items, one after the other, until it has them all.
+"""Uploads of one kind: the vehicle requests the items one after another.
 
 Items are asked for by MISSION_REQUEST, which all clients answer, some with MISSION_ITEM and others
-with MISSION_ITEM_INT. The robot gets a complete upload or nothing of it.
+with MISSION_ITEM_INT. Only a complete upload is sent to the robot.
 """
 
 from collections.abc import Sequence
@@ -33,11 +33,11 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 RETRY_NS: Final = 400 * NS_PER_MS
 TIMEOUT_NS: Final = 8 * NS_PER_S
-"""An upload ends if no item arrives for so long; ArduPilot waits the same time."""
+"""An upload ends if no item arrives for this time; ArduPilot waits equally long."""
 RECENT_NS: Final = 10 * NS_PER_S
-"""Items that arrive so long after the end of their upload are copies or repetitions."""
+"""Items that arrive within this time after the end of their upload are copies or repetitions."""
 MAX_PENDING: Final = 4
-"""Announcements that wait for the robot, of uploads that their clients have given up."""
+"""Announcements that wait for the robot, of uploads that their clients have cancelled."""
 ACTIVE_NS: Final = NS_PER_S
 GUIDED_ITEMS: Final = (2, 3)
 """Values of `current` of items that belong to no upload."""
@@ -45,16 +45,16 @@ ROUGH: Final = "the places of MISSION_ITEM are exact to about 1 m only: use MISS
 
 
 class Phase(Enum):
-    """What an upload waits for."""
+    """The event that an upload waits for."""
 
-    ANNOUNCED = 1  # For the robot, to learn whether it takes so many items.
-    RECEIVING = 2  # For the client's next item.
-    STORING = 3  # For the robot's verdict.
+    ANNOUNCED = 1  # The robot's answer whether it accepts this number of items.
+    RECEIVING = 2  # The client's next item.
+    STORING = 3  # The robot's verdict.
 
 
 @dataclass(slots=True, eq=False)
 class Upload:
-    """A running upload of the items `first` to `last`; `before` and `after` stay what they are."""
+    """A running upload of the items `first` to `last`; `before` and `after` do not change."""
 
     sender: Sender
     first: int
@@ -105,7 +105,7 @@ class Uploads:
         return upload is not None and key_of(upload.sender) != key_of(sender)
 
     def is_active(self, sender: Sender, now_ns: int) -> bool:
-        """Return whether items of this client have arrived just now, or are being stored."""
+        """Return whether items of this client have arrived recently, or are being stored."""
         upload = self._upload
         if upload is None or self.is_of_other(sender):
             return False
@@ -140,7 +140,8 @@ class Uploads:
     ) -> None:
         """Begin to replace some items; `parts` are those that the robot has.
 
-        A range that ends just behind the last item is cut, as MAVProxy sends it for the last one.
+        A range that ends one item after the last one is shortened: MAVProxy sends such a range for
+        the last item.
         """
         if self.is_of_other(sender) or self._upload is not None:
             self.deny(sender)
@@ -155,7 +156,7 @@ class Uploads:
         self._announce(Upload(sender, first, last, before, after, heard_ns=now_ns))
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take an item."""
+        """Receive an item."""
         upload = self._upload
         if message.current in GUIDED_ITEMS:
             return
@@ -167,12 +168,12 @@ class Uploads:
             self._take(upload, message, now_ns)
 
     def cancel(self, sender: Sender) -> None:
-        """End the upload of a client that has given it up."""
+        """End an upload that its client has cancelled."""
         if not self.is_of_other(sender):
             self._upload = None
 
     def due(self, now_ns: int) -> None:
-        """Ask again for an item that has not arrived, or give up."""
+        """Request a missing item again, or end the upload."""
         upload = self._upload
         if upload is None or upload.phase is not Phase.RECEIVING:
             return
@@ -183,7 +184,7 @@ class Uploads:
             self._ask(upload, now_ns)
 
     def forget(self, client: int) -> None:
-        """End the upload of a client that has gone."""
+        """End the upload of a client that has disconnected."""
         if self._upload is not None and self._upload.sender.client == client:
             self._upload = None
         if self._finished is not None and self._finished.client[0] == client:

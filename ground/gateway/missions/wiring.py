@@ -1,4 +1,4 @@
-"""The services about missions and fences, and the commands that they carry out."""
+"""The services for missions and fences, and the commands that they execute."""
 
 from typing import NamedTuple
 

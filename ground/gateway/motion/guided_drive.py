@@ -1,7 +1,7 @@
-"""Speeds in GUIDED: the robot is in MANUAL, where it takes speeds, and clients see GUIDED.
+"""Speeds in GUIDED: the robot is in MANUAL, where it accepts speeds, and clients receive GUIDED.
 
-It ends with the last speed's time-out, another mode, a goal, or the loss of control. After a
-time-out the robot stands in GUIDED, as ArduPilot's does.
+It ends with the time-out of the last speed, another mode, a goal, or the loss of control. After a
+time-out the robot stops and is in GUIDED, like ArduPilot's Rover.
 """
 
 from enum import Enum, auto
@@ -20,7 +20,7 @@ TIMEOUT_NS: Final = NS_PER_S
 
 
 class Stage(Enum):
-    """Where the robot is between its own modes."""
+    """The state of the change between the robot's own modes."""
 
     IDLE = auto()
     ENTERING = auto()
@@ -40,7 +40,7 @@ class GuidedDrive:
         self._until_ns = self._sent_ns = self._now_ns = 0
 
     def follow(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
-        """Drive with these speeds until newer ones come or they time out."""
+        """Drive with these speeds until newer ones arrive or they time out."""
         self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
         self._until_ns = now_ns + TIMEOUT_NS
         if self._stage is Stage.IDLE:
@@ -50,7 +50,7 @@ class GuidedDrive:
 
     @property
     def is_active(self) -> bool:
-        """True while speeds are followed."""
+        """True while the robot follows speeds."""
         return self._stage is not Stage.IDLE
 
     def end(self) -> None:

@@ -20,7 +20,7 @@ NOT_IN_CONTROL: Final = (Reason.LEASE_HELD, Reason.NO_IDENTITY)
 
 
 class GuidedItems:
-    """Takes guided items for one vehicle and acknowledges them."""
+    """Executes guided items for one vehicle and acknowledges them."""
 
     handles = (mavlink.MAVLINK_MSG_ID_MISSION_ITEM, mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT)
 

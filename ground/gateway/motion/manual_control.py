@@ -1,8 +1,8 @@
 """Driving by hand: MANUAL_CONTROL and RC_CHANNELS_OVERRIDE of the client in control, in MANUAL.
 
 The axes are those of ArduPilot's Rover: y or channel 1 steers (right is positive), z or channel 3
-drives. The speeds are shares of the robot's fastest. They last half a second after the newest
-message, those of RC_CHANNELS_OVERRIDE a second.
+drives. The speeds are fractions of the robot's largest speeds. They are valid for half a second
+after the newest message, those of RC_CHANNELS_OVERRIDE for a second.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 FULL: Final = 1000
 NO_AXIS: Final = 0x7FFF
-"""The value of an axis that the client does not have."""
+"""The value of an axis that the client does not use."""
 STICK_NS: Final = 500 * NS_PER_MS
 OVERRIDE_NS: Final = NS_PER_S
 CHANNELS: Final = 18
@@ -28,7 +28,7 @@ SHORTEST_US, LONGEST_US = 800, 2200
 RELEASED: Final = 0
 UNCHANGED: Final = 0xFFFF
 RELEASED_UPPER: Final = 0xFFFE
-"""Channels 9 and more are released by this value; 0 leaves them."""
+"""This value releases channels from 9 on; 0 does not change them."""
 LOWER: Final = 8
 NO_VALUE: Final = 0xFFFF
 ECHO_HZ: Final = 2.0
@@ -36,7 +36,7 @@ NOT_OWNER: Final = "manual control ignored: take control first, by mode MANUAL"
 
 
 class Stick(NamedTuple):
-    """Shares of the fastest speed and turn, from -1 to 1, and when they end."""
+    """Fractions of the largest speed and turn rate, from -1 to 1, and the time of their end."""
 
     drive: float
     steer: float
@@ -45,7 +45,7 @@ class Stick(NamedTuple):
 
 
 class ManualControl:
-    """Sends the speeds to the robot while they last."""
+    """Sends the speeds to the robot while they are valid."""
 
     handles = (
         mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL,
@@ -69,7 +69,7 @@ class ManualControl:
         )
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Take the axes or channels of the client in control."""
+        """Receive the axes or channels of the client in control."""
         is_stick = message.get_msgId() == mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL
         if is_stick and message.target not in (ANY, self._vehicle.system):
             return
@@ -83,7 +83,7 @@ class ManualControl:
             self._override(message, sender, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Repeat the speeds while they last."""
+        """Repeat the speeds while they are valid."""
         if self._overrider is not None and now_ns - self._overridden_ns >= OVERRIDE_NS:
             self._release()
         stick = self._stick
@@ -98,7 +98,7 @@ class ManualControl:
             self._drive(stick, now_ns)
 
     def forget(self, client: int) -> None:
-        """Keep nothing for a client: the speeds of one that has gone end."""
+        """Do nothing: the speeds of a client that has disconnected time out."""
 
     @property
     def _is_manual(self) -> bool:
@@ -147,7 +147,7 @@ class ManualControl:
 
 
 def share_of(axis: int) -> float:
-    """Return the deflection of an axis; an axis that the client lacks is neutral."""
+    """Return the deflection of an axis; an unused axis is neutral."""
     return 0.0 if axis == NO_AXIS else within(axis / FULL, 1.0)
 
 
@@ -159,7 +159,7 @@ def deflection(value_us: int) -> float | None:
 
 
 def overridden(index: int, value: int, before: int) -> int:
-    """Return the value of a channel after an override; one out of range changes nothing."""
+    """Return the value of a channel after an override; a value out of range changes nothing."""
     released = RELEASED if index < LOWER else RELEASED_UPPER
     if value == released:
         return NO_VALUE

@@ -1,4 +1,4 @@
-"""The mode: the robot's own, the one just commanded, and the one that clients see."""
+"""The mode: the robot's own mode, the newest command, and the mode that clients receive."""
 
 from types import MappingProxyType
 from typing import Final, NamedTuple
@@ -15,14 +15,14 @@ BY_NUMBER: Final = MappingProxyType({int(mode): mode for mode in Mode})
 
 
 class Shown(NamedTuple):
-    """The number that clients see while the robot is in a mode."""
+    """The number that clients receive while the robot is in a mode."""
 
     mode: Mode
     number: int
 
 
 class Modes:
-    """Follows the robot's mode, and keeps what clients see instead of it."""
+    """Reads the robot's mode, and keeps the number that clients receive instead of it."""
 
     def __init__(self) -> None:
         self._now_ns = 0
@@ -39,11 +39,11 @@ class Modes:
 
     @property
     def number(self) -> int | None:
-        """The mode that clients see; None without telemetry."""
+        """The mode that clients receive; None without telemetry."""
         return self.number_of(self.mode)
 
     def number_of(self, mode: Mode | None) -> int | None:
-        """Return the number that clients see for a mode of the robot."""
+        """Return the number that clients receive for a mode of the robot."""
         if mode is None:
             return None
         for shown in (self._shown, self._next):
@@ -52,7 +52,7 @@ class Modes:
         return int(mode)
 
     def accepted(self, mode: Mode, number: int | None = None) -> None:
-        """Note a mode that the robot has accepted, and the number that clients see for it."""
+        """Store a mode that the robot has accepted, and the number that clients receive for it."""
         self._next = None if number is None else Shown(mode, number)
         if self._status == mode:
             self._shown = self._next
@@ -60,11 +60,11 @@ class Modes:
             self._commanded, self._until_ns = mode, self._now_ns + CROSSING_NS
 
     def show_own(self) -> None:
-        """Show clients the robot's own mode again."""
+        """Send clients the robot's own mode again."""
         self._shown = self._next = None
 
     def due(self, snapshot: Snapshot) -> None:
-        """Follow the robot's status."""
+        """Read the robot's status."""
         self._now_ns = snapshot.now_ns
         status = snapshot.status
         self._status = None if status is None else BY_NUMBER.get(status.mode)

@@ -1,4 +1,4 @@
-"""What clients make the robot do: change its mode, start the mission, drive to a place."""
+"""Requests of clients to the robot: change the mode, start the mission, drive to a position."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, NamedTuple
@@ -26,7 +26,7 @@ from protocol.wire.reasons import Reason
 from runtime.units import NS_PER_S
 
 FROM_CURRENT: Final = 0
-"""The item of `StartMission` that stands for the current one."""
+"""The item of `StartMission` that means the current one."""
 PATIENCE_NS: Final = NS_PER_S
 """Time for the operator's first heartbeat to reach the robot."""
 MISSION_UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
@@ -34,19 +34,19 @@ MISSION_UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionS
 
 @dataclass(frozen=True, slots=True)
 class EnterGuided:
-    """Drop the goal or mission, as ArduPilot does on entry, and wait for a goal in GUIDED."""
+    """Drop the goal or mission, like ArduPilot at the change to GUIDED, and wait for a goal."""
 
     verb: ClassVar[str] = "mode"
     moves: ClassVar[bool] = True
 
     def perform(self, session: Session) -> Answer:
-        """Abort, which a robot without a goal refuses, and set the mode."""
+        """Abort (a robot without a goal refuses it), and set the mode."""
         Abort().perform(session)
         return SetMode(mode=Mode.GUIDED).perform(session)
 
 
 class Attempt(NamedTuple):
-    """An operation that is repeated while the robot misses the operator's heartbeat."""
+    """An operation that is repeated until the robot has received the operator's heartbeat."""
 
     sender: Sender
     operation: Operation[Any]
@@ -57,7 +57,7 @@ class Attempt(NamedTuple):
 
 
 class Pilot:
-    """Carries out what changes the mode, and keeps `vehicle.modes` up to date."""
+    """Executes requests that change the mode, and updates `vehicle.modes`."""
 
     handles = ()
 
@@ -89,7 +89,7 @@ class Pilot:
     def return_home(self, number: int, sender: Sender, done: Done) -> None:
         """Drive back along the trail, by RTL to the home that a client has chosen, if any.
 
-        Clients see the mode RTL or SMART_RTL, by `number`.
+        Clients receive the mode RTL or SMART_RTL, by `number`.
         """
         if number != RTL:
             self._try(sender, ReturnHome(), Mode.SMART_RTL, None, done)
@@ -101,7 +101,7 @@ class Pilot:
             self._try(sender, ReturnHome(), Mode.SMART_RTL, RTL, done)
 
     def goto(self, goal: Destination, sender: Sender, done: Done) -> None:
-        """Drive to a place in GUIDED; an unarmed robot refuses."""
+        """Drive to a position in GUIDED; an unarmed robot refuses."""
         self._try(sender, Goto(goal=goal, arms=False), Mode.GUIDED, None, done)
 
     def start_mission(self, sender: Sender, done: Done) -> None:
@@ -115,7 +115,7 @@ class Pilot:
         self._try(sender, StartMission(item=item, arms=False), Mode.AUTO, None, done)
 
     def velocity(self, sender: Sender, done: Done) -> None:
-        """Choose MANUAL for the speeds of a client in GUIDED; clients see GUIDED."""
+        """Choose MANUAL for the speeds of a client in GUIDED; clients receive GUIDED."""
         self._try(sender, SetMode(mode=Mode.MANUAL), Mode.MANUAL, int(Mode.GUIDED), done)
 
     def await_goal(self, sender: Sender, done: Done) -> None:
@@ -126,7 +126,10 @@ class Pilot:
         """Take no message."""
 
     def due(self, now_ns: int) -> None:
-        """Repeat what waits for the heartbeat; start the mission that waits for arming."""
+        """Repeat the operation that waits for the heartbeat.
+
+        Start the mission that waits for arming.
+        """
         self._now_ns = now_ns
         again, self._again = self._again, []
         for attempt in again:
@@ -141,7 +144,7 @@ class Pilot:
             self.start_mission(waiting, lambda answered: self._started(waiting, answered))
 
     def forget(self, client: int) -> None:
-        """Keep nothing for a client: control ends the wait of one that has gone."""
+        """Do nothing: the loss of control ends the wait of a client that has disconnected."""
 
     def _enter_auto(self, sender: Sender, done: Done) -> None:
         status, mission = self._vehicle.snapshot.status, self._vehicle.snapshot.mission

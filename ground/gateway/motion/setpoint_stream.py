@@ -17,16 +17,15 @@ from protocol.wire.enums import Vehicle as VehicleState
 from runtime.units import NS_PER_S
 
 SAME_NS: Final = NS_PER_S
-"""A position that is repeated within this time is the same request, and does not act again.
-
-To a robot that is not armed it is sent again each time this is over.
+"""A position that is repeated within this time is the same request, and is not sent again. It is
+sent again after this time to a robot that is not armed.
 """
 
 Target = tuple[object, ...]
 
 
 class SetpointStream:
-    """Follows the setpoints of the client in control; ignores them outside GUIDED."""
+    """Executes the setpoints of the client in control; ignores them outside GUIDED."""
 
     handles = (
         mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET,
@@ -44,7 +43,7 @@ class SetpointStream:
         self._next: tuple[Destination, Sender] | None = None
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Follow a setpoint in GUIDED."""
+        """Execute a setpoint in GUIDED."""
         if self._vehicle.modes.number != Mode.GUIDED:
             self._target = ()
             return
@@ -64,7 +63,7 @@ class SetpointStream:
         self._drive.due(now_ns)
 
     def forget(self, client: int) -> None:
-        """Keep nothing for a client: the speeds of one that has gone time out."""
+        """Do nothing: the speeds of a client that has disconnected time out."""
 
     def _follow(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_SET_ATTITUDE_TARGET:
@@ -89,7 +88,7 @@ class SetpointStream:
             self._go(setpoint, sender)
 
     def _go(self, goal: Destination, sender: Sender) -> None:
-        """Send a goal; while one is being sent, keep only the newest."""
+        """Send a goal; while one is being sent, store only the newest."""
         if self._is_asking:
             self._next = goal, sender
             return
@@ -112,6 +111,6 @@ class SetpointStream:
 
 
 def target_in(message: MavMessage, sender: Sender) -> Target:
-    """Return what makes a position a new request: all but the time stamp, NaN equal to NaN."""
+    """Return the fields that identify a request: all but the time stamp, NaN equal to NaN."""
     names = (name for name in message.get_fieldnames() if name != "time_boot_ms")
     return sender, *(repr(getattr(message, name)) for name in names)

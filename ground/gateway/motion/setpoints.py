@@ -1,7 +1,8 @@
 """Positions, velocities and attitudes that clients stream in GUIDED, as goals and speeds.
 
-A robot with two driven wheels cannot move sideways: it turns to the direction of a velocity, or
-away from it and drives backwards if the wanted yaw is more than 90 degrees off.
+A robot with two driven wheels cannot move sideways: it turns to the direction of a velocity. If the
+requested yaw differs by more than 90 degrees, it turns away from that direction and drives
+backwards.
 """
 
 from collections.abc import Iterable
@@ -53,7 +54,7 @@ class Pose(NamedTuple):
 
 
 class SetpointError(ValueError):
-    """A setpoint that cannot be followed; the text says why."""
+    """A setpoint that cannot be executed; the text is the reason."""
 
 
 def pose_in(odometry: PlanarOdometry | None) -> Pose:
@@ -66,7 +67,7 @@ def pose_in(odometry: PlanarOdometry | None) -> Pose:
 def setpoint_of(
     message: MavMessage, odometry: PlanarOdometry | None, origin: Home
 ) -> Destination | Velocity:
-    """Return the goal or the speeds of a SET_POSITION_TARGET; a position goes before speeds."""
+    """Return the goal or speeds of a SET_POSITION_TARGET; a position takes precedence."""
     mask = message.type_mask
     if mask & FORCE or mask & IGNORE_ACCELERATION != IGNORE_ACCELERATION:
         raise SetpointError("set the bits of type_mask that ignore the acceleration")
@@ -148,7 +149,7 @@ def world_heading(yaw_rad: float | None, pose: Pose | None = None) -> float | No
 
 
 def destination(x_m: float, y_m: float, heading_rad: float | None) -> Destination:
-    """Return a goal; SetpointError if it is beyond the reach of the wire."""
+    """Return a goal; SetpointError if it is too far away for the wire format."""
     if not (abs(x_m) <= FARTHEST_M and abs(y_m) <= FARTHEST_M):
         raise SetpointError("the place is too far away")
     if heading_rad is None or heading_rad != heading_rad:
@@ -160,7 +161,7 @@ def destination(x_m: float, y_m: float, heading_rad: float | None) -> Destinatio
 def place_goal(
     origin: Home, latitude_deg: float, longitude_deg: float, heading_rad: float | None
 ) -> Destination:
-    """Return the goal at a place on the globe; 0/0 is no place."""
+    """Return the goal at a position on Earth; 0/0 is no position."""
     require_finite((latitude_deg, longitude_deg))
     place = place_of(latitude_deg, longitude_deg)
     if home_at(place) is None:

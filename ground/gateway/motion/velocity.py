@@ -1,4 +1,4 @@
-"""Speeds that a client wants, and the twist that gives them."""
+"""Speeds requested by a client, and the twist that produces them."""
 
 from math import cos, pi, radians, remainder
 from typing import Final, NamedTuple
@@ -13,10 +13,11 @@ TURN: Final = "yaw_max_rad_s"
 REPEAT_NS: Final = 60 * NS_PER_MS
 """Interval of the speeds to the robot."""
 LIFE_NS: Final = TTL_MS * NS_PER_MS
-"""Each lasts so long, then the robot stops without a ramp. So the last one is sent this long before
-a time-out, and the wheels stop at the time-out even if the gateway does not run any more."""
+"""A speed is valid on the robot for this time; then it stops without a ramp. So the last one is
+sent this long before a time-out, and the wheels stop at the time-out even if the gateway has
+ended."""
 TURN_GAIN_HZ: Final = 2.0
-"""Turn rate per angle to the wanted heading."""
+"""Turn rate per angle to the requested heading."""
 FASTEST_RAD_S: Final = radians(FASTEST_DEG_S)
 TURN_RAD_S: Final = 1.5
 """Fastest turn to a heading; the robot's own limit may be lower."""
@@ -30,9 +31,9 @@ class Velocity(NamedTuple):
     heading_rad: float | None = None
 
     def twist(self, heading_rad: float | None) -> tuple[float, float]:
-        """Return speed and turn rate for a robot with this heading; it stands if that is unknown.
+        """Return speed and turn rate for a robot with this heading; zero if it is unknown.
 
-        A robot that turns to a heading drives only as far as it looks there already.
+        A robot that turns to a heading drives only with the part of its speed in that direction.
         """
         speed_m_s, yaw_rate_rad_s = self.speed_m_s, self.yaw_rate_rad_s
         if self.heading_rad is not None:
@@ -45,5 +46,5 @@ class Velocity(NamedTuple):
 
 
 def within(value: float, limit: float) -> float:
-    """Return the value, or the nearer end of -limit to limit."""
+    """Return the value, limited to the range -limit to limit."""
     return max(-limit, min(limit, value))

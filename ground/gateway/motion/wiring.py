@@ -1,4 +1,4 @@
-"""Commands and motion of one vehicle: its services and its rows of the table of commands."""
+"""Commands and motion of one vehicle: its services and its rows of the command table."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ from ground.gateway.vehicle import Vehicle
 
 
 class MotionParts(NamedTuple):
-    """What the face and the command service need."""
+    """The services and the commands of one vehicle."""
 
     services: tuple[MavService, ...]
     tables: tuple[CommandTable, ...]

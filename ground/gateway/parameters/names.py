@@ -1,7 +1,7 @@
 """The names of the robot's parameters for MAVLink: at most 16 bytes, upper case.
 
-Ground stations look up texts for names that ArduPilot's Rover has, so none of these has one of its
-names. Some of them change names to upper case before they send them.
+Ground stations look up descriptions by the names of ArduPilot's Rover, so none of these names is
+one of them. Some ground stations change names to upper case before they send them.
 """
 
 from collections.abc import Mapping
@@ -59,7 +59,7 @@ MAVLINK_NAMES: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def mavlink_name(name: str) -> str:
-    """Return the name for MAVLink; of a parameter that is not listed, it in upper case.
+    """Return the name for MAVLink; a parameter that is not listed keeps its name, in upper case.
 
     The result is empty if that would be too long: such a parameter cannot be shown.
     """

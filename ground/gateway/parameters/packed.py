@@ -3,7 +3,7 @@
 A header of three 16-bit numbers: kind, parameters in this file, parameters in all. Then for each
 parameter: type and flags, lengths of the name's shared and own parts, the own part, the value, and
 the default if it differs. ArduPilot pads entries because values may change while the file is read.
-Here a file keeps the values of the moment in which it was opened, so it needs no padding.
+Here the file contains the values at the time when it was opened, so it needs no padding.
 """
 
 from itertools import takewhile
@@ -31,7 +31,7 @@ class Selection(NamedTuple):
 
 
 def selection_in(query: str) -> Selection | None:
-    """Parse what follows the `?` of a name; None if a number cannot be used."""
+    """Parse the text after the `?` of a name; None if a number is invalid."""
     found = {"start": 0, "count": 0, "withdefaults": 0}
     limits = {"start": MAX_NUMBER, "count": MAX_NUMBER, "withdefaults": 1}
     for key, text in parse_qsl(query, keep_blank_values=True):

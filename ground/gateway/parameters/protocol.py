@@ -17,7 +17,7 @@ from ground.gateway.vehicle import Vehicle
 VALUE_BYTES: Final = 37
 BY_NAME: Final = -1
 MAX_PENDING: Final = 64
-"""Changes that the robot has not answered."""
+"""Maximum number of changes without an answer of the robot."""
 NOT_CAST: Final = "send a finite number cast to float"
 READ_ONLY: Final = "read-only"
 UNKNOWN: Final = "no such parameter"
@@ -32,7 +32,7 @@ class Change(NamedTuple):
 
 
 class ParameterProtocol:
-    """Answers each client. A value that the robot has taken is sent to all clients."""
+    """Answers each client. A value that the robot has accepted is sent to all clients."""
 
     handles = (
         mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
@@ -51,7 +51,7 @@ class ParameterProtocol:
         vehicle.catalogue.add(Source(ComponentMetadata.id, self._describe))
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Begin a list, or answer a request for one parameter."""
+        """Start a list, or answer a request for one parameter."""
         self._now_ns = now_ns
         number = message.get_msgId()
         if number == mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
@@ -62,7 +62,7 @@ class ParameterProtocol:
             self._store.known(lambda table, why: self._set(message, sender, table, why), now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Go on with the lists, as fast as each client's line allows."""
+        """Continue the lists, as fast as the line of each client allows."""
         self._now_ns = now_ns
         self._store.due(now_ns)
         table = self._store.table
@@ -78,7 +78,7 @@ class ParameterProtocol:
                 del self._lists[client]
 
     def forget(self, client: int) -> None:
-        """Drop the list and the budget of a client that has gone."""
+        """Drop the list and the budget of a client that has disconnected."""
         self._lists.pop(client, None)
         self._pacing.forget(client)
 
@@ -135,9 +135,9 @@ class ParameterProtocol:
             self._refuse(table, sender, change.number, why, error)
 
     def _refuse(self, table: MavTable, sender: Sender, index: int, why: str, error: int) -> None:
-        """Answer with the value in force, and say why it is not the wanted one."""
+        """Answer with the value in force, and the reason why it is not the requested one."""
         name, outbox = table.parameters[index].name, self._vehicle.outbox
-        # The error goes first: MAVSDK sends again when it gets another value without one.
+        # Send the error first: without one, MAVSDK repeats a request that had another result.
         outbox.send(param_error(sender, name, index, error), sender.client)
         outbox.send(table.message(index), sender.client)
         self._say(sender, f"{name} not changed: {why}")

@@ -13,16 +13,16 @@ from runtime.units import NS_PER_S
 
 FRESH_NS: Final = NS_PER_S
 PERIOD_NS: Final = 10 * NS_PER_S
-"""Values that others have changed are noticed within this time."""
+"""Changes by other operators are read within this time."""
 MAX_WAITING: Final = 64
 BUSY: Final = "too many requests for parameters at once"
 
 Then = Callable[[MavTable | None, str], None]
-"""Gets the table, or None with the reason."""
+"""Receives the table, or None with the reason."""
 
 
 class ParameterStore:
-    """Reads the list when it is asked for, and again from time to time while there are clients."""
+    """Reads the list on request, and periodically while there are clients."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.table: MavTable | None = None
@@ -35,7 +35,7 @@ class ParameterStore:
 
     @property
     def metadata(self) -> Metadata | None:
-        """The files that describe the parameters, None if these are not known."""
+        """The files that describe the parameters, None while the parameters are unknown."""
         if self._metadata is None and self.table is not None:
             self._metadata = metadata_of(self.table)
         return self._metadata
@@ -48,7 +48,7 @@ class ParameterStore:
             self._ask(now_ns)
 
     def latest(self, then: Then, now_ns: int) -> None:
-        """Call `then` with a table that is at most a second old, perhaps at a later round."""
+        """Call `then` with a table that is at most a second old, perhaps in a later round."""
         if self.table is not None and now_ns - self._read_ns < FRESH_NS:
             then(self.table, "")
         elif len(self._waiting) >= MAX_WAITING:
@@ -58,14 +58,17 @@ class ParameterStore:
             self._ask(now_ns)
 
     def known(self, then: Then, now_ns: int) -> None:
-        """Call `then` with the table as last read; read it if that has not been done."""
+        """Call `then` with the table that was last read; read it if there is none."""
         if self.table is None:
             self.latest(then, now_ns)
         else:
             then(self.table, "")
 
     def adopt(self, index: int, value: float) -> None:
-        """Note the value that the robot has reported for one parameter, and send it to everyone."""
+        """Store the value that the robot has reported for one parameter.
+
+        Send it to all clients.
+        """
         if self.table is not None and index < len(self.table):
             self._use(self.table.with_value(index, value))
             self._vehicle.outbox.send(self.table.message(index))

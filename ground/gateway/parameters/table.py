@@ -1,4 +1,4 @@
-"""The parameters that a MAVLink client sees: the robot's own, then those for compatibility."""
+"""The parameters for MAVLink clients: the robot's own, then those for compatibility."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ LARGEST_INTEGER: Final = 0x7FFF_FFFF
 
 @dataclass(frozen=True, slots=True)
 class MavParameter:
-    """A parameter under its MAVLink name; `is_fixed`: it is not the robot's and never changes."""
+    """A parameter with its MAVLink name; `is_fixed`: not of the robot, never changes."""
 
     name: str
     own: Parameter
@@ -31,7 +31,7 @@ class MavParameter:
 
     @property
     def value(self) -> float:
-        """The value, within what its type can carry."""
+        """The value, limited to the range of its type."""
         return self.carried(self.own.value)
 
     @property
@@ -40,7 +40,7 @@ class MavParameter:
         return self.value if self.own.default is None else self.carried(self.own.default)
 
     def carried(self, value: float) -> float:
-        """Return a value within what the parameter's type can carry."""
+        """Return a value, limited to the range of the parameter's type."""
         largest = LARGEST_INTEGER if self.own.integer else LARGEST_FLOAT
         return max(-largest, min(largest, value))
 
@@ -76,7 +76,7 @@ class MavTable:
         ]
 
     def describes_same(self, other: "MavTable") -> bool:
-        """Return whether both have the same parameters, perhaps with other values."""
+        """Return whether both tables have the same parameters; the values may differ."""
 
         def descriptions(table: MavTable) -> list[Parameter]:
             return [replace(one.own, value=0.0) for one in table.parameters]

@@ -1,1 +1,1 @@
-"""Signatures of MAVLink 2: keys, verification, and what unsigned clients may do."""
+"""Signatures of MAVLink 2: keys, verification, and the rights of unsigned clients."""

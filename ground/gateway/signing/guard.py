@@ -48,14 +48,14 @@ class SigningGuard:
     def check(
         self, frame: Frame, counters: Counters, endpoint: str, *, is_loopback: bool
     ) -> tuple[Rights, bool]:
-        """Count a received frame; return what it may do, and whether it is signed."""
+        """Count a received frame; return its rights, and whether it is signed."""
         verdict = self._verifier.check(frame)
         count(counters, verdict)
         policy = self._policies.get(endpoint, Policy.LOOPBACK)
         return rights_of(verdict, policy, is_loopback=is_loopback), verdict is Verdict.VALID
 
     def prepare(self, encoder: Any) -> None:
-        """Let pymavlink sign the next frame of an encoder, if there is a key."""
+        """Set up pymavlink to sign the next frame of an encoder, if there is a key."""
         signing = encoder.signing
         signing.sign_outgoing = self._current is not None
         if self._current is not None:
@@ -63,7 +63,7 @@ class SigningGuard:
             signing.timestamp = self._clock.next()
 
     def replace_key(self, secret: bytes | None) -> None:
-        """Use this key only from now on, or none; OSError and UserError if it cannot be saved."""
+        """Replace all keys by this one, or by none; OSError and UserError if it cannot be saved."""
         ring = KeyRing(key=() if secret is None else (SigningKey(secret=secret.hex()),))
         self._save(ring)
         self._use(ring)

@@ -1,7 +1,7 @@
 """The file of the signing keys: one that signs, and during a rotation an older one that verifies.
 
-The file must be readable by its owner only. A key is the SHA-256 of a passphrase, as MAVProxy,
-Mission Planner and QGroundControl make it; a key that a client has set has no passphrase.
+The file must be readable by its owner only. A key is the SHA-256 of a passphrase, as in MAVProxy,
+Mission Planner and QGroundControl; a key that a client has set has no passphrase.
 """
 
 import os
@@ -30,7 +30,7 @@ NO_KEY: Final = bytes(KEY_BYTES)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningKey:
-    """A key as hexadecimal digits. Its text form leaves the secret out."""
+    """A key as hexadecimal digits. Its text form does not contain the secret."""
 
     secret: Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
     passphrase: str = ""
@@ -57,7 +57,7 @@ class KeyRing:
 
 
 def usual_file() -> Path:
-    """Return the default place of the keys."""
+    """Return the default path of the keys."""
     return config_folder() / "mavlink-keys.toml"
 
 

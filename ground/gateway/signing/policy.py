@@ -1,4 +1,4 @@
-"""What a client may do: by the signature of each frame, and the policy of its endpoint."""
+"""The rights of a client: by the signature of each frame, and the policy of its endpoint."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -9,7 +9,7 @@ from ground.gateway.signing.verifier import Verdict
 
 
 class Policy(Enum):
-    """Which unsigned frames of an endpoint may command."""
+    """The unsigned frames of an endpoint that may command."""
 
     REQUIRE = "require"
     """None of them."""
@@ -20,7 +20,7 @@ class Policy(Enum):
 
 
 class Rights(Enum):
-    """What a frame may do."""
+    """The rights of a frame."""
 
     NONE = 0
     WATCH = 1
@@ -53,13 +53,13 @@ WATCHING: Final = frozenset(
         mavlink.MAVLINK_MSG_ID_SETUP_SIGNING,
     }
 )
-"""Messages that a client without the right to command may send. The protocols of commands,
-missions and signing refuse by themselves what is more than reading; files are read-only."""
+"""Messages that a client without the right to command may send. The protocols of commands, missions
+and signing reject everything but reading; files are read-only."""
 
 
 @dataclass(slots=True)
 class Counters:
-    """Frames of one client by what was found about them."""
+    """Frames of one client, counted by the verdict on them."""
 
     signed: int = 0
     unsigned: int = 0
@@ -74,7 +74,7 @@ class Counters:
 
 
 def rights_of(verdict: Verdict, policy: Policy, *, is_loopback: bool) -> Rights:
-    """Return what a frame may do."""
+    """Return the rights of a frame."""
     if verdict is Verdict.VALID:
         return Rights.COMMAND
     if verdict is not Verdict.UNSIGNED:

@@ -1,4 +1,4 @@
-"""SETUP_SIGNING: a client sets the key, or ends signing by a key of zeros.
+"""SETUP_SIGNING: a client sets the key, or ends signing with a key of zeros.
 
 Only while the robot is disarmed, and only from this machine or signed with the present key. The
 message holds the secret: it is never recorded, logged or forwarded.
@@ -30,7 +30,7 @@ class SigningSetup:
         self._guard = guard
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Change the key, or refuse in words; a repetition changes nothing."""
+        """Change the key, or refuse with a text; a repetition changes nothing."""
         secret = bytes(message.secret_key)
         wanted = None if secret == NO_KEY else secret
         words = self._refusal(sender, wanted)

@@ -1,7 +1,8 @@
-"""The time stamps of signatures: units of 10 us since 2015, never used twice, not after a restart.
+"""The time stamps of signatures: units of 10 us since 2015, never used twice, also after a restart.
 
 Stamps from before the start of the process are refused, so that nothing recorded before a restart
-can be replayed. A file keeps the newest stamp: the clock may be set back, or a client's be ahead.
+can be replayed. A file keeps the newest stamp: the clock may be set back, or the clock of a client
+may be ahead.
 """
 
 from collections.abc import Callable
@@ -17,12 +18,12 @@ EPOCH_S: Final = 1_420_070_400
 STAMP_NS: Final = 10_000
 PER_S: Final = 100_000
 SAVED_EVERY: Final = 10 * PER_S
-"""The file is written once in this time."""
+"""Interval at which the file is written."""
 MAX_STAMP: Final = (1 << 48) - 1
 
 
 class StampClock:
-    """Gives stamps, and keeps the newest that was used; `floor` is that of the start."""
+    """Issues stamps, and stores the newest one that was used; `floor` is the stamp of the start."""
 
     def __init__(self, unix_ns: Callable[[], int], path: Path | None = None) -> None:
         self._unix_ns = unix_ns
@@ -42,7 +43,7 @@ class StampClock:
         return self._newest
 
     def accept(self, stamp: int) -> None:
-        """Note the stamp of a verified frame."""
+        """Store the stamp of a verified frame."""
         self._newest = max(self._newest, stamp)
         if self._newest >= self._saved + SAVED_EVERY:
             self._save(self._newest)

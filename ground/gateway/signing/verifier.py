@@ -1,8 +1,8 @@
 """Verify the signatures of received frames, before any protocol sees them.
 
-The signature is checked first: a forged frame changes nothing here. pymavlink keeps the time stamp
-of a frame before it checks the signature, so that one forged stamp from the future locks the owner
-out; that is why its check is not used.
+The signature is checked first: a forged frame changes nothing here. pymavlink stores the time stamp
+of a frame before it checks the signature. One forged stamp from the future then locks the owner
+out, so its check is not used.
 """
 
 from enum import Enum
@@ -14,7 +14,7 @@ from ground.gateway.clients.framing import Frame
 from ground.gateway.signing.stamps import PER_S, StampClock
 
 MINUTE: Final = 60 * PER_S
-"""A stamp may be so far from the present: behind it for a new stream, ahead of it for any."""
+"""Largest difference of a stamp to the present: before it for a new stream, after it for any."""
 MAX_STREAMS: Final = 256
 LINK_AT: Final = -13
 STAMP: Final = slice(-12, -6)
@@ -22,7 +22,7 @@ SIGNATURE: Final = slice(-6, None)
 
 
 class Verdict(Enum):
-    """What the check of a frame found."""
+    """The result of the check of a frame."""
 
     UNSIGNED = "unsigned"
     VALID = "valid"

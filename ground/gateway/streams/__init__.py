@@ -1,1 +1,1 @@
-"""Telemetry: the messages that a vehicle sends by itself, and how often each client gets them."""
+"""Telemetry: the messages that a vehicle sends periodically, and their rates for each client."""

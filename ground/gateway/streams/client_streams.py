@@ -1,4 +1,4 @@
-"""The streams of one client: what it gets how often, within what its line carries."""
+"""The streams of one client: their rates, within the capacity of its line."""
 
 from typing import Final
 
@@ -6,13 +6,13 @@ from ground.gateway.catalogue import Catalogue
 from runtime.units import NS_PER_MS, NS_PER_S
 
 ROUND_NS: Final = 50 * NS_PER_MS
-"""Shortest time between two messages of a stream: the robot's telemetry has 20 Hz."""
+"""Shortest time between two messages of a stream: the robot sends telemetry at 20 Hz."""
 EARLY_NS: Final = 10 * NS_PER_MS
-"""A stream goes with a round up to this time before it is due, so that jitter skips no message."""
+"""A stream is sent up to this time before it is due, so that jitter does not skip a message."""
 PHASE_NS: Final = 20 * NS_PER_MS
 MAX_HZ: Final = NS_PER_S / ROUND_NS
 STREAMS_SHARE: Final = 0.9
-"""The part of a line that streams may fill; answers and texts take the rest."""
+"""The part of a line that streams may use; answers and texts use the rest."""
 
 
 class ClientStreams:
@@ -52,12 +52,12 @@ class ClientStreams:
         return self._periods_ns.get(number, 0)
 
     def hurry(self, number: int, now_ns: int) -> None:
-        """Make a message due now, if the client gets it at all."""
+        """Make a message due now, if it is sent to the client at all."""
         if number in self._due_ns:
             self._due_ns[number] = self._next_ns = now_ns
 
     def take(self, now_ns: int) -> list[int]:
-        """Return the messages that are due. A missed one is skipped, not made up for."""
+        """Return the messages that are due. A missed message is skipped."""
         until_ns = now_ns + EARLY_NS
         if until_ns < self._next_ns:
             return []

@@ -1,4 +1,4 @@
-"""HEARTBEAT, once a second and at once when it changes (rows 1 and 2 of the list)."""
+"""HEARTBEAT, once a second and at once after a change (rows 1 and 2 of the list)."""
 
 from typing import Final
 

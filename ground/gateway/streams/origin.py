@@ -1,6 +1,6 @@
-"""The origin: SET_GPS_GLOBAL_ORIGIN and DO_SET_GLOBAL_ORIGIN move it, GPS_GLOBAL_ORIGIN tells it.
+"""The origin: SET_GPS_GLOBAL_ORIGIN and DO_SET_GLOBAL_ORIGIN move it, GPS_GLOBAL_ORIGIN reports it.
 
-Metres of the robot stay what they are; their places on the globe move with the origin. That is
+The robot's local metres do not change; their positions on Earth move with the origin. A change is
 refused while the robot is armed, and while another client is in control.
 """
 
@@ -22,7 +22,7 @@ from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as VehicleState
 
 SET_GLOBAL_ORIGIN: Final = 611
-"""MAV_CMD_DO_SET_GLOBAL_ORIGIN, which pymavlink 2.4.50 lacks."""
+"""MAV_CMD_DO_SET_GLOBAL_ORIGIN, which is missing in pymavlink 2.4.50."""
 MAX_ALTITUDE_MM: Final = 20_000_000
 NO_PLACE: Final = "origin: latitude -85 to 85, longitude -180 to 180, not both 0"
 ARMED: Final = "origin: it moves only while the robot is disarmed"
@@ -44,7 +44,7 @@ class OriginService:
         return MappingProxyType({SET_GLOBAL_ORIGIN: Row(self._command)})
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Move the origin, and send it, moved or not."""
+        """Move the origin, and send it also if it was not moved."""
         place = Place(message.latitude, message.longitude)
         _, words = self._move(place, message.altitude, sender)
         if words:

@@ -1,6 +1,6 @@
-"""Messages about the place and the motion of the robot.
+"""Messages about the position and the motion of the robot.
 
-Position messages need a fresh pose; those about the globe also need a robot that knows its place.
+Position messages need a fresh pose; global positions also need a known position of the robot.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ def pose_of(vehicle: Vehicle) -> tuple[PlanarOdometry, ned.NedPose] | None:
 
 
 def altitude_mm(vehicle: Vehicle) -> int:
-    """Return the height of the robot's plane above the sea."""
+    """Return the altitude of the robot's plane above sea level."""
     return round(vehicle.origin_altitude_m * ned.MM_PER_M)
 
 
@@ -58,7 +58,7 @@ def local_position(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 
 
 def attitude(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
-    """Return ATTITUDE; the ground is level."""
+    """Return ATTITUDE; roll and pitch are 0."""
     found = pose_of(vehicle)
     if found is None:
         return ()
@@ -122,7 +122,7 @@ def odometry_message(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 def pose_covariance(odometry: PlanarOdometry) -> list[float]:
     """Return the upper triangle over north, east, down, roll, pitch, yaw; NaN if unknown.
 
-    Yaw counts against the heading, so its covariances with the place change their sign.
+    Yaw has the opposite direction of the heading, so its covariances with the position change sign.
     """
     if not ned.knows_place(odometry):
         return [nan] * 21
@@ -135,7 +135,7 @@ def pose_covariance(odometry: PlanarOdometry) -> list[float]:
 
 
 def gps_raw(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
-    """Return GPS_RAW_INT: a 3D fix while the robot knows its place, otherwise none."""
+    """Return GPS_RAW_INT: a 3D fix while the position is known, otherwise no fix."""
     found, time_us = pose_of(vehicle), vehicle.boot_us(now_ns)
     place = None
     if found is not None and ned.knows_place(found[0]):

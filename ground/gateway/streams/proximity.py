@@ -108,7 +108,7 @@ def rangefinder(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 
 
 def wheel_distance(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
-    """Return WHEEL_DISTANCE: what the left and the right wheel have turned."""
+    """Return WHEEL_DISTANCE: the distances of the left and the right wheel."""
     wheels = vehicle.snapshot.wheels
     if wheels is None:
         return ()

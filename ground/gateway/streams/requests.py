@@ -21,8 +21,8 @@ MAX_NUMBER: Final = 0xFF_FFFF
 INTERVAL: Final = mavlink.MAVLINK_MSG_ID_MESSAGE_INTERVAL
 MAX_INTERVAL_NUMBER: Final = 0xFFFF
 MODE_US: Final = 2_000_000
-"""Interval of CURRENT_MODE for clients that ask for the list of modes. Others do not get it:
-pymavlink counts each message that its dialect lacks as lost."""
+"""Interval of CURRENT_MODE for clients that request the list of modes. It is not sent to others:
+pymavlink counts each message that is missing in its dialect as lost."""
 
 
 class MessageRequests:

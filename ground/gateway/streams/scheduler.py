@@ -14,7 +14,7 @@ MAX_INTERVAL_US: Final = 0x7FFF_FFFF
 
 
 class StreamScheduler:
-    """Sends each client what is due to it; CURRENT_MODE also when the mode has changed."""
+    """Sends the due messages to each client; CURRENT_MODE also after a change of the mode."""
 
     handles = (mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,)
 
@@ -34,7 +34,7 @@ class StreamScheduler:
             streams.set_group(None if every else message.req_stream_id, rate_hz, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Send what is due."""
+        """Send the due messages."""
         vehicle = self._vehicle
         mode = vehicle.modes.number
         if mode != self._mode:
@@ -50,7 +50,7 @@ class StreamScheduler:
         vehicle.shortest_ns = min(periods_ns, default=NS_PER_S)
 
     def forget(self, client: int) -> None:
-        """Drop the rates of a client that has gone."""
+        """Drop the rates of a client that has disconnected."""
         self._clients.pop(client, None)
 
     def set_interval(self, client: int, number: int, interval_us: int, now_ns: int) -> bool:

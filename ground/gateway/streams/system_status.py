@@ -18,7 +18,7 @@ MOTION: Final = (
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
     | mavlink.MAV_SYS_STATUS_AHRS
 )
-"""Bits without which MAVSDK takes no vehicle for healthy; here they stand for the odometry."""
+"""Bits that MAVSDK requires of a healthy vehicle; here they show the health of the odometry."""
 PLACE: Final = mavlink.MAV_SYS_STATUS_SENSOR_GPS | mavlink.MAV_SYS_STATUS_SENSOR_XY_POSITION_CONTROL
 MOTORS: Final = mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
 FENCE: Final = mavlink.MAV_SYS_STATUS_GEOFENCE
@@ -48,7 +48,7 @@ def sys_status(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
 
 
 def health(snapshot: Snapshot) -> int:
-    """Return the bits of what works."""
+    """Return the bits of healthy subsystems."""
     status, odometry, scan = snapshot.status, snapshot.odometry, snapshot.scan
     found = 0
     if odometry is not None and ned.is_usable(odometry):
@@ -69,7 +69,7 @@ def load(cycle: CycleReport | None) -> int:
 
 
 def battery_status(vehicle: Vehicle, now_ns: int) -> Sequence[MavMessage]:
-    """Return BATTERY_STATUS, all unknown: ground stations ask for all streams again without it."""
+    """Return BATTERY_STATUS, all unknown; without it QGroundControl requests all streams again."""
     kind = (mavlink.MAV_BATTERY_FUNCTION_UNKNOWN, mavlink.MAV_BATTERY_TYPE_UNKNOWN)
     fields = (UNKNOWN_TEMPERATURE, [UNKNOWN_16] * 10, -1, -1, -1, -1)
     return (mavlink.MAVLink_battery_status_message(0, *kind, *fields),)

@@ -20,7 +20,7 @@ class RobotTexts:
         """Take no message."""
 
     def due(self, now_ns: int) -> None:
-        """Forward what has arrived."""
+        """Forward the texts that have arrived."""
         for piece in self._vehicle.port.new_texts():
             words = self._assembler.receive(piece)
             if words:

@@ -1,4 +1,4 @@
-"""The services that send telemetry, and the commands that they carry out."""
+"""The services that send telemetry, and the commands that they execute."""
 
 from typing import NamedTuple
 

@@ -57,7 +57,7 @@ class GoalProgress:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds of the robot's clock to the goal, at the rate of the last ones.
+        """Time to the goal in seconds of the robot's clock, at the rate of the last seconds.
 
         None if unknown or without rate.
         """

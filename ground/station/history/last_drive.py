@@ -21,7 +21,7 @@ BEGIN_NS: Final = NS_PER_S
 class LastDrive:
     """Measures the distance since the last goal was set.
 
-    A robot that was restarted has no goal; the drive before it is still the last one.
+    A restarted robot has no goal; the drive before the restart is still the last one.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Remember which sonars gave no reading lately, so that a display of them does not blink."""
+"""Store which sonars recently had no reading, so that their display does not flicker."""
 
 from collections import deque
 from functools import reduce
@@ -8,12 +8,12 @@ from typing import Final
 from protocol.wire.messages import SonarScan
 
 HELD: Final = 10
-"""A sonar counts as silent until it has given a reading in so many scans in sequence."""
+"""A sonar counts as silent until it has had a reading in this number of consecutive scans."""
 ALL: Final = 0xFF
 
 
 class SonarGaps:
-    """Keeps which sonars were valid in the last scans."""
+    """Stores which sonars were valid in the last scans."""
 
     def __init__(self) -> None:
         self._valid: deque[int] = deque(maxlen=HELD)

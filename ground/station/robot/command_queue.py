@@ -53,14 +53,14 @@ class Pending(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A request that waits for its turn; `begin` starts it."""
+    """A waiting request; `begin` starts it."""
 
     words: str
     begin: Callable[[], bool]
 
 
 class CommandQueue:
-    """The pending request and a few that wait; `last` is the last request with its result."""
+    """The pending request and the waiting ones; `last` is the last request with its result."""
 
     def __init__(
         self, bus: ReadableBus, clock: Clock, worker: RequestWorker, note: AddNote, name: str
@@ -88,7 +88,7 @@ class CommandQueue:
         job: Job,
         refusal: Callable[[], str] | None,
     ) -> bool:
-        """Start a request in its turn; return False with a note in the log if too many wait.
+        """Queue a request; return False with a note in the log if too many wait.
 
         One that moves the robot has a `refusal`: why it is rejected now, empty if it is not.
         """
@@ -108,7 +108,10 @@ class CommandQueue:
         return True
 
     def lease(self, robot: str, holding: LeaseHolding, action: LeaseAction) -> bool:
-        """Acquire or release the lease in its turn; a release then stops the heartbeat at once."""
+        """Queue a request to acquire or release the lease.
+
+        A release then stops the heartbeat at once.
+        """
         words = f"lease {action.name.lower()}"
         if self._pending is not None:
             again = partial(self.lease, robot, holding, action)
@@ -119,7 +122,7 @@ class CommandQueue:
         return True
 
     def cancel(self, why: str) -> None:
-        """Drop the requests that have not been sent yet; an answer that is due is awaited."""
+        """Drop the requests that have not been sent yet; still wait for the pending answer."""
         pending = self._pending
         dropped = [one.words for one in self._waiting]
         self._waiting.clear()
@@ -160,7 +163,7 @@ class CommandQueue:
         self._finish(pending, outcome, now_ns)
 
     def _let_wait(self, request: Waiting, pending: Pending) -> bool:
-        """Let a request wait; return False with a note in the log if too many wait."""
+        """Add a waiting request; return False with a note in the log if too many wait."""
         if len(self._waiting) == MAX_WAITING:
             words = f"not sent: {request.words}: `{pending.words}` is under way"
             self._note(words, Severity.WARNING)

@@ -18,10 +18,10 @@ MODULES: Final = (
     "command_rows",
     "motion",
 )
-"""In the order in which they are judged: first what only watches, last what restarts."""
+"""In the order of execution: rows that only receive first, rows that restart last."""
 
 
 def load() -> None:
-    """Import all modules, which enters their rows into the table."""
+    """Import all modules, which adds their rows to the table."""
     for name in MODULES:
         import_module(f"{__name__}.{name}")

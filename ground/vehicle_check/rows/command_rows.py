@@ -46,10 +46,10 @@ def answer_to(check: Check, message: MavMessage, number: int) -> int | None:
 @row(
     36,
     "DO_REPOSITION as INT and LONG: DENIED outside GUIDED and for 0/0, NaN yaw, never UNSUPPORTED",
-    suffers="QGroundControl, MAVSDK: goto does nothing or is said to be unsupported",
+    suffers="QGroundControl, MAVSDK: goto has no effect or is reported as unsupported",
 )
 def goto(check: Check) -> Verdict:
-    """Send it where it must be denied; with motion, drive a step."""
+    """Send the command in states in which it must be denied; with motion, drive a step."""
     if check.is_armed and not check.options.allow_motion:
         return not_tried(ARMED)
     found = Findings()
@@ -74,7 +74,7 @@ def goto(check: Check) -> Verdict:
     suffers="DroneKit simple_goto, MAVProxy, older QGroundControl",
 )
 def guided_item(check: Check) -> Verdict:
-    """Send it outside GUIDED, which is refused; with motion, drive a step."""
+    """Send the item outside GUIDED, where it must be refused; with motion, drive a step."""
     if check.is_armed and not check.options.allow_motion:
         return not_tried(ARMED)
     found = Findings()
@@ -103,7 +103,7 @@ def guided_item(check: Check) -> Verdict:
     suffers="QGroundControl, MAVSDK: mission start",
 )
 def mission_start(check: Check) -> Verdict:
-    """Start beyond the mission's end; with motion, start it."""
+    """Start at an item after the last one; with motion, start the mission."""
     if check.is_armed and not check.options.allow_motion:
         return not_tried(ARMED)
     found = Findings()

@@ -1,4 +1,4 @@
-"""Rows 55-57: which ground station is in control, and how control changes hands."""
+"""Rows 55-57: which ground station is in control, and how control is transferred."""
 
 from typing import Final
 
@@ -86,7 +86,7 @@ def handover(check: Check) -> Verdict:
 
 @row(
     57,
-    "commands of others are NOT_IN_CONTROL; what only reads or stops is open to all",
+    "commands of others are NOT_IN_CONTROL; requests that only read or stop are open to all",
     suffers="two ground stations steer one vehicle",
 )
 def not_in_control(check: Check) -> Verdict:
@@ -98,7 +98,7 @@ def not_in_control(check: Check) -> Verdict:
         if taken == unsupported and not check.seen("CONTROL_STATUS"):
             return not_applicable(ABSENT)
         return failed(f"32100: {result_name(taken)}")
-    # A change of speed to what it is: it changes the state of the vehicle, but does not move it.
+    # Set the speed to its present value: a state-changing command that does not move the vehicle.
     speed = other.result_of(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1, -1)
     found.expect(speed == NOT_IN_CONTROL, f"178 of another: {result_name(speed)}")
     reads = other.result_of(mavlink.MAV_CMD_REQUEST_MESSAGE, 148)

@@ -1,4 +1,4 @@
-"""What the rows with motion share: arm in a mode, look whether the vehicle moves, stand still."""
+"""Functions that rows with motion share: arm in a mode, measure motion, stop."""
 
 from collections.abc import Callable
 from math import hypot
@@ -66,7 +66,7 @@ def yaw(check: Check) -> float:
 
 
 def distance(check: Check, start_at: tuple[float, float]) -> float:
-    """Return how far the vehicle is from a place."""
+    """Return the distance of the vehicle from a position."""
     now = position(check)
     return hypot(now[0] - start_at[0], now[1] - start_at[1])
 
@@ -77,7 +77,7 @@ def stream(
     seconds: float,
     until: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Send a setpoint again and again for some time, or until something is met."""
+    """Repeat a setpoint for some time, or until a condition is met."""
     for _ in range(round(seconds * SEND_HZ)):
         check.main.send(message())
         check.station.wait(1 / SEND_HZ)
@@ -87,7 +87,7 @@ def stream(
 
 
 def stops_within(check: Check, seconds: float) -> bool:
-    """Return True if the vehicle stands within some time."""
+    """Return True if the vehicle stops within some time."""
     return check.station.wait(seconds, lambda: speed(check) < STILL_M_S)
 
 

@@ -44,7 +44,7 @@ def heartbeat(check: Check) -> Verdict:
     contents = [
         (one.message.custom_mode, one.message.base_mode, one.message.system_status) for one in beats
     ]
-    # One sent at once on a change comes on top of the regular ones.
+    # A heartbeat that is sent at once after a change is in addition to the regular ones.
     changes = sum(one != other for one, other in pairwise(contents))
     rate = (len(beats) - changes) / check.window.seconds / (1 - check.options.loss)
     found.expect(0.85 <= rate <= 1.3, f"HEARTBEAT {rate:.2f} Hz, {changes} changes")

@@ -11,11 +11,11 @@ BLOCK: Final = 90
 MAX_BYTES: Final = 900
 ALL: Final = 0xFFFF
 FOLDERS: Final = ("@MAV_LOG", "/APM/LOGS", "/fs/microsd/log")
-"""Where QGroundControl looks for logs: by name, on ArduPilot and on PX4."""
+"""The folders in which QGroundControl looks for logs: by name, on ArduPilot and on PX4."""
 
 
 def entries(check: Check) -> dict[int, int]:
-    """Return the size of each log by its number; the list is asked for once."""
+    """Return the size of each log by its number; the list is requested once."""
     if "logs" not in check.facts:
         target = check.target, check.station.target_component
         since = check.main.mark()
@@ -94,7 +94,7 @@ def _read(check: Check, number: int, offset: int, count: int) -> bytes:
 
 
 def _expect_same_bytes(check: Check, found: Findings, folder: str, files: list[str]) -> None:
-    """Compare the start of one log by both protocols: that whose size only one file has."""
+    """Compare the start of one log by both protocols: a log whose size is unique."""
     logs = entries(check)
     for line in files:
         name, _, size = line[1:].partition("\t")

@@ -38,7 +38,7 @@ Judge = Callable[[Check], Verdict]
 
 
 def with_plans(judge: Judge) -> Judge:
-    """Keep the vehicle's own mission before a row sends another one."""
+    """Save the vehicle's own mission before a row sends another one."""
 
     @wraps(judge)
     def judged(check: Check) -> Verdict:
@@ -59,7 +59,7 @@ def with_plans(judge: Judge) -> Judge:
 )
 @with_plans
 def upload_retries(check: Check) -> Verdict:
-    """Leave one request without an answer, repeat the last item, and give up an upload."""
+    """Leave one request unanswered, repeat the last item, and abandon an upload."""
     found, items = Findings(), small_mission(check)
     done = upload(check.main, items, ignored=1)
     times = [seq for _, seq in done.requests].count(1)
@@ -76,7 +76,7 @@ def upload_retries(check: Check) -> Verdict:
 
 
 def _abandoned(check: Check) -> dict[str, int | None]:
-    """Begin an upload, let a second client ask meanwhile, and wait for its end."""
+    """Start an upload, send requests of a second client meanwhile, and wait for its end."""
     if "abandoned" in check.facts:
         known: dict[str, int | None] = check.facts["abandoned"]
         return known
@@ -221,7 +221,7 @@ def current_item(check: Check) -> Verdict:
 )
 @with_plans
 def two_uploads(check: Check) -> Verdict:
-    """Judge what the second client was answered."""
+    """Judge the answers to the second client."""
     found, answers = Findings(), _abandoned(check)
     for name in ("count", "list"):
         found.expect(answers[name] == DENIED, f"{name} of the second: {outcome(answers[name])}")

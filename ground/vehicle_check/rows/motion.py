@@ -32,7 +32,7 @@ Judge = Callable[[Check], Verdict]
 
 
 def with_motion(judge: Judge) -> Judge:
-    """Judge a row only if the vehicle may be moved; leave it standing."""
+    """Judge a row only if the vehicle may be moved; stop it at the end."""
 
     @wraps(judge)
     def judged(check: Check) -> Verdict:

@@ -54,7 +54,7 @@ DEFAULT_MIN: Final = 1100
 
 
 def parameters(check: Check) -> ParameterList:
-    """Return the list of the main client, asked for once."""
+    """Return the list of the main client, which is requested once."""
     if "parameters" not in check.facts:
         check.facts["parameters"] = download(check.main)
     found: ParameterList = check.facts["parameters"]
@@ -107,7 +107,7 @@ def _expect_set(check: Check, found: Findings, listed: ParameterList) -> None:
     suffers="MAVProxy, Mission Planner, QGroundControl ask it first",
 )
 def file_protocol(check: Check) -> Verdict:
-    """Read param.pck by bursts of 110 bytes, with options, and make mistakes."""
+    """Read param.pck by bursts of 110 bytes, with options, and send wrong requests."""
     found, ftp = Findings(), FileClient(check.main)
     reset = ftp.request(RESET)
     if not found.expect(reset is not None, f"ResetSessions: {_said(reset)}"):

@@ -22,7 +22,7 @@ STAMP_NS: Final = 1_234_567_890_123
     suffers="mavros, MAVSDK; ArduPilot ignores local setpoints without an origin",
 )
 def origin(check: Check) -> Verdict:
-    """Ask for the origin, and set it to where it is."""
+    """Request the origin, and set it to its present value."""
     found = Findings()
     answer = check.main.request(ORIGIN, "GPS_GLOBAL_ORIGIN")
     if answer is None:

@@ -57,7 +57,7 @@ def ready(check: Check) -> Verdict:
 
 
 def versions_of(check: Check, client: Client) -> list[bool]:
-    """Return which ways to ask for the version are answered; only the first, as QGroundControl."""
+    """Return the answered version requests; only the first with QGroundControl's sequence."""
     asked = client.request(148, "AUTOPILOT_VERSION")
     return (
         [asked is not None]
@@ -109,7 +109,7 @@ def passed_with(fact: str) -> Verdict:
 @row(
     60,
     "a flood of broken and unknown frames does not disturb the streams",
-    suffers="every client while one of them, or the line, is faulty",
+    suffers="every client if one of them or the line is faulty",
 )
 def flood(check: Check) -> Verdict:
     """Send broken, unknown and unaddressed frames; the main client's heartbeats go on."""

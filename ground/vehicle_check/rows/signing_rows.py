@@ -47,8 +47,8 @@ def stamp(check: Check) -> int:
 
 @row(
     51,
-    "signing: a stranger sees telemetry and commands nothing",
-    suffers="everyone near an open line",
+    "signing: an unsigned client receives telemetry and cannot command",
+    suffers="all users of an open line",
 )
 @with_key
 def stranger(check: Check) -> Verdict:
@@ -95,7 +95,10 @@ def _signed_soon(check: Check, key: bytes | None) -> bool:
 )
 @with_key
 def setup(check: Check) -> Verdict:
-    """Exchange the key and set the old one again; let a stranger try; end signing, and begin it."""
+    """Replace the key and restore the old one.
+
+    Try without rights; end signing, and start it again.
+    """
     if check.is_armed:
         return not_tried("the vehicle is armed")
     found = Findings()
@@ -119,7 +122,7 @@ def setup(check: Check) -> Verdict:
 
 
 def _restore(check: Check, found: Findings, present: bytes) -> None:
-    """Set the old key with a present one."""
+    """Restore the old key, signed with a present one."""
     old = check.options.key or b""
     check.main.signer = Signer(present, 1, stamp(check)) if any(present) else None
     _setup(check, check.main, old)
@@ -129,7 +132,7 @@ def _restore(check: Check, found: Findings, present: bytes) -> None:
 
 
 def _expect_no_strangers_key(check: Check, found: Findings) -> None:
-    """Send a key without a signature; only a vehicle on this machine may take it."""
+    """Send a key without a signature; only a vehicle on this machine may accept it."""
     stranger = check.station.connect()
     stranger.signer = None
     stranger.beat(check.station.now_ns)
@@ -146,7 +149,7 @@ def _expect_no_strangers_key(check: Check, found: Findings) -> None:
 
 
 def _expect_end(check: Check, found: Findings) -> None:
-    """End signing by a key of zeros; a vehicle that needs signing may refuse it in words."""
+    """End signing by a key of zeros; a vehicle that requires signing may refuse it with a text."""
     since = check.main.mark()
     _setup(check, check.main, NO_KEY)
     if _signed_soon(check, None):
@@ -170,7 +173,7 @@ def _refused(client: Client, since: int) -> bool:
 @row(
     53,
     "SETUP_SIGNING is never forwarded, and its key is in no recording",
-    suffers="anyone who shares a recording",
+    suffers="users who share a recording",
 )
 @with_key
 def secret(check: Check) -> Verdict:

@@ -1,4 +1,4 @@
-"""Rows 7, 8, 11-13, 18, 26: the streams that clients wait for, and how they change their rates."""
+"""Rows 7, 8, 11-13, 18, 26: the streams that clients need, and changes of their rates."""
 
 from math import isfinite
 from typing import Final

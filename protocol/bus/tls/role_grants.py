@@ -76,7 +76,7 @@ GATEWAY_ASKS: Final = (
     MISSION_SERVICE,
     CLOCK_SERVICE,
 )
-"""What MAVLink clients need: no ground truth, nothing of other operators, no change of the run."""
+"""MAVLink clients need no ground truth, no data of other operators, and no change of the run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +96,7 @@ class Grant:
 
 
 ROUTES_ALL: Final = Grant(
-    description="forwards what the rules permit",
+    description="forwards the messages that the rules permit",
     puts=ALL,
     subscribes=ALL,
     fetches=ALL,
@@ -138,9 +138,9 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
 
 
 def gateway_grant(names: tuple[str, ...]) -> Grant:
-    """Return the permissions of the MAVLink gateway: what its clients can ask for, and no more."""
+    """Return the permissions of the MAVLink gateway: only those that its clients need."""
     return Grant(
-        description="commands the robots for MAVLink clients",
+        description="sends commands to the robots for MAVLink clients",
         puts=keys(names, GATEWAY_PUTS, f"{GATEWAY}/*"),
         subscribes=keys(names, GATEWAY_RECEIVES),
         fetches=keys(names, (TEXT,)),

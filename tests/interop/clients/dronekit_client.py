@@ -36,7 +36,7 @@ FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE
 CORNER: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 FRAME: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 CALL_S = 8
-"""After so long a call of the library that has no retry is made again."""
+"""A call of the library without retries is repeated after this time."""
 
 
 class DroneKitStation(Station):
@@ -50,7 +50,7 @@ class DroneKitStation(Station):
 
 
 def patient(call: Callable[[], object], what: str) -> None:
-    """Call what raises TimeoutError until it does not, some times."""
+    """Repeat a call that raises TimeoutError, a limited number of times."""
     for _ in range(5):
         try:
             call()

@@ -1,6 +1,6 @@
-"""MAVProxy, typed at: each step writes commands to its prompt and reads what it prints.
+"""MAVProxy: each step writes commands to its prompt and reads its output.
 
-A second connection, which MAVProxy forwards to, shows what the vehicle does. It only listens.
+A second connection, to which MAVProxy forwards, shows the state of the vehicle. It only listens.
 """
 
 import re

@@ -52,18 +52,18 @@ class Robot:
 
     @property
     def place(self) -> Place:
-        """Where it is."""
+        """The position of the robot."""
         found = self.telemetry.position()
         return Place(found.latitude_deg, found.longitude_deg)
 
     @property
     def speed_m_s(self) -> float:
-        """How fast it drives."""
+        """The speed of the robot."""
         found = self.telemetry.velocity_ned()
         return float(abs(found.north_m_s) + abs(found.east_m_s))
 
     def call(self, call: Callable[[], Any], tries: int = TRIES) -> Any:
-        """Call again what fails for want of an answer; other failures are raised."""
+        """Repeat a call that fails without an answer; raise other failures."""
         for left in reversed(range(tries)):
             try:
                 return call()

@@ -1,4 +1,4 @@
-"""pymavlink's `mavutil`: a ground station of a few lines, as many scripts have it."""
+"""pymavlink's `mavutil`: a short ground station, as in many scripts."""
 
 from functools import partial
 from typing import Any

@@ -1,4 +1,4 @@
-"""What scripts on pymavlink need: the newest messages, requests with retries, and transfers."""
+"""Functions for scripts on pymavlink: the newest messages, requests with retries, and transfers."""
 
 import time
 from collections import Counter
@@ -17,12 +17,12 @@ DEG_E7: Final = 1e7
 LOG_CHUNK: Final = 90
 MAX_READ: Final = 50
 SILENCE_S: Final = 1.0
-"""After so long without an answer a request is sent again."""
+"""A request without an answer is repeated after this time."""
 GLOBAL: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
 
 
 class Station:
-    """What has been received from the vehicle, and transfers; `mav` sends.
+    """Messages received from the vehicle, and transfers; `mav` sends.
 
     A subclass receives in `look` and gives the messages to `take`.
     """
@@ -65,7 +65,7 @@ class Station:
             raise StepError(f"{error}; {self.seen()}") from None
 
     def seen(self) -> str:
-        """Return what the vehicle last sent about itself, for the message of a failure."""
+        """Return the vehicle's last reported state, for the message of a failure."""
         acknowledged = self.newest.get("COMMAND_ACK")
         last = "" if acknowledged is None else f", {acknowledged}"
         state = "no heartbeat" if self.newest_state is None else f"{self.newest_state}"

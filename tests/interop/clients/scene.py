@@ -1,4 +1,4 @@
-"""Where the clients drive, and what they are called with."""
+"""The positions to which the clients drive, and the arguments of their scripts."""
 
 import argparse
 from math import cos, hypot, radians
@@ -11,7 +11,7 @@ METRES_PER_DEG: Final = 111_319.490793
 NEAR_M: Final = 0.25
 PARAMETER: Final = "V_MAX_M_S"
 VALUE: Final = 0.375
-"""What the clients set it to; exact in 32 bits."""
+"""The value that clients set; exact in 32 bits."""
 FLIGHT_TERMINATION: Final = 185
 EMERGENCY: Final = 6
 """MAV_STATE_EMERGENCY."""
@@ -59,7 +59,7 @@ def fence(start: Place) -> list[Place]:
 
 
 class Call(NamedTuple):
-    """What a scenario is called with."""
+    """The arguments of a scenario."""
 
     host: str
     port: int

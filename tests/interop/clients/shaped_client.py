@@ -1,4 +1,4 @@
-"""A client that is only known from its source: a script of steps, carried out over pymavlink.
+"""A client that is only known from its source: a script of steps, executed with pymavlink.
 
 Each action in `shaped/*.toml` names the file of the client in which its sequence was read. The
 retries and times of an action are those of the client: a request that needs more has failed.

@@ -25,7 +25,7 @@ STEPS: Final = (
     "mode",
     "stop",
 )
-"""What each client does, in this order."""
+"""The steps of each client, in this order."""
 STEP_S: Final = 60.0
 PATIENCE_S: Final = 20.0
 POLL_S: Final = 0.02
@@ -33,7 +33,7 @@ FRAMES: Final = -4
 
 
 class StepError(Exception):
-    """What a client did not get."""
+    """A failure of a step; the text describes the missing result."""
 
 
 class Steps:
@@ -69,7 +69,7 @@ class Steps:
             self.end()
 
     def note(self, text: str) -> None:
-        """Add something that was seen to the result of the step."""
+        """Add an observation to the result of the step."""
         self._notes.append(text)
 
     def end(self) -> NoReturn:
@@ -85,7 +85,7 @@ class Steps:
 
 
 def pause() -> None:
-    """Let a little time pass between two looks at a condition."""
+    """Wait between two checks of a condition."""
     Event().wait(POLL_S)
 
 
@@ -112,7 +112,8 @@ def repeat(
     within_s: float = PATIENCE_S,
     look: Callable[[], object] = pause,
 ) -> int:
-    """Act again until the effect shows, as a person at a lossy line does; return how often."""
+    """Repeat an action until it has an effect, as an operator on a lossy line does; return the
+    number of attempts."""
     count, deadline_s = 0, time.monotonic() + within_s
     while not (count and condition()):
         if count and time.monotonic() >= deadline_s:

@@ -1,1 +1,1 @@
-"""A vehicle of the gateway on a robot that tests play."""
+"""A vehicle of the gateway with a robot that the tests simulate."""

@@ -1,4 +1,4 @@
-"""A robot port that tests play: they set the telemetry and answer the requests."""
+"""A robot port for tests: they set the telemetry and answer the requests."""
 
 from collections import deque
 from collections.abc import Callable
@@ -22,7 +22,7 @@ OTHER = Sender(client=2, system=254, component=190)
 
 
 class FakePort:
-    """Keeps operations until `answer` ends the oldest; grants the lease unless `holder` is set."""
+    """Stores operations until `answer` ends the oldest; grants the lease unless `holder` is set."""
 
     name = "r1"
     identity = IDENTITY

@@ -21,7 +21,7 @@ class MuteVehicle(Core):
 
 
 class CarelessVehicle(GoodVehicle):
-    """Sends to all what is for one, skips sequence numbers, and looks at no target."""
+    """Sends answers to all clients, skips sequence numbers, and ignores targets."""
 
     own: ClassVar = {"WP_RADIUS": 0.5, "CRUISE_SPEED": 1.0, "A_NAME_THAT_IS_LONG": 1.0}
 
@@ -60,7 +60,7 @@ class YesVehicle(Streams):
         return mavlink.MAVLink_heartbeat_message(10, 3, 0, self.mode, 4, 3)
 
     def place(self) -> tuple[int, int]:
-        """Be nowhere."""
+        """Report the position 0/0."""
         return 0, 0
 
     def build_component_metadata(self) -> Any:

@@ -65,7 +65,7 @@ class Core:
             handler(message, peer)
 
     def may(self, name: str, message: Any, peer: Peer, raw: bytes) -> bool:
-        """Return True if a frame is carried out; overridden by signing."""
+        """Return True if a frame may be executed; overridden by signing."""
         return True
 
     def due(self, now_ns: int) -> None:

@@ -25,7 +25,7 @@ STRANGERS_MAY = {"HEARTBEAT"}
 
 
 class GoodVehicle(Plans):
-    """What a ground rover of ArduPilot would do, as far as the rows ask."""
+    """Simulates a ground rover of ArduPilot, as far as the rows require."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -213,7 +213,7 @@ def test_change_that_cannot_be_undone_is_reported(monkeypatch: pytest.MonkeyPatc
     station.parameters_now = ()
     runner.run_line("set d_obs_m 0.7")
     runner.run_line("undo")
-    assert "set d_obs_m 0.7 cannot be undone: what was before it is not known" in log(station)
+    assert "set d_obs_m 0.7 cannot be undone: the state before it is unknown" in log(station)
     assert [value for _, value in robot.set] == [0.5, 0.7]
     runner.run_line("undo")
     assert robot.set[-1] == ("d_obs_m", 0.4)

@@ -1,4 +1,5 @@
-"""Test that keys which arrive in one piece are handled in their order, by what is open then."""
+"""Test that keys which arrive in one block are handled in order, each by the screen that is open
+then."""
 
 import pytest
 

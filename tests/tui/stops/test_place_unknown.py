@@ -1,4 +1,4 @@
-"""The alarm says what to press so that a robot without a place gets one, and those keys work."""
+"""The alarm names the keys that set an unknown position, and those keys work."""
 
 from math import nan
 

@@ -121,7 +121,7 @@ def test_a_recording_that_runs_is_read_by_name_and_not_called_damaged(
     file = running / f"{NEW}.mcap"
     assert main([*words, str(file)]) == 0
     said = capsys.readouterr()
-    assert said.err == f"{file} is still being recorded: this is what it holds so far\n"
+    assert said.err == f"{file} is still being recorded: this is the part that is already written\n"
     assert "DAMAGED" not in said.out
 
 

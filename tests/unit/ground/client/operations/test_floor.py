@@ -91,7 +91,9 @@ def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
 @pytest.mark.parametrize("answer", [FACTS, None, b"{}", b"[]", b"\xff"])
 def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) -> None:
     stage = Stage(answer)
-    with pytest.raises(UserError, match="X Y is missing, and no simulation names a goal; example"):
+    with pytest.raises(
+        UserError, match="X Y is missing, and there is no simulation with a goal; example"
+    ):
         Goto().perform(session(stage))
     assert not any(isinstance(one, GoalRequest) for one in stage.bus.requests)
 

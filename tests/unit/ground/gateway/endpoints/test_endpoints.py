@@ -152,7 +152,7 @@ def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
         ("udpin:127.0.0.1:99999", "ports end at 65535"),
         ("serial:/dev/ttyUSB0", "use serial:DEVICE:BAUD"),
         ("serial:/dev/none:57600", "no such device"),
-        ("serial:/dev/null:57600", "no serial line"),
+        ("serial:/dev/null:57600", "not a serial line"),
         ("serial:/dev/null:57601", "57601 baud is not possible"),
         ("udpin:192.0.2.77:0", "does not have the address"),
         ("udpin:host.invalid:0", "unknown host"),

@@ -98,7 +98,7 @@ def test_fence_to_stay_out_of_is_refused(bench: MissionBench, kind: int) -> None
     result, text = refused(bench, circle(command=kind))
     assert result == UNSUPPORTED
     assert text.startswith(f"fence item 0: command {kind}")
-    assert "only a fence to stay in is supported" in text
+    assert "only an inclusion fence is supported" in text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Row 52: who may set the key, and when; and what a client without rights may do."""
+"""Row 52: conditions for setting the key, and the rights of unsigned clients."""
 
 from typing import Any
 

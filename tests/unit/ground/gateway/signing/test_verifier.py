@@ -1,4 +1,4 @@
-"""Rows 51 and 54: forged, replayed and future frames are refused, and lock nobody out."""
+"""Rows 51 and 54: forged, replayed and future frames are refused, and do not lock the owner out."""
 
 from itertools import count
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Messages about the place and the motion: north-east-down, and unknown where it is unknown."""
+"""Messages about the position and the motion: north-east-down, and unknown values are marked."""
 
 from math import cos, isnan, nan, radians, sin
 
