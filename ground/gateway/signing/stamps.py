@@ -19,7 +19,12 @@ STAMP_NS: Final = 10_000
 PER_S: Final = 100_000
 SAVED_EVERY: Final = 10 * PER_S
 """Interval at which the file is written."""
-MAX_STAMP: Final = (1 << 48) - 1
+MAX_STAMP: Final = (1 << 47) - 1
+"""The year 2059: half of what the field can carry, so that later stamps fit too.
+
+A file with a larger number is damaged.
+"""
+MAX_DIGITS: Final = len(str(MAX_STAMP))
 
 
 class StampClock:
@@ -30,6 +35,11 @@ class StampClock:
         self._path = path
         self._saved = _read(path)
         self.floor = self._newest = max(self._saved, self.now())
+
+    @property
+    def newest(self) -> int:
+        """The present, as clients have to see it: the newest stamp, also if the clock is behind."""
+        return max(self._newest, self.now())
 
     def now(self) -> int:
         """Return the stamp of the present time."""
@@ -63,4 +73,6 @@ def _read(path: Path | None) -> int:
         text = "" if path is None else path.read_text(encoding="ascii").strip()
     except (OSError, ValueError):
         return 0
-    return min(int(text), MAX_STAMP) if text.isdecimal() else 0
+    is_number = text.isascii() and text.isdecimal() and len(text) <= MAX_DIGITS
+    stamp = int(text) if is_number else 0
+    return stamp if stamp <= MAX_STAMP else 0

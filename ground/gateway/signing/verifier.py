@@ -8,13 +8,16 @@ out, so its check is not used.
 from enum import Enum
 from hashlib import sha256
 from hmac import compare_digest
-from typing import Final
+from typing import Final, NamedTuple
 
 from ground.gateway.clients.framing import Frame
 from ground.gateway.signing.stamps import PER_S, StampClock
 
 MINUTE: Final = 60 * PER_S
-"""Largest difference of a stamp to the present: before it for a new stream, after it for any."""
+"""Largest difference of a stamp to the present: before it for a new stream, after it for any.
+
+Clients set their stamps forward to those that they receive.
+"""
 MAX_STREAMS: Final = 256
 LINK_AT: Final = -13
 STAMP: Final = slice(-12, -6)
@@ -31,6 +34,13 @@ class Verdict(Enum):
     FUTURE = "future"
 
 
+class Accepted(NamedTuple):
+    """The newest stamp of a stream, and the time of its arrival as a stamp."""
+
+    stamp: int
+    at: int
+
+
 class Verifier:
     """The keys, and the newest stamp of each stream: link id, system and component.
 
@@ -40,7 +50,7 @@ class Verifier:
     def __init__(self, clock: StampClock, keys: tuple[bytes, ...] = ()) -> None:
         self.keys = keys
         self._clock = clock
-        self._streams: dict[tuple[int, int, int], int] = {}
+        self._streams: dict[tuple[int, int, int], Accepted] = {}
 
     def check(self, frame: Frame) -> Verdict:
         """Return the verdict on a frame; only a valid one changes the state."""
@@ -50,18 +60,25 @@ class Verifier:
             return Verdict.FORGED
         stamp = int.from_bytes(frame.data[STAMP], "little")
         stream = (frame.data[LINK_AT], frame.system, frame.component)
-        if stamp > self._clock.now() + MINUTE:
+        if stamp > self._clock.newest + MINUTE:
             return Verdict.FUTURE
         known = self._streams.get(stream)
-        oldest = known if known is not None else self._oldest_of_new()
-        if stamp <= oldest or (known is None and len(self._streams) >= MAX_STREAMS):
+        if stamp <= self._oldest(known) or (known is None and len(self._streams) >= MAX_STREAMS):
             return Verdict.REPLAYED
-        self._streams[stream] = stamp
+        self._streams[stream] = Accepted(stamp, self._clock.now())
         self._clock.accept(stamp)
         return Verdict.VALID
 
-    def _oldest_of_new(self) -> int:
-        return max(self._clock.now() - MINUTE, self._clock.floor)
+    def _oldest(self, known: Accepted | None) -> int:
+        """Return the stamp that the next one of a stream must exceed.
+
+        A stream that was silent must have advanced meanwhile. Otherwise frames that were
+        recorded on their way, and never arrived, could be sent much later.
+        """
+        now = self._clock.now()
+        if known is None:
+            return max(now - MINUTE, self._clock.floor)
+        return max(known.stamp, known.stamp + now - known.at - MINUTE)
 
 
 def _is_signed_by(key: bytes, data: bytes) -> bool:

@@ -125,9 +125,43 @@ def test_clock_that_was_set_back_repeats_no_stamp(tmp_path: Path, wall: Wall) ->
     assert StampClock(wall, tmp_path / "stamp").next() > newest
 
 
-def test_damaged_stamp_file_counts_as_none(tmp_path: Path, wall: Wall) -> None:
-    (tmp_path / "stamp").write_bytes(b"\xff-1")
-    assert StampClock(wall, tmp_path / "stamp").floor == NOW
+@pytest.mark.parametrize(
+    "text", [b"\xff-1", b"9" * 5000, str((1 << 48) - 1).encode(), "\u0662\u0663".encode()]
+)
+def test_damaged_stamp_file_counts_as_none(tmp_path: Path, wall: Wall, text: bytes) -> None:
+    (tmp_path / "stamp").write_bytes(text)
+    clock = StampClock(wall, tmp_path / "stamp")
+    assert clock.floor == NOW
+    assert clock.next() < 1 << 48
+
+
+def test_clock_that_was_set_back_locks_no_client_out(tmp_path: Path, wall: Wall) -> None:
+    """Clients set their stamps forward to those of the gateway, as read in pymavlink's source."""
+    StampClock(wall, tmp_path / "stamp").next()
+    wall.s -= 86_400
+    clock = StampClock(wall, tmp_path / "stamp")
+    verifier = Verifier(clock, (KEY,))
+    for _ in range(100):
+        assert verifier.check(signed(clock.next() + 1)) is Verdict.VALID
+    assert verifier.check(signed(clock.newest + 61 * PER_S)) is Verdict.FUTURE
+
+
+def test_frames_that_never_arrived_cannot_be_sent_much_later(
+    verifier: Verifier, wall: Wall
+) -> None:
+    recorded = [signed(LATER + 1), signed(LATER + 2)]
+    assert verifier.check(signed(LATER)) is Verdict.VALID
+    wall.s += 30
+    assert verifier.check(recorded[0]) is Verdict.VALID
+    wall.s += 3600
+    assert verifier.check(recorded[1]) is Verdict.REPLAYED
+    assert verifier.check(signed(LATER + 3630 * PER_S)) is Verdict.VALID
+
+
+def test_client_whose_stamps_only_count_frames_is_heard(verifier: Verifier, wall: Wall) -> None:
+    for number in range(600):
+        assert verifier.check(signed(LATER + number)) is Verdict.VALID
+        wall.s += 1
 
 
 ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
