@@ -17,7 +17,7 @@ from time import monotonic
 from types import FrameType, MappingProxyType
 from typing import Final, NamedTuple
 
-from verification.fuzz.gateway import GATEWAY
+from verification.fuzz.gateway.targets import GATEWAY
 from verification.fuzz.keys import KEYS
 from verification.fuzz.logs import LOGS
 from verification.fuzz.missions import MISSION

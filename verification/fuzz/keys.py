@@ -1,4 +1,4 @@
-"""Certificates and keys for access control: a broken one among good ones."""
+"""Certificates and keys for access control, and the files of MAVLink's signing."""
 
 from datetime import UTC, datetime, timedelta
 from functools import cache
@@ -8,6 +8,8 @@ from typing import Final
 
 from ground.certificates.check import check
 from ground.certificates.folder import SECRET_MODE, make
+from ground.gateway.signing.key_file import KeyRing, new_key, read_keys, write_keys
+from ground.gateway.signing.stamps import StampClock
 from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
 from verification.fuzz.target import FuzzTarget
@@ -40,7 +42,35 @@ def check_among_good(ending: str, data: bytes, folder: Path) -> None:
     own_certificate(Tls(ca=str(ca), certificate=str(certificate), key=str(key)))
 
 
+def signing_keys() -> list[bytes]:
+    """Return the files of one key and of two."""
+    found = []
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "keys.toml"
+        for number in (1, 2):
+            write_keys(path, KeyRing(key=tuple(new_key() for _ in range(number))))
+            found.append(path.read_bytes())
+    return found
+
+
+def read_signing_keys(data: bytes, folder: Path) -> None:
+    """Read a file of signing keys."""
+    path = folder / "signing.toml"
+    path.write_bytes(data)
+    path.chmod(SECRET_MODE)
+    read_keys(path)
+
+
+def read_stamp(data: bytes, folder: Path) -> None:
+    """Read the newest time stamp of a signature, and give the next one."""
+    path = folder / "stamp"
+    path.write_bytes(data)
+    StampClock(lambda: 1, path).next().to_bytes(6, "little")
+
+
 KEYS: Final = (
+    FuzzTarget(name="signing_keys", samples=signing_keys, run=read_signing_keys, weight=8),
+    FuzzTarget(name="signing_stamp", samples=lambda: [b"123456789\n"], run=read_stamp, weight=4),
     FuzzTarget(
         name="certificate",
         samples=lambda: [good()[f"{NAME}.pem"]],

@@ -1,57 +1,24 @@
-"""Input from MAVLink clients: any bytes as frames, and any payloads in complete frames.
+"""Any bytes as frames, and any payloads in complete frames."""
 
-The robot is simulated here; it accepts, refuses or does not answer.
-"""
-
-import json
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from fastcrc.crc16 import mcrf4xx
 
-from ground.client.operations import (
-    ClearFence,
-    ClearMission,
-    FenceShown,
-    FetchMission,
-    MissionFetched,
-    Operation,
-    SetFence,
-    ShowFence,
-    ShowParameters,
-    TransferOutcome,
-    UploadMission,
-)
-from ground.client.operations.parameters import ParameterTable
-from ground.client.parameter import parameters_in
-from ground.client.results import Accepted, Outcome, Refused
 from ground.gateway.clients.client_link import ClientLink
-from ground.gateway.dialect import MavMessage, MissionCount, mavlink
+from ground.gateway.dialect import (
+    MavMessage,
+    MissionCount,
+    mavlink,
+)
 from ground.gateway.files.wire import HEADER as FILE_HEADER
 from ground.gateway.files.wire import Opcode
 from ground.gateway.frames.globe import DEFAULT_ORIGIN, place_of
-from ground.gateway.port import Answered, Done, Snapshot
-from ground.gateway.services import face_of
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.traffic import Sender
-from ground.gateway.vehicle import Face, Vehicle
-from ground.missions.mission import Circle, Mission, Waypoint
-from ground.missions.transfer import Verdict
-from protocol.wire.enums import GoalState, LeaseAction, MissionState, Mode, Navigator
-from protocol.wire.enums import Vehicle as State
-from protocol.wire.messages import (
-    MissionStatus,
-    NavigatorStatus,
-    PlanarOdometry,
-    SonarScan,
-    Statustext,
-)
-from protocol.wire.reasons import Reason
-from robot.core.parameters import DEFAULTS
-from robot.parameters.table import described
-from verification.fuzz.target import FuzzTarget
+from ground.gateway.vehicle import Face
+from verification.fuzz.gateway.robot import ARMED, new_face
 
 MAX_RECORDS: Final = 40
 MAX_FRAMES: Final = 256
@@ -60,33 +27,7 @@ ROUND_NS: Final = 20_000_000
 ROUNDS: Final = (0, 1, 5, 60)
 """Rounds of the gateway after a message, by the lowest bits of its flags."""
 SOME_ROUNDS: Final = 2
-OTHER_CLIENT, SILENT, ARMED, AS_SENT = 0x04, 0x20, 0x40, 0x80
-ANSWERS: Final[tuple[Answered | None, ...]] = (
-    Answered(Accepted(1)),
-    Answered(Refused(Reason.LEASE_HELD, 1)),
-    Answered(None, "r1 does not answer"),
-    None,
-)
-SCAN: Final = SonarScan(
-    time_ns=5, seq=1, range_mm=(900,) * 8, ping_age_us=(20_000,) * 8, valid=255, echo=60
-)
-PLACE: Final = dict.fromkeys(PlanarOdometry.__struct_fields__, 0.25)
-STATUS: Final[dict[str, Any]] = dict.fromkeys(NavigatorStatus.__struct_fields__, 0) | {
-    "mode": Mode.GUIDED,
-    "goal": GoalState.NONE,
-    "navigator": Navigator.VGM,
-    "side": 1,
-}
-MISSION: Final = MissionStatus(
-    time_ns=5, mission_id=1, hold_left_ms=0, count=2, current=0, state=MissionState.READY, reason=0
-)
-WAYPOINTS: Final = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
-KEPT: Final = TransferOutcome(verdict=Verdict(Reason.NONE, None, 1), done="")
-MISSION_ANSWERS: Final[dict[type, Outcome]] = {
-    FetchMission: MissionFetched(Mission(waypoints=WAYPOINTS)),
-    ShowFence: FenceShown(Circle(x_m=0.0, y_m=0.0, radius_m=5.0)),
-    **dict.fromkeys((UploadMission, ClearMission, SetFence, ClearFence), KEPT),
-}
+OTHER_CLIENT, AS_SENT = 0x04, 0x80
 RECORDING: Final = "20261123T131200Z-r1.tlog"
 PATHS: Final = (
     b"",
@@ -104,80 +45,6 @@ FTP: Final = mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
 """Requests of files are repeated among the kinds, as they have many forms."""
 
 
-class SimulatedRobot:
-    """A robot whose answers depend on the flags of the last message."""
-
-    name = "r1"
-    identity = "gateway/1"
-
-    def __init__(self) -> None:
-        self.flags = 0
-        self._waiting: deque[tuple[Done, Operation[Any] | None]] = deque()
-
-    def snapshot(self, now_ns: int) -> Snapshot:
-        """Return telemetry, or none of it."""
-        if self.flags & SILENT:
-            return Snapshot(now_ns)
-        state = State.ACTIVE if self.flags & ARMED else State.STANDBY
-        status = NavigatorStatus(**{**STATUS, "time_ns": now_ns, "vehicle": state})
-        place = PlanarOdometry(**{**PLACE, "time_ns": now_ns})  # type: ignore[arg-type]
-        return Snapshot(now_ns, status=status, odometry=place, scan=SCAN, mission=MISSION)
-
-    def new_texts(self) -> list[Statustext]:
-        """Return no texts."""
-        return []
-
-    def perform(self, operation: Operation[Any], done: Done) -> None:
-        """Keep the request."""
-        self._waiting.append((done, operation))
-
-    def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
-        """Keep the request."""
-        self._waiting.append((done, None))
-
-    def stop(self, done: Done) -> None:
-        """Keep the request."""
-        self._waiting.append((done, None))
-
-    def heartbeat(self) -> None:
-        """Ignore the heartbeat."""
-
-    def drive(self, speed_m_s: float, yaw_rate_rad_s: float) -> None:
-        """Ignore the speeds."""
-
-    def deliver(self) -> None:
-        """Answer the waiting requests."""
-        answer = ANSWERS[self.flags >> 3 & 3]
-        for _ in range(len(self._waiting) if answer is not None else 0):
-            done, operation = self._waiting.popleft()
-            assert answer is not None, "checked above"
-            done(accepted(operation) if answer is ANSWERS[0] else answer)
-
-
-def accepted(operation: Operation[Any] | None) -> Answered:
-    """Return the answer of a robot that accepts."""
-    if isinstance(operation, ShowParameters):
-        return Answered(LIST)
-    return Answered(MISSION_ANSWERS.get(type(operation), Accepted(1)))
-
-
-def robots_list() -> Outcome:
-    """Return the robot's parameters."""
-    return ParameterTable(tuple(parameters_in(json.dumps(described(DEFAULTS)))))
-
-
-LIST: Final = robots_list()
-
-
-def new_face(folder: Path | None = None) -> tuple[Face, SimulatedRobot]:
-    """Return a vehicle with two clients."""
-    robot = SimulatedRobot()
-    face = face_of(Vehicle(1, robot, DEFAULT_ORIGIN, 0), folder)
-    for client in (1, 2):
-        face.join(client)
-    return face, robot
-
-
 def kinds() -> tuple[int, ...]:
     """Return the ids of all messages that some protocol takes."""
     face, _ = new_face()
@@ -187,9 +54,9 @@ def kinds() -> tuple[int, ...]:
 KINDS: Final = kinds()
 
 
-def framed(number: int, payload: bytes) -> bytes:
+def framed(number: int, payload: bytes, system: int = 255) -> bytes:
     """Return a frame of MAVLink 2 with a right checksum."""
-    head = bytes((len(payload), 0, 0, 0, 255, 190)) + number.to_bytes(3, "little")
+    head = bytes((len(payload), 0, 0, 0, system, 190)) + number.to_bytes(3, "little")
     extra = bytes((mavlink.mavlink_map[number].crc_extra,))
     checksum = mcrf4xx(head + payload + extra).to_bytes(2, "little")
     return bytes((mavlink.PROTOCOL_MARKER_V2,)) + head + payload + checksum
@@ -340,9 +207,3 @@ def mission_item(at: int, command: int, size: int, kind: int) -> MavMessage:
 def frames() -> Sequence[bytes]:
     """Return whole frames."""
     return [framed(number, bytes(mavlink.mavlink_map[number].unpacker.size)) for number in KINDS]
-
-
-GATEWAY: Final = (
-    FuzzTarget(name="gateway_frames", samples=frames, run=raw, weight=10),
-    FuzzTarget(name="gateway_payloads", samples=records, run=payloads, words=PATHS, weight=20),
-)
