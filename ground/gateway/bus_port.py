@@ -16,11 +16,12 @@ from ground.client.operations.leases import ask_lease
 from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
 from ground.client.telemetry import Telemetry
-from ground.gateway.port import Answered, Done, Snapshot
+from ground.gateway.port import NO_TELEMETRY, Answered, Done, Snapshot
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
     GATEWAY,
+    HEARTBEAT,
     LEASE,
     MISSION,
     ODOMETRY,
@@ -35,11 +36,60 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import GatewayStatus, Heartbeat, Statustext
 from runtime.errors import LocalError, RemoteError
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 
 READY_S: Final = 0.5
-TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, CYCLE)
+SILENT_NS: Final = 1500 * NS_PER_MS
+"""Requests that move a robot that has been silent for so long are refused at once."""
+MAX_WAITING: Final = 64
+"""Requests that wait for the robot; more are refused."""
+LATE_NS: Final = 3 * NS_PER_S
+"""A request that moves the robot is refused after this wait: its client has given it up."""
+BUSY: Final = "too many requests wait for the robot"
+TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, CYCLE, HEARTBEAT)
+MAX_ASKING: Final = 256
+"""Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
 Ended = tuple[Done, Answered]
+Repeat = Callable[[EmergencyStop, Done], None]
+
+
+class StopLine:
+    """Presses the stop; under a flood of presses, the newest one is repeated for all.
+
+    `repeat` repeats a stop in another thread, and calls `done` in the gateway's at its end.
+    """
+
+    def __init__(self, new: Callable[[], EmergencyStop], repeat: Repeat) -> None:
+        self._new = new
+        self._repeat = repeat
+        self._newest: EmergencyStop | None = None
+        self._asking: list[Done] = []
+        self._is_repeating = False
+
+    def press(self, done: Done) -> None:
+        """Send a stop at once, whatever else waits, and repeat it."""
+        stop = self._new()
+        stop.press()
+        self._newest = stop
+        if len(self._asking) < MAX_ASKING:
+            self._asking.append(done)
+        if not self._is_repeating:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """Repeat the newest stop for all that have pressed since the last repetition began."""
+        stop, asking = self._newest, self._asking
+        if stop is None:
+            return
+        self._newest, self._asking, self._is_repeating = None, [], True
+
+        def ended(answered: Answered) -> None:
+            self._is_repeating = False
+            self._go_on()
+            for done in asking:
+                done(answered)
+
+        self._repeat(stop, ended)
 
 
 class BusPort:
@@ -59,6 +109,8 @@ class BusPort:
         self._texts: SimpleQueue[tuple[bytes, int]] = SimpleQueue()
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
         self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
+        self._waiting = 0
+        self._stop_line = StopLine(self._new_stop, self._repeat_stop)
         self._started_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
         link.bus.announce(link.robot)
@@ -91,7 +143,7 @@ class BusPort:
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
         """Start an operation; operations of one robot run one after another."""
-        self._submit(self._requests, lambda: operation.perform(self._session()), done)
+        self._request(lambda: operation.perform(self._session()), done, moves=operation.moves)
 
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
         """Take, seize or release the lease."""
@@ -100,22 +152,11 @@ class BusPort:
             session = self._session()
             return session.with_holder(ask_lease(session.link, action, name))
 
-        self._submit(self._requests, ask, done)
+        self._request(ask, done, moves=action is not LeaseAction.RELEASE)
 
     def stop(self, done: Done) -> None:
         """Send the emergency stop at once, and repeat it in a separate thread."""
-        stop = EmergencyStop(
-            self._link.bus,
-            self._stops,
-            self.name,
-            self._link.clock,
-            lambda: self._telemetry.latest(STATUS),
-        )
-        stop.press()
-        give_up_ns = round(STOP_S * NS_PER_S)
-        self._submit(
-            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), done
-        )
+        self._stop_line.press(done)
 
     def heartbeat(self) -> None:
         """Send one operator's heartbeat."""
@@ -133,7 +174,7 @@ class BusPort:
 
     def deliver(self) -> None:
         """Call `done` for every request that has ended since the last call."""
-        while not self._ended.empty():
+        for _ in range(self._ended.qsize()):
             done, answer = self._ended.get()
             done(answer)
 
@@ -145,13 +186,58 @@ class BusPort:
     def _session(self) -> Session:
         return Session(Link(self._link.bus, self._link.common, self._link.clock), attended=True)
 
+    def _new_stop(self) -> EmergencyStop:
+        newest, link = (lambda: self._telemetry.latest(STATUS)), self._link
+        return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest)
+
+    def _repeat_stop(self, stop: EmergencyStop, done: Done) -> None:
+        give_up_ns = round(STOP_S * NS_PER_S)
+        self._submit(
+            self._stopping, lambda: Stopped(stop.run(give_up_ns=give_up_ns), self.name), done
+        )
+
+    def _is_silent(self) -> bool:
+        """Return whether the robot was heard once, but not any more."""
+        newest = (self._telemetry.latest(topic) for topic in (STATUS, HEARTBEAT))
+        arrived_ns = [one[1] for one in newest if one is not None]
+        now_ns = self._link.bus.now_ns()
+        return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
+
+    def _request(self, job: Callable[[], Outcome], done: Done, *, moves: bool) -> None:
+        """Queue a request. One that only stops is tried even if the robot seems to be silent."""
+        asked_ns = self._link.bus.now_ns()
+
+        def checked() -> Outcome:
+            if moves and self._is_silent():
+                raise RemoteError(NO_TELEMETRY)
+            if moves and self._link.bus.now_ns() - asked_ns >= LATE_NS:
+                raise RemoteError(BUSY)
+            return job()
+
+        def ended(answered: Answered) -> None:
+            self._waiting -= 1
+            done(answered)
+
+        if moves and self._is_silent():
+            self._end(done, Answered(None, NO_TELEMETRY))
+        elif self._waiting >= MAX_WAITING:
+            self._end(done, Answered(None, BUSY))
+        else:
+            self._waiting += 1
+            self._submit(self._requests, checked, ended)
+
     def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
         def run() -> None:
             try:
                 answer = Answered(job())
             except (LocalError, RemoteError) as error:
                 answer = Answered(None, str(error))
-            self._ended.put((done, answer))
-            self._wake()
+            except Exception as error:  # such as one of the bus: without an answer, clients hang
+                answer = Answered(None, f"{type(error).__name__}: {error}")
+            self._end(done, answer)
 
         pool.submit(run)
+
+    def _end(self, done: Done, answer: Answered) -> None:
+        self._ended.put((done, answer))
+        self._wake()

@@ -20,6 +20,8 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 
+NO_TELEMETRY: Final = "no telemetry arrives from the robot"
+"""Why a request is refused at once while the robot is silent."""
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.EMERGENCY_STOPPED: "command 185 with 0 clears it, forced arming too",

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from ground.gateway.port import HINTS, Snapshot
+from ground.gateway.port import HINTS, NO_TELEMETRY, Snapshot
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason, reason_text
 
@@ -18,7 +18,7 @@ def faults(snapshot: Snapshot) -> tuple[str, ...]:
     """
     status = snapshot.status
     if status is None:
-        return ("no telemetry arrives from the robot",)
+        return (NO_TELEMETRY,)
     if status.vehicle == Vehicle.EMERGENCY_STOP:
         return (EMERGENCY_STOPPED,)
     if status.vehicle == Vehicle.BOOT or snapshot.scan is None or snapshot.wheels is None:

@@ -41,6 +41,7 @@ class PlayedBus:
 
     zid = "ours"
     operator = "open/ours"
+    holder = None
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
@@ -138,6 +139,9 @@ class PlayedBus:
 
     def publisher(self, topic: Topic[M], robot: str | None = None) -> PlayedPublisher:
         return self.publishers.setdefault((robot or "r1", topic.path), PlayedPublisher())
+
+    def await_matched(self, publishers: list[Any], timeout_s: float = 1.0) -> list[Any]:
+        return []
 
     def announce(self, robot: str | None = None) -> None:
         self.come(Role.GROUND, robot or "r1", self.zid)

@@ -40,7 +40,9 @@ class ArmingCommands:
             {
                 mavlink.MAV_CMD_COMPONENT_ARM_DISARM: Row(self._arm_disarm, stops=is_disarm),
                 mavlink.MAV_CMD_RUN_PREARM_CHECKS: Row(self._check, reads=True),
-                mavlink.MAV_CMD_DO_FLIGHTTERMINATION: Row(self._terminate, stops=is_termination),
+                mavlink.MAV_CMD_DO_FLIGHTTERMINATION: Row(
+                    self._terminate, stops=is_termination, is_unlimited=True
+                ),
             }
         )
 

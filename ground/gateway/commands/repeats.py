@@ -20,7 +20,8 @@ CONFIRMED_NS: Final = 10 * NS_PER_S
 UNMARKED_NS: Final = 3 * NS_PER_S // 2
 """Age of a command that is repeated unchanged; MAVSDK repeats it up to 1.5 s later."""
 MAX_KEPT: Final = 16
-MAX_SENDERS: Final = 64
+MAX_SENDERS: Final = 256
+MAX_OF_CLIENT: Final = 8
 
 Key = tuple[int, int, int]
 
@@ -58,18 +59,23 @@ class Repeats:
 
     def keep(self, call: Call, sequence: int) -> Kept:
         """Keep a new command, and drop the oldest ones beyond the limits."""
-        kept = self._of.setdefault(key_of(call.sender), [])
-        self._of.move_to_end(key_of(call.sender))
+        key = key_of(call.sender)
+        if key not in self._of:
+            self._make_room(key)
+        kept = self._of.setdefault(key, [])
+        self._of.move_to_end(key)
         one = Kept(call.number, call.content, sequence, call.now_ns)
         kept.append(one)
         del kept[:-MAX_KEPT]
-        if len(self._of) > MAX_SENDERS:
-            self._of.popitem(last=False)
         return one
 
-    def waiting(self, sender: Sender) -> int:
-        """Return how many commands of a sender have no result yet."""
-        return sum(one.result is None for one in self._of.get(key_of(sender), []))
+    def _make_room(self, key: Key) -> None:
+        """Drop the oldest sender of the client, or of all: none pushes out those of the others."""
+        own = [other for other in self._of if other[0] == key[0]]
+        if len(own) >= MAX_OF_CLIENT:
+            del self._of[own[0]]
+        elif len(self._of) >= MAX_SENDERS:
+            self._of.popitem(last=False)
 
     def forget(self, client: int) -> None:
         """Drop the commands of a client that has disconnected."""

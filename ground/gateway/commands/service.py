@@ -1,5 +1,6 @@
 """The command protocol: execute each command once, and acknowledge it to its sender."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
@@ -14,7 +15,9 @@ from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
 
 MAX_WAITING: Final = 8
-"""Commands of one sender that wait for the robot's answer."""
+"""Commands of one client that wait for the robot's answer, under whatever system ids."""
+MAX_STOPS: Final = 16
+"""The same for one more command that only stops the robot."""
 BUSY: Final = "too many commands wait for the robot: send it again"
 
 
@@ -44,11 +47,13 @@ class Row(NamedTuple):
 
     `reads`: it changes nothing, so each repetition is answered again, for all clients. `stops`
     returns whether a call only stops the robot: then each repetition is executed.
+    `is_unlimited`: any number of such calls may wait, because they pass all others.
     """
 
     handler: Handler
     reads: bool = False
     stops: Callable[[Call], bool] = lambda _: False
+    is_unlimited: bool = False
 
 
 CommandTable = Mapping[int, Row]
@@ -67,6 +72,7 @@ class CommandService:
         self._vehicle = vehicle
         self._rows = {number: row for table in tables for number, row in table.items()}
         self._repeats = Repeats()
+        self._waiting = Counter[int]()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Execute a command, or repeat the answer to it."""
@@ -97,13 +103,19 @@ class CommandService:
             if known.result is not None:
                 self._answer(call, acknowledged, known.result)
             return
-        if self._repeats.waiting(call.sender) >= MAX_WAITING and not row.stops(call):
+        client, stops = call.sender.client, row.stops(call)
+        is_limited = not (stops and row.is_unlimited)
+        if is_limited and self._waiting[client] >= (MAX_STOPS if stops else MAX_WAITING):
             self._answer(call, acknowledged, LATER, BUSY)
             return
         kept = self._repeats.keep(call, sequence)
+        self._waiting[client] += is_limited
 
         def send(result: int, words: str, severity: Severity) -> None:
             kept.result = result
+            self._waiting[client] -= is_limited
+            if not self._waiting[client]:
+                del self._waiting[client]
             self._answer(call, acknowledged, result, words, severity)
 
         row.handler(call, Reply(send))

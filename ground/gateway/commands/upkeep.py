@@ -12,7 +12,7 @@ from ground.gateway.commands.service import CommandTable, Reply, Row
 from ground.gateway.dialect import mavlink
 from ground.gateway.frames.ned import knows_place
 from ground.gateway.motion.setpoints import NO_POSE, SetpointError, destination, place_goal
-from ground.gateway.port import Answered
+from ground.gateway.port import NO_TELEMETRY, Answered
 from ground.gateway.traffic import EVERYONE
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
@@ -95,7 +95,7 @@ class UpkeepCommands:
         if call.param1 != RESTART:
             reply.result(DENIED, ONLY_RESTART)
         elif status is None:
-            reply.result(LATER, "no telemetry arrives from the robot")
+            reply.result(LATER, NO_TELEMETRY)
         elif status.vehicle == VehicleState.ACTIVE:
             reply.result(DENIED, ARMED)
         else:

@@ -5,7 +5,7 @@ import pytest
 from ground.client.operations import Arm, Disarm, Hold, SetMode
 from ground.client.results import Refused
 from ground.gateway.commands.results import RESULTS
-from ground.gateway.commands.service import MAX_WAITING
+from ground.gateway.commands.service import MAX_STOPS, MAX_WAITING
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.services import face_of
 from protocol.wire.enums import Mode
@@ -146,6 +146,37 @@ def test_too_many_waiting_commands_are_rejected(bench: Bench) -> None:
     assert acks(bench.send(command(SET_MODE, 1, Mode.MANUAL, 99))) == [(SET_MODE, LATER)]
     bench.send(command(ARM, 0))
     assert bench.port.performed[-1] == Disarm()
+
+
+def test_limit_counts_all_system_ids_of_a_client(bench: Bench) -> None:
+    for number in range(MAX_WAITING + 4):
+        sender = CLIENT._replace(system=10 + number)
+        bench.send(command(SET_MODE, 1, Mode.HOLD), sender)
+    assert len(bench.port.performed) == MAX_WAITING + 4  # stops have a higher limit
+    for number in range(2 * MAX_STOPS):
+        bench.send(command(SET_MODE, 1, Mode.HOLD), CLIENT._replace(system=60 + number))
+    assert len(bench.port.performed) == MAX_STOPS
+    bench.send(command(SET_MODE, 1, Mode.HOLD), OTHER)
+    assert len(bench.port.performed) == MAX_STOPS + 1
+
+
+def test_emergency_stop_passes_all_that_waits(bench: Bench) -> None:
+    for number in range(100):
+        bench.send(command(SET_MODE, 1, Mode.HOLD), CLIENT._replace(system=100 + number))
+    for count in range(100):
+        bench.send(command(185, 1))
+        assert len(bench.port.stops) == count + 1
+
+
+def test_client_with_many_system_ids_repeats_nothing_of_others(bench: Bench) -> None:
+    first = command(ARM, 1)
+    bench.send(first)
+    bench.port.answer()
+    for number in range(500):
+        sender = OTHER._replace(system=1 + number % 250, component=number // 250)
+        bench.send(command(SET_MODE, 1, Mode.GUIDED), sender)
+    bench.send(first)
+    assert bench.port.performed == [Arm()]
 
 
 def test_robot_that_does_not_answer_is_a_failure(bench: Bench) -> None:

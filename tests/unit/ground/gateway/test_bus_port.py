@@ -1,0 +1,148 @@
+"""The port on a played bus: a robot that is silent, slow or flooded, and the emergency stop."""
+
+from collections.abc import Iterator
+from threading import Event
+from typing import Any, cast
+
+import pytest
+
+from ground.client.connection import Common
+from ground.client.link import Link
+from ground.client.operations import Arm, Disarm, Hold
+from ground.gateway.bus_port import BUSY, LATE_NS, MAX_ASKING, MAX_WAITING, SILENT_NS, BusPort
+from ground.gateway.port import NO_TELEMETRY, Answered
+from protocol.bus.network import Network
+from protocol.topics import COMMAND, LEASE_SERVICE, STATUS, STOP
+from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandAck, CommandRequest
+from runtime.clock import ManualClock
+from tests.support.gateway.telemetry import status
+from tests.support.played_bus import PlayedBus
+from tests.support.until import PATIENCE_S, until
+
+
+class Room:
+    """A port on a played bus; the robot answers once `gate` is set."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock(1)
+        self.bus = PlayedBus(self.clock)
+        self.gate = Event()
+        self.gate.set()
+        self.asked: list[int] = []
+        self.bus.answers[COMMAND.path] = self._answer
+        common = Common(network=Network(connect=("tcp/127.0.0.1:1",)), robot="r1")
+        self.port = BusPort(Link(cast("Any", self.bus), common, self.clock), lambda: None)
+        self.answers: list[Answered] = []
+        self.stops = self.bus.publisher(STOP)
+
+    def _answer(self, request: Message | None) -> Message:
+        assert isinstance(request, CommandRequest)
+        self.gate.wait(PATIENCE_S)
+        self.asked.append(request.command)
+        return CommandAck(command=request.command, result=AckResult.ACCEPTED)
+
+    def perform(self, operation: Any) -> None:
+        self.port.perform(operation, self.answers.append)
+
+    def wait(self, count: int) -> list[str]:
+        def is_answered() -> bool:
+            self.port.deliver()
+            return len(self.answers) >= count
+
+        until(is_answered)
+        return [one.error for one in self.answers]
+
+    def show_stop(self) -> None:
+        newest = self.stops.said[-1]
+        assert isinstance(newest, CommandRequest)
+        shown = status(vehicle=Vehicle.EMERGENCY_STOP, stop_id=newest.request_id)
+        self.bus.say(STATUS, shown)
+
+
+@pytest.fixture
+def room() -> Iterator[Room]:
+    room = Room()
+    yield room
+    room.gate.set()
+    room.port.close()
+
+
+def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
+    room.perform(Arm())
+    room.wait(1)
+    room.bus.say(STATUS, status())
+    room.clock.advance(SILENT_NS - 1)
+    room.perform(Arm())
+    assert room.wait(2) == ["", ""]
+    room.clock.advance(1)
+    room.perform(Arm())
+    room.port.change_lease(LeaseAction.TAKE, "MAVLink 255", room.answers.append)
+    room.port.deliver()
+    assert room.wait(4)[2:] == [NO_TELEMETRY] * 2
+    assert LEASE_SERVICE.path not in [path for _, path, _ in room.bus.asked]
+    room.perform(Hold())
+    room.wait(5)
+    assert room.asked[-1] == Command.DO_PAUSE_CONTINUE
+    room.bus.say(STATUS, status())
+    room.perform(Arm())
+    assert room.wait(6)[5] == ""
+
+
+def test_requests_that_wait_are_limited(room: Room) -> None:
+    room.gate.clear()
+    for _ in range(MAX_WAITING + 10):
+        room.perform(Disarm())
+    room.port.deliver()
+    assert [one.error for one in room.answers] == [BUSY] * 10
+    room.gate.set()
+    room.wait(MAX_WAITING + 10)
+    assert len(room.asked) == MAX_WAITING
+
+
+def test_request_that_its_client_gave_up_does_not_act(room: Room) -> None:
+    room.gate.clear()
+    room.perform(Disarm())
+    room.perform(Arm())
+    room.perform(Hold())
+    room.clock.advance(LATE_NS)
+    room.gate.set()
+    assert room.wait(3) == ["", BUSY, ""]
+    assert room.asked == [Command.COMPONENT_ARM_DISARM, Command.DO_PAUSE_CONTINUE]
+
+
+def test_defect_of_the_bus_is_an_answer(room: Room) -> None:
+    def fails(_: Message | None) -> Message:
+        raise OSError("session closed")
+
+    room.bus.answers[COMMAND.path] = fails
+    room.perform(Arm())
+    assert room.wait(1) == ["OSError: session closed"]
+
+
+def test_emergency_stop_is_sent_before_all_that_waits(room: Room) -> None:
+    room.gate.clear()
+    for _ in range(MAX_WAITING):
+        room.perform(Disarm())
+    room.stops.heard = lambda _: room.show_stop()
+    room.port.stop(room.answers.append)
+    assert room.stops.said
+    room.wait(1)
+    assert room.answers[0].ok
+    assert room.asked == []
+
+
+def test_flood_of_stops_is_sent_whole_in_bounded_memory(room: Room) -> None:
+    for _ in range(5_000):
+        room.port.stop(room.answers.append)
+    assert len(room.stops.said) >= 5_000
+    assert len(room.port._stop_line._asking) <= MAX_ASKING
+    assert room.port._stopping._work_queue.qsize() <= 1
+
+    def all_shown() -> bool:
+        room.show_stop()
+        room.port.deliver()
+        return len(room.answers) > MAX_ASKING
+
+    until(all_shown)
