@@ -11,6 +11,8 @@ from ground.gateway.dialect import MavMessage, mavlink
 
 Build = Callable[[int], Sequence[MavMessage]]
 """Returns the messages of the present round, given its time; none if the values are missing."""
+Prepare = Callable[[Callable[[], None], int], None]
+"""Asks the robot for missing values, and calls back when it has answered or is silent."""
 FRAME_BYTES: Final = 12 + 13
 """Header, checksum and signature."""
 
@@ -20,7 +22,7 @@ class Source(NamedTuple):
 
     `rate_hz` is the default rate, and `slow_hz` that on a line too slow for all defaults; at 0 it
     is sent only on request. `group` is the MAV_DATA_STREAM of REQUEST_DATA_STREAM to which it
-    belongs. `copies` is the number of messages per build.
+    belongs. `copies` is the number of messages per build. `prepare` obtains missing values.
     """
 
     number: int
@@ -29,6 +31,7 @@ class Source(NamedTuple):
     slow_hz: float = 0.0
     group: int | None = None
     copies: int = 1
+    prepare: Prepare | None = None
 
     @property
     def largest_bytes(self) -> int:

@@ -1,5 +1,7 @@
 """The PARAM protocol: list, read by name or index, and set (row 19 of the list)."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from ground.client.operations import SetParameter
@@ -13,8 +15,14 @@ from ground.gateway.parameters.table import MavTable, is_cast
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
+from runtime.units import NS_PER_MS
 
 VALUE_BYTES: Final = 37
+PASSES: Final = 4
+"""Times that a list is sent on a line without a limit. A client that has lost a value asks for it
+after a second or two; the list takes some milliseconds."""
+PASS_NS: Final = 100 * NS_PER_MS
+"""Time between the beginnings of two passes."""
 BY_NAME: Final = -1
 MAX_PENDING: Final = 64
 """Maximum number of changes without an answer of the robot."""
@@ -31,6 +39,15 @@ class Change(NamedTuple):
     value: float
 
 
+@dataclass(slots=True)
+class Listing:
+    """A list that is being sent: the next index, the passes left, and when the next one begins."""
+
+    passes: int
+    due_ns: int
+    index: int = 0
+
+
 class ParameterProtocol:
     """Answers each client. A value that the robot has accepted is sent to all clients."""
 
@@ -45,10 +62,12 @@ class ParameterProtocol:
         self._store = store
         self._pacing = pacing
         self._refusals = vehicle.refusals
-        self._lists: dict[int, int] = {}
+        self._lists: dict[int, Listing] = {}
         self._pending: set[Change] = set()
         self._now_ns = 0
-        vehicle.catalogue.add(Source(ComponentMetadata.id, self._describe))
+        vehicle.catalogue.add(
+            Source(ComponentMetadata.id, self._describe, prepare=self._prepare_description)
+        )
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Start a list, or answer a request for one parameter."""
@@ -66,15 +85,8 @@ class ParameterProtocol:
         self._now_ns = now_ns
         self._store.due(now_ns)
         table = self._store.table
-        for client, first in list(self._lists.items()):
-            index = first
-            while table is not None and index < len(table):
-                if not self._pacing.take(client, VALUE_BYTES, now_ns):
-                    break
-                self._vehicle.outbox.send(table.message(index), client)
-                index += 1
-            self._lists[client] = index
-            if table is None or index >= len(table):
+        for client, listing in list(self._lists.items()):
+            if table is None or self._is_sent(client, listing, table):
                 del self._lists[client]
 
     def forget(self, client: int) -> None:
@@ -82,17 +94,35 @@ class ParameterProtocol:
         self._lists.pop(client, None)
         self._pacing.forget(client)
 
+    def _is_sent(self, client: int, listing: Listing, table: MavTable) -> bool:
+        """Go on with a list; return whether it has been sent as often as it should."""
+        now_ns = self._now_ns
+        if now_ns < listing.due_ns:
+            return False
+        while listing.index < len(table):
+            if not self._pacing.take(client, VALUE_BYTES, now_ns):
+                return False
+            self._vehicle.outbox.send(table.message(listing.index), client)
+            listing.index += 1
+        listing.passes -= 1
+        listing.index, listing.due_ns = 0, listing.due_ns + PASS_NS
+        return listing.passes <= 0
+
     def _describe(self, now_ns: int) -> list[MavMessage]:
         """Return COMPONENT_METADATA if the parameters are known."""
         found = self._store.metadata
         time_ms = self._vehicle.boot_ms(now_ns)
         return [] if found is None else [component_metadata(found, time_ms)]
 
+    def _prepare_description(self, then: Callable[[], None], now_ns: int) -> None:
+        self._store.known(lambda _table, _why: then(), now_ns)
+
     def _begin(self, sender: Sender, table: MavTable | None, why: str) -> None:
         if table is None:
             self._say(sender, f"no parameters: {why}")
         else:
-            self._lists[sender.client] = 0
+            is_slow = self._vehicle.clients.get(sender.client) is not None
+            self._lists[sender.client] = Listing(1 if is_slow else PASSES, self._now_ns)
 
     def _send(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
         index = self._index(message, sender, table, why)

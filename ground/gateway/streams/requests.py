@@ -86,7 +86,23 @@ class MessageRequests:
         elif number in self._indexed:
             reply.result(DENIED, f"message {number} has no index {call.param2:g}")
         else:
-            reply.result(LATER, f"message {number}: the robot does not send its values now")
+            self._request_later(number, call, reply)
+
+    def _request_later(self, number: int, call: Call, reply: Reply) -> None:
+        """Answer when the robot has sent the values: QGroundControl does not ask a second time."""
+        source = self._vehicle.catalogue.find(number)
+
+        def then() -> None:
+            now_ns = self._vehicle.snapshot.now_ns
+            if self.request(number, 0, call.sender, now_ns):
+                reply.result(ACCEPTED)
+            else:
+                reply.result(LATER, f"message {number}: the robot does not send its values now")
+
+        if source is None or source.prepare is None:
+            then()
+        else:
+            source.prepare(then, call.now_ns)
 
     def _set_interval(self, call: Call, reply: Reply) -> None:
         number, interval_us = whole(call.param1), whole(call.param2)

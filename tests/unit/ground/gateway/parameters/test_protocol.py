@@ -10,7 +10,7 @@ from ground.client.operations.parameters import ParameterChanged
 from ground.client.results import Refused
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.pacing import LINE_SHARE
-from ground.gateway.parameters.protocol import MAX_PENDING, VALUE_BYTES
+from ground.gateway.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameters.table import TABLE
@@ -54,12 +54,19 @@ def loaded() -> ParameterBench:
 
 def test_whole_list_arrives_within_a_second_with_stable_indexes() -> None:
     bench = ParameterBench()
-    first = values_in(bench.send(LIST) + bench.after(1.0))
-    again = values_in(bench.send(LIST) + bench.after(1.0))
+    first = values_in(bench.send(LIST) + bench.after(0.08))
+    bench.after(1.0)
+    again = values_in(bench.send(LIST) + bench.after(0.08))
     assert [one.param_index for one in first] == list(range(ALL))
     assert {one.param_count for one in first} == {ALL}
     assert [one.param_id for one in again] == [one.param_id for one in first]
     assert all(len(one.param_id) <= 16 for one in first)
+
+
+def test_list_is_sent_again_for_clients_that_have_lost_some_of_it() -> None:
+    bench = ParameterBench()
+    found = values_in(bench.send(LIST) + bench.after(1.0))
+    assert [one.param_index for one in found] == PASSES * list(range(ALL))
 
 
 def test_whole_numbers_are_int32_cast_to_float() -> None:
@@ -84,7 +91,7 @@ def test_list_is_paced_by_the_line_of_each_client() -> None:
         for one in bench.vehicle.outbox.take():
             if one.client is not None:
                 counts[one.client] += 1
-    assert counts[OTHER.client] == ALL
+    assert counts[OTHER.client] > ALL
     assert 5 <= counts[CLIENT.client] <= 5760 * LINE_SHARE * 0.26 / VALUE_BYTES + 2
 
 
@@ -194,7 +201,7 @@ def test_silent_robot_is_named_and_asked_again() -> None:
     assert "r1 does not answer" in texts_in(bench.sent())
     bench.is_answering = True
     bench.now_ns += 1_000_000_000
-    assert len(values_in(bench.send(LIST) + bench.after(1.0))) == ALL
+    assert len(values_in(bench.send(LIST) + bench.after(0.08))) == ALL
 
 
 def test_change_by_others_is_broadcast() -> None:

@@ -1,21 +1,31 @@
 """Single messages and intervals on request, and what is refused."""
 
+from collections import deque
 from math import inf, nan
 
 import pytest
 
+from ground.client.operations import ShowParameters
 from ground.gateway import ardupilot
-from ground.gateway.dialect import AvailableModes, CurrentMode, MavMessage, mavlink
+from ground.gateway.dialect import (
+    AvailableModes,
+    ComponentMetadata,
+    CurrentMode,
+    MavMessage,
+    mavlink,
+)
 from ground.gateway.services import face_of
 from ground.gateway.streams.table import STREAMS
 from protocol.wire.enums import Mode
 from tests.support.gateway.fake_port import CLIENT, Bench
+from tests.support.gateway.parameter_bench import robot_table
 from tests.support.gateway.telemetry import everything, status
 
 REQUEST = mavlink.MAV_CMD_REQUEST_MESSAGE
 SET_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 GET_INTERVAL = mavlink.MAV_CMD_GET_MESSAGE_INTERVAL
 CAPABILITIES = mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES
+READ = ShowParameters()
 ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 VERSION = mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
 
@@ -92,6 +102,26 @@ def test_missing_values_are_rejected_for_now() -> None:
     bench.port.telemetry = {}
     bench.after(0.02)
     assert ask(bench, REQUEST, ATTITUDE) == (mavlink.MAV_RESULT_TEMPORARILY_REJECTED, [])
+
+
+def test_description_is_sent_when_the_robot_has_answered() -> None:
+    bench = whole_bench()
+    found = bench.send(mavlink.MAVLink_command_long_message(1, 1, REQUEST, 0, 397, *[0] * 6))
+    assert not found
+    bench.port.waiting = deque(one for one in bench.port.waiting if one[0] == READ)
+    bench.port.answer(robot_table())
+    description, acknowledgement = bench.sent(CLIENT.client)
+    assert description.get_type() == ComponentMetadata.msgname
+    assert acknowledgement.result == mavlink.MAV_RESULT_ACCEPTED
+
+
+def test_description_is_refused_if_the_robot_does_not_answer() -> None:
+    bench = whole_bench()
+    bench.send(mavlink.MAVLink_command_long_message(1, 1, REQUEST, 0, 397, *[0] * 6))
+    bench.port.waiting = deque(one for one in bench.port.waiting if one[0] == READ)
+    bench.port.answer(error="no answer")
+    results = [one.result for one in bench.sent() if one.get_type() == "COMMAND_ACK"]
+    assert results == [mavlink.MAV_RESULT_TEMPORARILY_REJECTED]
 
 
 def test_modes_are_listed_one_by_one_or_all() -> None:
