@@ -1,4 +1,8 @@
-"""HEARTBEAT, once a second and at once after a change (rows 1 and 2 of the list)."""
+"""HEARTBEAT, once a second and at once when it changes (rows 1 and 2 of the checklist).
+
+A client does nothing before its first heartbeat: one that has joined gets it at once, and again
+0.2 s later in case that the first is lost.
+"""
 
 from typing import Final
 
@@ -6,9 +10,10 @@ from ground.gateway import ardupilot
 from ground.gateway.dialect import MavMessage
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 
 PERIOD_NS: Final = NS_PER_S
+AGAIN_NS: Final = 200 * NS_PER_MS
 
 
 class HeartbeatStream:
@@ -20,6 +25,8 @@ class HeartbeatStream:
         self._vehicle = vehicle
         self._sent: ardupilot.State | None = None
         self._due_ns = 0
+        self._greeted: set[int] = set()
+        self._again_ns: dict[int, int] = {}
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Take no message."""
@@ -27,9 +34,20 @@ class HeartbeatStream:
     def due(self, now_ns: int) -> None:
         """Send the heartbeat if its second is over or the state has changed."""
         state = ardupilot.state_of(self._vehicle.snapshot, self._vehicle.modes.number)
+        newcomers = self._vehicle.clients.keys() - self._greeted
+        receivers = [*newcomers, *(key for key, at_ns in self._again_ns.items() if now_ns >= at_ns)]
         if state != self._sent or now_ns >= self._due_ns:
             self._sent, self._due_ns = state, now_ns + PERIOD_NS
             self._vehicle.outbox.send(state.heartbeat())
+        else:
+            for client in receivers:
+                self._vehicle.outbox.send(state.heartbeat(), client)
+        for client in receivers:
+            self._again_ns.pop(client, None)
+        self._again_ns |= dict.fromkeys(newcomers, now_ns + AGAIN_NS)
+        self._greeted |= newcomers
 
     def forget(self, client: int) -> None:
-        """Keep nothing for a client."""
+        """Drop what is kept for a client that has gone."""
+        self._greeted.discard(client)
+        self._again_ns.pop(client, None)

@@ -7,7 +7,7 @@ from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.port import Snapshot
 from ground.gateway.streams.heartbeat import HeartbeatStream
 from protocol.wire.enums import Mode, Vehicle
-from tests.support.gateway.fake_port import Bench
+from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import status
 
 
@@ -32,6 +32,19 @@ def test_change_of_mode_or_arming_is_sent_at_once() -> None:
     assert mode.custom_mode == 15
     assert not mode.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
     assert armed.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+
+
+def test_client_that_joins_gets_two_at_once() -> None:
+    bench = Bench(HeartbeatStream)
+    after(bench, 0.5)
+    bench.face.join(CLIENT.client)
+    assert len(bench.after(0.02)) == 1
+    assert len(bench.after(0.3)) == 1
+    bench.face.forget(CLIENT.client)
+    bench.face.join(CLIENT.client)
+    assert len(bench.after(0.02)) == 1
+    bench.face.forget(CLIENT.client)
+    assert len(bench.after(3.0)) == 3
 
 
 @pytest.mark.parametrize(
