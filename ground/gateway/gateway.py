@@ -138,7 +138,9 @@ class Gateway:
         for port in self._ports:
             port.deliver()
         if is_due:
+            lossy = {client.link.number for client in self.clients if client.link.is_lossy}
             for face in self._faces:
+                face.vehicle.lossy = lossy
                 face.due(now_ns)
             self._report(now_ns)
         self._send(now_ns)

@@ -25,10 +25,10 @@ class Vehicle:
     `origin` is the place on the globe of the robot's (0, 0), `origin_altitude_m` its height above
     the sea, and `home` the local x and y of the home position, perhaps chosen by a client.
     `clients` holds the capacity of each client's line in bytes per second, None if it has no limit.
-    `parameters` are the robot's values by their names, as far as they are known. `unix_offset_ns`
-    is the time of day minus the time of this process; None without a clock. `commit` is that of
-    this program. `has_fence` is False once the robot is seen to have none. `shortest_ns` is the
-    shortest time between two messages of a stream.
+    `lossy` are the clients whose line loses frames. `parameters` are the robot's values by their
+    names, as far as they are known. `unix_offset_ns` is the time of day minus the time of this
+    process; None without a clock. `commit` is that of this program. `has_fence` is False once the
+    robot is seen to have none. `shortest_ns` is the shortest time between two messages of a stream.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -39,6 +39,7 @@ class Vehicle:
         self.home = (0.0, 0.0)
         self.is_home_chosen = False
         self.clients: dict[int, int | None] = {}
+        self.lossy: Collection[int] = ()
         self.parameters: dict[str, float] = {}
         self.unix_offset_ns: int | None = None
         self.commit = ""

@@ -12,6 +12,11 @@ GONE_NS: Final = 10_000_000_000
 MAVLINK_1_IDS: Final = 256
 MAX_SOURCES: Final = 32
 """Senders behind one client whose sequences are followed."""
+LATE: Final = 0xF0
+"""A sequence number so far ahead is rather some behind: the frame was overtaken, or is a copy."""
+LOSSY_SHARE: Final = 0.05
+FADING: Final = 0.97
+"""The weight that older frames lose with each new one; about the last 30 decide."""
 
 
 class NoFile:
@@ -39,6 +44,12 @@ class ClientLink:
         self._decoder = mavlink.MAVLink(NoFile())
         self._encoders: dict[int, Any] = {}
         self._sequences: dict[tuple[int, int], int] = {}
+        self._recently_lost = self._recent = 0.0
+
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the line has lost a notable share of the newest frames from the client."""
+        return self._recently_lost > LOSSY_SHARE * self._recent
 
     @property
     def malformed(self) -> int:
@@ -99,8 +110,13 @@ class ClientLink:
         self.received += 1
         source = (frame.system, frame.component)
         expected = self._sequences.get(source)
-        if expected is not None:
-            self.lost += (frame.sequence - expected) & 0xFF
-        elif len(self._sequences) >= MAX_SOURCES:
+        if expected is None and len(self._sequences) >= MAX_SOURCES:
             return
-        self._sequences[source] = (frame.sequence + 1) & 0xFF
+        gap = 0 if expected is None else (frame.sequence - expected) & 0xFF
+        if gap >= LATE:  # it was counted as lost
+            gap = -1 if self.lost else 0
+        else:
+            self._sequences[source] = (frame.sequence + 1) & 0xFF
+        self.lost += gap
+        self._recently_lost = max(0.0, FADING * self._recently_lost + gap)
+        self._recent = FADING * self._recent + 1 + gap

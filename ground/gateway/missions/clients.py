@@ -1,11 +1,17 @@
 """Answers to the client of a transfer."""
 
+from typing import Final
+
 from ground.gateway.dialect import MissionAck
 from ground.gateway.missions.results import ACCEPTED, Refusal
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
+from runtime.units import NS_PER_MS
 
+AGAIN_NS: Final = (700 * NS_PER_MS, 1400 * NS_PER_MS)
+"""On a lossy line the result of an upload is sent again after these times, unless the client goes
+on: MAVSDK and mavros give up some seconds later, and repeat nothing themselves."""
 ClientKey = tuple[int, int, int, bool]
 
 
@@ -19,6 +25,7 @@ class Answers:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
+        self._again: dict[ClientKey, list[tuple[int, Sender, MissionAck]]] = {}
 
     def acknowledge(
         self, sender: Sender, kind: int, result: int = ACCEPTED, opaque_id: int = 0
@@ -26,6 +33,33 @@ class Answers:
         """Send a MISSION_ACK."""
         ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
         self._vehicle.outbox.send(ack, sender.client)
+
+    def end(self, sender: Sender, kind: int, result: int, opaque_id: int) -> None:
+        """Send the result of an upload; on a lossy line, plan to repeat it."""
+        self.acknowledge(sender, kind, result, opaque_id)
+        if sender.client in self._vehicle.lossy:
+            ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
+            now_ns = self._vehicle.snapshot.now_ns
+            self._again[key_of(sender)] = [(now_ns + one, sender, ack) for one in AGAIN_NS]
+
+    def heard(self, sender: Sender) -> None:
+        """Repeat nothing more to a client that has gone on."""
+        self._again.pop(key_of(sender), None)
+
+    def due(self, now_ns: int) -> None:
+        """Repeat what is due."""
+        for key, planned in list(self._again.items()):
+            at_ns, sender, ack = planned[0]
+            if now_ns >= at_ns:
+                self._vehicle.outbox.send(ack, sender.client)
+                self._again[key] = planned[1:]
+            if not self._again[key]:
+                del self._again[key]
+
+    def forget(self, client: int) -> None:
+        """Drop what is kept for a client that has gone."""
+        for key in [key for key in self._again if key[0] == client]:
+            del self._again[key]
 
     def refuse(self, sender: Sender, kind: int, refusal: Refusal) -> None:
         """Send a MISSION_ACK with a result, and a STATUSTEXT with the reason."""

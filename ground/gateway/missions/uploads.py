@@ -36,6 +36,8 @@ TIMEOUT_NS: Final = 8 * NS_PER_S
 """An upload ends if no item arrives for this time; ArduPilot waits equally long."""
 RECENT_NS: Final = 10 * NS_PER_S
 """Items that arrive within this time after the end of their upload are copies or repetitions."""
+LAST_REQUESTS: Final = 3
+"""On a lossy line."""
 MAX_PENDING: Final = 4
 """Announcements that wait for the robot, of uploads that their clients have cancelled."""
 ACTIVE_NS: Final = NS_PER_S
@@ -66,6 +68,7 @@ class Upload:
     asked_ns: int = 0
     heard_ns: int = 0
     notes: set[str] = field(default_factory=set)
+    is_float: bool = False
 
     @property
     def expected(self) -> int:
@@ -224,7 +227,11 @@ class Uploads:
         request = mavlink.MAVLink_mission_request_message(
             sender.system, sender.component, upload.expected, self._kind.number
         )
-        self._vehicle.outbox.send(request, sender.client)
+        # DroneKit forgets its upload 0.1 s after it has answered the last request.
+        is_last_chance = upload.is_float and upload.expected == upload.last
+        is_last_chance &= sender.client in self._vehicle.lossy
+        for _ in range(LAST_REQUESTS if is_last_chance else 1):
+            self._vehicle.outbox.send(request, sender.client)
 
     def _take(self, upload: Upload, message: MavMessage, now_ns: int) -> None:
         item = item_in(message)
@@ -237,9 +244,9 @@ class Uploads:
             return
         upload.parts.append(part)
         upload.heard_ns = now_ns
-        is_float = message.get_msgId() == mavlink.MAVLINK_MSG_ID_MISSION_ITEM
+        upload.is_float = message.get_msgId() == mavlink.MAVLINK_MSG_ID_MISSION_ITEM
         rough = f"{self._kind.name}: {ROUGH}"
-        is_rough = is_float and item.number >= self._kind.home_items
+        is_rough = upload.is_float and item.number >= self._kind.home_items
         upload.notes |= {self._kind.note_on(item), rough if is_rough else ""}
         self._go_on(upload, now_ns)
 
@@ -292,7 +299,7 @@ class Uploads:
         now_ns = self._vehicle.snapshot.now_ns
         client = key_of(upload.sender)
         self._finished = Finished(client, upload.expected - 1, result, opaque_id, now_ns)
-        self._answers.acknowledge(upload.sender, self._kind.number, result, opaque_id)
+        self._answers.end(upload.sender, self._kind.number, result, opaque_id)
 
     def _take_late(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Acknowledge the last item again; refuse an item that belongs to no upload."""

@@ -94,6 +94,29 @@ def test_lost_frames_are_counted_per_sender() -> None:
     assert (link.received, link.lost) == (3, 2)
 
 
+def test_frame_that_was_overtaken_is_not_lost() -> None:
+    link = ClientLink(1, "peer", 0)
+    link.allow(10)
+    for sequence in (254, 0, 255, 1, 2):
+        link.feed(packed(sequence=sequence))
+    assert len(link.frames(0)) == 5
+    assert (link.received, link.lost) == (5, 0)
+
+
+def test_line_is_lossy_while_frames_are_missing() -> None:
+    link = ClientLink(1, "peer", 0)
+
+    def hear(*sequences: int) -> bool:
+        link.allow(len(sequences))
+        link.feed(b"".join(packed(sequence=one % 256) for one in sequences))
+        link.frames(0)
+        return link.is_lossy
+
+    assert not hear(*range(20))
+    assert hear(*(one for one in range(20, 40) if one % 5))
+    assert not hear(*range(40, 140))
+
+
 def test_answers_are_in_the_version_of_the_client() -> None:
     link = ClientLink(1, "peer", 0)
     link.allow(10)

@@ -6,7 +6,7 @@ import pytest
 from ground.client.operations import ClearMission, UploadMission
 from ground.gateway.control import WATCHER
 from ground.gateway.dialect import MavMessage, MissionCount, mavlink
-from ground.gateway.missions.uploads import RETRY_NS, TIMEOUT_NS
+from ground.gateway.missions.uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason
@@ -73,6 +73,18 @@ def test_mission_item_and_item_int_give_the_same_mission(bench: MissionBench) ->
     assert "use MISSION_ITEM_INT" in words(found.all)
 
 
+def test_client_that_forgets_its_upload_is_asked_often_for_the_last_item(
+    bench: MissionBench,
+) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    first, second, _ = (as_float(one) for one in line_of(2))
+    bench.send(count(3))
+    assert [one.seq for one in of_type(bench.send(first), "MISSION_REQUEST")] == [1]
+    assert [one.seq for one in of_type(bench.send(second), "MISSION_REQUEST")] == [
+        2
+    ] * LAST_REQUESTS
+
+
 def test_lost_item_is_asked_for_again(bench: MissionBench) -> None:
     assert of_type(bench.send(count(2)), "MISSION_REQUEST")[0].seq == 0
     again = of_type(bench.after(RETRY_NS / 1e9), "MISSION_REQUEST")
@@ -97,6 +109,19 @@ def test_last_item_is_acknowledged_again(bench: MissionBench) -> None:
     assert again.to_dict() == first.to_dict()
     assert bench.send(line_of(2)[1]) == []
     assert sum(isinstance(one, UploadMission) for one in bench.port.performed) == 1
+
+
+def test_result_is_repeated_on_a_lossy_line_until_the_client_goes_on(bench: MissionBench) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    (first,) = upload(bench, line_of(2)).acks
+    again = of_type(bench.after(3.0), "MISSION_ACK")
+    assert [one.to_dict() for one in again] == 2 * [first.to_dict()]
+    upload(bench, line_of(2))
+    bench.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
+    assert of_type(bench.after(3.0), "MISSION_ACK") == []
+    upload(bench, line_of(2))
+    bench.face.forget(CLIENT.client)
+    assert of_type(bench.after(3.0), "MISSION_ACK") == []
 
 
 def test_repeated_item_is_not_taken_twice(bench: MissionBench) -> None:
