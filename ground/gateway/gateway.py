@@ -11,6 +11,7 @@ from typing import Final
 from ground.gateway.bus_port import BusPort
 from ground.gateway.clients.client_table import Client, Clients
 from ground.gateway.clients.framing import Frame
+from ground.gateway.clients.guests import is_emergency_stop
 from ground.gateway.clients.report import Reporter
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
@@ -19,6 +20,7 @@ from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.policy import Rights
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Face
+from protocol.wire.enums import Severity
 from runtime.clock import Clock
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -29,6 +31,10 @@ STREAMS_NS: Final = 50 * NS_PER_MS
 BUSY_NS: Final = 20 * NS_PER_MS
 """Time between two rounds while clients send or receive more than heartbeats and streams."""
 BUSY_FOR_NS: Final = 2 * NS_PER_S
+STALL_NS: Final = 2 * NS_PER_S
+"""Without a round for so long, this process was stopped: what clients sent meanwhile is too old."""
+MAX_READS: Final = 200
+"""Reads from an endpoint to empty its buffers; the largest one takes about so many."""
 
 
 class Pace:
@@ -97,7 +103,7 @@ class Gateway:
         recorder: TrafficRecorder | None = None,
         guard: SigningGuard | None = None,
     ) -> None:
-        self.clients = Clients(endpoints, self._join, self._leave)
+        self.clients = Clients(endpoints, self._join, self._leave, self._is_owner)
         self._endpoints = tuple(endpoints)
         self._faces = tuple(faces)
         self._ports = tuple(ports)
@@ -105,6 +111,7 @@ class Gateway:
         self._wake_up = wake_up
         self._recorder = recorder
         self._pace = Pace(clock.now_ns())
+        self._awake_ns = clock.now_ns()
         self._reporter = Reporter(clock.now_ns())
         self._guard = guard or SigningGuard(time.time_ns)
         self.line_bytes_s: int | None = None
@@ -123,6 +130,9 @@ class Gateway:
         wait_s = max(0.0, (self._pace.due_ns - self._clock.now_ns()) / NS_PER_S)
         ready = self._selector.select(min(wait_s, longest_s))
         now_ns = self._clock.now_ns()
+        if now_ns - self._awake_ns >= STALL_NS:
+            self._drop_old_input(now_ns)
+        self._awake_ns = now_ns
         shortest_ns = min(face.vehicle.shortest_ns for face in self._faces)
         is_due = self._pace.is_due(now_ns, shortest_ns)
         if is_due:
@@ -181,6 +191,27 @@ class Gateway:
         for face in self._faces:
             face.receive(message, sender, now_ns)
 
+    def _drop_old_input(self, now_ns: int) -> None:
+        """Drop what was sent while this process was stopped, but for emergency stops.
+
+        Its senders have had no answer, and a robot that then drives surprises them.
+        """
+        self.clients.begin_round(now_ns)
+        for endpoint in self._endpoints:
+            for _ in range(MAX_READS):
+                arrived = endpoint.receive()
+                for received in arrived:
+                    self.clients.feed(endpoint, received, now_ns)
+                for client, frame in self.clients.frames(now_ns, is_limited=False):
+                    if is_emergency_stop(frame):
+                        self._dispatch(client, frame, now_ns)
+                if not arrived:
+                    break
+        seconds = (now_ns - self._awake_ns) / NS_PER_S
+        words = f"the gateway stood still for {seconds:.1f} s: what you sent meanwhile was dropped"
+        for face in self._faces:
+            face.vehicle.outbox.text(Severity.WARNING, words)
+
     def _join(self, client: Client) -> None:
         limits = [one for one in (self.line_bytes_s, client.endpoint.line_bytes_s) if one]
         for face in self._faces:
@@ -191,6 +222,10 @@ class Gateway:
         self._reporter.left(client.link)
         for face in self._faces:
             face.forget(client.link.number)
+
+    def _is_owner(self, client: Client) -> bool:
+        owners = (face.vehicle.control.owner for face in self._faces)
+        return any(owner and owner.client == client.link.number for owner in owners)
 
     def _report(self, now_ns: int) -> None:
         """Publish the state of the gateway once a second."""
@@ -216,9 +251,8 @@ class Gateway:
         is_stream = face.vehicle.catalogue.is_stream(message.get_msgId())
         if not is_stream:
             self._pace.note(message.get_msgId(), now_ns)
-        for client in self.clients:
-            if number is None or number == client.link.number:
-                frame = client.link.encode(face.vehicle.system, message, self._guard)
-                if frame:
-                    self._reporter.sent(face.vehicle.system, len(frame))
-                    client.endpoint.send(client.peer, frame, is_stream=is_stream)
+        for client in self.clients.addressed(number):
+            frame = client.link.encode(face.vehicle.system, message, self._guard)
+            if frame:
+                self._reporter.sent(face.vehicle.system, len(frame))
+                client.endpoint.send(client.peer, frame, is_stream=is_stream)

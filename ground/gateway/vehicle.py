@@ -87,8 +87,12 @@ class Face:
         return self._by_id.keys()
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
-        """Process a message for this system if its sender has the right to send it."""
-        if not self._is_target(message):
+        """Process a message for this system if its sender has the right to send it.
+
+        A sender with the ids of this vehicle is an echo of it, or a forger.
+        """
+        is_own = (sender.system, sender.component) == (self.vehicle.system, COMPONENT)
+        if is_own or not self._is_target(message):
             return
         if sender.may_command:
             self.vehicle.control.heard(sender, now_ns)

@@ -1,5 +1,6 @@
 """One peer of an endpoint: framing in both directions, and counters."""
 
+from collections.abc import Callable
 from typing import Any, Final
 
 from ground.gateway.clients.framing import Deframer, Frame
@@ -65,10 +66,10 @@ class ClientLink:
         """Add received bytes."""
         self._deframer.feed(data)
 
-    def has_frame(self, now_ns: int) -> bool:
-        """Return whether a frame is among the received bytes; it stays for `frames`."""
+    def has_frame(self, now_ns: int, accepts: Callable[[Frame], bool] = lambda _: True) -> bool:
+        """Return whether such a frame is among the received bytes; it stays for `frames`."""
         self._ready += self._deframer.take(now_ns)
-        return bool(self._ready)
+        return any(accepts(frame) for frame in self._ready)
 
     def allow(self, frames: int) -> None:
         """Permit this many frames until the next call."""

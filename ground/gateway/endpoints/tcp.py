@@ -10,6 +10,10 @@ from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 from ground.gateway.endpoints.send_buffer import SendBuffer
 
 MAX_READ: Final = 16_384
+MAX_CONNECTIONS: Final = 2 * MAX_PEERS
+"""More are closed at once. Those without a place stay open for an emergency stop."""
+VANISHED_MS: Final = 10_000
+"""A connection ends if the other side confirms nothing for so long, as after a cut."""
 MAX_ACCEPTS: Final = 4
 """Connections accepted in one round."""
 
@@ -21,6 +25,8 @@ class Connection:
         connected.setblocking(False)
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, VANISHED_MS)
         self.socket = connected
         self.buffer = SendBuffer(connected.send)
         self.is_loopback = is_loopback
@@ -73,7 +79,7 @@ class TcpEndpoint:
                 connected, address = self._socket.accept()
             except OSError:
                 break
-            if len(self._connections) >= MAX_PEERS:
+            if len(self._connections) >= MAX_CONNECTIONS:
                 self.refused += 1
                 connected.close()
                 continue

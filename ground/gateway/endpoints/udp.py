@@ -73,7 +73,7 @@ class UdpEndpoint:
     def _admits(self, peer: str) -> bool:
         if peer in self._addresses:
             return True
-        if self._fixed or len(self._addresses) >= MAX_PEERS:
+        if self._fixed or len(self._addresses) >= MAX_PEERS + MAX_READ:
             self.refused += 1
             return False
         return True

@@ -1,28 +1,21 @@
 """Point 3: what the endpoints send and receive, recorded for tools that know only MAVLink."""
 
-import os
 import runpy
 import shutil
 import sys
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from pymavlink import mavutil
 
-from ground.gateway.bus_port import BusPort
-from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.endpoints.endpoint import Received
+from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
-from ground.gateway.gateway import Gateway, WakeUp
-from ground.gateway.services import face_of
-from ground.gateway.vehicle import Vehicle
-from protocol.wire.messages import GatewayStatus
-from runtime.clock import Clock
 from runtime.errors import UserError
-from tests.support.gateway.fake_port import ORIGIN, FakePort
+from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.telemetry import odometry, status
+from tests.support.gateway.whole import SilentPort, WholeGateway
 
 UTC_NS = 1_800_000_000 * 10**9
 KEY = list(range(100, 132))
@@ -30,60 +23,7 @@ HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 SIGNING = mavlink.MAVLink_setup_signing_message(1, 1, KEY, 0)
 
 
-class StepClock:
-    """A clock that the test moves."""
-
-    def __init__(self) -> None:
-        self.time_ns = 1
-
-    def now_ns(self) -> int:
-        return self.time_ns
-
-
-class PipeEndpoint:
-    """An endpoint whose peers are the test."""
-
-    text = "test"
-    line_bytes_s = None
-
-    def __init__(self) -> None:
-        self._reader, self._writer = os.pipe()
-        self._arrived: list[Received] = []
-        self.sent: list[tuple[str, bytes]] = []
-
-    def deliver(self, peer: str, frame: bytes) -> None:
-        self._arrived.append(Received(peer, frame, is_loopback=True))
-        os.write(self._writer, b"x")
-
-    def filenos(self) -> list[int]:
-        return [self._reader]
-
-    def receive(self) -> list[Received]:
-        os.read(self._reader, 1)
-        arrived, self._arrived = self._arrived, []
-        return arrived
-
-    def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
-        self.sent.append((peer, data))
-
-    def lasting(self) -> list[str]:
-        return []
-
-    def gone(self) -> list[str]:
-        return []
-
-    def flush(self, now_ns: int) -> None:
-        """Keep nothing."""
-
-    def forget(self, peer: str) -> None:
-        """Keep nothing."""
-
-    def close(self) -> None:
-        os.close(self._reader)
-        os.close(self._writer)
-
-
-class SimulatedPort(FakePort):
+class SimulatedPort(SilentPort):
     """A robot that drives one metre per second to the east."""
 
     def snapshot(self, now_ns: int) -> Any:
@@ -91,42 +31,16 @@ class SimulatedPort(FakePort):
         self.telemetry["status"] = status(time_ns=now_ns)
         return super().snapshot(now_ns)
 
-    def deliver(self) -> None:
-        """End no request."""
 
-    def report(self, status: GatewayStatus) -> None:
-        """Publish nothing."""
-
-
-class Drive:
-    """A gateway with a recorder, on a pipe and a clock of its own."""
+class Drive(WholeGateway):
+    """A gateway with a recorder."""
 
     def __init__(self, path: Path) -> None:
-        self.endpoint, self.clock, port = PipeEndpoint(), StepClock(), SimulatedPort()
         self.recorder = TrafficRecorder(new_file(path), UTC_NS)
-        self._encoder = mavlink.MAVLink(None, 255, 190)
-        self._wake_up = WakeUp()
-        self.gateway = Gateway(
-            [self.endpoint],
-            [face_of(Vehicle(1, port, ORIGIN, 0))],
-            [cast("BusPort", port)],
-            cast("Clock", self.clock),
-            self._wake_up,
-            self.recorder,
-        )
-
-    def send(self, message: MavMessage, peer: str = "a", *, is_mavlink1: bool = False) -> None:
-        self.endpoint.deliver(peer, message.pack(self._encoder, force_mavlink1=is_mavlink1))
-        self._encoder.seq = (self._encoder.seq + 1) & 0xFF
-
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds * 50)):
-            self.clock.time_ns += 20_000_000
-            self.gateway.round(longest_s=0.0)
+        super().__init__(SimulatedPort(), self.recorder)
 
     def end(self) -> str:
-        self.gateway.close()
-        self._wake_up.close()
+        self.close()
         return self.recorder.close()
 
 

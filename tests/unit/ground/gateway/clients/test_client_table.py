@@ -5,8 +5,10 @@ from collections.abc import Iterator
 import pytest
 
 from ground.gateway.clients.client_link import GONE_NS
-from ground.gateway.clients.client_table import FRAMES_PER_ROUND, Client, Clients
-from ground.gateway.endpoints.endpoint import Received
+from ground.gateway.clients.client_table import CROWDED_NS, FRAMES_PER_ROUND, Client, Clients
+from ground.gateway.clients.guests import MAX_GUESTS
+from ground.gateway.dialect import mavlink
+from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 from tests.unit.ground.gateway.clients.test_framing import packed
 
 
@@ -45,13 +47,28 @@ class Room:
     def __init__(self) -> None:
         self.endpoint = FakeEndpoint()
         self.log: list[tuple[str, int]] = []
-        self.clients = Clients([self.endpoint], self._note("join"), self._note("leave"))
+        self.owner = 0
+        self.clients = Clients(
+            [self.endpoint],
+            self._note("join"),
+            self._note("leave"),
+            lambda client: client.link.number == self.owner,
+        )
 
     def _note(self, word: str) -> "Note":
         return Note(self.log, word)
 
     def feed(self, peer: str, data: bytes, now_ns: int = 0) -> None:
         self.clients.feed(self.endpoint, Received(peer, data, True), now_ns)
+
+    def fill(self, now_ns: int = 0) -> None:
+        """Give all places away."""
+        for number in range(MAX_PEERS):
+            self.feed(f"old {number}", packed(), now_ns)
+        list(self.frames(now_ns))
+
+    def peers(self) -> list[str]:
+        return [client.peer for client in self.clients]
 
     def frames(self, now_ns: int = 0) -> Iterator[Client]:
         for client, _ in self.clients.frames(now_ns):
@@ -80,6 +97,7 @@ def test_sender_of_a_frame_becomes_a_client(room: Room) -> None:
 
 def test_sender_of_rubbish_takes_no_place(room: Room) -> None:
     room.feed("a", b"\xfd rubbish" * 9)
+    assert list(room.frames()) == []
     assert room.log == []
     assert room.endpoint.forgotten == ["a"]
 
@@ -110,3 +128,79 @@ def test_flood_of_one_client_leaves_others_their_share(room: Room) -> None:
     assert peers.count("b") == 1
     assert peers.count("a") <= FRAMES_PER_ROUND // 2
     assert next(iter(room.clients)).link.dropped > 0
+
+
+STOP = mavlink.MAVLink_command_long_message(0, 0, 185, 0, 1, 0, 0, 0, 0, 0, 0)
+STOP_INT = mavlink.MAVLink_command_int_message(0, 0, 0, 185, 0, 0, 1, 0, 0, 0, 0, 0, 0)
+CLEAR = mavlink.MAVLink_command_long_message(1, 1, 185, 0, 0, 0, 0, 0, 0, 0, 0)
+ARM = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+
+
+def test_new_client_gets_the_place_of_the_most_silent(room: Room) -> None:
+    room.fill()
+    for number in range(1, MAX_PEERS):
+        room.feed(f"old {number}", packed(), number)
+    list(room.frames(MAX_PEERS))
+    room.feed("new", packed(), CROWDED_NS - 1)
+    assert "new" not in room.peers()
+    room.feed("new", packed(), CROWDED_NS)
+    assert "new" in room.peers()
+    assert "old 0" not in room.peers()
+    assert "old 0" in room.endpoint.forgotten
+
+
+def test_owner_is_never_pushed_out(room: Room) -> None:
+    room.fill()
+    room.owner = 1
+    for number in range(500):
+        now_ns = CROWDED_NS + number * CROWDED_NS // 100
+        room.feed(f"flood {number}", packed(), now_ns)
+        list(room.frames(now_ns))
+        assert "old 0" in room.peers()
+        assert len(room.peers()) <= MAX_PEERS
+
+
+@pytest.mark.parametrize("mavlink1", [False, True])
+@pytest.mark.parametrize("stop", [STOP, STOP_INT])
+def test_client_without_a_place_may_stop_the_robot(
+    room: Room, stop: object, mavlink1: bool
+) -> None:
+    room.fill()
+    for message in (ARM, CLEAR, mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)):
+        room.feed("new", packed(message))
+    assert list(room.frames()) == []
+    room.feed("new", packed(stop, mavlink1=mavlink1) + packed(ARM))
+    (client,) = room.frames()
+    assert client.peer == "new"
+    assert list(room.clients.addressed(client.link.number)) == [client]
+    assert "new" not in [one.peer for one in room.clients.addressed(None)]
+    room.feed("new", packed(CLEAR) + packed(stop))
+    assert len(list(room.frames())) == 1
+    room.clients.begin_round(GONE_NS)
+    assert ("leave", client.link.number) in room.log
+    assert "new" in room.endpoint.forgotten
+
+
+def test_connections_without_a_place_wait_as_guests(room: Room) -> None:
+    room.endpoint.connected = [f"tcp {number}" for number in range(MAX_PEERS + MAX_GUESTS + 1)]
+    room.clients.begin_round(0)
+    assert room.peers() == room.endpoint.connected[:MAX_PEERS]
+    assert room.endpoint.forgotten == [f"tcp {MAX_PEERS}"]
+    last = room.endpoint.connected[-1]
+    room.feed(last, packed() + packed(STOP))
+    assert [client.peer for client in room.frames()] == [last]
+    room.endpoint.connected = [*room.endpoint.connected[1:MAX_PEERS], last]
+    room.endpoint.ended = ["tcp 0"]
+    room.clients.begin_round(1)
+    assert last in room.peers()
+
+
+def test_flood_of_joins_costs_no_memory(room: Room) -> None:
+    room.fill()
+    for number in range(3_000):
+        room.feed(f"flood {number}", packed(STOP if number % 2 else ARM))
+    assert len(list(room.frames())) == 1_500
+    assert len(room.clients._guests) == MAX_GUESTS
+    assert len(room.clients) == MAX_PEERS
+    assert len(room.endpoint.forgotten) == 3_000 - MAX_GUESTS
+    assert not room.clients._unwanted

@@ -13,6 +13,7 @@ from ground.gateway.endpoints.endpoint import MAX_PEERS, Endpoint, Received
 from ground.gateway.endpoints.send_buffer import MAX_BYTES, SendBuffer
 from ground.gateway.endpoints.serial import SerialEndpoint
 from ground.gateway.endpoints.spec import all_opened, opened
+from ground.gateway.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
 from runtime.errors import UserError
 from tests.support.until import until
 
@@ -41,9 +42,8 @@ def test_udpin_serves_several_clients_at_once(stack: ExitStack) -> None:
         one = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
         one.sendto(b"hello", ("127.0.0.1", endpoint.port))
         sockets.append(one)
-    peers = [one.peer for one in received(endpoint, MAX_PEERS)]
-    assert len(set(peers)) == MAX_PEERS
-    until(lambda: endpoint.refused == 1 or bool(endpoint.receive()))
+    peers = [one.peer for one in received(endpoint, MAX_PEERS + 1)]
+    assert len(set(peers)) == MAX_PEERS + 1
     endpoint.send(peers[3], b"answer", is_stream=False)
     assert sockets[3].recv(100) == b"answer"
     endpoint.forget(peers[0])
@@ -81,6 +81,26 @@ def test_tcpin_serves_clients_and_notes_the_end(stack: ExitStack) -> None:
     first.close()
     until(lambda: not endpoint.receive() and len(endpoint.lasting()) == 1)
     assert endpoint.gone() == peers[:1]
+
+
+def test_connections_beyond_the_limit_are_closed(stack: ExitStack) -> None:
+    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
+    for number in range(MAX_CONNECTIONS):
+        stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
+        until(lambda: not endpoint.receive() and len(endpoint.lasting()) == number + 1)  # noqa: B023
+    extra = stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
+    until(lambda: not endpoint.receive() and endpoint.refused)
+    assert extra.recv(1) == b""
+    assert len(endpoint.lasting()) == MAX_CONNECTIONS
+
+
+def test_vanished_tcp_client_ends_after_ten_seconds(stack: ExitStack) -> None:
+    endpoint: Any = stack.enter_context(closing(opened("tcpin:127.0.0.1:0")))
+    stack.enter_context(socket.create_connection(("127.0.0.1", endpoint.port)))
+    until(lambda: not endpoint.receive() and bool(endpoint.lasting()))
+    (connection,) = endpoint._connections.values()
+    timeout_ms = connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
+    assert timeout_ms == VANISHED_MS == 10_000
 
 
 def test_slow_tcp_reader_never_blocks_and_never_grows(stack: ExitStack) -> None:

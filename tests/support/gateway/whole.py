@@ -1,0 +1,139 @@
+"""A whole gateway on a pipe and a clock of its own; the peers and the robot are the test."""
+
+import os
+from typing import Any, cast
+
+from ground.client.operations import FetchMission, Operation, ShowFence, ShowParameters
+from ground.gateway.bus_port import BusPort
+from ground.gateway.clients.client_link import NoFile
+from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.endpoints.endpoint import Received
+from ground.gateway.endpoints.recorder import TrafficRecorder
+from ground.gateway.gateway import Gateway, WakeUp
+from ground.gateway.port import Done
+from ground.gateway.services import face_of
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.vehicle import Vehicle
+from protocol.wire.messages import GatewayStatus
+from runtime.clock import Clock
+from tests.support.gateway.fake_port import ORIGIN, FakePort
+
+
+class StepClock:
+    """A clock that the test moves."""
+
+    def __init__(self) -> None:
+        self.time_ns = 1
+
+    def now_ns(self) -> int:
+        return self.time_ns
+
+
+class PipeEndpoint:
+    """An endpoint whose peers are the test."""
+
+    text = "test"
+    line_bytes_s = None
+
+    def __init__(self) -> None:
+        self._reader, self._writer = os.pipe()
+        self._arrived: list[Received] = []
+        self.is_loopback = True
+        self.sent: list[tuple[str, bytes]] = []
+
+    def deliver(self, peer: str, frame: bytes) -> None:
+        self._arrived.append(Received(peer, frame, self.is_loopback))
+        os.write(self._writer, b"x")
+
+    def filenos(self) -> list[int]:
+        return [self._reader]
+
+    def receive(self) -> list[Received]:
+        os.read(self._reader, 1)
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def send(self, peer: str, data: bytes, *, is_stream: bool) -> None:
+        self.sent.append((peer, data))
+
+    def lasting(self) -> list[str]:
+        return []
+
+    def gone(self) -> list[str]:
+        return []
+
+    def flush(self, now_ns: int) -> None:
+        """Keep nothing."""
+
+    def forget(self, peer: str) -> None:
+        """Keep nothing."""
+
+    def close(self) -> None:
+        os.close(self._reader)
+        os.close(self._writer)
+
+
+class SilentPort(FakePort):
+    """A robot that ends requests only when the test says so."""
+
+    def deliver(self) -> None:
+        """End no request."""
+
+    def report(self, status: GatewayStatus) -> None:
+        """Publish nothing."""
+
+
+class CommandedPort(SilentPort):
+    """A robot that never answers what is only read, so that the rest stands alone."""
+
+    def perform(self, operation: Operation[Any], done: Done) -> None:
+        """Keep the operation unless it only reads."""
+        if not isinstance(operation, (ShowParameters, FetchMission, ShowFence)):
+            super().perform(operation, done)
+
+
+class WholeGateway:
+    """One robot behind one endpoint."""
+
+    def __init__(
+        self,
+        port: SilentPort | None = None,
+        recorder: TrafficRecorder | None = None,
+        guard: SigningGuard | None = None,
+    ) -> None:
+        self.endpoint, self.clock, self.port = PipeEndpoint(), StepClock(), port or SilentPort()
+        self.face = face_of(Vehicle(1, self.port, ORIGIN, 0), None, guard)
+        self._encoder = mavlink.MAVLink(NoFile(), 255, 190)
+        self._wake_up = WakeUp()
+        self.gateway = Gateway(
+            [self.endpoint],
+            [self.face],
+            [cast("BusPort", self.port)],
+            cast("Clock", self.clock),
+            self._wake_up,
+            recorder,
+            guard,
+        )
+
+    def send(
+        self, message: MavMessage, peer: str = "a", system: int = 255, *, is_mavlink1: bool = False
+    ) -> None:
+        self._encoder.srcSystem = system
+        self.endpoint.deliver(peer, message.pack(self._encoder, force_mavlink1=is_mavlink1))
+        self._encoder.seq = (self._encoder.seq + 1) & 0xFF
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 50)):
+            self.clock.time_ns += 20_000_000
+            self.gateway.round(longest_s=0.0)
+
+    def sent_to(self, peer: str, kind: str) -> list[MavMessage]:
+        """Return the messages of a kind that a peer has got."""
+        parser = mavlink.MAVLink(NoFile())
+        parser.robust_parsing = True
+        data = b"".join(frame for other, frame in self.endpoint.sent if other == peer)
+        return [one for one in parser.parse_buffer(data) or () if one.get_type() == kind]
+
+    def close(self) -> None:
+        self.gateway.close()
+        self._wake_up.close()

@@ -1,0 +1,275 @@
+"""Bad input and trouble, through the whole gateway: no frame acts that should not."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from ground.client.operations import AnnounceItems, Arm, Hold, UploadMission
+from ground.gateway.control import SILENCE_NS
+from ground.gateway.dialect import MavMessage, MissionCount, mavlink
+from ground.gateway.endpoints.endpoint import MAX_PEERS
+from ground.gateway.gateway import STALL_NS
+from ground.gateway.signing.guard import SigningGuard
+from ground.gateway.signing.key_file import KeyRing, SigningKey
+from ground.gateway.signing.policy import Policy
+from ground.gateway.signing.stamps import EPOCH_S
+from protocol.wire.enums import Vehicle
+from protocol.wire.reasons import Reason
+from tests.support.gateway.messages import SYSTEM, acks, command, words
+from tests.support.gateway.mission_bench import line_of
+from tests.support.gateway.telemetry import everything, status
+from tests.support.gateway.whole import CommandedPort, WholeGateway
+
+HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+ARM = command(400, 1)
+STOP, CLEAR = command(185, 1), command(185, 0)
+ITEMS = line_of(2)
+ACCEPTED, DENIED, NOT_IN_CONTROL = 0, 2, 10
+
+
+@pytest.fixture
+def whole() -> Iterator[WholeGateway]:
+    whole = WholeGateway(CommandedPort())
+    whole.port.telemetry |= everything()
+    yield whole
+    whole.close()
+
+
+def sent(whole: WholeGateway, message: MavMessage, peer: str = "a", system: int = 255) -> None:
+    whole.send(message, peer, system)
+    whole.run(0.04)
+
+
+def results(whole: WholeGateway, peer: str) -> list[tuple[int, int]]:
+    return acks(whole.sent_to(peer, "COMMAND_ACK"))
+
+
+def frame_of(message: MavMessage, *, is_mavlink1: bool = False) -> bytes:
+    frame: bytes = message.pack(mavlink.MAVLink(None, 255, 190), force_mavlink1=is_mavlink1)
+    return frame
+
+
+def damaged(at: int) -> bytes:
+    frame = bytearray(frame_of(ARM))
+    frame[at] ^= 0x55
+    return bytes(frame)
+
+
+BAD_FRAMES = {
+    "truncated": frame_of(ARM)[:-3],
+    "unknown message": damaged(9),
+    "wrong checksum": damaged(-1),
+    "wrong length": damaged(1),
+    "unknown flag": damaged(2),
+    "MAVLink 1, wrong checksum": frame_of(ARM, is_mavlink1=True)[:-1] + b"\0",
+    "another system": frame_of(mavlink.MAVLink_command_long_message(9, 1, 400, 0, *[1.0] * 7)),
+    "another component": frame_of(mavlink.MAVLink_command_long_message(1, 9, 400, 0, *[1.0] * 7)),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_FRAMES)
+def test_bad_frame_does_not_act_and_hides_no_good_one(whole: WholeGateway, kind: str) -> None:
+    sent(whole, HEARTBEAT)
+    whole.endpoint.deliver("a", BAD_FRAMES[kind])
+    whole.run(0.6)  # a frame whose end is missing waits for so long
+    assert whole.port.performed == []
+    assert whole.port.leases == []
+    sent(whole, ARM)
+    assert whole.port.performed == [Arm()]
+
+
+def test_mavlink_1_commands_like_mavlink_2(whole: WholeGateway) -> None:
+    whole.send(ARM, is_mavlink1=True)
+    whole.run(0.04)
+    assert whole.port.performed == [Arm()]
+    whole.port.answer()
+    whole.run(0.04)
+    assert {frame[0] for _, frame in whole.endpoint.sent} == {mavlink.PROTOCOL_MARKER_V1}
+
+
+def test_sender_with_the_ids_of_the_vehicle_is_ignored(whole: WholeGateway) -> None:
+    frame = ARM.pack(mavlink.MAVLink(None, SYSTEM, 1))
+    whole.endpoint.deliver("a", frame)
+    whole.run(0.1)
+    assert whole.port.leases == []
+
+
+def test_same_system_id_at_another_address_is_another_client(whole: WholeGateway) -> None:
+    sent(whole, ARM, "a")
+    whole.port.answer()
+    sent(whole, ARM, "b")
+    sent(whole, command(32100, 0), "b")
+    sent(whole, mavlink.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0), "b")
+    assert results(whole, "b") == [(400, NOT_IN_CONTROL), (32100, NOT_IN_CONTROL)]
+    assert whole.port.performed == [Arm()]
+    assert whole.port.driven == []
+    assert len(whole.port.leases) == 1
+    whole.run(SILENCE_NS / 1e9 - 1)
+    sent(whole, HEARTBEAT, "b")  # keeps only itself alive
+    whole.run(1.5)
+    assert whole.face.vehicle.control.owner is None
+
+
+def test_every_client_may_stop_but_only_the_owner_clears(whole: WholeGateway) -> None:
+    sent(whole, ARM, "a")
+    whole.port.answer()
+    sent(whole, STOP, "b", 254)
+    assert len(whole.port.stops) == 1
+    whole.port.telemetry["status"] = status(vehicle=Vehicle.EMERGENCY_STOP)
+    sent(whole, CLEAR, "b", 254)
+    sent(whole, command(400, 1, 21196), "b", 254)
+    assert results(whole, "b") == [(185, NOT_IN_CONTROL), (400, NOT_IN_CONTROL)]
+    assert whole.port.performed == [Arm()]
+    sent(whole, CLEAR, "a")
+    assert len(whole.port.performed) == 2
+
+
+def test_client_without_a_place_stops_the_robot_and_is_told(whole: WholeGateway) -> None:
+    for number in range(MAX_PEERS):
+        whole.send(HEARTBEAT, f"flood {number}")
+    whole.run(0.1)
+    sent(whole, HEARTBEAT, "new")
+    sent(whole, STOP, "new")
+    assert len(whole.port.stops) == 1
+    whole.port.stops[0](whole.port.accepted)
+    whole.run(1.5)
+    assert results(whole, "new") == [(185, ACCEPTED)]
+    assert whole.sent_to("new", "HEARTBEAT") == []
+    assert len(whole.sent_to("flood 0", "HEARTBEAT")) >= 1
+
+
+def test_emergency_stop_waits_for_no_transfer_and_no_upload(whole: WholeGateway) -> None:
+    sent(whole, ARM, "a")
+    whole.send(MissionCount(1, 1, 100, 0), "a")
+    whole.send(mavlink.MAVLink_param_request_list_message(1, 1), "a")
+    whole.run(0.04)
+    assert whole.port.waiting
+    for count in range(1, 30):  # however often, and in the same round
+        whole.send(STOP, "a")
+        whole.run(0.02)
+        assert len(whole.port.stops) == count
+
+
+def test_mission_of_10_000_items_is_refused_at_once(whole: WholeGateway) -> None:
+    sent(whole, MissionCount(1, 1, 10_000, 0))
+    assert isinstance(whole.port.performed[-1], AnnounceItems)
+    whole.port.refuse(Reason.MISSION_TOO_LONG)
+    whole.run(0.04)
+    (ack,) = whole.sent_to("a", "MISSION_ACK")
+    assert ack.type in (mavlink.MAV_MISSION_NO_SPACE, mavlink.MAV_MISSION_ERROR)
+    assert "mission" in words(whole.sent_to("a", "STATUSTEXT"))
+    for item in line_of(300):
+        whole.send(item)
+    whole.run(0.5)
+    assert len(whole.port.performed) == 1
+
+
+def test_upload_that_stops_gives_way_to_that_of_another_client(whole: WholeGateway) -> None:
+    sent(whole, MissionCount(1, 1, 3, 0), "a")
+    whole.port.answer()
+    sent(whole, ITEMS[0], "a")
+    sent(whole, MissionCount(1, 1, 2, 0), "b", 254)
+    assert [one.type for one in whole.sent_to("b", "MISSION_ACK")] == [mavlink.MAV_MISSION_DENIED]
+    whole.run(9.0)
+    assert [one.type for one in whole.sent_to("a", "MISSION_ACK")] == [
+        mavlink.MAV_MISSION_OPERATION_CANCELLED
+    ]
+    sent(whole, MissionCount(1, 1, 2, 0), "b", 254)
+    whole.port.answer()
+    sent(whole, ITEMS[0], "b", 254)
+    sent(whole, ITEMS[1], "b", 254)
+    assert isinstance(whole.port.performed[-1], UploadMission)
+    assert len(whole.port.performed[-1].mission.waypoints) == 1
+
+
+def test_client_that_vanishes_ends_the_heartbeat_and_leaves_control(whole: WholeGateway) -> None:
+    """Without it the robot acts as at the loss of any operator: GUIDED ends, AUTO goes on."""
+    sent(whole, ARM, "a")
+    whole.port.answer()
+    whole.run(SILENCE_NS / 1e9)
+    beats = whole.port.heartbeats
+    assert beats >= 20
+    whole.run(1.0)
+    assert whole.port.heartbeats == beats
+    sent(whole, command(400, 1), "b", 254)
+    assert [name for _, name in whole.port.leases] == ["MAVLink 255", "MAVLink 254"]
+
+
+def test_what_was_sent_while_the_process_was_stopped_is_dropped(whole: WholeGateway) -> None:
+    sent(whole, ARM, "a")
+    whole.port.answer()
+    whole.port.performed.clear()
+    whole.send(command(192, -1, 1, 0, 0, 10, 20), "a")
+    whole.send(mavlink.MAVLink_manual_control_message(1, 0, 0, 900, 0, 0), "a")
+    whole.send(STOP, "b", 254)
+    whole.clock.time_ns += STALL_NS
+    whole.run(0.04)
+    assert (whole.port.performed, whole.port.driven) == ([], [])
+    assert len(whole.port.stops) == 1
+    assert "stood still for 2.0 s" in words(whole.sent_to("a", "STATUSTEXT"))
+    sent(whole, command(176, 1, 4), "a")
+    assert whole.port.performed == [Hold()]
+
+
+KEY = b"k" * 32
+DAY_NS = (EPOCH_S + 86_400) * 10**9
+
+
+class SignedGateway(WholeGateway):
+    """A gateway with a key, and a client that signs."""
+
+    def __init__(self, policy: Policy, peer_is_loopback: bool = False) -> None:
+        ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
+        now: list[Any] = [self]
+        guard = SigningGuard(
+            lambda: DAY_NS + (now[0].clock.time_ns if hasattr(now[0], "clock") else 0),
+            ring,
+            {"test": policy},
+        )
+        super().__init__(CommandedPort(), guard=guard)
+        self.endpoint.is_loopback = peer_is_loopback
+        self.port.telemetry |= everything()
+        self.signer = mavlink.MAVLink(None, 255, 190)
+        self.signer.signing.secret_key, self.signer.signing.sign_outgoing = KEY, True
+
+    def signed(self, message: MavMessage) -> bytes:
+        self.signer.signing.timestamp = 86_400 * 100_000 + self.clock.time_ns // 10_000 + 1
+        frame: bytes = message.pack(self.signer)
+        return frame
+
+
+@pytest.mark.parametrize("policy", list(Policy))
+def test_recorded_frames_of_the_owner_do_not_act_again(policy: Policy) -> None:
+    whole = SignedGateway(policy)
+    whole.run(1.0)
+    frame = whole.signed(ARM)
+    whole.endpoint.deliver("a", frame)
+    whole.run(0.04)
+    assert whole.port.performed == [Arm()]
+    whole.port.answer()
+    for peer in ("a", "b"):
+        whole.run(2.0)
+        whole.endpoint.deliver(peer, frame)
+        whole.run(0.04)
+    assert whole.port.performed == [Arm()]
+    whole.close()
+
+
+@pytest.mark.parametrize("policy", [Policy.REQUIRE, Policy.LOOPBACK])
+def test_unsigned_stranger_at_the_address_of_the_owner_commands_nothing(policy: Policy) -> None:
+    whole = SignedGateway(policy)
+    whole.run(1.0)
+    whole.endpoint.deliver("a", whole.signed(ARM))
+    whole.run(0.04)
+    whole.port.answer()
+    whole.port.performed.clear()
+    stream = mavlink.MAVLink_manual_control_message(1, 0, 0, 900, 0, 0)
+    for message in (command(176, 1, 15), CLEAR, command(32100, 0), STOP, stream):
+        sent(whole, message, "a")
+    assert (whole.port.performed, whole.port.driven, whole.port.stops) == ([], [], [])
+    whole.run(SILENCE_NS / 1e9 - 1.0)
+    sent(whole, HEARTBEAT, "a")  # does not keep the owner alive
+    whole.run(1.0)
+    assert whole.face.vehicle.control.owner is None
+    whole.close()
