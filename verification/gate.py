@@ -1,10 +1,12 @@
 """`python -m verification.gate`: every check of the project.
 
-There are two phases. The first phase runs static checks and tests that control their time;
-meanwhile it compiles the tests and builds the images for the tests with containers. The second
-phase measures wall time: tests with processes, including first drives, and tests with containers.
-No other step runs at the same time, so that robots are not late. Every step is run, so that one
-call shows all errors. The exit code is 1 when a step failed, and the last line names it.
+There are three phases. The first phase runs static checks and tests that control their time;
+meanwhile it compiles the tests, builds the images for the tests with containers, and installs the
+MAVLink clients. The other phases measure wall time. The second one runs the tests with processes,
+including first drives. No other step runs at the same time, so that robots are not late. The third
+one runs the tests with containers, and at the same time the tests with MAVLink clients, which wait
+for their robot most of the time. Every step is run, so that one call shows all errors. The exit
+code is 1 when a step failed, and the last line names it.
 """
 
 import argparse
@@ -30,7 +32,9 @@ REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
 WORKERS: Final = 3
 """Of the tests with processes: more would start so many at once that robots miss deadlines. Those
-with containers have one, as each stack of containers keeps a core busy."""
+with containers and with MAVLink clients have one each: a stack of containers keeps a core busy."""
+INTEROP: Final = "interop and brief"
+"""Real clients on a clean line. `make interop` has the rest."""
 
 
 class Step(NamedTuple):
@@ -50,19 +54,19 @@ def phases(extra: Sequence[str]) -> list[list[Lane]]:
         # In a fresh clone each worker would compile all tests, at the same time as the others.
         Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
         Step("images", (*PYTHON, "tests.support.compose.images")),
+        Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra)),
     ]
-    return [[computing(extra), prepared], [real_time(extra)]]
+    containers = Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))
+    clients = Step("tests with MAVLink clients", (*PYTEST, "-m", INTEROP, *extra, "tests/interop"))
+    return [[computing(extra), prepared], [processes(extra)], [[containers], [clients]]]
 
 
-def real_time(extra: Sequence[str]) -> list[Step]:
-    """Return the steps whose tests measure wall time."""
+def processes(extra: Sequence[str]) -> list[Step]:
+    """Return the tests with processes, which measure wall time."""
     # A file runs on one worker, as its tests share processes; in the order of the folders.
     workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
-    processes = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
-    return [
-        Step("tests with processes", processes),
-        Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose")),
-    ]
+    words = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
+    return [Step("tests with processes", words)]
 
 
 def computing(extra: Sequence[str]) -> list[Step]:

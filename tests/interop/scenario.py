@@ -24,6 +24,11 @@ class Client(NamedTuple):
     environment: str | None = None
     arguments: tuple[str, ...] = ()
 
+    @property
+    def is_real(self) -> bool:
+        """Whether it is a program that others have written, and no script of ours."""
+        return not self.arguments
+
 
 CLIENTS: Final = (
     Client("mavutil", "mavutil_client"),

@@ -93,10 +93,12 @@ class MavProxy:
             )
         )
 
-    def until_printed(self, lines: Sequence[str], pattern: str, within_s: float = 30.0) -> None:
+    def until_printed(self, lines: Sequence[str], pattern: str, every_s: float = AGAIN_S) -> None:
         """Type lines until something new is printed."""
         since = len(self.lines)
-        self.repeat(lines, lambda: self.printed(pattern, since), f"output {pattern!r}", within_s)
+        self.repeat(
+            lines, lambda: self.printed(pattern, since), f"output {pattern!r}", every_s=every_s
+        )
 
     def end(self) -> None:
         """End the process, which at SIGTERM only waits for the next line at its prompt."""
@@ -151,7 +153,8 @@ def prepare(proxy: MavProxy, steps: Steps, call: Call) -> None:
         proxy.until(lambda: "GLOBAL_POSITION_INT" in seen.newest, "a position")
     with steps.step("set_parameter"):
         lines = [f"param set {PARAMETER} {VALUE}", f"param fetch {PARAMETER}"]
-        proxy.until_printed(lines, rf"{PARAMETER} = {VALUE}")
+        # The first answer may hold the older value.
+        proxy.until_printed(lines, rf"{PARAMETER} = {VALUE}", every_s=1.0)
     with steps.step("fence"):
         path = waypoint_file(call.folder / "fence.txt", fence(seen.place), CORNER, 4)
         proxy.until_printed([f"fence load {path}"], "Got MISSION_ACK: .*FENCE.*: .*ACCEPTED")

@@ -57,5 +57,6 @@ def test_every_test_is_in_one_of_the_steps() -> None:
         "not stack and not compose and not interop",
         "stack and not compose",
         "compose",
+        "interop and brief",
     ]
     assert all("--no-skips" in words for words in steps)
