@@ -7,7 +7,12 @@ import pytest
 import zenoh
 from zenoh.handlers import Callback
 
-from protocol.bus.tls.role_grants import operator_name
+from protocol.bus.tls.role_grants import (
+    GATEWAY_ASKS,
+    GATEWAY_PUTS,
+    GATEWAY_RECEIVES,
+    operator_name,
+)
 from protocol.topics import (
     COMMAND,
     DRIVE,
@@ -30,7 +35,7 @@ OURS = {
     "plant": ("sense/", "truth/"),
     "viewer": (),
     "recorder": (),
-    "gateway": ("op/",),
+    "gateway": ("op/heartbeat", "op/teleop", "op/stop", "op/gateway"),
     "robot-r2": (),
     "stranger": (),
 }
@@ -77,8 +82,9 @@ def forbidden(net: Locked, name: str, path: str, own: tuple[str, ...]) -> set[st
 
     `own` are the beginnings of the paths of which it may use the key under its own name.
     """
-    every = {net.plain(path), *(net.key(path, operator=one) for one in ("ground", "ada", "bob"))}
     operator = operator_name(name)
+    names = ("ground", "ada", "bob", operator or "ground")
+    every = {net.plain(path), *(net.key(path, operator=one) for one in names)}
     allowed = net.plain(path) if operator is None else net.key(path, operator=operator)
     return every - {allowed} if path.startswith(own or ("-",)) else every
 
@@ -143,11 +149,18 @@ def what_is_allowed_arrives(net: Locked, watchful: Watchful) -> None:
     net.plant.put(net.key(SONAR.path), b"scan")
     net.robot.put(net.key(STATUS.path), b"status")
     assert answers(net) == [b"done"]
-    until(lambda: watchful.good >= before + 4)
+    gateway = net.member("gateway")
+    for topic in GATEWAY_PUTS:
+        gateway.put(net.key(topic.path, operator="gateway"), b"sample")
+    for service in GATEWAY_ASKS:
+        key = net.key(service.path, operator="gateway")
+        replies = [reply.ok for reply in gateway.get(key, payload=b"go", timeout=2.0)]
+        assert [one and one.payload.to_bytes() for one in replies] == [b"done"], key
+    until(lambda: watchful.good >= before + 4 + len(GATEWAY_PUTS) + len(GATEWAY_ASKS))
 
 
 @pytest.mark.parametrize("topology", TOPOLOGIES)
-@pytest.mark.parametrize("name", ["viewer", "plant", "robot-r2", "stranger"])
+@pytest.mark.parametrize("name", ["viewer", "plant", "gateway", "robot-r2", "stranger"])
 def test_only_the_robot_may_answer_its_services(
     topology: Topology, name: str, tmp_path: Path
 ) -> None:
@@ -177,6 +190,8 @@ def test_presence_of_another_role_is_rejected(topology: Topology, tmp_path: Path
                 ("robot-r2", "robot"),
                 ("plant", "robot"),
                 ("ground", "plant"),
+                ("gateway", "robot"),
+                ("gateway", "plant"),
                 ("stranger", "robot"),
             )
         ]
@@ -191,7 +206,7 @@ def test_presence_of_another_role_is_rejected(topology: Topology, tmp_path: Path
 def test_each_role_receives_only_its_topics(topology: Topology, tmp_path: Path) -> None:
     with locked(topology, tmp_path / "ring") as net:
         heard: dict[str, set[str]] = {}
-        for name in ("viewer", "robot-r2", "stranger", "plant"):
+        for name in ("viewer", "gateway", "robot-r2", "stranger", "plant"):
             hears = heard.setdefault(name, set())
             session = net.join(name)
             for key in (f"{net.prefix}/**", "**", *(net.every(topic.path) for topic in TOPICS)):
@@ -203,15 +218,18 @@ def test_each_role_receives_only_its_topics(topology: Topology, tmp_path: Path) 
 
         own = {net.key(topic.path) for topic in TOPICS if topic.publisher is Role.PLANT}
         of_the_plant = {net.key(DRIVE.path), *own}
+        of_the_gateway = {net.key(topic.path) for topic in GATEWAY_RECEIVES}
 
         def everybody_heard() -> bool:
             for topic in TOPICS:
                 senders[topic.publisher].put(net.key(topic.path), b"x")
-            return heard["viewer"] == all_keys and heard["plant"] >= of_the_plant
+            complete = heard["plant"] >= of_the_plant and heard["gateway"] >= of_the_gateway
+            return complete and heard["viewer"] == all_keys
 
         until(everybody_heard)
         assert heard["robot-r2"] == heard["stranger"] == set()
         assert heard["plant"] == of_the_plant
+        assert heard["gateway"] == of_the_gateway
 
 
 def note(keys: set[str], sample: zenoh.Sample) -> None:
