@@ -86,14 +86,15 @@ class State(NamedTuple):
         )
 
 
-def state_of(snapshot: Snapshot, number: int | None = None) -> State:
+def state_of(snapshot: Snapshot, number: int | None = None, *, was_armed: bool = False) -> State:
     """Return the state that clients see. A robot without telemetry is INITIALISING, not live.
 
-    `number` is the mode that clients see, by default that of the robot.
+    Its state is then MAVLink's "unknown", but one that `was_armed` is not shown as disarmed: it may
+    still drive. `number` is the mode that clients see, by default that of the robot.
     """
     status = snapshot.status
     if status is None:
-        return State(INITIALISING, False, mavlink.MAV_STATE_UNINIT)
+        return State(INITIALISING, was_armed, mavlink.MAV_STATE_UNINIT)
     is_armed = status.vehicle == Vehicle.ACTIVE
     mode = int(status.mode) if number is None else number
     usual = mavlink.MAV_STATE_STANDBY if mode == Mode.HOLD else mavlink.MAV_STATE_ACTIVE

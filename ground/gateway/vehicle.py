@@ -13,8 +13,11 @@ from ground.gateway.signing.policy import WATCHING
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
+from protocol.wire.enums import Vehicle as State
 from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
+SILENT_NS: Final = NS_PER_S
+"""A robot without telemetry for so long is shown as silent; shorter gaps are delays."""
 ANY: Final = 0
 """The target that addresses every system, or every component."""
 
@@ -27,8 +30,9 @@ class Vehicle:
     `clients` holds the capacity of each client's line in bytes per second, None if it has no limit.
     `lossy` are the clients whose line loses frames. `parameters` are the robot's values by their
     names, as far as they are known. `unix_offset_ns` is the time of day minus the time of this
-    process; None without a clock. `commit` is that of this program. `has_fence` is False once the
-    robot is seen to have none. `shortest_ns` is the shortest time between two messages of a stream.
+    process; None without a clock. `commit` is that of this program. `is_armed` is what was seen
+    last: a silent robot that was armed may still drive. `has_fence` is False once the robot is seen
+    to have none. `shortest_ns` is the shortest time between two messages of a stream.
     """
 
     def __init__(self, system: int, port: RobotPort, origin: Home, now_ns: int) -> None:
@@ -44,6 +48,7 @@ class Vehicle:
         self.unix_offset_ns: int | None = None
         self.commit = ""
         self.has_fence = True
+        self.is_armed = False
         self.shortest_ns = NS_PER_S
         self.catalogue = Catalogue()
         self.outbox = Outbox()
@@ -107,6 +112,9 @@ class Face:
     def due(self, now_ns: int) -> None:
         """Take a new snapshot and process streams, retries and time-outs."""
         self.vehicle.snapshot = self.vehicle.port.snapshot(now_ns)
+        status = self.vehicle.snapshot.status
+        if status is not None:
+            self.vehicle.is_armed = status.vehicle == State.ACTIVE
         self.vehicle.modes.due(self.vehicle.snapshot)
         self.vehicle.control.due(self.vehicle.snapshot, now_ns)
         for service in self._services:

@@ -9,7 +9,7 @@ from typing import Final
 from ground.gateway import ardupilot
 from ground.gateway.dialect import MavMessage
 from ground.gateway.traffic import Sender
-from ground.gateway.vehicle import Vehicle
+from ground.gateway.vehicle import SILENT_NS, Vehicle
 from runtime.units import NS_PER_MS, NS_PER_S
 
 PERIOD_NS: Final = NS_PER_S
@@ -25,6 +25,7 @@ class HeartbeatStream:
         self._vehicle = vehicle
         self._sent: ardupilot.State | None = None
         self._due_ns = 0
+        self._live_ns = -SILENT_NS
         self._greeted: set[int] = set()
         self._again_ns: dict[int, int] = {}
 
@@ -33,7 +34,7 @@ class HeartbeatStream:
 
     def due(self, now_ns: int) -> None:
         """Send the heartbeat if its second is over or the state has changed."""
-        state = ardupilot.state_of(self._vehicle.snapshot, self._vehicle.modes.number)
+        state = self._state(now_ns)
         newcomers = self._vehicle.clients.keys() - self._greeted
         receivers = [*newcomers, *(key for key, at_ns in self._again_ns.items() if now_ns >= at_ns)]
         if state != self._sent or now_ns >= self._due_ns:
@@ -46,6 +47,16 @@ class HeartbeatStream:
             self._again_ns.pop(client, None)
         self._again_ns |= dict.fromkeys(newcomers, now_ns + AGAIN_NS)
         self._greeted |= newcomers
+
+    def _state(self, now_ns: int) -> ardupilot.State:
+        """Return the state; after the last status, that one for a second: it may be delayed."""
+        vehicle = self._vehicle
+        if vehicle.snapshot.is_live:
+            self._live_ns = now_ns
+        elif self._sent is not None and now_ns < self._live_ns + SILENT_NS:
+            return self._sent
+        number = vehicle.modes.number
+        return ardupilot.state_of(vehicle.snapshot, number, was_armed=vehicle.is_armed)
 
     def forget(self, client: int) -> None:
         """Drop what is kept for a client that has gone."""

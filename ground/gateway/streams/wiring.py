@@ -8,6 +8,7 @@ from ground.gateway.streams.heartbeat import HeartbeatStream
 from ground.gateway.streams.origin import OriginService
 from ground.gateway.streams.requests import MessageRequests
 from ground.gateway.streams.scheduler import StreamScheduler
+from ground.gateway.streams.silence import SilenceTexts
 from ground.gateway.streams.texts import RobotTexts
 from ground.gateway.traffic import MavService
 from ground.gateway.vehicle import Vehicle
@@ -31,5 +32,6 @@ def streams_of(vehicle: Vehicle) -> StreamServices:
         origin,
         ClockSync(vehicle),
         RobotTexts(vehicle),
+        SilenceTexts(vehicle),
     )
     return StreamServices(services, (requests.table, origin.table))

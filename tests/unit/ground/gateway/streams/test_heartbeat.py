@@ -64,14 +64,20 @@ def test_state_follows_mode_and_failsafe(vehicle: Vehicle, mode: Mode, expected:
     assert found.system_status == expected
 
 
-def test_silent_robot_is_not_shown_as_live() -> None:
+@pytest.mark.parametrize("vehicle", [Vehicle.ACTIVE, Vehicle.STANDBY])
+def test_silent_robot_is_not_shown_as_live(vehicle: Vehicle) -> None:
+    """Nor as disarmed, if it may still drive."""
     bench = Bench(HeartbeatStream)
-    after(bench, 0.1, vehicle=Vehicle.ACTIVE)
+    after(bench, 0.1, vehicle=vehicle, mode=Mode.GUIDED)
     bench.port.telemetry = {}
-    (found,) = bench.after(0.1)
-    assert found.system_status == mavlink.MAV_STATE_UNINIT
-    assert not found.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    assert found.custom_mode == mavlink.ROVER_MODE_INITIALIZING
+    assert all(one.custom_mode == 15 for one in bench.after(0.98))
+    found = bench.after(1.1)
+    assert {one.system_status for one in found} == {mavlink.MAV_STATE_UNINIT}
+    assert {one.custom_mode for one in found} == {mavlink.ROVER_MODE_INITIALIZING}
+    armed = vehicle == Vehicle.ACTIVE
+    assert {bool(one.base_mode & 128) for one in found} == {armed}
+    (back,) = after(bench, 0.1, vehicle=Vehicle.STANDBY, mode=Mode.HOLD)
+    assert (back.custom_mode, back.base_mode & 128) == (4, 0)
 
 
 @pytest.mark.parametrize(
