@@ -6,17 +6,15 @@ from typing import Final
 
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.pacing import Pacing
-from ground.gateway.files.recordings import Recording, Recordings
+from ground.gateway.files.recordings import ARMED, Recording, Recordings
 from ground.gateway.files.sources import FileSource
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
-from protocol.wire import enums
 
 BLOCK: Final = 90
 DATA_BYTES: Final = 122
 ENTRY_BYTES: Final = 39
 MAX_RANGES: Final = 64
-ARMED: Final = "disarm before you download logs"
 KEPT: Final = "recordings are not erased from here; see sidestep rec"
 NO_LOG: Final = "no log {number}; ask for the list again"
 
@@ -63,7 +61,7 @@ class LogProtocol:
             self._stop(sender.client)
         elif number == mavlink.MAVLINK_MSG_ID_LOG_ERASE:
             self._refusals.say(KEPT, sender.client, now_ns)
-        elif self._is_armed():
+        elif self._vehicle.is_armed:
             self._refusals.say(ARMED, sender.client, now_ns)
         elif number == mavlink.MAVLINK_MSG_ID_LOG_REQUEST_LIST:
             self._list(message, sender.client, now_ns)
@@ -75,7 +73,7 @@ class LogProtocol:
 
         End all downloads when the robot is armed.
         """
-        is_armed = self._is_armed()
+        is_armed = self._vehicle.is_armed
         for client, state in self._clients.items():
             if is_armed and (state.transfer is not None or state.entries):
                 self._refusals.say(ARMED, client, now_ns)
@@ -87,10 +85,6 @@ class LogProtocol:
         """Close the log of a client that has disconnected."""
         self._stop(client)
         self._clients.pop(client, None)
-
-    def _is_armed(self) -> bool:
-        status = self._vehicle.snapshot.status
-        return status is not None and status.vehicle == enums.Vehicle.ACTIVE
 
     def _stop(self, client: int) -> None:
         state = self._clients.get(client)

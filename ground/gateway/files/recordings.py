@@ -1,5 +1,6 @@
 """The recordings of one robot that clients may list and download."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -12,6 +13,9 @@ SUFFIX: Final = ".tlog"
 MAX_LISTED: Final = 1000
 """The number of newest recordings that are listed; a log number has 16 bits."""
 FRESH_NS: Final = NS_PER_S
+ARMED: Final = "disarm before you download logs"
+"""Why neither LOG nor FTP reads a recording of an armed robot: a slow disk would hold up commands
+and the operator's heartbeat, which share a thread with it."""
 
 
 class Recording(NamedTuple):
@@ -30,15 +34,22 @@ class Recording(NamedTuple):
 class Recordings:
     """The `.tlog` files of a robot in a folder; without a folder there are none."""
 
-    def __init__(self, folder: Path | None, robot: str) -> None:
+    def __init__(
+        self, folder: Path | None, robot: str, is_armed: Callable[[], bool] = lambda: False
+    ) -> None:
+        self._is_armed = is_armed
         self._folder = folder
         self._robot = robot
         self._found: tuple[Recording, ...] = ()
         self._looked_ns: int | None = None
 
     def listed(self, now_ns: int) -> tuple[Recording, ...]:
-        """Return the recordings, the oldest first; the list is at most a second old."""
-        if self._looked_ns is None or now_ns - self._looked_ns >= FRESH_NS:
+        """Return the recordings, the oldest first; the list is at most a second old.
+
+        While the robot is armed, it is that of the last look at the disk.
+        """
+        is_old = self._looked_ns is None or now_ns - self._looked_ns >= FRESH_NS
+        if is_old and not self._is_armed():
             self._looked_ns = now_ns
             self._found = self._look()
         return self._found

@@ -7,8 +7,9 @@ from typing import Final
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.checksum import checksum
 from ground.gateway.files.pacing import Pacing
+from ground.gateway.files.recordings import ARMED
 from ground.gateway.files.sessions import MAX_BURST, Burst, FileSession, Sessions
-from ground.gateway.files.sources import Source
+from ground.gateway.files.sources import FileSource, Source
 from ground.gateway.files.tree import VirtualTree
 from ground.gateway.files.wire import (
     FRAME_BYTES,
@@ -45,6 +46,7 @@ class FileServer:
     handles = (mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL,)
 
     def __init__(self, vehicle: Vehicle, tree: VirtualTree, pacing: Pacing) -> None:
+        self._vehicle = vehicle
         self._outbox = vehicle.outbox
         self._tree = tree
         self._pacing = pacing
@@ -151,6 +153,10 @@ class FileServer:
                 found.close()
             return
         del self._opening[first.key]
+        if isinstance(found, FileSource) and self._vehicle.is_armed:
+            found.close()
+            self._vehicle.refusals.say(ARMED, request.sender.client, self._now_ns)
+            found = Failure.FAIL
         if isinstance(found, Failure):
             self._fail(request, found)
         elif request.opcode == Opcode.CHECKSUM:
@@ -221,9 +227,14 @@ class FileServer:
     def _bytes(self, session: FileSession, offset: int, count: int) -> bytes | None:
         """Return bytes of an open file, None if it cannot be read."""
         try:
-            return session.source.read(offset, count)
+            return self._read_from(session.source, offset, count)
         except OSError:
             return None
+
+    def _read_from(self, source: Source, offset: int, count: int) -> bytes:
+        if isinstance(source, FileSource) and self._vehicle.is_armed:
+            raise PermissionError(ARMED)
+        return source.read(offset, count)
 
     def _check(self) -> None:
         """Continue the first checksum."""
@@ -231,7 +242,7 @@ class FileServer:
         if key is None or check is None:
             return
         try:
-            data = check.source.read(check.offset, CHECKED_BYTES)
+            data = self._read_from(check.source, check.offset, CHECKED_BYTES)
         except OSError:
             data = b""
         check.value = checksum(data, check.value)

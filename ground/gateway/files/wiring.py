@@ -17,7 +17,7 @@ def parameters_and_files(vehicle: Vehicle, recordings: Path | None) -> list[MavS
     """Return the protocols of one vehicle; without a folder there are no recordings."""
     pacing = Pacing(vehicle.clients)
     store = ParameterStore(vehicle)
-    found = Recordings(recordings, vehicle.port.name)
+    found = Recordings(recordings, vehicle.port.name, lambda: vehicle.is_armed)
     return [
         ParameterProtocol(vehicle, store, pacing),
         FileServer(vehicle, VirtualTree(store, found), pacing),

@@ -108,8 +108,12 @@ def asked(
 
 def replies(bench: ParameterBench, message: MavMessage, sender: Sender = CLIENT) -> list[Reply]:
     """Send a request; return the replies of the next half second."""
-    found = bench.send(message, sender) + bench.after(0.5)
-    return [Reply(one) for one in of_type(found, "FILE_TRANSFER_PROTOCOL")]
+    return replies_in(bench.send(message, sender) + bench.after(0.5))
+
+
+def replies_in(messages: Iterable[MavMessage]) -> list[Reply]:
+    """Return the replies among messages."""
+    return [Reply(one) for one in of_type(list(messages), "FILE_TRANSFER_PROTOCOL")]
 
 
 def failure(found: list[Reply]) -> int:

@@ -9,9 +9,12 @@ from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.checksum import checksum
 from ground.gateway.files.sessions import MAX_BURST, MAX_OF_CLIENT, MAX_OPEN
 from ground.gateway.files.wire import MAX_DATA, WRITING, Failure, Opcode
+from protocol.wire.enums import Vehicle
 from tests.support.gateway.fake_port import CLIENT, OTHER
-from tests.support.gateway.file_client import Reply, asked, failure, replies
+from tests.support.gateway.file_client import Reply, asked, failure, replies, replies_in
+from tests.support.gateway.messages import words
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
+from tests.support.gateway.telemetry import status
 
 NAME = "20261123T131200Z-r1.tlog"
 PATH = f"/recordings/{NAME}".encode()
@@ -63,6 +66,44 @@ def test_folders_are_listed_with_times(bench: ParameterBench) -> None:
     (line,) = listing(bench, b"@MAV_LOG", Opcode.LIST_WITH_TIME)
     assert line == f"F{NAME}.bin\t{len(CONTENT)}\t{1_795_439_520}"
     assert listing(bench, b"/", Opcode.LIST_WITH_TIME)[0] == "D@MAV_LOG\t0\t0"
+
+
+def arm(bench: ParameterBench) -> list[MavMessage]:
+    bench.port.telemetry["status"] = status(vehicle=Vehicle.ACTIVE)
+    return bench.after(0.02)
+
+
+def test_recordings_of_an_armed_robot_are_not_read(bench: ParameterBench) -> None:
+    """By FTP as little as by LOG: a slow disk must not hold up commands and heartbeats."""
+    opened(bench, PATH, session=1)
+    arm(bench)
+    found = bench.send(asked(Opcode.OPEN, PATH, session=2))
+    assert [one.data for one in replies_in(found)] == [bytes([Failure.FAIL])]
+    assert "disarm" in words(found)
+    for opcode in (Opcode.READ, Opcode.BURST):
+        (reply,) = replies(bench, asked(opcode, b"x" * 80, session=1))
+        assert (reply.opcode, reply.data) == (Opcode.NAK, bytes([Failure.FAIL]))
+    (reply,) = replies(bench, asked(Opcode.CHECKSUM, PATH, session=3))
+    assert reply.opcode == Opcode.NAK
+    opened(bench, b"@PARAM/param.pck", session=4)
+
+
+def test_arming_ends_bursts_and_checksums(bench: ParameterBench, folder: Path) -> None:
+    (folder / NAME).write_bytes(CONTENT * 3_000)
+    opened(bench)
+    bench.send(asked(Opcode.BURST, b"x" * 80))
+    bench.send(asked(Opcode.CHECKSUM, PATH, session=3))
+    found = [reply for reply in replies_in(arm(bench)) if reply.opcode != Opcode.ACK]
+    assert [reply.data for reply in found] == [bytes([Failure.FAIL])] * 2
+    assert replies_in(bench.after(1.0)) == []
+
+
+def test_list_of_an_armed_robot_is_the_last_one(bench: ParameterBench, folder: Path) -> None:
+    assert len(listing(bench, b"recordings")) == 1
+    arm(bench)
+    (folder / "20261123T140000Z-r1.tlog").touch()
+    bench.after(2.0)
+    assert len(listing(bench, b"recordings")) == 1
 
 
 def test_new_recording_is_listed_after_a_second(bench: ParameterBench, folder: Path) -> None:
