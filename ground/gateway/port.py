@@ -22,6 +22,7 @@ from protocol.wire.reasons import Reason
 
 NO_TELEMETRY: Final = "no telemetry arrives from the robot"
 """Why a request is refused at once while the robot is silent."""
+KEEPS_FENCE: Final = "the fence is removed only while the robot is disarmed"
 HINTS: Final[Mapping[int, str]] = MappingProxyType(
     {
         Reason.EMERGENCY_STOPPED: "command 185 with 0 clears it, forced arming too",

@@ -3,12 +3,12 @@
 from collections.abc import Collection, Sequence
 from typing import Any, Final
 
-from ground.client.operations import Operation
+from ground.client.operations import ClearFence, Operation
 from ground.gateway.catalogue import Catalogue
 from ground.gateway.control import WATCHER, OperatorControl
 from ground.gateway.dialect import MavMessage
 from ground.gateway.motion.modes import Modes
-from ground.gateway.port import Done, RobotPort, Snapshot
+from ground.gateway.port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot
 from ground.gateway.signing.policy import WATCHING
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
@@ -71,7 +71,15 @@ class Vehicle:
         return self.boot_ns(now_ns) // NS_PER_MS & 0xFFFFFFFF
 
     def perform(self, sender: Sender, operation: Operation[Any], done: Done) -> None:
-        """Start an operation for a client that has control or obtains it now."""
+        """Start an operation for a client that has control or obtains it now.
+
+        An armed robot keeps its fence, which may be replaced but not removed: no single message,
+        perhaps a forged one, makes it drive on without.
+        """
+        if self.is_armed and self.has_fence and isinstance(operation, ClearFence):
+            kept = Answered(None, KEEPS_FENCE)
+            self.control.ensure(sender, lambda answered: done(kept if answered.ok else answered))
+            return
         self.control.perform(sender, operation, done)
 
 

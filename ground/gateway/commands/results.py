@@ -11,7 +11,7 @@ from ground.client.operations import ParameterChanged
 from ground.client.results import Outcome
 from ground.gateway.control import WATCHER
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, mavlink
-from ground.gateway.port import NO_TELEMETRY, Answered
+from ground.gateway.port import KEEPS_FENCE, NO_TELEMETRY, Answered
 from protocol.wire.reasons import Reason
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
@@ -93,7 +93,7 @@ def result_of(answered: Answered) -> int:
     """Return the MAV_RESULT for the end of a request; FAILED if the robot did not answer."""
     if answered.ok:
         return int(ACCEPTED)
-    if answered.error == NO_TELEMETRY:
+    if answered.error in (NO_TELEMETRY, KEEPS_FENCE):
         return int(LATER)
     if answered.error == WATCHER or isinstance(answered.outcome, ParameterChanged):
         return int(DENIED)

@@ -54,6 +54,7 @@ class MissionBench(Bench):
         self.current = 0
         self.state = MissionState.NONE
         self.mode = Mode.HOLD
+        self.is_armed = True
         self.refusal: Verdict | None = None
         self.is_answering = True
         scheduler, missions = StreamScheduler(self.vehicle), missions_of(self.vehicle)
@@ -65,7 +66,8 @@ class MissionBench(Bench):
         """Publish the robot's mission status; return what is sent in the next round."""
         for name, value in changes.items():
             setattr(self, name, value)
-        self.port.telemetry["status"] = status(vehicle=Vehicle.ACTIVE, mode=self.mode)
+        vehicle = Vehicle.ACTIVE if self.is_armed else Vehicle.STANDBY
+        self.port.telemetry["status"] = status(vehicle=vehicle, mode=self.mode)
         self.port.telemetry["mission"] = MissionStatus(
             time_ns=0,
             mission_id=self.mission_id if self.waypoints else 0,

@@ -226,6 +226,7 @@ def clear(kind: int) -> MavMessage:
 
 @pytest.mark.parametrize(("kind", "left"), [(MISSION, 0), (FENCE, 2), (RALLY, 2), (ALL, 0)])
 def test_clear_all_deletes_its_kind(bench: MissionBench, kind: int, left: int) -> None:
+    bench.publish(is_armed=False)
     (ack,) = of_type(bench.send(clear(kind)), "MISSION_ACK")
     assert (ack.type, ack.mission_type) == (ACCEPTED, kind)
     assert len(bench.waypoints) == left

@@ -4,13 +4,21 @@ from typing import Any
 import pytest
 
 from ground.client.operations import ClearFence, SetFence
-from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.missions.mission import Circle, Polygon
 from ground.missions.transfer import Verdict
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.messages import acks, command, words
-from tests.support.gateway.mission_bench import FENCE, HERE, MissionBench, item_int, of_type, upload
+from tests.support.gateway.mission_bench import (
+    ALL,
+    FENCE,
+    HERE,
+    MissionBench,
+    item_int,
+    of_type,
+    upload,
+)
 from tests.support.gateway.telemetry import status
 
 ACCEPTED, ERROR, FRAME, UNSUPPORTED, NO_SPACE, INVALID, PARAM1 = 0, 1, 2, 3, 4, 5, 6
@@ -81,6 +89,7 @@ def test_no_fence_counts_0(bench: MissionBench) -> None:
 
 
 def test_fence_without_items_clears(bench: MissionBench) -> None:
+    bench.publish(is_armed=False)
     upload(bench, [circle()])
     (ack,) = bench.send(mavlink.MAVLink_mission_count_message(1, 1, 0, FENCE))
     assert (ack.type, ack.mission_type, bench.fence) == (ACCEPTED, FENCE, None)
@@ -183,6 +192,7 @@ def test_stale_robot_has_no_fence_status(bench: MissionBench) -> None:
 
 
 def test_disabled_fence_can_be_enabled_again(bench: MissionBench) -> None:
+    bench.publish(is_armed=False)
     upload(bench, [circle(12.5)])
     fence = bench.fence
     assert acks(bench.send(command(ENABLE, 0))) == [(ENABLE, 0)]
@@ -190,6 +200,35 @@ def test_disabled_fence_can_be_enabled_again(bench: MissionBench) -> None:
     assert acks(bench.send(command(ENABLE, 1))) == [(ENABLE, 0)]
     assert bench.fence == fence
     assert isinstance(bench.port.performed[-1], SetFence)
+
+
+@pytest.mark.parametrize(
+    ("removal", "refusal"),
+    [
+        (command(ENABLE, 0), ("COMMAND_ACK", 1)),
+        (mavlink.MAVLink_mission_clear_all_message(1, 1, FENCE), ("MISSION_ACK", ERROR)),
+        (mavlink.MAVLink_mission_clear_all_message(1, 1, ALL), ("MISSION_ACK", ERROR)),
+        (MissionCount(1, 1, 0, FENCE), ("MISSION_ACK", ERROR)),
+    ],
+)
+def test_armed_robot_keeps_its_fence(
+    bench: MissionBench, removal: MavMessage, refusal: tuple[str, int]
+) -> None:
+    """One message, lost or forged, must not let it drive on without; but it may be replaced."""
+    upload(bench, [circle(12.5)])
+    fence = bench.fence
+    assert bench.is_armed
+    bench.after(0.02)
+    sent = bench.send(removal)
+    kind, result = refusal
+    assert [getattr(one, "result", None) or one.type for one in of_type(sent, kind)] == [result]
+    assert "only while the robot is disarmed" in words(sent)
+    assert bench.fence == fence is not None
+    upload(bench, [circle(3.0)])
+    assert bench.fence not in (fence, None)
+    bench.port.telemetry["status"] = None  # silent, and perhaps still driving
+    bench.after(4.0)
+    assert "only while the robot is disarmed" in words(bench.send(removal))
 
 
 def test_fence_in_force_stays_enabled(bench: MissionBench) -> None:
