@@ -51,7 +51,8 @@ class Reporter:
         totals = self._gone
         for link in links:
             totals = _sum(totals, _totals(link))
-        received, lost = totals.received - self._before.received, totals.lost - self._before.lost
+        received = totals.received - self._before.received
+        lost = max(0, totals.lost - self._before.lost)  # overtaken frames are subtracted later
         found = [
             GatewayStatus(
                 time_ns=0,

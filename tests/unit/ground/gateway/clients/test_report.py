@@ -37,3 +37,12 @@ def test_client_that_has_gone_keeps_its_refused_frames() -> None:
     reporter.left(link)
     (status,) = reporter.take([], {1: None}, 2 * NS_PER_S)
     assert (status.clients, status.refused, status.received_hz) == (0, 5, 0)
+
+
+def test_frames_that_were_overtaken_are_no_negative_loss() -> None:
+    reporter, link = Reporter(0), ClientLink(1, "a", 0)
+    fed(link, 0, 3)
+    (before,) = reporter.take([link], {1: None}, NS_PER_S)
+    fed(link, 1, 2)
+    (after,) = reporter.take([link], {1: None}, 2 * NS_PER_S)
+    assert (before.lost_permille, after.lost_permille) == (500, 0)
