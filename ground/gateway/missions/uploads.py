@@ -36,7 +36,7 @@ TIMEOUT_NS: Final = 8 * NS_PER_S
 """An upload ends if no item arrives for this time; ArduPilot waits equally long."""
 RECENT_NS: Final = 10 * NS_PER_S
 """Items that arrive within this time after the end of their upload are copies or repetitions."""
-LAST_REQUESTS: Final = 3
+LAST_REQUESTS: Final = 8
 """On a lossy line."""
 MAX_PENDING: Final = 4
 """Announcements that wait for the robot, of uploads that their clients have cancelled."""

@@ -161,8 +161,9 @@ def prepare(proxy: MavProxy, steps: Steps, call: Call) -> None:
     with steps.step("log"):
         path = call.folder / "downloaded.tlog"
         proxy.until_printed(["log list"], "^Log 1 ")
-        proxy.type(f"log download 1 {path}")
-        proxy.until(lambda: proxy.printed("Finished downloading"), "the log", 50.0)
+        # MAVProxy does not repeat its first request.
+        lines, done = [f"log download 1 {path}"], "Finished downloading"
+        proxy.repeat(lines, lambda: proxy.printed(done), "the log", 50.0, every_s=12.0)
         call.require_recording(path)
 
 

@@ -1,6 +1,7 @@
 """The steps of a scenario: each prints its result and time as a line of JSON."""
 
 import json
+import os
 import sys
 import time
 import traceback
@@ -81,7 +82,11 @@ class Steps:
         raise StepError(f"the step has not ended within {STEP_S:g} s")
 
     def _print(self, fields: dict[str, object]) -> None:
-        print(json.dumps({"client": self._client, **fields}), flush=True)
+        # In one piece on a line of its own: MAVSDK prints pieces of lines from other threads.
+        sys.stdout.flush()
+        os.write(
+            sys.stdout.fileno(), f"\n{json.dumps({'client': self._client, **fields})}\n".encode()
+        )
 
 
 def pause() -> None:
