@@ -81,6 +81,10 @@ BENCHMARKS = {
         "benchmarks.ground_station.stop_all",
         "stop of all robots: key in the terminal to the last wheel standing",
     ),
+    "gateway": BenchmarkEntry(
+        "benchmarks.gateway.main",
+        "the MAVLink gateway: latency, cost, slow line, forgery, time-outs, readiness, floods",
+    ),
     "restarts": BenchmarkEntry(
         "verification.restarts",
         "time from killing a process of `up` until robot and plant publish again",

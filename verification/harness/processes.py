@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -46,10 +46,16 @@ class Started:
 
 
 @contextmanager
-def sidestep(*arguments: str, ready: str) -> Iterator[Started]:
-    """Run `sidestep ...` until the block ends; a line with `ready` reports that it is ready."""
+def sidestep(
+    *arguments: str, ready: str, environment: Mapping[str, str] | None = None
+) -> Iterator[Started]:
+    """Run `sidestep ...` until the block ends; a line with `ready` reports that it is ready.
+
+    `environment` is added to that of this process.
+    """
     command = [sys.executable, "-m", "sidestep", *arguments]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+    variables = {**os.environ, **(environment or {})}
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=variables) as child:
         started = None
         try:
             started = Started(child, ready)
