@@ -187,8 +187,14 @@ class Vehicle:
 
     @property
     def brakes(self) -> bool:
-        """True while the motors brake: in a failsafe or an emergency stop."""
-        return self.state.machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
+        """True while the motors brake: in a failsafe, an emergency stop, or MANUAL without speeds.
+
+        Speeds whose time is up must not end in the motors' own ramp.
+        """
+        machine = self.state.machine
+        if machine.vehicle == states.ACTIVE:
+            return machine.mode == states.MANUAL and self.state.manual is None
+        return machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
 
     def restore(self) -> list[Exchange]:
         """Restore the saved fence and mission; call it before the first request."""

@@ -27,6 +27,7 @@ from protocol.wire.enums import (
     Command,
     GoalState,
     Mode,
+    Vehicle,
 )
 from protocol.wire.messages import (
     CommandRequest,
@@ -130,6 +131,22 @@ def test_teleop_drives_and_is_in_the_inputs() -> None:
     assert (published.speed_mm_s, published.tick) == (200, rig.ticks)
     assert published.requests == rig.process.reports.recorded == 1
     assert (published.wheels_seq, published.scan_seq) == (rig.ticks, rig.ticks)
+
+
+def test_speeds_whose_time_is_up_end_in_a_brake() -> None:
+    rig = Rig().ready()
+    beat = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
+    rig.bus.say_as(OPERATOR, beat, ADA)
+    rig.cycle()
+    rig.ask(command_to(Mode.MANUAL))
+    frame = Teleop(time_ns=0, seq=0, speed_mm_s=200, yaw_rate_mrad_s=0, ttl_ms=100)
+    rig.bus.say_as(TELEOP, frame, ADA)
+    rig.cycle()
+    assert rig.command.ttl_ms == 150
+    for _ in range(3):
+        rig.cycle()
+    assert speeds(rig.command) == (0, 0, 0)
+    assert rig.vehicle.state.machine.vehicle == Vehicle.ACTIVE
 
 
 def command_to(mode: Mode) -> CommandRequest:
