@@ -12,7 +12,7 @@ from threading import Event
 from typing import Final
 
 from benchmarks.gateway.client import Client, Line, UdpLine
-from ground.gateway.dialect import mavlink
+from ground.gateway.dialect import REQUEST_OPERATOR_CONTROL, mavlink
 from protocol.topics import CYCLE
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.messages import CycleReport
@@ -106,8 +106,9 @@ class Driver:
         self._pause = Event()
 
     def take(self) -> None:
-        """Choose GUIDED, arm, and set off."""
+        """Keep control from others, choose GUIDED, arm, and set off."""
         self._client.await_vehicle()
+        self._client.command(REQUEST_OPERATOR_CONTROL, 1.0, 0.0)
         self._client.set_mode(Mode.GUIDED)
         self._client.arm()
         self.go_on()
