@@ -14,6 +14,7 @@ EXAMPLE = "tcp/127.0.0.1:7447"
 LOCKED = "tls/"
 MAX_ROBOTS = 20
 MAX_OPERATORS = 20
+LEASE_MS = 1000
 DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, MAX_ROBOTS + 1))
 
 
@@ -60,7 +61,7 @@ class Network:
     allows. `robots` are the valid names of robots. `operators` are the names of operators that have
     a certificate of their own, `ground-NAME`. Certificates named in `revoked` have no permissions,
     however long they are valid. A `patient` process, in simulated time, waits for a slow reader
-    instead of dropping what it sends.
+    instead of dropping what it sends. A link ends if nothing arrives on it for `lease_ms`.
     """
 
     mode: Mode = "peer"
@@ -74,6 +75,7 @@ class Network:
     revoked: tuple[str, ...] = ()
     trouble: LinkFaults | None = None
     patient: bool = False
+    lease_ms: int = LEASE_MS
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):

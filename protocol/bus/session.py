@@ -25,7 +25,6 @@ from runtime.errors import (
 )
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
-LEASE_MS = 1000
 OPEN_MS = 500  # closing a session waits for a reconnection attempt, at most this long
 LARGEST_BYTES = 1 << 23  # of an answer, such as a world; limits the memory for fragments
 DIAL_S = 1.0  # while Zenoh dials, Python handles no signal
@@ -46,7 +45,7 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
-        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/lease": network.lease_ms,
         "transport/link/tx/keep_alive": 4,
         "transport/unicast/open_timeout": OPEN_MS,
         "transport/link/rx/max_message_size": LARGEST_BYTES,

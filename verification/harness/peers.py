@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Final
 from uuid import uuid4
 
@@ -46,6 +47,10 @@ from runtime.timing import PERIOD_NS
 from verification.harness.bus_calls import await_subscribers
 
 FRAME_S: Final = 5.0
+LEASE_MS: Final = 60_000
+"""A busy computer may not run the threads of a bus for seconds: no link ends while a test waits."""
+PATIENCE_S: Final = 30.0
+"""Time for a frame to arrive on a busy computer."""
 REPORTED: Final = "cycle report at the ground"
 MAILBOXES: Final = (SONAR, WHEELS, OPERATOR, TELEOP)
 """Topics that the robot reads; it subscribes to the others only to count their arrivals."""
@@ -71,7 +76,7 @@ class Arrivals:
     def wait(self, condition: Callable[[], bool], what: str) -> None:
         """Wait for a condition on the counts; RuntimeError when it does not hold in time."""
         with self._changed:
-            if not self._changed.wait_for(condition, FRAME_S):
+            if not self._changed.wait_for(condition, PATIENCE_S):
                 raise RuntimeError(f"{what} did not arrive")
 
 
@@ -188,6 +193,7 @@ class Peers:
             network = Network(mode=mode, listen=(self._hub,), prefix=self._prefix)
         else:
             network = self.client_network
+        network = replace(network, lease_ms=LEASE_MS)
         bus = self._scopes[name].enter_context(open_bus(network, role, "r1", self.clock.now_ns))
         bus.faults.by_hand = True
         self.buses[name] = bus
