@@ -93,7 +93,10 @@ class StopLine:
 
 
 class BusPort:
-    """One robot on the bus. `wake` is called from other threads when a request has ended."""
+    """One robot on the bus. `wake` is called from other threads when a request has ended.
+
+    `was_there` is True if the robot was found at the start.
+    """
 
     def __init__(self, link: Link, wake: Callable[[], None]) -> None:
         self.name = link.robot
@@ -114,7 +117,8 @@ class BusPort:
         self._started_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
         link.bus.announce(link.robot)
-        link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
+        missing = link.bus.await_matched([self._heartbeats, self._stops], timeout_s=READY_S)
+        self.was_there = not missing
 
     def snapshot(self, now_ns: int) -> Snapshot:
         """Return the newest telemetry."""

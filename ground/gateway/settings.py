@@ -7,8 +7,13 @@ from typing import Annotated, Final, NamedTuple
 
 from msgspec import Meta
 
-from ground.gateway.endpoints.spec import EXAMPLE
-from ground.gateway.frames.globe import DEFAULT_ALTITUDE_M, DEFAULT_ORIGIN
+from ground.gateway.endpoints.spec import EXAMPLE, MAX_PORT, parsed
+from ground.gateway.frames.globe import (
+    DEFAULT_ALTITUDE_M,
+    DEFAULT_ORIGIN,
+    home_at,
+    place_of,
+)
 from ground.gateway.signing.policy import Policy
 from ground.missions.mission import Home
 from protocol.topics import robot_name
@@ -70,8 +75,13 @@ def settings_in(path: str | None) -> GatewaySettings:
 
 
 def with_policy(text: str) -> EndpointText:
-    """Split `udpin:HOST:PORT,require`; LOOPBACK is the default. UserError for another word."""
+    """Split `udpin:HOST:PORT,require`; LOOPBACK is the default. UserError for wrong words."""
     place, comma, word = text.partition(",")
+    parsed(place)
+    if place.endswith(":0"):
+        raise UserError(
+            f"endpoint {text!r}: clients cannot find port 0: give one of 1 to {MAX_PORT}"
+        )
     try:
         return EndpointText(place, Policy(word) if comma else Policy.LOOPBACK)
     except ValueError:
@@ -80,6 +90,14 @@ def with_policy(text: str) -> EndpointText:
         raise UserError(
             f"endpoint {text!r}: {word!r} is none of {known}; as in {example}"
         ) from None
+
+
+def origin_in(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+    """Return an origin; UserError if it is not one."""
+    if home_at(place_of(latitude_deg, longitude_deg)) is None:
+        here = f"{latitude_deg:g} {longitude_deg:g}"
+        raise UserError(f"--origin {here}: LAT -85 to 85, LON -180 to 180, not both 0")
+    return latitude_deg, longitude_deg
 
 
 def system_in(text: str) -> tuple[str, int]:

@@ -223,7 +223,7 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "present robots to MAVLink ground stations",
             "run gateway udpin:127.0.0.1:14550",
             "ground.cli.run.gateway",
-            act="act",
+            run="run",
         ),
         "berth": Verb(
             RUN,

@@ -7,8 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from ground.client.link import Link
+from ground.cli.options import common_of
+from ground.client.link import Link, open_link
 from ground.gateway.bus_port import BusPort
+from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
 from ground.gateway.endpoints.spec import EXAMPLE, all_opened
 from ground.gateway.gateway import Gateway, WakeUp
@@ -17,6 +19,7 @@ from ground.gateway.settings import (
     LOW_RATE_BYTES_S,
     EndpointText,
     GatewaySettings,
+    origin_in,
     robots_in,
     settings_in,
     system_in,
@@ -70,9 +73,7 @@ def settings_of(options: argparse.Namespace, robot: str, config: str | None) -> 
     found = settings_in(config)
     robots = robots_in(options.robots or ()) or robots_in(found.robots) or [robot]
     systems = dict(map(system_in, options.system)) if options.system else found.systems
-    origin = tuple(options.origin) if options.origin else found.origin
-    if not (abs(origin[0]) <= 85.0 and abs(origin[1]) <= 180.0):
-        raise UserError(f"--origin {origin[0]:g} {origin[1]:g}: LAT -85 to 85, LON -180 to 180")
+    origin = origin_in(*(options.origin or found.origin))
     return replace(
         found,
         endpoints=tuple(options.endpoints or found.endpoints),
@@ -111,12 +112,30 @@ def vehicle_of(port: BusPort, link: Link, settings: GatewaySettings) -> Vehicle:
     return vehicle
 
 
-def act(options: argparse.Namespace, link: Link, output: Output) -> int:
-    """Serve until Ctrl-C."""
-    settings = settings_of(options, link.robot, link.common.config)
+def run(options: argparse.Namespace, output: Output) -> int:
+    """Serve until Ctrl-C. Wrong words are errors before the connection to the robot."""
+    common = common_of(options, output)
+    settings = settings_of(options, common.robot, common.config)
     texts = [with_policy(text) for text in settings.endpoints]
     guard = guard_of(settings, texts)
     endpoints = all_opened([one.text for one in texts])
+    try:
+        with open_link(common) as link:
+            return serve(options, link, output, settings, endpoints, guard)
+    finally:
+        for endpoint in endpoints:
+            endpoint.close()
+
+
+def serve(
+    options: argparse.Namespace,
+    link: Link,
+    output: Output,
+    settings: GatewaySettings,
+    endpoints: Sequence[Endpoint],
+    guard: SigningGuard,
+) -> int:
+    """Present the robots over a link until Ctrl-C; return 1 if the recording has gaps."""
     wake_up = WakeUp()
     recordings = Path(options.recordings) if options.recordings else recordings_folder()
     recorder = recorder_for(options.record, link.clock, output)
@@ -128,6 +147,9 @@ def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     gateway.line_bytes_s = LOW_RATE_BYTES_S if settings.low_rate else None
     for name, system in settings.systems.items():
         output.note(f"{name} is MAVLink system {system} at {', '.join(settings.endpoints)}")
+    for port in ports:
+        if not port.was_there:
+            output.note(f"robot {port.name} is not running yet, or not at {link.endpoint}")
     try:
         gateway.run()
     except KeyboardInterrupt:

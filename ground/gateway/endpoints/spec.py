@@ -5,7 +5,7 @@ from contextlib import ExitStack, closing
 from difflib import get_close_matches
 from functools import partial
 from types import MappingProxyType
-from typing import Final
+from typing import Final, NamedTuple
 
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.serial import SerialEndpoint
@@ -26,8 +26,16 @@ SERIAL: Final = "serial"
 MAX_PORT: Final = 65_535
 
 
-def opened(text: str) -> Endpoint:
-    """Open an endpoint; UserError names the error and the fix."""
+class Place(NamedTuple):
+    """The parts of an endpoint: its kind, host or device, and port or speed."""
+
+    kind: str
+    name: str
+    number: int
+
+
+def parsed(text: str) -> Place:
+    """Parse an endpoint; UserError names the error and the fix."""
     kind, _, rest = text.partition(":")
     if kind not in KINDS:
         near = get_close_matches(kind, KINDS, n=1)
@@ -41,7 +49,13 @@ def opened(text: str) -> Endpoint:
         raise UserError(f"endpoint {text!r}: use {kind}:{form}, as in {example}")
     if kind != SERIAL and int(number) > MAX_PORT:
         raise UserError(f"endpoint {text!r}: ports end at {MAX_PORT}")
-    return KINDS[kind](text, place, int(number))
+    return Place(kind, place, int(number))
+
+
+def opened(text: str) -> Endpoint:
+    """Open an endpoint; UserError names the error and the fix."""
+    kind, name, number = parsed(text)
+    return KINDS[kind](text, name, number)
 
 
 def all_opened(texts: Sequence[str]) -> list[Endpoint]:

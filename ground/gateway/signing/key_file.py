@@ -75,6 +75,8 @@ def read_keys(path: Path) -> KeyRing:
         return KeyRing()
     except OSError as error:
         raise UserError(f"{path}: {error.strerror}") from error
+    if not path.is_file():
+        raise UserError(f"{path} is not a file: name a file for the keys")
     if mode & SHARED_BITS:
         raise UserError(f"{path}: other users may read the keys: chmod 600 {path}")
     ring = load(path, KeyRing)

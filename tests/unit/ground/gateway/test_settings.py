@@ -3,6 +3,7 @@ from pathlib import Path
 
 import pytest
 
+from ground.cli.main import main
 from ground.cli.run.gateway import arguments, guard_of, settings_of
 from ground.gateway.endpoints.spec import EXAMPLE
 from ground.gateway.settings import GatewaySettings, systems_of, with_policy
@@ -64,6 +65,8 @@ def test_systems_are_numbered_in_the_order_of_the_names() -> None:
         (("--robots", "r1,r2", "--system", "r1=4", "r2=4"), "an id of its own"),
         (("--robots", "r1", "--robots", "r1"), "only once"),
         (("--origin", "91", "0"), "LAT -85 to 85"),
+        (("--origin", "47", "181"), "LON -180 to 180"),
+        (("--origin", "0", "0"), "not both 0"),
     ],
 )
 def test_wrong_words_are_refused_with_the_fix(words: tuple[str, ...], error: str) -> None:
@@ -71,12 +74,42 @@ def test_wrong_words_are_refused_with_the_fix(words: tuple[str, ...], error: str
         settings(*words)
 
 
-@pytest.mark.parametrize("line", ["low_rat = true", "systems = { r1 = 0 }", "origin = [99, 0]"])
+@pytest.mark.parametrize(
+    "line",
+    [
+        "low_rat = true",
+        "systems = { r1 = 0 }",
+        "systems = { r1 = 256 }",
+        "origin = [99, 0]",
+        "origin = [0.0, 0.0]",
+        'robots = ["R!"]',
+        'robots = ["r1", "r1"]',
+        "systems = { r1 = 4, r2 = 4 }",
+        "endpoints = 5",
+    ],
+)
 def test_wrong_key_of_the_file_is_refused(tmp_path: Path, line: str) -> None:
     path = tmp_path / "ground.toml"
     path.write_text(f"[gateway]\n{line}\n")
-    with pytest.raises(ConfigError, match="gateway"):
+    with pytest.raises((ConfigError, UserError)):
         settings(config=str(path))
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (("udpinn:127.0.0.1:1",), "did you mean udpin?"),
+        (("udpin:127.0.0.1:14550,sing",), "is none of require, loopback, accept"),
+        (("udpin:127.0.0.1:0",), "port 0"),
+        (("serial:/dev/none:57600",), "no such device"),
+        (("--system", "r1=0"), "1 to 250"),
+    ],
+)
+def test_wrong_words_are_refused_before_the_connection(
+    words: tuple[str, ...], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["gateway", *words, "--connect", "tcp/127.0.0.1:1"]) == 2
+    assert error in capsys.readouterr().err
 
 
 def test_policy_follows_the_endpoint_after_a_comma() -> None:

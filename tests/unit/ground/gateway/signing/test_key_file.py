@@ -59,3 +59,8 @@ def test_usual_file_is_in_the_folder_of_the_settings(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("XDG_CONFIG_HOME", "/somewhere")
     assert usual_file() == Path("/somewhere/sidestep/mavlink-keys.toml")
     assert SigningKey(secret="0" * 64).raw == bytes(32)
+
+
+def test_folder_is_no_file_of_keys(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="is not a file"):
+        read_keys(tmp_path)
