@@ -68,6 +68,12 @@ def test_autopilot_version_comes_by_each_request(ask_for: str) -> None:
     assert message.uid
 
 
+def test_requested_message_is_sent_twice_on_a_lossy_line() -> None:
+    bench = whole_bench()
+    bench.vehicle.lossy = {CLIENT.client}
+    assert len(ask(bench, REQUEST, VERSION)[1]) == 2
+
+
 def test_version_of_another_robot_has_another_id() -> None:
     first, second = (ardupilot.autopilot_version(name, "") for name in ("r1", "r2"))
     assert first.uid != second.uid
