@@ -43,7 +43,7 @@ class Downloads:
                 return
             number, kind = len(self._kind.items(values)), self._kind
             fields = (sender.system, sender.component, number, kind.number, kind.id_of(values))
-            self._vehicle.outbox.send(MissionCount(*fields), sender.client)
+            self._vehicle.answer(MissionCount(*fields), sender.client)
 
         self._kind.copy.latest(then, now_ns)
 
@@ -63,7 +63,7 @@ class Downloads:
                 items = [self._kind.home]  # which DroneKit asks for without a mission, too
             if number < len(items):
                 message = item_message(items[number], self._kind.number, sender, is_int=is_int)
-                self._vehicle.outbox.send(message, sender.client)
+                self._vehicle.answer(message, sender.client)
             elif values is None:
                 self._refuse(sender, ERROR, why)
             else:

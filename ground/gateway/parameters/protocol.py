@@ -127,7 +127,7 @@ class ParameterProtocol:
     def _send(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
         index = self._index(message, sender, table, why)
         if table is not None and index is not None:
-            self._vehicle.outbox.send(table.message(index), sender.client)
+            self._vehicle.answer(table.message(index), sender.client)
 
     def _set(self, message: MavMessage, sender: Sender, table: MavTable | None, why: str) -> None:
         index = self._index(message, sender, table, why)

@@ -72,6 +72,8 @@ class ParameterStore:
         if self.table is not None and index < len(self.table):
             self._use(self.table.with_value(index, value))
             self._vehicle.outbox.send(self.table.message(index))
+            for client in self._vehicle.lossy:
+                self._vehicle.outbox.send(self.table.message(index), client)
 
     def _ask(self, now_ns: int) -> None:
         if not self._is_asking:

@@ -72,8 +72,7 @@ class MessageRequests:
         elif source is not None:
             messages = source.build(now_ns)
         for message in messages:
-            for _ in range(2 if sender.client in self._vehicle.lossy else 1):
-                self._vehicle.outbox.send(message, sender.client)
+            self._vehicle.answer(message, sender.client)
         return bool(messages)
 
     def _request_message(self, call: Call, reply: Reply) -> None:

@@ -5,7 +5,7 @@ import pytest
 from ground.client.operations import FetchMission
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.missions.mission import Home, Waypoint
-from tests.support.gateway.fake_port import ORIGIN
+from tests.support.gateway.fake_port import CLIENT, ORIGIN
 from tests.support.gateway.messages import words
 from tests.support.gateway.mission_bench import (
     ALL,
@@ -72,6 +72,13 @@ def test_mission_request_int_is_answered_by_item_int(bench: MissionBench) -> Non
     assert item.get_type() == "MISSION_ITEM_INT"
     assert (item.seq, item.command, item.frame, item.param1) == (1, 16, 3, 2.5)
     assert item.param4 == 360.0
+
+
+def test_answers_are_sent_twice_on_a_lossy_line(bench: MissionBench) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    assert len(of_type(bench.send(listed()), "MISSION_COUNT")) == 2
+    request = mavlink.MAVLink_mission_request_int_message(1, 1, 1, MISSION)
+    assert len(of_type(bench.send(request), "MISSION_ITEM_INT")) == 2
 
 
 def test_downloaded_mission_can_be_uploaded_again(bench: MissionBench) -> None:
