@@ -1,12 +1,12 @@
 """One run of the judge: connect, judge the rows, restore changed values and plans."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
 
-from ground.vehicle_check.dialect import mavlink
+from ground.vehicle_check.dialect import NUMBERS, mavlink
 from ground.vehicle_check.network import Losses, Network
-from ground.vehicle_check.session import Client, Frame, Station
+from ground.vehicle_check.session import Client, Frame, Station, heartbeat
 from ground.vehicle_check.signing import Signer, timestamp_at
 from ground.vehicle_check.verdict import Findings, Row, Verdict, failed, not_tried
 from runtime.errors import RemoteError
@@ -19,8 +19,14 @@ WATCHERS: Final = 4
 STREAM_RATES: Final[Mapping[int, int]] = {1: 2, 2: 2, 3: 2, 6: 3, 10: 10, 11: 10, 12: 3}
 """Rates of REQUEST_DATA_STREAM by group, as QGroundControl's ArduPilot plugin asks for them."""
 TOLERANCE: Final = 0.2
+PERIODS: Final = 5
+MIN_WATCH_S: Final = 2.0
+SILENCE_S: Final = 10.0
+"""A vehicle that has sent nothing for so long is gone."""
 MAX_RUN_S: Final = 85.0
 MAX_RUN_WITH_MOTION_S: Final = 300.0
+SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+ONE_CLIENT: Final = "this endpoint serves one ground station"
 
 
 class Options(NamedTuple):
@@ -40,6 +46,21 @@ class Judged(NamedTuple):
     verdict: Verdict
 
 
+class Restore(NamedTuple):
+    """What the check has changed: its name, and how to undo that; it returns True if it worked."""
+
+    name: str
+    undo: Callable[[], bool]
+
+
+class Outcome(NamedTuple):
+    """The rows in the order of numbers, and what was put back, or not."""
+
+    rows: list[Judged]
+    restored: list[str]
+    not_restored: list[str]
+
+
 class Window(NamedTuple):
     """The frames of the main client while the judge only received."""
 
@@ -57,11 +78,11 @@ class Check:
     def __init__(self, network: Network, options: Options) -> None:
         self.options = options
         self.station = Station(network, Losses(options.loss, options.seed))
-        if options.key is not None:
-            self.station.signer = Signer(options.key, 1, timestamp_at(options.unix_s))
-        self.main = self.station.connect()
         self.began_ns = self.station.now_ns
-        self.restore: list[Callable[[], None]] = []
+        if options.key is not None:
+            self.station.signer = self.signer_with(options.key)
+        self.main = self.station.connect()
+        self.restore: list[Restore] = []
         self.facts: dict[str, Any] = {}
         """Results of rows that other rows use."""
 
@@ -75,6 +96,14 @@ class Check:
         """The time since the start."""
         return (self.station.now_ns - self.began_ns) / NS_PER_S
 
+    def stamp(self) -> int:
+        """Return the time stamp of a signature now."""
+        return timestamp_at(self.options.unix_s + self.spent_s)
+
+    def signer_with(self, key: bytes) -> Signer:
+        """Return a signer of a ground station."""
+        return Signer(key, 1, self.stamp(), self.stamp)
+
     def find(self) -> None:
         """Wait for the vehicle's heartbeat; RemoteError if there is none."""
         since = self.main.mark()
@@ -85,19 +114,38 @@ class Check:
             raise RemoteError(f"no heartbeat of a MAVLink vehicle within {seconds}{other}")
         self.station.target = found.system
         self.station.target_component = found.component
-        self.restore.append(partial(self._back_to, int(found.message.custom_mode)))
+        self.station.heard_ns = found.at_ns
+        mode = int(found.message.custom_mode)
+        self.restore.append(Restore(f"mode {mode}", partial(self._back_to, mode)))
         self.main.log[:] = [one for one in self.main.log if one.system == found.system]
 
-    def _back_to(self, mode: int) -> None:
+    def _back_to(self, mode: int) -> bool:
         if self.mode != mode and not self.is_armed:
-            self.set_mode(mode)
+            return bool(self.set_mode(mode) == mavlink.MAV_RESULT_ACCEPTED)
+        return self.mode == mode
+
+    @property
+    def silent_s(self) -> float:
+        """How long the vehicle has sent nothing."""
+        return (self.station.now_ns - self.station.heard_ns) / NS_PER_S
+
+    def is_silent(self) -> bool:
+        """Wait for a vehicle that sends nothing; return True if it is gone."""
+        before_ns = self.station.heard_ns
+        left_s = SILENCE_S - self.silent_s
+        return not self.station.wait(left_s, lambda: self.station.heard_ns > before_ns)
 
     @cached_property
     def second(self) -> Client:
         """A second ground station, which remains connected."""
         client = self.station.connect()
-        self.station.wait(0.3)
+        client.greet()
         return client
+
+    @property
+    def serves_two(self) -> bool:
+        """True if the vehicle sends to a second ground station, too. A serial line does not."""
+        return bool(self.second.log)
 
     @cached_property
     def window(self) -> Window:
@@ -105,11 +153,9 @@ class Check:
         began_ns = self.station.now_ns
         watchers = [self.station.connect() for _ in range(WATCHERS)]
         silent = self.station.connect(beats=False)
-        silent.beats = True
-        silent.beat(began_ns)
-        silent.beats = False
+        silent.send_surely(heartbeat())
         self.station.wait(SETTLE_S)
-        if not self.main.heard("GLOBAL_POSITION_INT"):
+        if not self.main.sent("GLOBAL_POSITION_INT"):
             self.ask_for_streams(self.main)
         since, bytes_before, start_ns = self.main.mark(), self.main.bytes, self.station.now_ns
         self.station.wait(WINDOW_S - SETTLE_S)
@@ -122,39 +168,55 @@ class Check:
 
     def ask_for_streams(self, client: Client) -> None:
         """Send REQUEST_DATA_STREAM for all groups."""
-        target = self.target, self.station.target_component
+        target = self.station.address
         for group, rate in STREAM_RATES.items():
-            client.send(mavlink.MAVLink_request_data_stream_message(*target, group, rate, 1))
+            client.send_surely(mavlink.MAVLink_request_data_stream_message(*target, group, rate, 1))
 
     def seen(self, name: str) -> list[Frame]:
-        """Return the messages of a name in the window."""
-        return [one for one in self.window.frames if one.name == name and not one.is_lost]
+        """Return the messages of a name that the vehicle has sent in the window."""
+        return [one for one in self.window.frames if one.name == name]
 
-    def rate(self, name: str, since: int | None = None, seconds: float = 0.0) -> float:
-        """Return the rate at which the vehicle sends in the window, or since a mark."""
-        if since is None:
-            frames, seconds = self.window.frames, self.window.seconds
-        else:
-            frames = self.main.log[since:]
-        return sum(one.name == name for one in frames) / seconds
+    def rate(self, name: str) -> float:
+        """Return the rate at which the vehicle sends in the window."""
+        return len(self.seen(name)) / self.window.seconds
 
     def expect_rate(self, found: Findings, name: str, low_hz: float, high_hz: float) -> bool:
-        """Expect a message in the window at a rate, with a tolerance."""
+        """Expect a message in the window at a rate, with a tolerance.
+
+        A vehicle that sends another rate by itself, as ArduPilot does, is asked for this one.
+        """
         rate = self.rate(name)
-        is_right = low_hz * (1 - TOLERANCE) <= rate <= high_hz * (1 + TOLERANCE)
         wanted = f"{low_hz:g}" if low_hz == high_hz else f"{low_hz:g}-{high_hz:g}"
-        return found.expect(is_right, f"{name} {rate:.1f} Hz (wanted {wanted})")
+        if _is_near(rate, low_hz, high_hz):
+            return found.expect(True, f"{name} {rate:.1f} Hz (wanted {wanted})")
+        asked = self._rate_when_asked(name, high_hz)
+        fact = f"{name} {rate:.1f} Hz, {asked:.1f} Hz when asked (wanted {wanted})"
+        return found.expect(_is_near(asked, low_hz, high_hz), fact)
+
+    def _rate_when_asked(self, name: str, rate_hz: float) -> float:
+        number = NUMBERS.get(name)
+        interval_us = round(1e6 / rate_hz)
+        result = number and self.main.result_of(SET_MESSAGE_INTERVAL, number, interval_us)
+        if result != mavlink.MAV_RESULT_ACCEPTED:
+            return 0.0
+        seconds = max(MIN_WATCH_S, PERIODS / rate_hz)
+        self.station.wait(1 / rate_hz)
+        since = self.main.mark()
+        self.station.wait(seconds)
+        return len(self.main.sent(name, since)) / seconds
 
     def newest(self, name: str) -> Any:
-        """Return the newest message of a name in the window; None if there is none."""
-        frames = self.seen(name)
-        return frames[-1].message if frames else None
+        """Return the newest message of a name; None if there was none in or after the window."""
+        since_ns = self.window.began_ns
+        frame = self.main.latest(name)
+        return frame.message if frame is not None and frame.at_ns >= since_ns else None
 
     @property
     def heartbeat(self) -> Any:
         """The vehicle's newest heartbeat."""
-        frames = self.main.heard("HEARTBEAT", where=is_vehicle)
-        return frames[-1].message
+        frame = self.main.latest("HEARTBEAT", is_vehicle)
+        assert frame is not None  # `find` has seen one
+        return frame.message
 
     @property
     def mode(self) -> int:
@@ -174,8 +236,8 @@ class Check:
         )
 
     def texts(self, since: int, client: Client | None = None) -> str:
-        """Return the STATUSTEXT since a mark, short."""
-        frames = (client or self.main).heard("STATUSTEXT", since)
+        """Return the STATUSTEXT that was sent since a mark, short."""
+        frames = (client or self.main).sent("STATUSTEXT", since)
         return " | ".join(_text(one.message.text) for one in frames)
 
 
@@ -191,21 +253,58 @@ def judge(
     options: Options,
     rows: Sequence[Row],
     progress: Callable[[str], None] = lambda text: None,
-) -> list[Judged]:
-    """Judge a vehicle; RemoteError if there is none. Return the rows in the order of numbers."""
+) -> Outcome:
+    """Judge a vehicle, and put back what the check has changed; RemoteError if there is none."""
     check = Check(network, options)
     check.find()
-    most_s = MAX_RUN_WITH_MOTION_S if options.allow_motion else MAX_RUN_S
-    found = []
+    try:
+        found = list(_all_judged(check, rows, progress))
+    except KeyboardInterrupt as error:
+        progress("interrupted: putting back what the check has changed")
+        restored, not_restored = _put_back(check)
+        error.add_note(restore_text(restored, not_restored))
+        raise
+    progress("putting back what the check has changed")
+    return Outcome(sorted(found, key=lambda one: one.row.number), *_put_back(check))
+
+
+def _all_judged(
+    check: Check, rows: Sequence[Row], progress: Callable[[str], None]
+) -> Iterator[Judged]:
+    most_s = MAX_RUN_WITH_MOTION_S if check.options.allow_motion else MAX_RUN_S
+    most_s *= 2 if check.station.is_lossy else 1
+    gone = ""
     for row in rows:
-        progress(f"row {row.number}: {row.title}")
-        if check.spent_s > most_s:
-            found.append(Judged(row, not_tried(f"the check takes {most_s:g} s at most")))
+        if gone or check.spent_s > most_s:
+            yield Judged(row, not_tried(gone or f"the check takes {most_s:g} s at most"))
             continue
-        found.append(Judged(row, _judged(row, check)))
-    for undo in reversed(check.restore):
-        undo()
-    return sorted(found, key=lambda one: one.row.number)
+        progress(f"row {row.number}: {row.title}")
+        verdict = _judged(row, check)
+        if check.is_silent():
+            gone = f"the vehicle is silent since row {row.number}"
+            verdict = failed(f"the vehicle fell silent; {verdict.evidence}")
+        yield Judged(row, verdict)
+
+
+def _put_back(check: Check) -> tuple[list[str], list[str]]:
+    """Undo the changes, the last one first; return the names of those undone, and of the others."""
+    restored: list[str] = []
+    not_restored: list[str] = []
+    is_gone = check.is_silent()
+    for name, undo in reversed(check.restore):
+        (restored if not is_gone and undo() else not_restored).append(name)
+    return restored, not_restored
+
+
+def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:
+    """Return what was put back, and what was not, in words."""
+    words = [f"put back: {', '.join(restored)}"] if restored else []
+    words += [f"NOT put back: {', '.join(not_restored)}"] if not_restored else []
+    return "; ".join(words)
+
+
+def _is_near(rate: float, low_hz: float, high_hz: float) -> bool:
+    return low_hz * (1 - TOLERANCE) <= rate <= high_hz * (1 + TOLERANCE)
 
 
 def _judged(row: Row, check: Check) -> Verdict:

@@ -145,6 +145,13 @@ EXTRA: Final[Mapping[int, Layout]] = MappingProxyType(
 )  # fmt: skip
 
 
+NUMBERS: Final[Mapping[str, int]] = MappingProxyType(
+    {entry.msgname: number for number, entry in mavlink.mavlink_map.items()}
+    | {layout.name: number for number, layout in EXTRA.items()}
+)
+"""The message ids by the names of messages."""
+
+
 def number_of(frame: bytes) -> int:
     """Return the message id of a whole frame."""
     if frame[0] == mavlink.PROTOCOL_MARKER_V1:

@@ -79,13 +79,19 @@ class FileClient:
         self._sequence = expected
         return None if found is None else reply_of(found.message.payload)
 
-    def fetch(self, path: str, chunk: int = MAX_DATA, within_s: float = 5.0) -> bytes | None:
-        """Return a whole file, None if it cannot be read in time."""
+    def fetch(
+        self, path: str, chunk: int = MAX_DATA, within_s: float = 5.0, at_most: int | None = None
+    ) -> bytes | None:
+        """Return a whole file or its start, None if it cannot be read in time."""
         end_ns = self._client.station.now_ns + round(within_s * NS_PER_S)
         opened = self.request(OPEN, path.encode())
         if opened is None or not opened.is_ack or len(opened.data) < 4:
             return None
         size = int.from_bytes(opened.data[:4], "little")
+        if at_most is not None and size > at_most:
+            found = self._filled(opened.session, {}, at_most, end_ns)
+            self.request(TERMINATE, session=opened.session)
+            return found
         if size > MAX_FILE:
             return None
         parts = self.burst(opened.session, size, chunk)
@@ -134,5 +140,5 @@ class FileClient:
         head = HEADER.pack(self._sequence, session, opcode, min(length, 255), 0, 0, offset)
         payload = list((head + data).ljust(251, b"\0"))
         station = self._client.station
-        target = station.target, station.target_component
+        target = station.address
         return mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
 from ground.vehicle_check.dialect import mavlink
-from ground.vehicle_check.session import Client
+from ground.vehicle_check.session import Client, Frame
 from runtime.units import NS_PER_S
 
 MISSION: Final = mavlink.MAV_MISSION_TYPE_MISSION
@@ -15,6 +15,9 @@ REQUESTS: Final = ("MISSION_REQUEST", "MISSION_REQUEST_INT")
 DEGREES_E7: Final = 1e7
 MAX_ITEMS: Final = 500
 ANSWER_S: Final = 1.0
+QUIET_TWICE: Final = 2
+UPLOAD_S: Final = 6.0
+UPLOAD_WITH_LOSS_S: Final = 30.0
 RELATIVE: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 
 
@@ -36,7 +39,6 @@ class Upload:
     result: int | None = None
     opaque_id: int = 0
     requests: list[tuple[str, int]] = field(default_factory=list)
-    ended_ns: int = 0
 
 
 def message_of(
@@ -44,7 +46,7 @@ def message_of(
 ) -> Any:
     """Return MISSION_ITEM_INT, or MISSION_ITEM."""
     station = client.station
-    head = (station.target, station.target_component, seq, item.frame, item.command, current, 1)
+    head = (*station.address, seq, item.frame, item.command, current, 1)
     if as_float:
         place = (item.x / DEGREES_E7, item.y / DEGREES_E7, item.z)
         return mavlink.MAVLink_mission_item_message(*head, *item.params, *place, kind)
@@ -55,9 +57,7 @@ def message_of(
 def count_message(client: Client, count: int, kind: int) -> Any:
     """Return MISSION_COUNT."""
     station = client.station
-    return mavlink.MAVLink_mission_count_message(
-        station.target, station.target_component, count, kind
-    )
+    return mavlink.MAVLink_mission_count_message(*station.address, count, kind)
 
 
 def upload(
@@ -67,46 +67,63 @@ def upload(
     *,
     as_float: bool = False,
     ignored: int | None = None,
-    within_s: float = 6.0,
 ) -> Upload:
     """Send a plan as the vehicle requests it; the first request for item `ignored` is not answered.
 
-    The result is that of MISSION_ACK, None without one.
+    The result is that of MISSION_ACK, None without one. With loss the announcement and the last
+    item are sent again, as MAVSDK and MAVProxy do.
     """
     station, found = client.station, Upload()
+    within_s = UPLOAD_WITH_LOSS_S if station.is_lossy else UPLOAD_S
     end_ns = station.now_ns + round(within_s * NS_PER_S)
-    since = client.mark()
+    since, quiet, last = client.mark(), 0, len(items) - 1
+
+    def send(seq: int) -> None:
+        if seq <= last:
+            client.send(message_of(client, items[seq], seq, kind, as_float=as_float))
+
     client.send(count_message(client, len(items), kind))
     while station.now_ns < end_ns and found.result is None:
         heard = station.wait(ANSWER_S, lambda: _has_traffic(client, since, kind))  # noqa: B023
+        quiet = 0 if heard else quiet + 1
         if not heard and not found.requests:
             client.send(count_message(client, len(items), kind))
-        if not heard and not station.is_lossy and found.requests and ignored is None:
+        elif not heard and station.is_lossy:
+            # A vehicle asks for an item again by itself, but not behind the last one.
+            if found.requests[-1][1] == last or quiet >= QUIET_TWICE:
+                send(found.requests[-1][1])
+        elif not heard and ignored is None:
             break
         taken, since = client.log[since:], client.mark()
-        for one in taken:
-            if one.is_lost or getattr(one.message, "mission_type", 0) != kind:
-                continue
-            if one.name in REQUESTS:
-                seq = int(one.message.seq)
-                is_ignored = seq == ignored and (seq not in [at for _, at in found.requests])
-                found.requests.append((one.name, seq))
-                if seq < len(items) and not is_ignored:
-                    item = message_of(client, items[seq], seq, kind, as_float=as_float)
-                    client.send(item)
-            elif one.name == "MISSION_ACK":
-                found.result, found.ended_ns = int(one.message.type), one.at_ns
-                found.opaque_id = int(one.message.opaque_id)
+        for seq in _taken(found, _of_kind(taken, kind), ignored):
+            send(seq)
     return found
 
 
+def _taken(found: Upload, frames: Sequence[Frame], ignored: int | None) -> list[int]:
+    """Note what the vehicle has sent; return the items to send, without one to ignore once."""
+    wanted = []
+    for one in frames:
+        if one.name in REQUESTS:
+            seq = int(one.message.seq)
+            if seq != ignored or seq in [at for _, at in found.requests]:
+                wanted.append(seq)
+            found.requests.append((one.name, seq))
+        elif one.name == "MISSION_ACK":
+            found.result, found.opaque_id = int(one.message.type), int(one.message.opaque_id)
+    return wanted
+
+
+def _of_kind(frames: Sequence[Frame], kind: int) -> list[Frame]:
+    """Return the frames of one kind of plan that have reached the ground station."""
+    return [
+        one for one in frames if not one.is_lost and getattr(one.message, "mission_type", 0) == kind
+    ]
+
+
 def _has_traffic(client: Client, since: int, kind: int) -> bool:
-    return any(
-        one.name in (*REQUESTS, "MISSION_ACK")
-        and not one.is_lost
-        and getattr(one.message, "mission_type", 0) == kind
-        for one in client.log[since:]
-    )
+    names = (*REQUESTS, "MISSION_ACK")
+    return any(one.name in names for one in _of_kind(client.log[since:], kind))
 
 
 class Download(NamedTuple):
@@ -120,7 +137,7 @@ class Download(NamedTuple):
 def download(client: Client, kind: int = MISSION, *, as_float: bool = False) -> Download | None:
     """Download a plan; None if the vehicle does not send it."""
     station = client.station
-    target = station.target, station.target_component
+    target = station.address
     ask = mavlink.MAVLink_mission_request_list_message(*target, kind)
     count = client.ask(ask, "MISSION_COUNT", lambda one: one.mission_type == kind, ANSWER_S)
     if count is None or count.message.count > MAX_ITEMS:
@@ -150,7 +167,7 @@ def _numbered(seq: int) -> Any:
 def clear(client: Client, kind: int) -> int | None:
     """Delete a plan; return the result of MISSION_ACK."""
     station = client.station
-    target = station.target, station.target_component
+    target = station.address
     message = mavlink.MAVLink_mission_clear_all_message(*target, kind)
     found = client.ask(message, "MISSION_ACK", lambda one: one.mission_type == kind, 2.0)
     return None if found is None else int(found.message.type)

@@ -9,6 +9,8 @@ from ground.vehicle_check.session import Client
 from runtime.units import NS_PER_S
 
 QUIET_S: Final = 0.5
+GIVE_UP_S: Final = 5.0
+"""After so long without any parameter the vehicle has none left to send."""
 AT_ONCE: Final = 50
 MAX_PARAMETERS: Final = 10_000
 PCK_HEADER: Final = Struct("<HHH")
@@ -60,11 +62,14 @@ def name_of(message: Any) -> str:
 def download(client: Client, within_s: float = 8.0) -> ParameterList:
     """Request the whole list, then missing parameters, 50 at a time, as DroneKit does."""
     station = client.station
-    target = station.target, station.target_component
+    target = station.address
     start_ns = station.now_ns
     found, since = ParameterList(), client.mark()
     client.send(mavlink.MAVLink_param_request_list_message(*target))
-    while (station.now_ns - start_ns) / NS_PER_S < within_s and not found.is_whole:
+    end_ns = start_ns + round(within_s * NS_PER_S)
+    while station.now_ns < end_ns and not found.is_whole:
+        if station.now_ns - start_ns > (found.seconds + GIVE_UP_S) * NS_PER_S:
+            break
         if client.expect("PARAM_VALUE", QUIET_S, since=since) is None:
             if not found.count:
                 client.send(mavlink.MAVLink_param_request_list_message(*target))
@@ -85,7 +90,7 @@ def missing(found: ParameterList) -> list[int]:
 def read(client: Client, name: str = "", index: int = -1) -> Any:
     """Read one parameter by its name or index; return PARAM_VALUE or None."""
     station = client.station
-    target = station.target, station.target_component
+    target = station.address
     message = mavlink.MAVLink_param_request_read_message(*target, name.encode(), index)
 
     def is_it(one: Any) -> bool:
@@ -98,7 +103,7 @@ def read(client: Client, name: str = "", index: int = -1) -> Any:
 def write(client: Client, name: str, value: float, kind: int) -> Any:
     """Set one parameter; return the PARAM_VALUE of the answer, or None."""
     station = client.station
-    target = station.target, station.target_component
+    target = station.address
     message = mavlink.MAVLink_param_set_message(*target, name.encode(), value, kind)
     found = client.ask(message, "PARAM_VALUE", lambda one: name_of(one) == name)
     return None if found is None else found.message

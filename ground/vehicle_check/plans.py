@@ -3,12 +3,16 @@
 from math import cos, radians
 from typing import Final
 
-from ground.vehicle_check.check import Check
+from ground.vehicle_check.check import Check, Restore
 from ground.vehicle_check.dialect import mavlink
-from ground.vehicle_check.missions import MISSION, Item, clear, download, upload
+from ground.vehicle_check.missions import FENCE, MISSION, Item, clear, download, upload
+from ground.vehicle_check.parameters import read
 
 M_PER_E7_DEGREE: Final = 0.011131949
 WAYPOINT: Final = mavlink.MAV_CMD_NAV_WAYPOINT
+HOME: Final = mavlink.MAVLINK_MSG_ID_HOME_POSITION
+KIND_NAMES: Final = {MISSION: "mission", FENCE: "fence"}
+STEP_M: Final = 0.4
 ITEM_ACCEPTED: Final = mavlink.MAV_MISSION_ACCEPTED
 NAMES: Final = {
     number: entry.name.removeprefix("MAV_MISSION_")
@@ -23,8 +27,14 @@ def outcome(result: int | None) -> str:
 
 def place(check: Check) -> tuple[int, int]:
     """Return the vehicle's present latitude and longitude in 1e-7 degrees; (0, 0) if unknown."""
-    frames = check.main.heard("GLOBAL_POSITION_INT")
-    return (frames[-1].message.lat, frames[-1].message.lon) if frames else (0, 0)
+    frame = check.main.latest("GLOBAL_POSITION_INT")
+    return (0, 0) if frame is None else (frame.message.lat, frame.message.lon)
+
+
+def home(check: Check) -> tuple[int, int] | None:
+    """Return the vehicle's home; ask for it if it does not send it by itself."""
+    frame = check.main.latest("HOME_POSITION") or check.main.request(HOME, "HOME_POSITION")
+    return None if frame is None else (frame.message.latitude, frame.message.longitude)
 
 
 def moved(start: tuple[int, int], north_m: float, east_m: float) -> tuple[int, int]:
@@ -37,12 +47,19 @@ def moved(start: tuple[int, int], north_m: float, east_m: float) -> tuple[int, i
     )
 
 
+def step_m(check: Check) -> float:
+    """Return a step that is longer than the radius in which a place counts as reached."""
+    if "step" not in check.facts:
+        radius = read(check.main, "WP_RADIUS")
+        check.facts["step"] = STEP_M if radius is None else max(STEP_M, 2 * radius.param_value + 1)
+    found: float = check.facts["step"]
+    return found
+
+
 def small_mission(check: Check, steps: int = 3, spread_m: float = 0.3) -> list[Item]:
     """Return home and some waypoints close to the vehicle."""
-    home = check.main.heard("HOME_POSITION")
     here = place(check)
-    first = (home[-1].message.latitude, home[-1].message.longitude) if home else here
-    items = [Item(WAYPOINT, first[0], first[1], mavlink.MAV_FRAME_GLOBAL)]
+    items = [Item(WAYPOINT, *(home(check) or here), mavlink.MAV_FRAME_GLOBAL)]
     places = [moved(here, spread_m * (number % 2), 0.1 * number) for number in range(1, steps + 1)]
     return [*items, *(Item(WAYPOINT, *at) for at in places)]
 
@@ -57,17 +74,14 @@ def keep(check: Check, kind: int) -> None:
     name = f"plan {kind}"
     if name in check.facts:
         return
-    own = download(check.main, kind)
-    check.facts[name] = own
+    own = check.facts[name] = download(check.main, kind)
 
-    def undo() -> None:
+    def undo() -> bool:
         if own is not None and own.items:
-            upload(check.main, own.items, kind)
-        else:
-            clear(check.main, kind)
+            return bool(upload(check.main, own.items, kind).result == ITEM_ACCEPTED)
+        return own is not None and clear(check.main, kind) == ITEM_ACCEPTED
 
-    if own is not None:
-        check.restore.append(undo)
+    check.restore.append(Restore(KIND_NAMES[kind], undo))
 
 
 def sent(check: Check, items: list[Item], kind: int = MISSION) -> int | None:

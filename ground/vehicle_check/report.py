@@ -5,22 +5,23 @@ from collections.abc import Sequence
 from textwrap import shorten
 from xml.etree import ElementTree
 
-from ground.vehicle_check.check import Judged
+from ground.vehicle_check.check import Judged, Outcome, restore_text
 from ground.vehicle_check.verdict import Status
 
 WIDTH = 200
 
 
-def as_text(judged: Sequence[Judged]) -> str:
+def as_text(outcome: Outcome) -> str:
     """Return a line per row, the clients that each failure affects, and the totals."""
     lines = []
-    for (number, title, suffers, _), (status, evidence) in judged:
+    for (number, title, suffers, _), (status, evidence) in outcome.rows:
         lines.append(f"{number:>3}  {status:<14}  {title}")
         if evidence:
             lines.append(f"{'':21}{shorten(_printable(evidence), WIDTH, placeholder=' ...')}")
         if status is Status.FAIL:
             lines.append(f"{'':21}suffers: {suffers}")
-    return "\n".join([*lines, summary(judged)])
+    changes = restore_text(outcome.restored, outcome.not_restored)
+    return "\n".join([*lines, *([changes] if changes else []), summary(outcome.rows)])
 
 
 def summary(judged: Sequence[Judged]) -> str:
@@ -35,10 +36,10 @@ def is_good(judged: Sequence[Judged]) -> bool:
     return all(one.verdict.status is not Status.FAIL for one in judged)
 
 
-def as_dict(endpoint: str, judged: Sequence[Judged]) -> dict[str, object]:
+def as_dict(endpoint: str, outcome: Outcome) -> dict[str, object]:
     """Return the results as a JSON object."""
     return {
-        "ok": is_good(judged),
+        "ok": is_good(outcome.rows),
         "endpoint": endpoint,
         "rows": [
             {
@@ -48,8 +49,10 @@ def as_dict(endpoint: str, judged: Sequence[Judged]) -> dict[str, object]:
                 "evidence": verdict.evidence,
                 "suffers": row.suffers,
             }
-            for row, verdict in judged
+            for row, verdict in outcome.rows
         ],
+        "restored": outcome.restored,
+        "not_restored": outcome.not_restored,
     }
 
 

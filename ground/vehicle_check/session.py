@@ -1,6 +1,7 @@
 """Ground stations of the judge: frames with times, requests with answers."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Collection
 from typing import Any, Final, NamedTuple, TypeAlias
 
 from ground.vehicle_check.dialect import EXTRA, MavMessage, mavlink, number_of
@@ -13,6 +14,11 @@ STEP_NS: Final = 20 * NS_PER_MS
 MAX_LOG: Final = 200_000
 FIRST_SYSTEM: Final = 255
 COMPONENT: Final = 190
+TRIES_WITH_LOSS: Final = 12
+GREET_S: Final = 2.5
+GREET_WITH_LOSS_S: Final = 8.0
+RETRY_S: Final = 0.4
+"""How soon a request is repeated with loss; QGroundControl waits 0.25 to 0.5 s."""
 Where: TypeAlias = Callable[[Any], bool]
 
 
@@ -48,6 +54,10 @@ class Station:
         self.target = 0
         self.target_component = mavlink.MAV_COMP_ID_AUTOPILOT1
         self.systems: set[int] = set()
+        self.acknowledged: Counter[int] = Counter()
+        """How many COMMAND_ACK each system has sent to these ground stations."""
+        self.heard_ns = 0
+        """When a frame of the target arrived last."""
         self.forwarded_keys = 0
         self.signer: Signer | None = None
 
@@ -57,6 +67,11 @@ class Station:
         return self.network.now_ns()
 
     @property
+    def address(self) -> tuple[int, int]:
+        """The system and component to which requests go."""
+        return self.target, self.target_component
+
+    @property
     def is_lossy(self) -> bool:
         """True if the judge drops frames itself."""
         return self.losses.share > 0
@@ -64,7 +79,7 @@ class Station:
     @property
     def tries(self) -> int:
         """Number of attempts of a request before its answer counts as missing."""
-        return 6 if self.is_lossy else 1
+        return TRIES_WITH_LOSS if self.is_lossy else 1
 
     def connect(self, system: int | None = None, *, beats: bool = True) -> "Client":
         """Connect one more ground station, by default with a system id of its own."""
@@ -117,6 +132,11 @@ class Client:
         self._encoder.seq = (self._encoder.seq + 1) & 0xFF
         return data if self.signer is None else self.signer.signed(data)
 
+    def send_surely(self, message: MavMessage) -> None:
+        """Send a message that has no answer; with loss so often that one arrives."""
+        for _ in range(self.station.tries):
+            self.send(message)
+
     def send_bytes(self, data: bytes) -> None:
         """Send bytes as they are."""
         if not self.station.losses.drops():
@@ -146,32 +166,72 @@ class Client:
             if frame.name == "HEARTBEAT" and frame.message.type != mavlink.MAV_TYPE_GCS:
                 self.station.systems.add(frame.system)
             self.station.forwarded_keys += frame.name == "SETUP_SIGNING"
-            is_target = self.station.target in (0, frame.system)
-            if is_target and len(self.log) < MAX_LOG:
-                self.log.append(frame)
+            self.station.acknowledged[frame.system] += frame.name == "COMMAND_ACK"
+            if self.station.target in (0, frame.system):
+                self.station.heard_ns = at_ns
+                if len(self.log) < MAX_LOG:
+                    self.log.append(frame)
+
+    def greet(self) -> Frame | None:
+        """Wait for a heartbeat: the vehicle has heard of this ground station. None if it has not.
+
+        With loss some heartbeats of the ground station may be dropped before.
+        """
+        return self.expect_sent(
+            "HEARTBEAT", GREET_WITH_LOSS_S if self.station.is_lossy else GREET_S
+        )
 
     def mark(self) -> int:
         """Return the present end of the log, for `since`."""
         return len(self.log)
 
-    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[Frame]:
-        """Return the messages of a name since a mark."""
+    def sent(self, name: str, since: int = 0, where: Where | None = None) -> list[Frame]:
+        """Return the messages of a name that the vehicle has sent since a mark.
+
+        Those that the judge has dropped are among them: what a vehicle sends without being asked
+        is judged as it was sent.
+        """
         return [
             one
             for one in self.log[since:]
-            if one.name == name and not one.is_lost and (where is None or where(one.message))
+            if one.name == name and (where is None or where(one.message))
         ]
+
+    def heard(self, name: str, since: int = 0, where: Where | None = None) -> list[Frame]:
+        """Return the messages of a name that have reached this ground station since a mark."""
+        return [one for one in self.sent(name, since, where) if not one.is_lost]
+
+    def latest(self, name: str, where: Where | None = None) -> Frame | None:
+        """Return the newest message of a name that the vehicle has sent."""
+        frames = (one for one in reversed(self.log) if one.name == name)
+        return next((one for one in frames if where is None or where(one.message)), None)
 
     def expect(
         self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
     ) -> Frame | None:
         """Wait for a message since a mark, by default from now on; None if it does not come."""
+        return self._first(self.heard, name, within_s, where, since)
+
+    def expect_sent(
+        self, name: str, within_s: float = 1.0, where: Where | None = None, since: int | None = None
+    ) -> Frame | None:
+        """Wait until the vehicle sends a message, which the judge may drop."""
+        return self._first(self.sent, name, within_s, where, since)
+
+    def _first(
+        self,
+        found_in: Callable[[str, int, Where | None], list[Frame]],
+        name: str,
+        within_s: float,
+        where: Where | None,
+        since: int | None,
+    ) -> Frame | None:
         position = self.mark() if since is None else since
         found: list[Frame] = []
 
         def is_there() -> bool:
             nonlocal position
-            found.extend(self.heard(name, position, where))
+            found.extend(found_in(name, position, where))
             position = len(self.log)
             return bool(found)
 
@@ -181,13 +241,37 @@ class Client:
     def ask(
         self, message: MavMessage, name: str, where: Where | None = None, within_s: float = 1.0
     ) -> Frame | None:
-        """Send a request and wait for the answer; with loss repeat it."""
+        """Send a request and wait for the answer; with loss repeat it.
+
+        A repeated COMMAND_LONG counts its `confirmation` up, so that it is carried out once.
+        """
+        return self.ask_for_any(message, (name,), where, within_s)
+
+    def ask_for_any(
+        self,
+        message: MavMessage,
+        names: Collection[str],
+        where: Where | None = None,
+        within_s: float = 1.0,
+    ) -> Frame | None:
+        """Send a request that messages of several names may answer."""
+        if self.station.is_lossy:
+            within_s = min(within_s, RETRY_S)
+        since = self.mark()
+
+        def answers() -> list[Frame]:
+            return [
+                one
+                for one in self.log[since:]
+                if one.name in names and not one.is_lost and (where is None or where(one.message))
+            ]
+
         for _ in range(self.station.tries):
-            since = self.mark()
             self.send(message)
-            found = self.expect(name, within_s, where, since)
-            if found is not None:
-                return found
+            if self.station.wait(within_s, lambda: bool(answers())):
+                return answers()[0]
+            if message.get_type() == "COMMAND_LONG":
+                message.confirmation += 1
         return None
 
     def command(self, number: int, *params: float, within_s: float = 1.0) -> Frame | None:
@@ -202,7 +286,7 @@ class Client:
     def command_long(self, number: int, *params: float, confirmation: int = 0) -> MavMessage:
         """Return COMMAND_LONG for the target; parameters that are not given are 0."""
         filled = (*params, *[0.0] * 7)[:7]
-        target = self.station.target, self.station.target_component
+        target = self.station.address
         return mavlink.MAVLink_command_long_message(*target, number, confirmation, *filled)
 
     def result_of(self, number: int, *params: float, within_s: float = 1.0) -> int | None:

@@ -1,6 +1,7 @@
 """Signatures of MAVLink 2 frames, made here and not by pymavlink, so that tests can forge them."""
 
 import re
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 from typing import Final
@@ -18,12 +19,18 @@ UNITS_PER_S: Final = 100_000
 
 
 class Signer:
-    """Signs the frames of one link. `timestamp` grows with each frame."""
+    """Signs the frames of one link. `timestamp` grows with each frame, and follows a clock.
 
-    def __init__(self, key: bytes, link: int, timestamp: int) -> None:
+    A vehicle refuses new links whose time stamps are more than a minute behind.
+    """
+
+    def __init__(
+        self, key: bytes, link: int, timestamp: int, clock: Callable[[], int] = lambda: 0
+    ) -> None:
         self.key = key
         self.link = link
         self.timestamp = timestamp
+        self._clock = clock
 
     def signed(self, frame: bytes) -> bytes:
         """Return a MAVLink 2 frame with a signature."""
@@ -31,7 +38,7 @@ class Signer:
         flagged = bytearray(frame)
         flagged[2] |= 1
         flagged[-2:] = mcrf4xx(bytes(flagged[1:-2]) + bytes([crc_extra])).to_bytes(2, "little")
-        self.timestamp += 1
+        self.timestamp = max(self.timestamp + 1, self._clock())
         head = bytes(flagged) + bytes([self.link]) + self.timestamp.to_bytes(6, "little")
         return head + sha256(self.key + head).digest()[:6]
 

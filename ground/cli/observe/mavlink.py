@@ -1,6 +1,7 @@
 """`mavlink check`: test a MAVLink vehicle as a black box, row by row."""
 
 import argparse
+import os
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ from runtime.cli.parsers import add_subcommands
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
-    from ground.vehicle_check.check import Judged, Options
+    from ground.vehicle_check.check import Options, Outcome
     from ground.vehicle_check.network import Network
     from ground.vehicle_check.verdict import Row
 
@@ -26,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     check.add_argument("endpoint", metavar="ENDPOINT", help=text)
     text = "rows to test, as in 1-7,19 (default all)"
     check.add_argument("--rows", metavar="ROWS", help=text)
-    text = "arm and drive the vehicle, stop it and restart it"
+    text = "arm, drive and stop the vehicle: clear the space around it first"
     check.add_argument("--allow-motion", action="store_true", help=text)
     text = "secret key of the link: hexadecimal digits or a passphrase, for rows 51-54"
     check.add_argument("--signing-key", type=Path, metavar="FILE", help=text)
@@ -59,20 +60,41 @@ def run(options: argparse.Namespace, output: Output) -> int:
 
     chosen = chosen_rows(rows(), options.rows)
     key = None if options.signing_key is None else read_key(options.signing_key)
-    if options.junit is not None and not options.junit.parent.is_dir():
-        raise UserError(f"--junit {options.junit}: no such folder")
-    choices = Options(options.allow_motion, key, options.loss, options.seed, time.time())
-    judged = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
     if options.junit is not None:
-        options.junit.write_bytes(report.as_junit(options.endpoint, judged))
-    output.result(report.as_dict(options.endpoint, judged), report.as_text(judged))
-    return 0 if report.is_good(judged) else 1
+        expect_writable(options.junit)
+    choices = Options(options.allow_motion, key, options.loss, options.seed, time.time())
+    outcome = judged_over(SocketNetwork(options.endpoint), choices, chosen, output)
+    output.result(report.as_dict(options.endpoint, outcome), report.as_text(outcome))
+    if options.junit is not None:
+        write(options.junit, report.as_junit(options.endpoint, outcome.rows))
+    return 0 if report.is_good(outcome.rows) else 1
+
+
+def expect_writable(path: Path) -> None:
+    """Raise UserError before the check begins if its file could not be written after it."""
+    if path.is_dir():
+        raise UserError(f"--junit {path}: is a folder, give a file in it")
+    if not path.parent.is_dir():
+        raise UserError(f"--junit {path}: no such folder")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise UserError(f"--junit {path}: cannot be written")
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write the file; UserError if that fails."""
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise UserError(f"--junit {path}: {error.strerror or error}") from error
 
 
 def judged_over(
     network: "Network", choices: "Options", rows: "Sequence[Row]", output: Output
-) -> "list[Judged]":
-    """Judge over a network, with a live line in a terminal; close the network."""
+) -> "Outcome":
+    """Judge over a network, with a live line in a terminal; close the network.
+
+    An interrupted check notes what of the vehicle it has put back.
+    """
     from ground.text.status_parts import Part
     from ground.vehicle_check.check import judge
 
@@ -82,6 +104,10 @@ def judged_over(
 
     try:
         return judge(network, choices, rows, progress)
+    except KeyboardInterrupt as error:
+        for words in getattr(error, "__notes__", ()):
+            output.note(words)
+        raise
     finally:
         network.close()
 

@@ -1,8 +1,9 @@
 """Rows 55-57: which ground station is in control, and how control is transferred."""
 
+from functools import wraps
 from typing import Final
 
-from ground.vehicle_check.check import Check
+from ground.vehicle_check.check import ONE_CLIENT, Check
 from ground.vehicle_check.dialect import (
     NOT_IN_CONTROL,
     REQUEST_OPERATOR_CONTROL,
@@ -11,7 +12,7 @@ from ground.vehicle_check.dialect import (
     mavlink,
 )  # fmt: skip
 from ground.vehicle_check.session import Client, result_name
-from ground.vehicle_check.verdict import Findings, Verdict, failed, not_applicable, row
+from ground.vehicle_check.verdict import Findings, Judge, Verdict, failed, not_applicable, row
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 RELEASE: Final = 0
@@ -29,9 +30,24 @@ def ask_control(client: Client, action: int, takeover: int = 0) -> int | None:
 
 def owner_becomes(check: Check, system: int) -> int | None:
     """Wait until CONTROL_STATUS names an owner; return the newest one."""
-    check.main.expect("CONTROL_STATUS", 2.5, lambda one: one.gcs_main == system)
-    frames = check.main.heard("CONTROL_STATUS")
-    return int(frames[-1].message.gcs_main) if frames else None
+    check.main.expect_sent("CONTROL_STATUS", 2.5, lambda one: one.gcs_main == system)
+    frame = check.main.latest("CONTROL_STATUS")
+    return None if frame is None else int(frame.message.gcs_main)
+
+
+def with_control(judge: Judge) -> Judge:
+    """Judge a row unless the vehicle knows nothing of operator control, as ArduPilot 4.7."""
+
+    @wraps(judge)
+    def judged(check: Check) -> Verdict:
+        if "control" not in check.facts:
+            is_silent = not check.seen("CONTROL_STATUS")
+            check.facts["control"] = not (
+                is_silent and ask_control(check.main, RELEASE) == mavlink.MAV_RESULT_UNSUPPORTED
+            )
+        return judge(check) if check.facts["control"] else not_applicable(ABSENT)
+
+    return judged
 
 
 @row(
@@ -39,6 +55,7 @@ def owner_becomes(check: Check, system: int) -> int | None:
     "CONTROL_STATUS 1 Hz of the system manager, with the owner and whether takeover is allowed",
     suffers="QGroundControl: no indicator of control",
 )
+@with_control
 def control_status(check: Check) -> Verdict:
     """Judge rate and flags."""
     if not check.seen("CONTROL_STATUS"):
@@ -56,8 +73,11 @@ def control_status(check: Check) -> Verdict:
     "32100: request, release, takeover; the owner is asked when takeover is not allowed",
     suffers="QGroundControl: control cannot be handed over",
 )
+@with_control
 def handover(check: Check) -> Verdict:
     """Take control, refuse it to a second ground station, then allow it."""
+    if not check.serves_two:
+        return not_applicable(ONE_CLIENT)
     found, main, other = Findings(), check.main, check.second
     result = ask_control(main, REQUEST)
     if result in (None, mavlink.MAV_RESULT_UNSUPPORTED):
@@ -67,13 +87,13 @@ def handover(check: Check) -> Verdict:
     since = main.mark()
     refused = ask_control(other, REQUEST)
     found.expect(refused == mavlink.MAV_RESULT_FAILED, f"takeover: {result_name(refused)}")
-    question = main.expect(
+    question = main.expect_sent(
         "COMMAND_LONG", 1.5, lambda one: one.command == REQUEST_OPERATOR_CONTROL, since
     )
     asked = None if question is None else round(question.message.param4)
     found.expect(asked == other.system, f"the owner is asked for {asked}")
     allowed = ask_control(main, REQUEST, takeover=1)
-    status = main.expect("CONTROL_STATUS", 2.0, lambda one: one.flags & TAKEOVER_ALLOWED)
+    status = main.expect_sent("CONTROL_STATUS", 2.0, lambda one: one.flags & TAKEOVER_ALLOWED)
     found.expect(allowed == ACCEPTED and status, f"takeover allowed: {result_name(allowed)}")
     taken = ask_control(other, REQUEST)
     owner = owner_becomes(check, other.system)
@@ -89,14 +109,14 @@ def handover(check: Check) -> Verdict:
     "commands of others are NOT_IN_CONTROL; requests that only read or stop are open to all",
     suffers="two ground stations steer one vehicle",
 )
+@with_control
 def not_in_control(check: Check) -> Verdict:
     """Take control, and command from a second ground station."""
+    if not check.serves_two:
+        return not_applicable(ONE_CLIENT)
     found, main, other = Findings(), check.main, check.second
     taken = ask_control(main, REQUEST)
     if taken != ACCEPTED:
-        unsupported = mavlink.MAV_RESULT_UNSUPPORTED
-        if taken == unsupported and not check.seen("CONTROL_STATUS"):
-            return not_applicable(ABSENT)
         return failed(f"32100: {result_name(taken)}")
     # Set the speed to its present value: a state-changing command that does not move the vehicle.
     speed = other.result_of(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1, -1, -1)

@@ -1,12 +1,12 @@
 """Functions that rows with motion share: arm in a mode, measure motion, stop."""
 
 from collections.abc import Callable
-from math import hypot
+from math import cos, hypot, sin
 from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import MavMessage, mavlink
-from ground.vehicle_check.plans import moved, place
+from ground.vehicle_check.plans import moved, place, step_m
 from ground.vehicle_check.session import result_name
 from ground.vehicle_check.verdict import Findings
 
@@ -18,8 +18,10 @@ ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
 MOVING_M: Final = 0.03
 TURNING_RAD: Final = 0.05
 STILL_M_S: Final = 0.02
+NOISE_FACTOR: Final = 2
+MAX_NOISE_M: Final = 1.0
+MAX_NOISE_M_S: Final = 0.2
 SEND_HZ: Final = 10
-STEP_M: Final = 0.4
 
 
 def stand(check: Check) -> None:
@@ -47,28 +49,55 @@ def start(check: Check, mode: int, found: Findings) -> bool:
 
 def position(check: Check) -> tuple[float, float]:
     """Return north and east of the newest LOCAL_POSITION_NED."""
-    frames = check.main.heard("LOCAL_POSITION_NED")
-    one = frames[-1].message
+    one = newest(check, "LOCAL_POSITION_NED")
     return float(one.x), float(one.y)
 
 
 def speed(check: Check) -> float:
     """Return the newest speed over ground."""
-    frames = check.main.heard("LOCAL_POSITION_NED")
-    one = frames[-1].message
+    one = newest(check, "LOCAL_POSITION_NED")
     return hypot(one.vx, one.vy)
 
 
 def yaw(check: Check) -> float:
     """Return the newest heading."""
-    frames = check.main.heard("ATTITUDE")
-    return float(frames[-1].message.yaw)
+    return float(newest(check, "ATTITUDE").yaw)
+
+
+def newest(check: Check, name: str) -> Any:
+    """Return the newest message of a name, which a row has waited for before."""
+    frame = check.main.latest(name)
+    assert frame is not None
+    return frame.message
+
+
+def moving_m(check: Check) -> float:
+    """Return a way that a vehicle at rest does not seem to move, by the noise of its position."""
+    if "noise" not in check.facts:
+        places = [(one.message.x, one.message.y) for one in check.seen("LOCAL_POSITION_NED")]
+        spans = [max(axis) - min(axis) for axis in zip(*places, strict=True)]
+        speeds = [hypot(one.message.vx, one.message.vy) for one in check.seen("LOCAL_POSITION_NED")]
+        check.facts["noise"] = max(spans, default=0.0), max(speeds, default=0.0)
+    found: float = max(MOVING_M, min(NOISE_FACTOR * check.facts["noise"][0], MAX_NOISE_M))
+    return found
+
+
+def still_m_s(check: Check) -> float:
+    """Return a speed that a vehicle at rest may seem to have."""
+    moving_m(check)
+    found: float = max(STILL_M_S, min(NOISE_FACTOR * check.facts["noise"][1], MAX_NOISE_M_S))
+    return found
 
 
 def distance(check: Check, start_at: tuple[float, float]) -> float:
     """Return the distance of the vehicle from a position."""
     now = position(check)
     return hypot(now[0] - start_at[0], now[1] - start_at[1])
+
+
+def has_moved(check: Check, start_at: tuple[float, float], within_s: float = 0.0) -> bool:
+    """Return True if the vehicle has left a place, or leaves it in time."""
+    return check.station.wait(within_s, lambda: distance(check, start_at) > moving_m(check))
 
 
 def stream(
@@ -88,7 +117,7 @@ def stream(
 
 def stops_within(check: Check, seconds: float) -> bool:
     """Return True if the vehicle stops within some time."""
-    return check.station.wait(seconds, lambda: speed(check) < STILL_M_S)
+    return check.station.wait(seconds, lambda: speed(check) < still_m_s(check))
 
 
 def expect_goto(check: Check, found: Findings, reposition: Any) -> None:
@@ -101,7 +130,7 @@ def expect_goto(check: Check, found: Findings, reposition: Any) -> None:
     number = mavlink.MAV_CMD_DO_REPOSITION
     ack = check.main.ask(message, "COMMAND_ACK", lambda one: one.command == number, 2.0)
     result = None if ack is None else int(ack.message.result)
-    is_moving = check.station.wait(5.0, lambda: distance(check, here) > MOVING_M)
+    is_moving = has_moved(check, here, 5.0)
     fact = f"in GUIDED: {result_name(result)}, moved {distance(check, here):.2f} m"
     found.expect(result == ACCEPTED and is_moving, fact)
     stand(check)
@@ -109,10 +138,8 @@ def expect_goto(check: Check, found: Findings, reposition: Any) -> None:
 
 def ahead(check: Check) -> tuple[float, float]:
     """Return a step north and east along the vehicle's heading."""
-    from math import cos, sin
-
-    heading = yaw(check)
-    return STEP_M * cos(heading), STEP_M * sin(heading)
+    heading, step = yaw(check), step_m(check)
+    return step * cos(heading), step * sin(heading)
 
 
 def expect_mission(check: Check, found: Findings, *, by_command: bool) -> None:
@@ -125,7 +152,7 @@ def expect_mission(check: Check, found: Findings, *, by_command: bool) -> None:
     else:
         result = check.set_mode(AUTO)
     is_auto = check.station.wait(2.0, lambda: check.mode == AUTO)
-    is_moving = check.station.wait(5.0, lambda: distance(check, here) > MOVING_M)
+    is_moving = has_moved(check, here, 5.0)
     fact = f"start: {result_name(result)}, mode {check.mode}, moved {distance(check, here):.2f} m"
     found.expect(result == ACCEPTED and is_auto and is_moving, fact)
     stand(check)

@@ -7,10 +7,10 @@ from typing import Final
 
 from ground.vehicle_check.check import Check, is_vehicle
 from ground.vehicle_check.dialect import MavMessage, mavlink
-from ground.vehicle_check.plans import sent, small_mission
+from ground.vehicle_check.plans import sent, small_mission, step_m
 from ground.vehicle_check.rows import driving
 from ground.vehicle_check.session import result_name
-from ground.vehicle_check.verdict import Findings, Verdict, failed, not_tried, row
+from ground.vehicle_check.verdict import Findings, Judge, Verdict, failed, not_tried, row
 
 HOLD: Final = mavlink.ROVER_MODE_HOLD
 MANUAL: Final = mavlink.ROVER_MODE_MANUAL
@@ -28,7 +28,6 @@ FRAMES: Final = (1, 7, 8, 9)
 STOP_S: Final = 1.8
 MANUAL_STOP_S: Final = 1.2
 NEEDED: Final = "needs --allow-motion"
-Judge = Callable[[Check], Verdict]
 
 
 def with_motion(judge: Judge) -> Judge:
@@ -39,7 +38,7 @@ def with_motion(judge: Judge) -> Judge:
         if not check.options.allow_motion:
             return not_tried(NEEDED)
         for name in ("LOCAL_POSITION_NED", "ATTITUDE"):
-            if not check.main.heard(name) and check.main.expect(name, 1.0) is None:
+            if not check.main.sent(name) and check.main.expect_sent(name, 1.0) is None:
                 return failed(f"no {name}: cannot tell whether it moves")
         driving.stand(check)
         try:
@@ -58,7 +57,7 @@ def with_motion(judge: Judge) -> Judge:
 def states(check: Check) -> Verdict:
     """Judge all heartbeats so far; with motion, stop in an emergency and clear it."""
     found, wrong, seen = Findings(), set(), set()
-    frames = check.main.heard("HEARTBEAT", where=is_vehicle)
+    frames = check.main.sent("HEARTBEAT", where=is_vehicle)
     for one in (frame.message for frame in frames):
         if one.custom_mode == INITIALISING or one.system_status in TROUBLED:
             continue
@@ -76,12 +75,13 @@ def states(check: Check) -> Verdict:
 def _expect_emergency(check: Check, found: Findings) -> None:
     driving.stand(check)
     emergency = mavlink.MAV_STATE_EMERGENCY
-    result = check.second.result_of(TERMINATE, 1, within_s=2.0)
-    beat = check.main.expect("HEARTBEAT", 2.0, lambda one: one.system_status == emergency)
+    other = check.second if check.serves_two else check.main
+    result = other.result_of(TERMINATE, 1, within_s=2.0)
+    beat = check.main.expect_sent("HEARTBEAT", 2.0, lambda one: one.system_status == emergency)
     fact = f"185 of another client: {result_name(result)}"
     found.expect(result == mavlink.MAV_RESULT_ACCEPTED and beat, f"{fact}, EMERGENCY {bool(beat)}")
     cleared = check.main.result_of(TERMINATE, 0, within_s=2.0)
-    back = check.main.expect("HEARTBEAT", 2.0, lambda one: one.system_status != emergency)
+    back = check.main.expect_sent("HEARTBEAT", 2.0, lambda one: one.system_status != emergency)
     found.expect(back, f"185 with 0: {result_name(cleared)}")
 
 
@@ -94,7 +94,7 @@ def _expect_emergency(check: Check, found: Findings) -> None:
 def auto(check: Check) -> Verdict:
     """Start the mission by the mode, and leave it."""
     found = Findings()
-    sent(check, small_mission(check, spread_m=1.0))
+    sent(check, small_mission(check, spread_m=max(1.0, step_m(check))))
     driving.expect_mission(check, found, by_command=False)
     found.expect(driving.stops_within(check, 2.0), f"in HOLD {driving.speed(check):.2f} m/s")
     return found.verdict()
@@ -104,7 +104,7 @@ def velocity(
     check: Check, speed_m_s: float, mask: int = ONLY_VELOCITY, frame: int = 8
 ) -> MavMessage:
     """Return SET_POSITION_TARGET_LOCAL_NED with a velocity, by default ahead."""
-    target = check.target, check.station.target_component
+    target = check.station.address
     return mavlink.MAVLink_set_position_target_local_ned_message(
         0, *target, frame, mask, 0, 0, 0, speed_m_s, 0, 0, 0, 0, 0, 0, 0
     )
@@ -122,7 +122,7 @@ def setpoints(check: Check) -> Verdict:
     here = driving.position(check)
     driving.stream(check, lambda: velocity(check, 0.2), 1.0)
     still = driving.distance(check, here)
-    found.expect(still < driving.MOVING_M, f"in HOLD moved {still:.3f} m")
+    found.expect(not driving.has_moved(check, here), f"in HOLD moved {still:.3f} m")
     if not driving.start(check, driving.GUIDED, found):
         return found.verdict()
     here = driving.position(check)
@@ -130,14 +130,14 @@ def setpoints(check: Check) -> Verdict:
         check,
         lambda: velocity(check, 0.2),
         3.0,
-        lambda: driving.distance(check, here) > driving.MOVING_M,
+        lambda: driving.has_moved(check, here),
     )
     way = driving.distance(check, here)
-    found.expect(way > driving.MOVING_M, f"in GUIDED moved {way:.2f} m")
+    found.expect(driving.has_moved(check, here), f"in GUIDED moved {way:.2f} m")
     found.expect(driving.stops_within(check, STOP_S), f"then {driving.speed(check):.2f} m/s")
     since = check.main.mark()
     for frame in FRAMES:
-        check.main.send(velocity(check, 0.0, frame=frame))
+        check.main.send_surely(velocity(check, 0.0, frame=frame))
     check.station.wait(0.5)
     text = check.texts(since)
     found.expect("rame" not in text, f"frames {FRAMES}: {text!r}")
@@ -147,7 +147,7 @@ def setpoints(check: Check) -> Verdict:
 
 def _expect_acceleration(check: Check, found: Findings) -> None:
     since = check.main.mark()
-    target = check.target, check.station.target_component
+    target = check.station.address
     message = mavlink.MAVLink_set_position_target_local_ned_message(
         0, *target, 8, WITH_ACCELERATION, 0, 0, 0, 0, 0, 0, 0.1, 0, 0, 0, 0
     )
@@ -167,16 +167,14 @@ def attitude_target(check: Check) -> Verdict:
     found = Findings()
     if not driving.start(check, driving.GUIDED, found):
         return found.verdict()
-    target = check.target, check.station.target_component
+    target = check.station.address
     message = mavlink.MAVLink_set_attitude_target_message(
         0, *target, IGNORE_QUATERNION, [1, 0, 0, 0], 0, 0, 0, 0.3
     )
     here = driving.position(check)
-    driving.stream(
-        check, lambda: message, 3.0, lambda: driving.distance(check, here) > driving.MOVING_M
-    )
+    driving.stream(check, lambda: message, 3.0, lambda: driving.has_moved(check, here))
     way = driving.distance(check, here)
-    found.expect(way > driving.MOVING_M, f"thrust 0.3 moved {way:.2f} m")
+    found.expect(driving.has_moved(check, here), f"thrust 0.3 moved {way:.2f} m")
     for number in (mavlink.MAV_CMD_NAV_SET_YAW_SPEED, mavlink.MAV_CMD_DO_SET_REVERSE):
         result = check.main.result_of(number, 0)
         is_right = result not in (None, mavlink.MAV_RESULT_UNSUPPORTED)
@@ -209,7 +207,7 @@ def overrides(check: Check) -> Verdict:
     """Drive and turn by channels."""
 
     def channels(steer: int, drive: int) -> MavMessage:
-        target = check.target, check.station.target_component
+        target = check.station.address
         ignored = 65_535
         return mavlink.MAVLink_rc_channels_override_message(
             *target, steer, ignored, drive, *[ignored] * 5
@@ -217,8 +215,8 @@ def overrides(check: Check) -> Verdict:
 
     since = check.main.mark()
     verdict = _by_hand(check, lambda: channels(1500, 1700), lambda: channels(1800, 1500))
-    check.main.send(channels(0, 0))
-    echoes = check.main.heard("RC_CHANNELS", since, lambda one: one.chan3_raw == 1700)
+    check.main.send_surely(channels(0, 0))
+    echoes = check.main.sent("RC_CHANNELS", since, lambda one: one.chan3_raw == 1700)
     found = Findings()
     found.expect(verdict.status == "pass", verdict.evidence)
     found.expect(echoes, f"RC_CHANNELS with 1700: {len(echoes)}")
@@ -232,13 +230,13 @@ def _by_hand(
     here = driving.position(check)
     driving.stream(check, ahead, 0.8)
     still = driving.distance(check, here)
-    found.expect(still < driving.MOVING_M, f"in HOLD moved {still:.3f} m")
+    found.expect(not driving.has_moved(check, here), f"in HOLD moved {still:.3f} m")
     if not driving.start(check, MANUAL, found):
         return found.verdict()
     here = driving.position(check)
-    driving.stream(check, ahead, 3.0, lambda: driving.distance(check, here) > driving.MOVING_M)
+    driving.stream(check, ahead, 3.0, lambda: driving.has_moved(check, here))
     way = driving.distance(check, here)
-    found.expect(way > driving.MOVING_M, f"in MANUAL moved {way:.2f} m")
+    found.expect(driving.has_moved(check, here), f"in MANUAL moved {way:.2f} m")
     is_still = driving.stops_within(check, MANUAL_STOP_S)
     found.expect(is_still, f"after the last {driving.speed(check):.2f} m/s")
     before = driving.yaw(check)

@@ -1,16 +1,19 @@
 """Rows 14, 25, 48: origin, modes and clocks on request."""
 
+from functools import partial
 from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import TIMESYNC, ExtraMessage, mavlink
 from ground.vehicle_check.rows import driving
 from ground.vehicle_check.session import COMPONENT, result_name
-from ground.vehicle_check.verdict import Findings, Verdict, failed, passed, row
+from ground.vehicle_check.verdict import Findings, Verdict, failed, row
 
 ORIGIN: Final = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+REQUEST_MESSAGE: Final = mavlink.MAV_CMD_REQUEST_MESSAGE
 AVAILABLE_MODES: Final = 435
 CURRENT_MODE: Final = 436
+MODES_S: Final = 2.0
 MOVED_E7: Final = 10_000
 """About 100 m."""
 STAMP_NS: Final = 1_234_567_890_123
@@ -48,7 +51,7 @@ def _expect_fixed_origin(check: Check, found: Findings, one: Any) -> None:
     moved = mavlink.MAVLink_set_gps_global_origin_message(
         check.target, one.latitude + MOVED_E7, one.longitude, one.altitude
     )
-    check.main.send(moved)
+    check.main.send_surely(moved)
     check.station.wait(0.5)
     now = check.main.request(ORIGIN, "GPS_GLOBAL_ORIGIN")
     is_fixed = now is not None and now.message.latitude == one.latitude
@@ -67,23 +70,45 @@ def _expect_fixed_origin(check: Check, found: Findings, one: Any) -> None:
 )
 def modes(check: Check) -> Verdict:
     """Ask for all modes and for the present one."""
-    asked = mavlink.MAV_CMD_REQUEST_MESSAGE
-    since = check.main.mark()
-    results = [check.main.result_of(asked, one) for one in (AVAILABLE_MODES, CURRENT_MODE)]
-    if results == [mavlink.MAV_RESULT_UNSUPPORTED] * 2:
-        return passed("both UNSUPPORTED")
-    check.station.wait(0.3)
-    found = Findings()
-    heard = check.main.heard("AVAILABLE_MODES", since)
-    listed = {one.message.mode_index: one.message for one in heard}
+    found, since = Findings(), check.main.mark()
+    for number, name in ((AVAILABLE_MODES, "AVAILABLE_MODES"), (CURRENT_MODE, "CURRENT_MODE")):
+        result = check.main.result_of(REQUEST_MESSAGE, number)
+        found.expect(result is not None, f"{name}: {result_name(result)}")
+        if result != mavlink.MAV_RESULT_ACCEPTED:
+            continue
+        if number == AVAILABLE_MODES:
+            _expect_modes(check, found, since)
+        else:
+            heard = check.main.heard(name, since)
+            current = heard[-1] if heard else check.main.request(number, name)
+            mode = None if current is None else current.message.custom_mode
+            found.expect(mode == check.mode, f"CURRENT_MODE {mode}, HEARTBEAT {check.mode}")
+    return found.verdict()
+
+
+def _is_index(index: int, one: Any) -> bool:
+    return bool(one.mode_index == index)
+
+
+def _expect_modes(check: Check, found: Findings, since: int) -> None:
+    """Expect all modes; ask again for those that were lost, as QGroundControl does."""
+    name, listed = "AVAILABLE_MODES", dict[int, Any]()
+
+    def take() -> bool:
+        frames = check.main.heard(name, since)
+        listed.update({one.message.mode_index: one.message for one in frames})
+        return bool(listed) and len(listed) >= next(iter(listed.values())).number_modes
+
+    if not check.station.wait(MODES_S, take) and check.station.is_lossy:
+        count = next(iter(listed.values())).number_modes if listed else 1
+        for index in range(1, count + 1):
+            if index not in listed:
+                asked = check.main.command_long(REQUEST_MESSAGE, AVAILABLE_MODES, index)
+                check.main.ask(asked, name, partial(_is_index, index))
+        take()
     count = next(iter(listed.values())).number_modes if listed else 0
     names = [one.mode_name.decode("utf-8", "replace") for one in listed.values()]
     found.expect(listed and len(listed) == count, f"{len(listed)} of {count} modes: {names}")
-    current = check.main.heard("CURRENT_MODE", since)
-    number = current[-1].message.custom_mode if current else None
-    found.expect(number == check.mode, f"CURRENT_MODE {number}, HEARTBEAT {check.mode}")
-    found.fact(f"results {[result_name(one) for one in results]}")
-    return found.verdict()
 
 
 @row(

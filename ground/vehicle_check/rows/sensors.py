@@ -1,32 +1,29 @@
 """Rows 15-17: the sonars as OBSTACLE_DISTANCE, DISTANCE_SENSOR and RANGEFINDER."""
 
+from math import pi
 from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import mavlink
 from ground.vehicle_check.rows.streams import require
-from ground.vehicle_check.verdict import Findings, Verdict, row
+from ground.vehicle_check.session import result_name
+from ground.vehicle_check.verdict import Findings, Status, Verdict, not_applicable, row
 
-BEAMS: Final = 8
 UNKNOWN: Final = 65_535
-OFFSET_DEG: Final = -78.75
-STEP_DEG: Final = 22.5
-SECTORS: Final = {
-    mavlink.MAV_SENSOR_ROTATION_YAW_270: (0,),
-    mavlink.MAV_SENSOR_ROTATION_YAW_315: (1, 2),
-    mavlink.MAV_SENSOR_ROTATION_NONE: (3, 4),
-    mavlink.MAV_SENSOR_ROTATION_YAW_45: (5, 6),
-    mavlink.MAV_SENSOR_ROTATION_YAW_90: (7,),
-}
-"""The beams of OBSTACLE_DISTANCE in the sector of each orientation."""
-FIELD_OF_VIEW_RAD: Final = 0.785
+YAWS: Final = range(8)
+"""MAV_SENSOR_ROTATION_NONE, YAW_45 ... YAW_315: the directions of a radar."""
+SECTOR_DEG: Final = 45.0
+FULL_DEG: Final = 360.0
 NOISE_CM: Final = 10
 WHEEL_DISTANCE: Final = 9000
+RANGE_BITS: Final = (
+    mavlink.MAV_SYS_STATUS_SENSOR_LASER_POSITION | mavlink.MAV_SYS_STATUS_SENSOR_PROXIMITY
+)
 
 
 @row(
     15,
-    "OBSTACLE_DISTANCE 5 Hz: 8 values from left to right, offset -78.75, step 22.5, FRD",
+    "OBSTACLE_DISTANCE 5 Hz: values from left to right in the frame of the body, the rest unknown",
     suffers="MAVProxy status, QGroundControl, MAVSDK direct, Foxglove",
 )
 def obstacle_distance(check: Check) -> Verdict:
@@ -37,21 +34,45 @@ def obstacle_distance(check: Check) -> Verdict:
     found = Findings()
     check.expect_rate(found, "OBSTACLE_DISTANCE", 5, 10)
     one = check.newest("OBSTACLE_DISTANCE")
-    found.expect(abs(one.angle_offset - OFFSET_DEG) < 0.01, f"angle_offset {one.angle_offset:g}")
-    found.expect(abs(one.increment_f - STEP_DEG) < 0.01, f"increment_f {one.increment_f:g}")
+    beams = beams_of(one)
+    found.expect(abs(one.angle_offset) <= FULL_DEG / 2, f"angle_offset {one.angle_offset:g}")
+    step_deg = step_of(one)
+    is_right = step_deg > 0 and step_deg * len(beams) <= FULL_DEG
+    found.expect(is_right, f"{len(beams)} values, step {step_deg:g}")
     found.expect(one.frame == mavlink.MAV_FRAME_BODY_FRD, f"frame {one.frame}")
-    beams, rest = list(one.distances[:BEAMS]), one.distances[BEAMS:]
-    found.expect(all(value == UNKNOWN for value in rest), f"{len(rest)} more values")
     most = one.max_distance + 1
     is_right = all(value <= most or value == UNKNOWN for value in beams)
     is_known = any(value != UNKNOWN for value in beams)
-    found.expect(is_right and is_known, f"distances {beams}, max {one.max_distance} cm")
+    found.expect(is_right and is_known, f"distances {beams[:8]}, max {one.max_distance} cm")
     return found.verdict()
+
+
+def step_of(message: Any) -> float:
+    """Return the angle from one value of OBSTACLE_DISTANCE to the next."""
+    return float(message.increment_f or message.increment)
+
+
+def beams_of(message: Any) -> list[int]:
+    """Return the values of OBSTACLE_DISTANCE without those at the end that are unknown."""
+    values = [int(one) for one in message.distances]
+    while values and values[-1] == UNKNOWN:
+        values.pop()
+    return values
+
+
+def sectors_of(message: Any) -> dict[int, list[int]]:
+    """Return the distances of OBSTACLE_DISTANCE in the sector of each orientation."""
+    found: dict[int, list[int]] = {}
+    for number, value in enumerate(beams_of(message)):
+        angle_deg = message.angle_offset + number * step_of(message)
+        orientation = round(angle_deg / SECTOR_DEG) % len(YAWS)
+        found.setdefault(orientation, []).append(min(value, int(message.max_distance)))
+    return found
 
 
 @row(
     16,
-    "DISTANCE_SENSOR for 5 directions: nearest of its sonars, max_distance without echo",
+    "DISTANCE_SENSOR for each direction: nearest of its sonars, max_distance without echo",
     suffers="QGroundControl's radar; Mission Planner drops values at the limits",
 )
 def distance_sensors(check: Check) -> Verdict:
@@ -60,33 +81,22 @@ def distance_sensors(check: Check) -> Verdict:
     if missing:
         return missing
     found = Findings()
-    frames = check.seen("DISTANCE_SENSOR")
-    newest = {one.message.orientation: one.message for one in frames}
-    found.expect(set(newest) == set(SECTORS), f"orientations {sorted(newest)}")
-    for orientation, one in sorted(newest.items()):
+    newest = {one.message.orientation: one.message for one in check.seen("DISTANCE_SENSOR")}
+    levels = {number: one for number, one in newest.items() if number in YAWS}
+    beams = [sectors_of(one.message) for one in check.seen("OBSTACLE_DISTANCE")]
+    wanted = sorted({number for one in beams for number in one}) or sorted(levels)
+    found.expect(levels and sorted(levels) == wanted, f"orientations {sorted(newest)}")
+    for orientation, one in sorted(levels.items()):
         is_right = one.current_distance <= one.max_distance and one.min_distance < one.max_distance
-        is_right = is_right and abs(one.horizontal_fov - FIELD_OF_VIEW_RAD) < 0.01
+        is_right = is_right and 0 <= one.horizontal_fov <= 2 * pi
         fact = f"{orientation}: {one.current_distance} of {one.max_distance} cm"
         found.expect(is_right, f"{fact}, fov {one.horizontal_fov:.3f}")
-        if orientation in SECTORS:
-            _expect_nearest(check, found, one)
+        nearest = [min(one[orientation]) for one in beams if orientation in one]
+        if nearest:
+            low, high = min(nearest) - NOISE_CM, max(nearest) + NOISE_CM
+            if not low <= one.current_distance <= high:
+                found.expect(False, f"{orientation} beside beams {min(nearest)}-{max(nearest)}")
     return found.verdict()
-
-
-def _expect_nearest(check: Check, found: Findings, sensor: Any) -> None:
-    nearest = [
-        min((_distance(one.message, beam) for beam in SECTORS[sensor.orientation]), default=0)
-        for one in check.seen("OBSTACLE_DISTANCE")
-    ]
-    if nearest:
-        low, high = min(nearest) - NOISE_CM, max(nearest) + NOISE_CM
-        is_near = low <= sensor.current_distance <= high
-        fact = f"{sensor.orientation} beside beams {min(nearest)}-{max(nearest)}"
-        found.expect(is_near, fact) if not is_near else None
-
-
-def _distance(message: Any, beam: int) -> int:
-    return min(int(message.distances[beam]), int(message.max_distance))
 
 
 @row(
@@ -95,10 +105,23 @@ def _distance(message: Any, beam: int) -> int:
     suffers="DroneKit, Mission Planner, mavros: no range",
 )
 def rangefinder(check: Check) -> Verdict:
-    """Judge the rate, and ask for the wheels."""
+    """Judge the rate, and ask for the wheels. A vehicle may have neither sensor."""
     found = Findings()
-    check.expect_rate(found, "RANGEFINDER", 2, 2)
+    status = check.newest("SYS_STATUS")
+    has_range = status is None or bool(status.onboard_control_sensors_present & RANGE_BITS)
+    if has_range or check.seen("RANGEFINDER"):
+        check.expect_rate(found, "RANGEFINDER", 2, 2)
     answer = check.main.request(WHEEL_DISTANCE, "WHEEL_DISTANCE")
-    count = answer.message.count if answer else None
-    found.expect(answer and count and count >= 2, f"WHEEL_DISTANCE count {count}")
-    return found.verdict()
+    if answer is not None:
+        count = answer.message.count
+        found.expect(count >= 1, f"WHEEL_DISTANCE count {count}")
+        return found.verdict()
+    # ArduPilot accepts the request and sends nothing if it has no wheel encoders.
+    result = check.main.result_of(mavlink.MAV_CMD_REQUEST_MESSAGE, WHEEL_DISTANCE)
+    found.expect(
+        result is not None, f"no wheel encoders: 512/{WHEEL_DISTANCE} {result_name(result)}"
+    )
+    verdict = found.verdict()
+    if verdict.status is Status.PASS and not has_range:
+        return not_applicable(f"no rangefinder in SYS_STATUS; {verdict.evidence}")
+    return verdict

@@ -156,7 +156,7 @@ class Files(Streams):
             )
 
     def on_log_request_data(self, message: Any, peer: Peer) -> None:
-        data = LOGS.get(message.id, b"")
+        data = b"" if self.is_armed else LOGS.get(message.id, b"")
         end = min(len(data), message.ofs + message.count)
         for at in range(message.ofs, end, 90):
             part = data[at : min(at + 90, end)]

@@ -48,7 +48,7 @@ class Plans(Files):
         super().__init__()
         self.plans: dict[int, list[Any]] = {0: [], 1: [], 2: []}
         self.upload: Upload | None = None
-        self.last: tuple[int, int] = (-1, -1)
+        self.last: tuple[int, int, int] = (-1, -1, OK)
 
     def due(self, now_ns: int) -> None:
         """Ask again, and give up."""
@@ -95,7 +95,7 @@ class Plans(Files):
             self.plan_ids[upload.kind] += 7
             if upload.kind == 0:
                 self.current, self.total, self.mission_state = 0, len(plan), 2
-            self.last = upload.kind, upload.end - 1
+        self.last = upload.kind, upload.next - (result == OK), result
         self.ack(upload.peer, upload.kind, result)
 
     def on_mission_count(self, message: Any, peer: Peer) -> None:
@@ -132,8 +132,8 @@ class Plans(Files):
             self.guided(one, peer, x, y)
             return
         if upload is None or upload.peer is not peer:
-            if (one.mission_type, one.seq) == self.last:
-                self.ack(peer, one.mission_type, OK)
+            if (one.mission_type, one.seq) == self.last[:2]:
+                self.ack(peer, one.mission_type, self.last[2])
             return
         upload.heard_ns = self.now_ns
         if one.seq != upload.next:

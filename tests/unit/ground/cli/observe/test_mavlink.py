@@ -12,7 +12,7 @@ from ground.cli.main import main
 from ground.cli.observe import mavlink
 from ground.vehicle_check import network as networks
 from ground.vehicle_check import report
-from ground.vehicle_check.check import Judged
+from ground.vehicle_check.check import Judged, Outcome
 from ground.vehicle_check.verdict import (
     Findings,
     Row,
@@ -99,6 +99,36 @@ def test_wrong_usage_ends_with_2(words: list[str]) -> None:
     assert main(["mavlink", "check", *words]) == 2
 
 
+def test_junit_file_that_is_a_folder_is_refused_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["mavlink", "check", ENDPOINT, "--junit", str(tmp_path)]) == 2
+    assert "is a folder" in capsys.readouterr().err
+
+
+def test_result_is_shown_even_if_the_junit_file_cannot_be_written(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(mavlink, "expect_writable", lambda path: None)
+    assert run(monkeypatch, GoodVehicle(), "--rows", "9", "--junit", str(tmp_path)) == 2
+    shown = capsys.readouterr()
+    assert "1 rows: 1 pass" in shown.out
+    assert "--junit" in shown.err
+
+
+def test_interrupted_check_says_what_it_has_put_back(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupting(GoodVehicle):
+        def on_mission_count(self, message: object, peer: object) -> None:
+            raise KeyboardInterrupt
+
+    assert run(monkeypatch, Interrupting(), "--rows", "28") == 130
+    shown = capsys.readouterr().err
+    assert "put back: mission, mode 4" in shown
+    assert "interrupted" in shown
+
+
 def test_refused_connection_ends_with_1(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
@@ -115,7 +145,7 @@ def judged(*verdicts: Verdict) -> Sequence[Judged]:
 
 def test_control_characters_of_the_vehicle_are_not_printed() -> None:
     found = judged(failed("a\x1b[2Jb\x00"))
-    assert "\x1b" not in report.as_text(found)
+    assert "\x1b" not in report.as_text(Outcome(list(found), [], []))
     case = ElementTree.fromstring(report.as_junit("x", found)).find("testcase/failure")
     assert case is not None
     assert case.get("message") == "a?[2Jb?"
