@@ -31,7 +31,7 @@ def test_tables_replace_what_is_between_the_marks(tmp_path: Path) -> None:
 def test_summary_counts_whole_runs_and_sums_the_time_until_ready(tmp_path: Path) -> None:
     runs = [result("mavsdk", "clean"), result("mavsdk", "clean", "goto")]
     text = page_from(tmp_path, *runs, result("mavsdk", "poor", seconds=2.0))
-    assert "| MAVSDK 4.1.0 | 1 of 2 | 3.0 s | 1 of 1 | 6.0 s |" in text
+    assert "| MAVSDK 4.1.0 | 1 of 2 | 3.0 s (3.0 s) | 1 of 1 | 6.0 s (6.0 s) |" in text
     assert "| MAVProxy 1.8.75 | not run |  | not run |  |" in text
 
 
