@@ -25,7 +25,7 @@ from verification.harness.processes import cpu_s
 from verification.harness.until import until
 
 CROWD: Final = 16
-STOP_AT_MOST_MS: Final = 1000.0
+STOP_AT_MOST_MS: Final = 500.0
 GROWN_AT_MOST_MB: Final = 10.0
 SETTLE_S: Final = 2.0
 STOP_S: Final = 20.0

@@ -14,9 +14,12 @@ from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Mode
-from runtime.units import NS_PER_S
+from runtime.units import NS_PER_MS, NS_PER_S
 
 TIMEOUT_NS: Final = NS_PER_S
+BRAKING_NS: Final = 200 * NS_PER_MS
+"""After a time-out the robot keeps its mode for so long: in MANUAL its wheels brake, in GUIDED they
+would run out."""
 
 
 class Stage(Enum):
@@ -37,12 +40,13 @@ class GuidedDrive:
         self._stage = Stage.IDLE
         self._velocity = Velocity()
         self._sender: Sender | None = None
-        self._until_ns = self._sent_ns = self._now_ns = 0
+        self._until_ns = self._leave_ns = self._sent_ns = self._now_ns = 0
 
     def follow(self, velocity: Velocity, sender: Sender, now_ns: int) -> None:
         """Drive with these speeds until newer ones arrive or they time out."""
         self._velocity, self._sender, self._now_ns = velocity, sender, now_ns
         self._until_ns = now_ns + TIMEOUT_NS
+        self._leave_ns = self._until_ns + BRAKING_NS
         if self._stage is Stage.IDLE:
             self._enter()
         elif self._stage is Stage.DRIVING:
@@ -55,7 +59,7 @@ class GuidedDrive:
 
     def end(self) -> None:
         """Stop following speeds, because a goal follows."""
-        self._until_ns = 0
+        self._until_ns = self._leave_ns = 0
         if self._stage is Stage.DRIVING:
             self._stop()
 
@@ -74,7 +78,7 @@ class GuidedDrive:
             self._stage = Stage.IDLE
             modes.show_own()
             self._vehicle.port.perform(Hold(), lambda _: None)
-        elif now_ns >= self._until_ns:
+        elif now_ns >= self._leave_ns:
             self._stage = Stage.LEAVING
             self._pilot.await_goal(sender, self._left)
         elif now_ns - self._sent_ns >= REPEAT_NS and now_ns <= self._until_ns - LIFE_NS:

@@ -46,13 +46,16 @@ def test_speeds_drive_and_clients_see_guided(bench: Bench) -> None:
 
 
 def test_speeds_end_a_second_after_the_last(bench: Bench) -> None:
-    """Each speed lasts 250 ms on the robot, so the last is sent so long before the end."""
+    """Each speed lasts 250 ms on the robot, so the last is sent so long before the end.
+
+    In MANUAL without speeds the robot brakes, so it leaves that mode a moment later.
+    """
     start_speeds(bench)
     bench.after(0.68)
     count = len(bench.port.driven)
     bench.after(0.06)
     assert len(bench.port.driven) > count
-    bench.after(0.2)
+    bench.after(0.4)
     assert performed(bench) == []
     bench.after(0.04)
     assert performed(bench) == [TO_GUIDED]
@@ -72,9 +75,17 @@ def test_stream_of_speeds_goes_on(bench: Bench) -> None:
     assert (0.0, 0.0) not in bench.port.driven
 
 
-def test_speed_after_the_time_out_drives_again(bench: Bench) -> None:
+def test_speed_while_the_robot_brakes_drives_again(bench: Bench) -> None:
     start_speeds(bench)
     bench.after(1.1)
+    bench.send(local_target(frame=8, vx=0.25))
+    assert performed(bench) == []
+    assert bench.port.driven[-1] == (0.25, 0.0)
+
+
+def test_speed_after_the_time_out_drives_again(bench: Bench) -> None:
+    start_speeds(bench)
+    bench.after(1.3)
     bench.send(local_target(frame=8, vx=0.25))
     bench.port.answer()
     assert performed(bench) == [TO_GUIDED, TO_MANUAL]
@@ -148,7 +159,7 @@ def test_refused_speeds_say_why(bench: Bench) -> None:
 
 def test_robot_that_cannot_return_to_guided_holds(bench: Bench) -> None:
     start_speeds(bench)
-    bench.after(1.1)
+    bench.after(1.3)
     bench.port.refuse(Reason.EMERGENCY_STOPPED)
     assert performed(bench) == [TO_GUIDED, Hold()]
 
