@@ -19,10 +19,11 @@ from benchmarks.gateway.stage import Air, Figures, on_air, position_target
 from ground.client.connection import Common
 from ground.client.goal import Destination
 from ground.client.link import Link
-from ground.client.operations import Arm, Goto, Hold, Operation, Session, SetMode
+from ground.client.operations import Arm, Goto, Hold, Operation, Session
 from ground.client.operations.leases import ask_lease
 from ground.client.results import Outcome
 from ground.gateway.dialect import REQUEST_OPERATOR_CONTROL
+from ground.gateway.motion.pilot import EnterGuided
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import Role
@@ -59,7 +60,7 @@ class BusOperator:
             self._over.wait(AGAIN_S)
         self._link.beat()
         self._holds.set()
-        self.perform(SetMode(mode=Mode.GUIDED))
+        self.perform(EnterGuided())
         self.perform(Arm())
 
     def goto(self, x_m: float, y_m: float) -> int:
@@ -104,7 +105,9 @@ class GatewayOperator:
         self._client = client
 
     def take(self) -> None:
-        """Take control by choosing GUIDED, and arm."""
+        """Take control by choosing GUIDED, once the robot is seen to hold, and arm."""
+        newest = self._client.newest
+        until(lambda: newest["HEARTBEAT"].custom_mode == Mode.HOLD, "mode HOLD in the heartbeat")
         self._client.set_mode(Mode.GUIDED)
         self._client.arm()
 
