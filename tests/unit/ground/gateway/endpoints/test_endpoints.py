@@ -15,6 +15,7 @@ from ground.gateway.endpoints.serial import SerialEndpoint
 from ground.gateway.endpoints.spec import all_opened, opened
 from ground.gateway.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
 from runtime.errors import UserError
+from runtime.units import NS_PER_S
 from tests.support.until import until
 
 
@@ -162,6 +163,31 @@ def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
     endpoint.flush(10**10)
 
 
+def test_lost_serial_line_is_opened_again_when_it_is_back(stack: ExitStack, tmp_path: Path) -> None:
+    device = tmp_path / "radio"
+
+    def plugged_in() -> int:
+        master, slave = os.openpty()
+        device.symlink_to(os.ttyname(slave))
+        os.close(slave)
+        return master
+
+    master = plugged_in()
+    endpoint = stack.enter_context(closing(opened(f"serial:{device}:57600")))
+    os.close(master)
+    device.unlink()
+    until(lambda: not endpoint.receive() and not endpoint.filenos())
+    assert endpoint.gone() == [str(device)]
+    endpoint.flush(NS_PER_S)
+    assert not endpoint.lasting()
+    master = plugged_in()
+    endpoint.flush(2 * NS_PER_S)
+    assert list(endpoint.lasting()) == [str(device)]
+    os.write(master, b"back")
+    assert received(endpoint)[0].data == b"back"
+    os.close(master)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -172,6 +198,8 @@ def test_serial_line_carries_bytes_both_ways(stack: ExitStack) -> None:
         ("udpin:127.0.0.1:99999", "ports end at 65535"),
         ("serial:/dev/ttyUSB0", "use serial:DEVICE:BAUD"),
         ("serial:/dev/none:57600", "no such device"),
+        ("serial:/dev/none:fast", "use serial:DEVICE:BAUD, as in serial:/dev/ttyUSB0:57600"),
+        ("serial:/dev/none:-1", "use serial:DEVICE:BAUD"),
         ("serial:/dev/null:57600", "not a serial line"),
         ("serial:/dev/null:57601", "57601 baud is not possible"),
         ("udpin:192.0.2.77:0", "does not have the address"),
