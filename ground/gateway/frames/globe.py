@@ -10,7 +10,6 @@ DEFAULT_ORIGIN: Final = Home(latitude_deg=-35.3632621, longitude_deg=149.1652374
 """The model airfield at Canberra where ArduPilot's simulator starts."""
 DEFAULT_ALTITUDE_M: Final = 584.0
 MAX_LATITUDE_DEG: Final = 85.0
-MAX_LONGITUDE_DEG: Final = 180.0
 
 
 class Place(NamedTuple):
@@ -37,9 +36,15 @@ def local_at(origin: Home, place: Place) -> tuple[float, float]:
     return to_local(origin, place.latitude_e7 / PER_DEG, place.longitude_e7 / PER_DEG)
 
 
+def exists(place: Place) -> bool:
+    """Return whether a position is on Earth; 0/0 means "none"."""
+    is_on_earth = abs(place.latitude_e7) <= 90 * PER_DEG
+    return is_on_earth and abs(place.longitude_e7) <= 180 * PER_DEG and any(place)
+
+
 def home_at(place: Place) -> Home | None:
-    """Return an origin; None if it is too near a pole, out of range, or 0/0, which means "none"."""
+    """Return an origin; None if it is too near a pole, or is no position."""
     latitude_deg, longitude_deg = place.latitude_e7 / PER_DEG, place.longitude_e7 / PER_DEG
-    if abs(latitude_deg) > MAX_LATITUDE_DEG or abs(longitude_deg) > MAX_LONGITUDE_DEG:
+    if abs(latitude_deg) > MAX_LATITUDE_DEG or not exists(place):
         return None
-    return Home(latitude_deg=latitude_deg, longitude_deg=longitude_deg) if any(place) else None
+    return Home(latitude_deg=latitude_deg, longitude_deg=longitude_deg)

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from ground.client.goal import FARTHEST_M, Destination, from_robot
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.frames.globe import PER_DEG, home_at, local_at, place_of
+from ground.gateway.frames.globe import PER_DEG, exists, local_at, place_of
 from ground.gateway.frames.ned import heading_of
 from ground.gateway.motion.velocity import Velocity
 from ground.missions.mission import Home
@@ -164,7 +164,7 @@ def place_goal(
     """Return the goal at a position on Earth; 0/0 is no position."""
     require_finite((latitude_deg, longitude_deg))
     place = place_of(latitude_deg, longitude_deg)
-    if home_at(place) is None:
+    if not exists(place):
         raise SetpointError(f"no place for a goal: {latitude_deg:g}, {longitude_deg:g}")
     return destination(*local_at(origin, place), heading_rad)
 

@@ -14,6 +14,12 @@ from tests.support.ground.missions.made_up import homes
 
 angles = st.floats(-50.0, 50.0)
 kilometre = st.floats(-1000.0, 1000.0)
+origins = st.builds(
+    globe.Place,
+    st.integers(-850_000_000, 850_000_000) | st.sampled_from((-850_000_000, 850_000_000, 0)),
+    st.integers(-1_800_000_000, 1_800_000_000)
+    | st.sampled_from((-1_800_000_000, 1_799_999_999, 1_800_000_000)),
+).filter(any)
 
 
 @pytest.mark.parametrize(
@@ -58,6 +64,32 @@ def test_place_survives_the_globe_to_a_centimetre(home: Home, x_m: float, y_m: f
     place = globe.place_at(home, x_m, y_m)
     assert place is not None
     assert globe.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
+
+
+@given(origins, kilometre, kilometre)
+def test_kilometre_is_exact_up_to_85_degrees_and_over_the_date_line(
+    origin: globe.Place, x_m: float, y_m: float
+) -> None:
+    home = globe.home_at(origin)
+    assert home is not None
+    place = globe.place_at(home, x_m, y_m)
+    assert place is not None
+    assert abs(place.latitude_e7) <= 900_000_000
+    assert abs(place.longitude_e7) <= 1_800_000_000
+    assert globe.local_at(home, place) == pytest.approx((x_m, y_m), abs=0.01)
+
+
+@given(origins, kilometre, kilometre)
+def test_place_of_a_client_keeps_its_digits(origin: globe.Place, x_m: float, y_m: float) -> None:
+    home = globe.home_at(origin)
+    assert home is not None
+    place = globe.place_at(home, x_m, y_m)
+    assert place is not None
+    back = globe.place_at(home, *globe.local_at(home, place))
+    assert back is not None
+    assert abs(back.latitude_e7 - place.latitude_e7) <= 1
+    turn = abs(back.longitude_e7 - place.longitude_e7) % 3_600_000_000
+    assert min(turn, 3_600_000_000 - turn) <= 1
 
 
 @pytest.mark.parametrize("x_m", [nan, 1e9, -1e300])

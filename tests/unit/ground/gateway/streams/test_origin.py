@@ -3,8 +3,11 @@
 import pytest
 
 from ground.gateway.dialect import MavMessage, mavlink
+from ground.gateway.frames.globe import Place, home_at, local_at
+from ground.gateway.motion.setpoints import place_goal
 from ground.gateway.services import face_of
 from ground.gateway.streams.origin import SET_GLOBAL_ORIGIN
+from ground.gateway.streams.position import global_position
 from protocol.wire.enums import Vehicle
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
 from tests.support.gateway.telemetry import everything, status
@@ -37,6 +40,21 @@ def test_origin_moves() -> None:
     origin = move(bench, THERE)
     assert (origin.latitude, origin.longitude, origin.altitude) == (*THERE, 5000)
     assert bench.vehicle.origin.latitude_deg == 48.0
+
+
+@pytest.mark.parametrize(
+    "place",
+    [THERE, (850_000_000, 1_800_000_000), (-850_000_000, -1_800_000_000), (1, 1_799_999_999)],
+)
+def test_positions_and_goals_move_with_the_origin(place: tuple[int, int]) -> None:
+    bench = whole_bench()
+    move(bench, place)
+    home = home_at(Place(*place))
+    assert home is not None
+    (here,) = global_position(bench.vehicle, bench.now_ns)
+    assert local_at(home, Place(here.lat, here.lon)) == pytest.approx((3.0, 4.0), abs=0.01)
+    goal = place_goal(bench.vehicle.origin, here.lat / 1e7, here.lon / 1e7, None)
+    assert (goal.x_m, goal.y_m) == pytest.approx((3.0, 4.0), abs=0.01)
 
 
 def test_home_is_told_with_the_new_origin() -> None:
