@@ -2,7 +2,7 @@
 
 from ground.app.lists.link_columns import COLUMNS, LinkRow, link_rows
 from ground.app.lists.table import Table
-from ground.app.panels.aged import MISSING, number
+from ground.app.panels.aged import MISSING, number, role_of
 from ground.app.panels.cycle import cycle_rows
 from ground.app.panels.status import stop_role
 from ground.app.playback.app_interface import AppInterface
@@ -12,6 +12,7 @@ from ground.client.telemetry import Age
 from ground.station.station import Station
 from protocol.topics import CYCLE, GATEWAY, Role
 from protocol.wire.messages import GatewayStatus
+from runtime.units import NS_PER_S
 
 ROLES = (Role.ROBOT, Role.PLANT, Role.GROUND)
 LOSS_PERMILLE = 10
@@ -98,22 +99,32 @@ def link_lines(station: Station) -> list[Row]:
 
 
 def gateway_rows(station: Station) -> list[Row]:
-    """Return the state of the MAVLink gateway in a row; no row if none runs."""
+    """Return the state of the MAVLink gateway, or its loss; no rows if none was seen."""
     seen = station.seen(GATEWAY)
     status = seen.message
-    if seen.age is Age.GONE or not isinstance(status, GatewayStatus):
+    if seen.age_ns is None or not isinstance(status, GatewayStatus):
         return []
+    if seen.age is Age.GONE:
+        words = f"no data for {seen.age_ns / NS_PER_S:.0f} s: the gateway has ended or hangs"
+        return [row(head(" mavlink "), Span(words, "caution"))]
     owner = f", {status.owner} commands" if status.owner else ""
-    trouble = status.lost_permille >= LOSS_PERMILLE or bool(status.refused)
+    is_bad = status.lost_permille >= LOSS_PERMILLE or bool(status.refused)
     return [
         row(
             head(" mavlink "),
-            f"system {status.system}: {status.clients} client{'' if status.clients == 1 else 's'}"
-            f" ({status.signing} signed){owner}",
-            faint(f"   in {status.received_hz} Hz, out {status.sent_bytes_s / 1000:.1f} kB/s   "),
             Span(
-                f"{status.lost_permille / 10:.1f} % lost, {status.refused} refused",
-                "caution" if trouble else "text",
+                f"system {status.system}: {status.clients} client"
+                f"{'' if status.clients == 1 else 's'} ({status.signing} signed){owner}",
+                role_of(seen),
             ),
-        )
+        ),
+        row(
+            faint(
+                f"         in {status.received_hz} Hz, out {status.sent_bytes_s / 1000:.1f} kB/s"
+            ),
+            Span(
+                f"   {status.lost_permille / 10:.1f} % lost, {status.refused} refused",
+                role_of(seen, "caution" if is_bad else "text"),
+            ),
+        ),
     ]

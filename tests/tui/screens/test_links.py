@@ -6,6 +6,7 @@ from ground.station.roster import Attention, RosterEntry
 from protocol.topics import GATEWAY, STATUS, Role
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import GatewayStatus
+from runtime.units import NS_PER_S
 from tests.support.tui.fakes import NOTHING, FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.stopped import stopped_status
@@ -24,7 +25,7 @@ def test_links_show_processes_and_streams() -> None:
     play(story)
 
 
-def test_links_show_the_mavlink_gateway_while_it_runs() -> None:
+def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("5")
@@ -38,6 +39,13 @@ def test_links_show_the_mavlink_gateway_while_it_runs() -> None:
             words = stage.words("about")
             assert "system 1: 2 clients (1 signed), 255 commands" in words
             assert "in 12 Hz, out 4.2 kB/s   1.5 % lost, 7 refused" in words
+            assert max(map(len, words.splitlines())) <= 80
+            assert stage.app.screen.query_one("#about").content_size.height == 9
+            stage.station.clock.advance(12 * NS_PER_S)
+            await stage.redraw()
+            words = stage.words("about")
+            assert "mavlink no data for 12 s: the gateway has ended or hangs" in words
+            assert "255 commands" not in words
 
     play(story)
 
