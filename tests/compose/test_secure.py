@@ -1,11 +1,15 @@
 """Mutual TLS between containers: a client without a key, or with a wrong one, is refused."""
 
 from collections.abc import Iterator
+from math import nan
 
 import pytest
 
+from ground.gateway.dialect import mavlink
 from protocol.wire.enums import Vehicle
 from tests.support.compose.compose import Compose, docker, project
+from tests.support.stack.mavlink_client import MavlinkClient, free_port
+from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 
@@ -15,7 +19,8 @@ OPEN_DOOR = ("--connect", "tcp/router:7447")
 
 @pytest.fixture(scope="module")
 def locked(image: str) -> Iterator[Compose]:
-    with project(image, "secure") as compose:
+    ports = {"MAVLINK_PORT": str(free_port()), "MAVLINK_TCP_PORT": "0"}
+    with project(image, "secure", "mavlink", settings=ports) as compose:
         compose.does("up", "-d", "--no-build")
         for service in SERVICES:
             compose.becomes("healthy", service)
@@ -26,6 +31,27 @@ def test_a_script_commands_a_robot_behind_locked_doors(locked: Compose) -> None:
     assert "router at tls/" in locked.logs("router")
     done = locked.goes("1.0", "2.0")
     assert (done.code, done.object["outcome"]) == (0, "reached"), done.said
+
+
+def test_mavlink_client_of_the_host_drives_a_robot(locked: Compose) -> None:
+    client = MavlinkClient(int(locked.settings["MAVLINK_PORT"]))
+    before = client.next("GLOBAL_POSITION_INT")
+    change_mode = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+    to_the_east = (-1.0, change_mode, 0.0, nan, before.lat, before.lon + 80, 0.0)  # 0.7 m
+
+    def has_moved() -> bool:  # a busy machine may stop a robot: it drives on when armed again
+        client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        client.link.mav.command_int_send(
+            1, 1, frame, mavlink.MAV_CMD_DO_REPOSITION, 0, 0, *to_the_east
+        )
+        return bool(client.next("GLOBAL_POSITION_INT").lon > before.lon + 20)
+
+    until(has_moved)
+    assert client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0) == mavlink.MAV_RESULT_ACCEPTED
+    client.link.close()
+    keys = locked.inside("mavlink", "ls", "/keys").said.split()
+    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem"]
 
 
 def test_client_without_a_key_is_refused_with_a_reason(locked: Compose) -> None:
