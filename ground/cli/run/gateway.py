@@ -170,6 +170,6 @@ def recorder_for(place: str | None, clock: Clock, output: Output) -> TrafficReco
     if place is None:
         return None
     offset_ns = time.time_ns() - clock.now_ns()
-    recorder = TrafficRecorder(new_file(Path(place)), offset_ns)
+    recorder = TrafficRecorder(new_file(Path(place)), offset_ns, output.note)
     output.note(f"recording the traffic to {recorder.path}")
     return recorder

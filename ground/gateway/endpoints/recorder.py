@@ -4,6 +4,7 @@ Each message is recorded once, also if several clients receive it. The recording
 sequence numbers. A key is never recorded.
 """
 
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from threading import Event, Thread
@@ -35,8 +36,12 @@ def new_file(path: Path) -> LogFile:
 class TrafficRecorder:
     """Collects messages in the gateway's thread, and writes them in another thread."""
 
-    def __init__(self, file: LogFile, utc_offset_ns: int) -> None:
+    def __init__(
+        self, file: LogFile, utc_offset_ns: int, note: Callable[[str], None] = lambda _: None
+    ) -> None:
         self.path = file.path
+        self._note = note
+        self._is_noted = False
         self._writer = LogWriter(file, utc_offset_ns)
         self._encoders: dict[int, Any] = {}
         self._ending = Event()
@@ -77,6 +82,10 @@ class TrafficRecorder:
 
     def _take(self, frame: bytes, now_ns: int) -> None:
         self._writer.take(NAME, frame, now_ns)
+        if not self._is_noted and (self._writer.error or self._writer.dropped):
+            self._is_noted = True
+            why = self._writer.error or self._writer.drop_reason
+            self._note(f"{self.path}: messages wait or are lost ({why}); the gateway continues")
 
     def _write(self) -> None:
         rounds = 0

@@ -1,12 +1,14 @@
 """Point 3: what the endpoints send and receive, recorded for tools that know only MAVLink."""
 
+import errno
 import runpy
 import shutil
 import sys
 from itertools import pairwise
 from math import cos, pi, remainder, sin, tau
 from pathlib import Path
-from typing import Any
+from threading import Event
+from typing import Any, cast
 
 import pytest
 from pymavlink import mavutil
@@ -14,10 +16,12 @@ from pymavlink import mavutil
 from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
 from ground.missions.geography import to_local
+from ground.recording.log_writer import LogFile
 from runtime.errors import UserError
 from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.telemetry import odometry, status
 from tests.support.gateway.whole import SilentPort, WholeGateway
+from tests.support.until import PATIENCE_S, until
 
 UTC_NS = 1_800_000_000 * 10**9
 KEY = list(range(100, 132))
@@ -150,6 +154,56 @@ def test_folder_gets_a_file_named_after_the_time(tmp_path: Path) -> None:
     assert recorder.close() == ""
     assert recorder.path.parent == tmp_path / "new"
     assert recorder.path.name.endswith("Z-mavlink.tlog")
+
+
+class TroubledFile:
+    """A file whose disk is full, or hangs until it is released."""
+
+    def __init__(self, path: Path, error: OSError | None = None) -> None:
+        self.path = path
+        self.released = Event()
+        self._error = error
+
+    def append(self, batch: bytes) -> None:
+        if self._error is not None:
+            raise self._error
+        self.released.wait(PATIENCE_S)
+
+    def sync(self) -> None:
+        """Synchronise nothing."""
+
+    def close(self) -> None:
+        """Close nothing."""
+
+
+def test_full_disk_is_noted_once_and_holds_up_nothing(tmp_path: Path) -> None:
+    file = TroubledFile(tmp_path / "x.tlog", OSError(errno.ENOSPC, "No space left on device"))
+    notes: list[str] = []
+    recorder = TrafficRecorder(cast("LogFile", file), 0, notes.append)
+
+    def is_noted() -> bool:
+        recorder.sent(1, HEARTBEAT, 2)
+        return bool(notes)
+
+    until(is_noted)
+    for at in range(1_000):
+        recorder.sent(1, HEARTBEAT, at)
+    assert len(notes) == 1
+    assert "No space left on device" in notes[0]
+    assert "messages lost: No space left on device" in recorder.close()
+
+
+def test_disk_that_hangs_is_noted_and_holds_up_nothing(tmp_path: Path) -> None:
+    file, notes = TroubledFile(tmp_path / "x.tlog"), list[str]()
+    recorder = TrafficRecorder(cast("LogFile", file), 0, notes.append)
+    while recorder._writer.dropped == 0:
+        recorder._writer.take("mavlink", bytes(60_000), 1)
+    for at in range(100):
+        recorder.sent(1, HEARTBEAT, at)
+    assert len(notes) == 1
+    assert "the disk took too long" in notes[0]
+    file.released.set()
+    assert "messages lost" in recorder.close()
 
 
 def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
