@@ -16,6 +16,8 @@ PACED_SILENT_NS: Final = 4_500 * NS_PER_MS
 Longer than the plant waits for a silent robot (3 s), and shorter than the watchdog of each process
 (5 s), so that the cause of the restart is the same in both clocks.
 """
+SLOW_NS: Final = 3 * NS_PER_S
+"""Added for roles that send only once a second."""
 STARTING_NS: Final = 15 * NS_PER_S
 """Longest time from a start to the first message."""
 STALE_MESSAGE_NS: Final = 100 * NS_PER_MS
@@ -35,23 +37,28 @@ class HangDetector:
         linked: Callable[[], bool],
         now_ns: int,
         silent_ns: int = SILENT_NS,
+        slow: Iterable[str] = (),
     ) -> None:
         """Create a detector for `roles`, which publish a heartbeat; `silent_ns` without one hang.
 
-        A router publishes no heartbeat; `linked` returns whether any link is up.
+        A router publishes no heartbeat; `linked` returns whether any link is up. The roles in
+        `slow` send once a second.
         """
+        slow = tuple(slow)
         self.cause = f"hung (silent for {silent_ns / NS_PER_S:g} s)"
         self._silent_ns = silent_ns
         self._hub = hub
         self._linked = linked
-        self._messages_ns = dict.fromkeys(roles, now_ns)
+        self._slow = frozenset(slow)
+        self._messages_ns = dict.fromkeys((*roles, *slow), now_ns)
         self._started = dict.fromkeys(self._messages_ns, now_ns - 2 * STALE_MESSAGE_NS)
         self._exited: set[str] = set()
         self._last_check_ns = self._listening_since_ns = now_ns
 
     def note_message(self, role: str, now_ns: int) -> None:
         """Note a message of a process."""
-        self._messages_ns[role] = now_ns
+        if role in self._messages_ns:
+            self._messages_ns[role] = now_ns
 
     def last_message_ns(self, role: str) -> int | None:
         """Return the time of the last message, or None if there is none since the restart."""
@@ -89,4 +96,5 @@ class HangDetector:
         message_ns = self.last_message_ns(role)
         if message_ns is None:
             return now_ns - max(self._started[role], self._listening_since_ns) > STARTING_NS
-        return now_ns - max(message_ns, self._listening_since_ns) > self._silent_ns
+        limit_ns = self._silent_ns + (SLOW_NS if role in self._slow else 0)
+        return now_ns - max(message_ns, self._listening_since_ns) > limit_ns

@@ -21,6 +21,7 @@ from ground.launch.hang_detector import PACED_SILENT_NS, ROUTER, SILENT_NS, Hang
 from ground.launch.recorder_files import RECORDER, RecorderFiles
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.scenario import (
+    GATEWAY_ROLE,
     RunOptions,
     Scenario,
     process_arguments,
@@ -32,7 +33,7 @@ from ground.launch.supervisor import Supervisor, VoidRun
 from ground.launch.tls_configs import check, dialling
 from protocol.bus.bus import Bus
 from protocol.bus.network import Network
-from protocol.topics import HEARTBEAT, TRUTH
+from protocol.topics import GATEWAY, HEARTBEAT, TRUTH
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
@@ -124,6 +125,8 @@ class Stack:
         for robot in self.scenario.robots:
             bus.stream(HEARTBEAT, partial(self._note_message, f"robot {robot}"), robot)
             bus.stream(TRUTH, partial(self._note_message, PLANT), robot)
+            if self.scenario.mavlink:
+                bus.stream(GATEWAY, partial(self._note_message, GATEWAY_ROLE), robot)
 
     def check(self) -> None:
         """Check all processes. Raises ChildExitError when one exited and is not restarted."""
@@ -222,8 +225,8 @@ class Stack:
         robots = [f"robot {robot}" for robot in self.scenario.robots]
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
         silent_ns = PACED_SILENT_NS if self.scenario.lockstep else SILENT_NS
-        roles = [*robots, PLANT]
-        self._detector = HangDetector(hub, roles, lambda: bus.hub().linked, now_ns, silent_ns)
+        roles, slow = [*robots, PLANT], [GATEWAY_ROLE] if self.scenario.mavlink else []
+        self._detector = HangDetector(hub, roles, lambda: bus.hub().linked, now_ns, silent_ns, slow)
         self._supervisor = Supervisor(
             self._children,
             RestartSchedule(self._roles, self._policy),

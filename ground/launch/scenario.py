@@ -19,6 +19,7 @@ from runtime.calibration import settings_of, totals_arguments
 from runtime.errors import RemoteError, UserError
 
 SHOW_S: Final = 60.0
+GATEWAY_ROLE: Final = "gateway"
 PACED: Final = "paced"
 WALL: Final = "wall"
 CLOCKS: Final = (PACED, WALL)
@@ -209,7 +210,7 @@ def _without_certificates(scenario: Scenario, endpoint: str) -> list[tuple[str, 
         words = ["record", scenario.record, *keep, "--connect", endpoint, "--id"]
         commands += [(f"{RECORDER} {name}", [*words, name]) for name in scenario.robots]
     if scenario.mavlink:
-        commands.append(("gateway", gateway(scenario, endpoint)))
+        commands.append((GATEWAY_ROLE, gateway(scenario, endpoint)))
     return [*commands, ("plant", plant(scenario, endpoint))]
 
 

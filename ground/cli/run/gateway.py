@@ -29,6 +29,7 @@ from ground.gateway.settings import (
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.key_file import read_keys, usual_file, write_keys
 from ground.gateway.signing.policy import Policy
+from ground.gateway.signing.stamps import BackgroundWriter
 from ground.gateway.vehicle import Vehicle
 from ground.grammar.words import add_common
 from ground.recording.build_info import build
@@ -99,6 +100,7 @@ def guard_of(settings: GatewaySettings, endpoints: Sequence[EndpointText]) -> Si
         {one.text: one.policy for one in endpoints},
         save=lambda changed: write_keys(path, changed),
         stamps=state_folder() / STAMPS,
+        write_stamp=BackgroundWriter(),
     )
 
 

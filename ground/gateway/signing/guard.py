@@ -28,11 +28,13 @@ class SigningGuard:
         *,
         save: Save = lambda _: None,
         stamps: Path | None = None,
+        write_stamp: Callable[[Path, int], None] | None = None,
     ) -> None:
         self._policies = dict(policies or {})
-        self._clock = StampClock(unix_ns, stamps)
+        self._clock = StampClock(unix_ns, stamps, write_stamp)
         self._verifier = Verifier(self._clock)
         self._save = save
+        self._armed: list[Callable[[], bool]] = []
         self._use(ring or KeyRing())
 
     @property
@@ -44,6 +46,15 @@ class SigningGuard:
     def is_required(self) -> bool:
         """True if an endpoint takes commands only from clients that sign."""
         return Policy.REQUIRE in self._policies.values()
+
+    @property
+    def is_any_armed(self) -> bool:
+        """True if a robot of the gateway is armed; all of them have the same key."""
+        return any(is_armed() for is_armed in self._armed)
+
+    def watch(self, is_armed: Callable[[], bool]) -> None:
+        """Add a robot."""
+        self._armed.append(is_armed)
 
     def check(
         self, frame: Frame, counters: Counters, endpoint: str, *, is_loopback: bool

@@ -12,10 +12,11 @@ from ground.gateway.signing.key_file import NO_KEY
 from ground.gateway.traffic import Sender
 from ground.gateway.vehicle import Vehicle
 from protocol.wire.enums import Severity
-from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
 
-ARMED: Final = "signing: the key changes only while the robot is seen to be disarmed"
+ARMED: Final = (
+    "signing: the key changes only while all robots are disarmed, and this one is seen to be"
+)
 STRANGER: Final = "signing: the key changes only from this machine, or signed with the present key"
 NEEDED: Final = "signing: an endpoint requires it, so it cannot be ended here"
 
@@ -28,6 +29,7 @@ class SigningSetup:
     def __init__(self, vehicle: Vehicle, guard: SigningGuard) -> None:
         self._vehicle = vehicle
         self._guard = guard
+        guard.watch(lambda: vehicle.is_armed)
 
     def receive(self, message: MavMessage, sender: Sender, now_ns: int) -> None:
         """Change the key, or refuse with a text; a repetition changes nothing."""
@@ -52,11 +54,10 @@ class SigningSetup:
         return not self._guard.is_signing if wanted is None else self._guard.is_current(wanted)
 
     def _refusal(self, sender: Sender, wanted: bytes | None) -> str:
-        status = self._vehicle.snapshot.status
         is_local = sender.is_loopback and sender.may_command
         if not (sender.is_signed or is_local):
             return STRANGER
-        if status is None or status.vehicle == VehicleState.ACTIVE:
+        if self._vehicle.snapshot.status is None or self._guard.is_any_armed:
             return ARMED
         if wanted is None and self._guard.is_required:
             return NEEDED

@@ -8,6 +8,7 @@ may be ahead.
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import Final
 
 from runtime.atomic_file import make_folder, replace
@@ -30,9 +31,15 @@ MAX_DIGITS: Final = len(str(MAX_STAMP))
 class StampClock:
     """Issues stamps, and stores the newest one that was used; `floor` is the stamp of the start."""
 
-    def __init__(self, unix_ns: Callable[[], int], path: Path | None = None) -> None:
+    def __init__(
+        self,
+        unix_ns: Callable[[], int],
+        path: Path | None = None,
+        write: Callable[[Path, int], None] | None = None,
+    ) -> None:
         self._unix_ns = unix_ns
         self._path = path
+        self._write = write or write_stamp
         self._saved = _read(path)
         self.floor = self._newest = max(self._saved, self.now())
 
@@ -63,9 +70,27 @@ class StampClock:
     def _save(self, stamp: int) -> None:
         self._saved = stamp
         if self._path is not None:
-            with suppress(OSError):
-                make_folder(self._path.parent)
-                replace(self._path, f"{stamp}\n")
+            self._write(self._path, stamp)
+
+
+class BackgroundWriter:
+    """Writes stamps in another thread, so that a slow disk delays no frame; may leave some out."""
+
+    def __init__(self) -> None:
+        self._thread: Thread | None = None
+
+    def __call__(self, path: Path, stamp: int) -> None:
+        """Begin to write a stamp unless the one before is still being written."""
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = Thread(target=write_stamp, args=(path, stamp), daemon=True)
+            self._thread.start()
+
+
+def write_stamp(path: Path, stamp: int) -> None:
+    """Replace the stamp in the file, if that is possible."""
+    with suppress(OSError):
+        make_folder(path.parent)
+        replace(path, f"{stamp}\n")
 
 
 def _read(path: Path | None) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from ground.launch.child_processes import ChildExit, Children
-from ground.launch.hang_detector import PACED_SILENT_NS, SILENT_NS, HangDetector
+from ground.launch.hang_detector import PACED_SILENT_NS, SILENT_NS, SLOW_NS, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.supervisor import RESTART_WAIT_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
@@ -90,6 +90,22 @@ def test_suspended_process_in_paced_time_is_not_killed_within_four_seconds() -> 
     assert stage.children.started == []
     stage.supervisor.round(PACED_SILENT_NS + 1)
     assert stage.children.started == [(ROBOT, [ROBOT, "hung (silent for 4.5 s)"])]
+
+
+def test_suspended_gateway_is_killed_though_it_sends_once_a_second() -> None:
+    detector = HangDetector(ROBOT, [ROBOT], lambda: True, -SECOND, slow=["gateway"])
+    for at_ns in range(0, 10 * SECOND + 1, SECOND // 10):
+        detector.note_message(ROBOT, at_ns)
+        if at_ns % SECOND == 0 and at_ns <= 2 * SECOND:
+            detector.note_message("gateway", at_ns)
+        is_overdue = at_ns > 2 * SECOND + SILENT_NS + SLOW_NS
+        if detector.silent(at_ns):
+            assert is_overdue
+            break
+    else:
+        raise AssertionError("not detected")
+    detector.note_message("another role", 0)
+    assert detector.silent(10 * SECOND) == []
 
 
 def test_dead_process_in_paced_time_is_restarted_at_once() -> None:

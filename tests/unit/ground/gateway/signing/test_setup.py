@@ -101,6 +101,19 @@ def test_key_of_an_armed_or_silent_robot_stays(state: VehicleState | None) -> No
     assert not bench.saved
 
 
+def test_key_stays_while_another_robot_of_the_gateway_is_armed() -> None:
+    bench, other = SetupBench(), Bench(system=2)
+    other.face = Face(other.vehicle, [SigningSetup(other.vehicle, bench.guard)])
+    other.port.telemetry["status"] = status(vehicle=VehicleState.ACTIVE)
+    other.after(0.02)
+    assert "signing" in bench.set_key(NEW, LOCAL)
+    assert not bench.saved
+    other.port.telemetry["status"] = status()
+    other.after(0.02)
+    bench.after(1.0)
+    assert bench.set_key(NEW, LOCAL) == ""
+
+
 def test_stranger_sets_no_key() -> None:
     bench = SetupBench()
     assert "signing" in bench.set_key(NEW, REMOTE)

@@ -2,6 +2,7 @@
 
 from itertools import count
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -9,12 +10,14 @@ import pytest
 from ground.gateway.clients.client_link import NoFile
 from ground.gateway.clients.framing import Deframer, Frame
 from ground.gateway.dialect import mavlink
+from ground.gateway.signing import stamps
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.key_file import KeyRing, SigningKey
 from ground.gateway.signing.policy import Counters, Policy, Rights
 from ground.gateway.signing.stamps import EPOCH_S, PER_S, StampClock
 from ground.gateway.signing.verifier import Verdict, Verifier
 from runtime.units import NS_PER_S
+from tests.support.until import PATIENCE_S, until
 
 KEY, OLD, WRONG = b"k" * 32, b"o" * 32, b"w" * 32
 NOW_S = EPOCH_S + 350_000_000
@@ -164,6 +167,27 @@ def test_client_whose_stamps_only_count_frames_is_heard(verifier: Verifier, wall
         wall.s += 1
 
 
+def test_slow_disk_delays_no_stamp(
+    tmp_path: Path, wall: Wall, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    released, written = Event(), list[str]()
+
+    def slow(path: Path, text: str) -> None:
+        released.wait(PATIENCE_S)
+        written.append(text)
+
+    monkeypatch.setattr(stamps, "replace", slow)
+    clock = StampClock(wall, tmp_path / "stamp", stamps.BackgroundWriter())
+    given = [clock.next()]
+    for _ in range(10):
+        wall.s += 60
+        given.append(clock.next())
+    assert given == sorted(set(given))
+    assert written == []
+    released.set()
+    until(lambda: len(written) == 1)
+
+
 ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
 
 
@@ -180,11 +204,11 @@ ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
 def test_policy_decides_what_unsigned_frames_may_do(
     wall: Wall, policy: Policy, is_loopback: bool, rights: Rights
 ) -> None:
-    guard, counters, stamps = SigningGuard(wall, ring, {"end": policy}), Counters(), count(NOW + 1)
+    guard, counters, numbers = SigningGuard(wall, ring, {"end": policy}), Counters(), count(NOW + 1)
     assert guard.check(UNSIGNED, counters, "end", is_loopback=is_loopback) == (rights, False)
-    valid = signed(next(stamps))
+    valid = signed(next(numbers))
     assert guard.check(valid, counters, "end", is_loopback=is_loopback) == (Rights.COMMAND, True)
-    forged = signed(next(stamps), WRONG)
+    forged = signed(next(numbers), WRONG)
     assert guard.check(forged, counters, "end", is_loopback=is_loopback) == (Rights.NONE, False)
     assert (counters.signed, counters.unsigned, counters.refused) == (1, 1, 1)
 

@@ -1,0 +1,119 @@
+"""The gateway dies in a drive: GUIDED ends as at the loss of any operator, a mission goes on."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ground.client.link import ALIVE
+from ground.gateway.bus_port import BusPort
+from ground.gateway.dialect import MavMessage, MissionCount, mavlink
+from ground.gateway.services import face_of
+from ground.gateway.vehicle import Vehicle
+from protocol.topics import Role
+from protocol.wire.enums import GoalState, MissionState
+from protocol.wire.enums import Vehicle as VehicleState
+from protocol.wire.limits import MAX_LEASE_MS
+from protocol.wire.reasons import Reason
+from tests.closed_loop.test_gateway_mission import PLAN, link_of
+from tests.support.gateway.fake_port import CLIENT, ORIGIN
+from tests.support.gateway.messages import acks, command
+from tests.support.gateway.mission_bench import messages_of, of_type
+from tests.support.harness import Stack
+
+ARM, SET_MODE, REPOSITION, START = 400, 176, 192, 300
+GUIDED, AUTO = 15, 10
+LOST_S = 1.5
+
+
+class Gateway:
+    """A gateway and its client, which live while the test lets them."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
+        self.port = BusPort(link_of(stack, Role.GROUND), lambda: None)
+        beats = self.port._heartbeats
+        self.port.heartbeat = lambda: stack.send(beats.key, lambda: beats.put(ALIVE))  # type: ignore[method-assign]
+        self.face = face_of(Vehicle(1, self.port, ORIGIN, stack.clock.now_ns()))
+        self.face.join(CLIENT.client)
+        self.sent: list[MavMessage] = []
+
+    def round(self) -> None:
+        self.face.vehicle.control.heard(CLIENT, self._stack.clock.now_ns())
+        self.port.deliver()
+        self.face.due(self._stack.clock.now_ns())
+        self.sent += [one.message for one in self.face.vehicle.outbox.take()]
+
+    def ask(self, message: MavMessage, answer: str = "COMMAND_ACK") -> MavMessage:
+        """Send a message; return the first answer of this type."""
+        self.sent.clear()
+        self.face.receive(message, CLIENT, self._stack.clock.now_ns())
+
+        def is_answered() -> bool:
+            self.round()
+            return bool(of_type(self.sent, answer))
+
+        self._stack.until(is_answered)
+        return of_type(self.sent, answer)[0]
+
+    def command(self, number: int, *params: float) -> int:
+        return acks([self.ask(command(number, *params))])[0][1]
+
+    def is_live(self) -> bool:
+        self.round()
+        return self.face.vehicle.snapshot.is_live
+
+    def drives(self) -> bool:
+        self.round()
+        return self._stack.driving()
+
+
+@contextmanager
+def stack_with_gateway() -> Iterator[tuple[Stack, Gateway]]:
+    with Stack("open") as stack:
+        stack.operator = False  # the gateway is the only one
+        gateway = Gateway(stack)
+        stack.until(gateway.is_live)
+        yield stack, gateway
+        gateway.port.close()
+
+
+def goto(gateway: Gateway) -> int:
+    place = (ORIGIN.latitude_deg + 0.00003, ORIGIN.longitude_deg + 0.00003)
+    return gateway.command(REPOSITION, -1, 1, 0, 0, *place)
+
+
+def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
+        gone_s = stack.until(lambda: stack.goal_state == GoalState.ABORTED, within_s=5.0)
+        assert LOST_S - 0.3 <= gone_s <= LOST_S + 0.2
+        assert stack.vehicle.state.machine.goal_reason == Reason.OPERATOR_LOST
+        stack.until(stack.standing)
+
+        newer = Gateway(stack)
+        stack.forward(MAX_LEASE_MS / 1000 + 0.5)
+        newer.round()
+        (heartbeat, *_) = of_type(newer.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
+        assert newer.command(ARM, 1) == 0
+        assert stack.state == VehicleState.ACTIVE
+        assert newer.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(newer) == 0
+        stack.until(newer.drives)
+        newer.port.close()
+
+
+def test_mission_goes_on_to_its_end() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        items = messages_of(PLAN)
+        message = MissionCount(1, 1, len(items), 0)
+        for item in items:
+            assert gateway.ask(message, "MISSION_REQUEST").seq == item.seq
+            message = item
+        assert gateway.ask(message, "MISSION_ACK").type == mavlink.MAV_MISSION_ACCEPTED
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(START, 0) == 0
+        stack.until(gateway.drives)
+        stack.until(lambda: stack.vehicle.mission.state == MissionState.DONE)
