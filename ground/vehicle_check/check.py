@@ -111,7 +111,8 @@ class Check:
         if found is None:
             other = f"; {self.main.malformed} malformed frames" if self.main.malformed else ""
             seconds = f"{HEARTBEAT_WITHIN_S:g} s"
-            raise RemoteError(f"no heartbeat of a MAVLink vehicle within {seconds}{other}")
+            hint = "udpout and tcp connect to the vehicle, udpin waits for it"
+            raise RemoteError(f"no heartbeat of a MAVLink vehicle within {seconds}{other}: {hint}")
         self.station.target = found.system
         self.station.target_component = found.component
         self.station.heard_ns = found.at_ns

@@ -22,6 +22,7 @@ NOISE_FACTOR: Final = 2
 MAX_NOISE_M: Final = 1.0
 MAX_NOISE_M_S: Final = 0.2
 SEND_HZ: Final = 10
+WAY_S: Final = 3.0
 
 
 def stand(check: Check) -> None:
@@ -115,6 +116,26 @@ def stream(
     return until()
 
 
+def expect_rest(
+    check: Check, found: Findings, message: Callable[[], MavMessage], seconds: float
+) -> None:
+    """Repeat a setpoint in HOLD; expect the vehicle to stay."""
+    here = position(check)
+    stream(check, message, seconds)
+    fact = f"in HOLD moved {distance(check, here):.3f} m"
+    found.expect(not has_moved(check, here), fact)
+
+
+def expect_way(
+    check: Check, found: Findings, message: Callable[[], MavMessage], words: str
+) -> None:
+    """Repeat a setpoint; expect the vehicle to move. A fault contains the vehicle's texts."""
+    here, since = position(check), check.main.mark()
+    is_moving = stream(check, message, WAY_S, lambda: has_moved(check, here))
+    fact = f"{words} moved {distance(check, here):.2f} m"
+    found.expect(is_moving, fact if is_moving else f"{fact} {check.texts(since)!r}")
+
+
 def stops_within(check: Check, seconds: float) -> bool:
     """Return True if the vehicle stops within some time."""
     return check.station.wait(seconds, lambda: speed(check) < still_m_s(check))
@@ -124,7 +145,7 @@ def expect_goto(check: Check, found: Findings, reposition: Any) -> None:
     """Drive a step by DO_REPOSITION, in GUIDED."""
     if not start(check, GUIDED, found):
         return
-    here = position(check)
+    here, since = position(check), check.main.mark()
     at = moved(place(check), *ahead(check))
     message = reposition(check, at, as_int=True)
     number = mavlink.MAV_CMD_DO_REPOSITION
@@ -132,7 +153,8 @@ def expect_goto(check: Check, found: Findings, reposition: Any) -> None:
     result = None if ack is None else int(ack.message.result)
     is_moving = has_moved(check, here, 5.0)
     fact = f"in GUIDED: {result_name(result)}, moved {distance(check, here):.2f} m"
-    found.expect(result == ACCEPTED and is_moving, fact)
+    is_right = result == ACCEPTED and is_moving
+    found.expect(is_right, fact if is_right else f"{fact} {check.texts(since)!r}")
     stand(check)
 
 
@@ -146,7 +168,7 @@ def expect_mission(check: Check, found: Findings, *, by_command: bool) -> None:
     """Start the mission by MISSION_START or by the mode; expect it to run, and HOLD to stop it."""
     if not start(check, GUIDED, found):
         return
-    here = position(check)
+    here, since = position(check), check.main.mark()
     if by_command:
         result = check.main.result_of(mavlink.MAV_CMD_MISSION_START, within_s=2.0)
     else:
@@ -154,5 +176,6 @@ def expect_mission(check: Check, found: Findings, *, by_command: bool) -> None:
     is_auto = check.station.wait(2.0, lambda: check.mode == AUTO)
     is_moving = has_moved(check, here, 5.0)
     fact = f"start: {result_name(result)}, mode {check.mode}, moved {distance(check, here):.2f} m"
-    found.expect(result == ACCEPTED and is_auto and is_moving, fact)
+    is_right = result == ACCEPTED and is_auto and is_moving
+    found.expect(is_right, fact if is_right else f"{fact} {check.texts(since)!r}")
     stand(check)

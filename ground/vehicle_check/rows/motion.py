@@ -119,21 +119,10 @@ def velocity(
 def setpoints(check: Check) -> Verdict:
     """Send velocities in HOLD and in GUIDED."""
     found = Findings()
-    here = driving.position(check)
-    driving.stream(check, lambda: velocity(check, 0.2), 1.0)
-    still = driving.distance(check, here)
-    found.expect(not driving.has_moved(check, here), f"in HOLD moved {still:.3f} m")
+    driving.expect_rest(check, found, lambda: velocity(check, 0.2), 1.0)
     if not driving.start(check, driving.GUIDED, found):
         return found.verdict()
-    here = driving.position(check)
-    driving.stream(
-        check,
-        lambda: velocity(check, 0.2),
-        3.0,
-        lambda: driving.has_moved(check, here),
-    )
-    way = driving.distance(check, here)
-    found.expect(driving.has_moved(check, here), f"in GUIDED moved {way:.2f} m")
+    driving.expect_way(check, found, lambda: velocity(check, 0.2), "in GUIDED")
     found.expect(driving.stops_within(check, STOP_S), f"then {driving.speed(check):.2f} m/s")
     since = check.main.mark()
     for frame in FRAMES:
@@ -171,10 +160,7 @@ def attitude_target(check: Check) -> Verdict:
     message = mavlink.MAVLink_set_attitude_target_message(
         0, *target, IGNORE_QUATERNION, [1, 0, 0, 0], 0, 0, 0, 0.3
     )
-    here = driving.position(check)
-    driving.stream(check, lambda: message, 3.0, lambda: driving.has_moved(check, here))
-    way = driving.distance(check, here)
-    found.expect(driving.has_moved(check, here), f"thrust 0.3 moved {way:.2f} m")
+    driving.expect_way(check, found, lambda: message, "thrust 0.3")
     for number in (mavlink.MAV_CMD_NAV_SET_YAW_SPEED, mavlink.MAV_CMD_DO_SET_REVERSE):
         result = check.main.result_of(number, 0)
         is_right = result not in (None, mavlink.MAV_RESULT_UNSUPPORTED)
@@ -227,16 +213,10 @@ def _by_hand(
     check: Check, ahead: Callable[[], MavMessage], turn: Callable[[], MavMessage]
 ) -> Verdict:
     found = Findings()
-    here = driving.position(check)
-    driving.stream(check, ahead, 0.8)
-    still = driving.distance(check, here)
-    found.expect(not driving.has_moved(check, here), f"in HOLD moved {still:.3f} m")
+    driving.expect_rest(check, found, ahead, 0.8)
     if not driving.start(check, MANUAL, found):
         return found.verdict()
-    here = driving.position(check)
-    driving.stream(check, ahead, 3.0, lambda: driving.has_moved(check, here))
-    way = driving.distance(check, here)
-    found.expect(driving.has_moved(check, here), f"in MANUAL moved {way:.2f} m")
+    driving.expect_way(check, found, ahead, "in MANUAL")
     is_still = driving.stops_within(check, MANUAL_STOP_S)
     found.expect(is_still, f"after the last {driving.speed(check):.2f} m/s")
     before = driving.yaw(check)
