@@ -21,6 +21,9 @@ SILENCE_NS: Final = 5 * NS_PER_S
 """A client in control that is silent for this long loses control; ArduPilot's FS_GCS_TIMEOUT."""
 CROSSING_NS: Final = 300_000_000
 """A lease status sent before a change may arrive up to this time after it."""
+MAX_TAKING: Final = 64
+"""Requests for control that wait for the robot; more are refused."""
+BUSY: Final = "too many requests for control at once"
 WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
 
 
@@ -95,6 +98,8 @@ class OperatorControl:
             done(Answered(Accepted(0)))
         elif self.owner is not None:
             done(held_by(self.owner.system))
+        elif len(self._taking) >= MAX_TAKING:
+            done(Answered(None, BUSY))
         else:
             self._taking.append((sender, done))
             if len(self._taking) == 1:
@@ -115,6 +120,8 @@ class OperatorControl:
             self.ensure(sender, granted)
         elif not sender.may_command:
             done(Answered(None, WATCHER))
+        elif len(self._taking) >= MAX_TAKING:
+            done(Answered(None, BUSY))
         else:
             self._taking.append((sender, granted))
             if len(self._taking) == 1:

@@ -1,10 +1,10 @@
 from math import nan
 
 from ground.client.operations import Arm, Hold
-from ground.client.results import Refused
-from ground.gateway.control import SILENCE_NS
+from ground.client.results import Accepted, Refused
+from ground.gateway.control import BUSY, MAX_TAKING, SILENCE_NS
 from ground.gateway.dialect import mavlink
-from ground.gateway.port import Answered
+from ground.gateway.port import Answered, Done
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
 from protocol.wire.reasons import Reason
@@ -47,6 +47,20 @@ def test_command_that_only_stops_needs_no_control() -> None:
     bench.vehicle.perform(CLIENT, Arm(), answers.append)
     bench.vehicle.perform(OTHER, Hold(), answers.append)
     assert bench.port.performed == [Arm(), Hold()]
+
+
+def test_flood_of_requests_for_control_is_bounded() -> None:
+    bench, answers = Bench(), list[Answered]()
+    granted: list[Done] = []
+    bench.port.change_lease = lambda *given: granted.append(given[2])  # type: ignore[method-assign]
+    for number in range(1_000):
+        bench.vehicle.perform(CLIENT._replace(system=number % 250), Arm(), answers.append)
+    assert len(answers) == 1_000 - MAX_TAKING
+    assert all(one.error == BUSY for one in answers)
+    (grant,) = granted
+    grant(Answered(Accepted(1)))
+    assert bench.port.performed == [Arm()]
+    assert len(answers) == 999
 
 
 def test_lease_of_another_operator_is_named() -> None:

@@ -1,3 +1,5 @@
+import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -53,6 +55,32 @@ def test_damaged_file_is_refused(tmp_path: Path, text: str) -> None:
     path.chmod(0o600)
     with pytest.raises(ConfigError):
         read_keys(path)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text.replace('"\n', "\n", 1),
+        lambda text: text.replace("secret = ", "secrt = ", 1),
+        lambda text: text.replace("secret", "secret = secret", 1),
+        lambda text: text.replace("[[key]]", "[[key]", 1),
+        lambda text: text.replace('secret = "', 'secret = "X', 1),
+        lambda text: text + text.replace("[[key]]", "[key]"),
+        lambda text: text * 3,
+    ],
+)
+def test_error_about_a_damaged_file_has_no_secret(
+    tmp_path: Path, damage: Callable[[str], str]
+) -> None:
+    """Nor has its traceback: it goes to a terminal, and to the log of `up`."""
+    path, key = tmp_path / "keys.toml", new_key()
+    write_keys(path, KeyRing(key=(key,)))
+    path.write_text(damage(path.read_text()))
+    with pytest.raises(UserError) as caught:
+        read_keys(path)
+    text = "".join(traceback.format_exception(caught.value))
+    assert key.secret not in text
+    assert key.passphrase not in text
 
 
 def test_usual_file_is_in_the_folder_of_the_settings(monkeypatch: pytest.MonkeyPatch) -> None:
