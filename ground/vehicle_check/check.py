@@ -26,6 +26,7 @@ SILENCE_S: Final = 10.0
 MAX_RUN_S: Final = 85.0
 MAX_RUN_WITH_MOTION_S: Final = 300.0
 SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+EMERGENCY: Final = mavlink.MAV_STATE_EMERGENCY
 ONE_CLIENT: Final = "this endpoint serves one ground station"
 
 
@@ -83,6 +84,7 @@ class Check:
             self.station.signer = self.signer_with(options.key)
         self.main = self.station.connect()
         self.restore: list[Restore] = []
+        self.was_stopped = False
         self.facts: dict[str, Any] = {}
         """Results of rows that other rows use."""
 
@@ -116,6 +118,7 @@ class Check:
         self.station.target = found.system
         self.station.target_component = found.component
         self.station.heard_ns = found.at_ns
+        self.was_stopped = found.message.system_status == EMERGENCY
         mode = int(found.message.custom_mode)
         self.restore.append(Restore(f"mode {mode}", partial(self._back_to, mode)))
         self.main.log[:] = [one for one in self.main.log if one.system == found.system]
@@ -292,9 +295,20 @@ def _put_back(check: Check) -> tuple[list[str], list[str]]:
     restored: list[str] = []
     not_restored: list[str] = []
     is_gone = check.is_silent()
+    if check.options.allow_motion and not is_gone:
+        _stop(check)
     for name, undo in reversed(check.restore):
         (restored if not is_gone and undo() else not_restored).append(name)
     return restored, not_restored
+
+
+def _stop(check: Check) -> None:
+    """Disarm the vehicle, and clear an emergency stop, if a row has been interrupted."""
+    if check.is_armed:
+        check.main.result_of(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        check.station.wait(1.0, lambda: not check.is_armed)
+    if check.heartbeat.system_status == EMERGENCY and not check.was_stopped:
+        check.main.result_of(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 0)
 
 
 def restore_text(restored: Sequence[str], not_restored: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from runtime.units import NS_PER_S
 QUIET_S: Final = 0.5
 GIVE_UP_S: Final = 5.0
 """After so long without any parameter the vehicle has none left to send."""
+NO_INDEX: Final = 0xFFFF
 AT_ONCE: Final = 50
 MAX_PARAMETERS: Final = 10_000
 PCK_HEADER: Final = Struct("<HHH")
@@ -47,7 +48,7 @@ class ParameterList:
         name = name_of(message)
         self.count = min(int(message.param_count), MAX_PARAMETERS)
         index = int(message.param_index)
-        if index == 0xFFFF and name in self.values:
+        if index == NO_INDEX and name in self.values:
             index = self.values[name].position
         self.values[name] = Value(index, float(message.param_value), int(message.param_type))
 

@@ -1,5 +1,6 @@
 """Functions that rows about plans share: the vehicle's position, its own plans, a small mission."""
 
+from functools import partial
 from math import cos, radians
 from typing import Final
 
@@ -69,25 +70,28 @@ def is_disarmed_or_allowed(check: Check) -> bool:
     return check.options.allow_motion or not check.is_armed
 
 
-def keep(check: Check, kind: int) -> None:
-    """Download the vehicle's own plan once; it is restored after the check."""
+def keep(check: Check, kind: int) -> bool:
+    """Download the vehicle's own plan once; it is restored after the check.
+
+    Return False if it cannot be read: then it must not be replaced.
+    """
     name = f"plan {kind}"
-    if name in check.facts:
-        return
-    own = check.facts[name] = download(check.main, kind)
+    if name not in check.facts:
+        own = check.facts[name] = download(check.main, kind)
+        if own is not None:
+            undo = partial(_sent_back, check, own.items, kind)
+            check.restore.append(Restore(KIND_NAMES[kind], undo))
+    return check.facts[name] is not None
 
-    def undo() -> bool:
-        if own is not None and own.items:
-            return bool(upload(check.main, own.items, kind).result == ITEM_ACCEPTED)
-        return own is not None and clear(check.main, kind) == ITEM_ACCEPTED
 
-    check.restore.append(Restore(KIND_NAMES[kind], undo))
+def _sent_back(check: Check, items: list[Item], kind: int) -> bool:
+    found = upload(check.main, items, kind).result if items else clear(check.main, kind)
+    return bool(found == ITEM_ACCEPTED)
 
 
 def sent(check: Check, items: list[Item], kind: int = MISSION) -> int | None:
-    """Send a plan in place of the vehicle's own."""
-    keep(check, kind)
-    return upload(check.main, items, kind).result
+    """Send a plan in place of the vehicle's own; None if that cannot be kept."""
+    return upload(check.main, items, kind).result if keep(check, kind) else None
 
 
 def fence_around(check: Check, size_m: float = 15.0) -> list[Item]:

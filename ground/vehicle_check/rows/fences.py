@@ -15,9 +15,9 @@ from ground.vehicle_check.plans import (
     place,
     same_places,
 )  # fmt: skip
-from ground.vehicle_check.rows.mission_rows import with_plans
+from ground.vehicle_check.rows.mission_rows import UNREADABLE, with_plans
 from ground.vehicle_check.session import result_name
-from ground.vehicle_check.verdict import Findings, Verdict, row
+from ground.vehicle_check.verdict import Findings, Verdict, failed, row
 
 POLYGON_OUT: Final = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION
 CIRCLE: Final = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION
@@ -41,7 +41,8 @@ def fences(check: Check) -> Verdict:
     """Exchange fences, and ask for rally points."""
     found = Findings()
     _keep_enabled(check)
-    keep(check, FENCE)
+    if not keep(check, FENCE):
+        return failed(UNREADABLE)
     polygon = fence_around(check)
     circle = Item(CIRCLE, *moved(place(check), 0.5, 0.5), params=(RADIUS_M, 0.0, 0.0, 0.0))
     for name, items in (("circle", [circle]), ("polygon", polygon)):

@@ -44,6 +44,7 @@ CANCEL_S: Final = 12.0
 OWN_CANCELLED: Final = mavlink.MAV_MISSION_OPERATION_CANCELLED
 DENIED: Final = mavlink.MAV_MISSION_DENIED
 NO_COMMAND: Final = 31_999
+UNREADABLE: Final = "the vehicle's own plan cannot be downloaded, and is not replaced"
 MOST_ITEMS: Final = 65_535
 ITEM_2: Final = re.compile(r"(?<![\d.])[23](?![\d.])")
 """The number of the third item, counted from 0 or from 1, not a digit of another number."""
@@ -58,7 +59,8 @@ def with_plans(judge: Judge) -> Judge:
             return not_tried("the vehicle is armed: give --allow-motion")
         if place(check) == (0, 0) and not check.main.expect_sent("GLOBAL_POSITION_INT", 1.0):
             return failed("no GLOBAL_POSITION_INT: no place for a mission")
-        keep(check, MISSION)
+        if not keep(check, MISSION):
+            return failed(UNREADABLE)
         return judge(check)
 
     return judged

@@ -20,6 +20,7 @@ from ground.vehicle_check.files import (
     FileClient,
 )  # fmt: skip
 from ground.vehicle_check.parameters import (
+    NO_INDEX,
     PCK_MAGIC_DEFAULTS,
     ParameterList,
     Value,
@@ -97,7 +98,8 @@ def parameter_protocol(check: Check) -> Verdict:
         index = listed.values[name].position
         for one in (read(check.main, name), read(check.main, index=index)):
             got = None if one is None else (name_of(one), one.param_index)
-            found.expect(got == (name, index), f"read again: {got}")
+            # ArduPilot gives no index to a parameter that is read by its name.
+            found.expect(got in ((name, index), (name, NO_INDEX)), f"read again: {got}")
     _expect_set(check, found, listed)
     return found.verdict()
 
@@ -113,7 +115,11 @@ def _expect_set(check: Check, found: Findings, listed: ParameterList) -> None:
         if answer is None and wanted != value.value:
             answer = read(check.main, name)  # ArduPilot ignores what is no number
         got = None if answer is None else answer.param_value
-        found.expect(got == value.value, f"PARAM_SET {name} {wanted:g}: value in force {got}")
+        is_right = found.expect(
+            got == value.value, f"PARAM_SET {name} {wanted:g}: value in force {got}"
+        )
+        if not is_right:
+            write(check.main, name, value.value, value.kind)
     if check.serves_two:
         echo = other.expect_sent("PARAM_VALUE", 1.0, lambda one: name_of(one) == name, since)
         found.expect(echo, f"the other client {'sees' if echo else 'does not see'} PARAM_VALUE")

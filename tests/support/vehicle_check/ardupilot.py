@@ -74,6 +74,15 @@ class ArduPilotLike(GoodVehicle):
         """Serve no descriptions."""
         return None
 
+    def on_param_request_read(self, message: Any, peer: Peer) -> None:
+        """Give no index to a parameter that is read by its name."""
+        if message.param_index >= 0:
+            super().on_param_request_read(message, peer)
+        elif message.param_id in self.values:
+            answer = self.value(message.param_id)
+            answer.param_index = 0xFFFF
+            self.send(answer, peer)
+
     def on_param_set(self, message: Any, peer: Peer) -> None:
         """Ignore what is no number; change anything else."""
         if isfinite(message.param_value) and message.param_id in self.values:

@@ -191,3 +191,33 @@ def test_interrupted_check_puts_back_the_plans() -> None:
         judge(MemoryNetwork(vehicle), Options(), chosen, interrupt)
     assert [one[1] for one in vehicle.plans[0]][1:] == [item[1]]
     assert caught.value.__notes__ == ["put back: mission, mode 4"]
+
+
+def test_plan_that_cannot_be_downloaded_is_not_replaced() -> None:
+    class Unreadable(GoodVehicle):
+        def on_mission_request_list(self, message: Any, peer: Peer) -> None:
+            """Answer nothing."""
+
+    vehicle = Unreadable()
+    item = ((3, 16, 0, 1, 0.0, 0.0, 0.0, 0.0), (-353_632_600, 1_491_652_300), 0.0)
+    vehicle.plans[0] = [item, item]
+    outcome = judge(MemoryNetwork(vehicle), Options(), [rows()[number] for number in (28, 34)])
+    assert {one.verdict.status for one in outcome.rows} == {Status.FAIL}
+    assert vehicle.plans[0] == [item, item]
+    assert outcome.restored == ["mode 4"]
+
+
+def test_interrupted_row_leaves_the_vehicle_disarmed_and_not_stopped() -> None:
+    class Interrupting(GoodVehicle):
+        def command_185(self, params: list[float], peer: Peer) -> int:
+            result = super().command_185(params, peer)
+            if params[0] == 1:
+                self.is_armed = True
+                raise KeyboardInterrupt
+            return result
+
+    vehicle = Interrupting()
+    with pytest.raises(KeyboardInterrupt):
+        judge(MemoryNetwork(vehicle), Options(allow_motion=True), [rows()[2]])
+    assert not vehicle.is_armed
+    assert not vehicle.is_stopped
