@@ -85,10 +85,10 @@ test: setup
 	exec "$(BIN)/python" -m verification.gate $(if $(CI),--no-skips)
 
 # A client that cannot be installed is skipped with the reason, and fails with CI set. Each client
-# drives a robot in real time: at most two at once.
+# drives a robot in real time: four at once are not late on two cores.
 interop: setup
 	@PATH="$(BIN):$$PATH"
-	exec "$(BIN)/python" -m pytest -q -n 2 -m interop $(if $(CI),--no-skips) $(ARGS) tests/interop
+	exec "$(BIN)/python" -m pytest -q -n 4 --dist worksteal -m interop $(if $(CI),--no-skips) $(ARGS) tests/interop
 
 # From the results of `make interop`.
 clients-table: setup

@@ -134,9 +134,9 @@ class CommandService:
         sender, vehicle = call.sender, self._vehicle
         if words and result != ACCEPTED:
             vehicle.refusals.say(words, sender.client, vehicle.snapshot.now_ns, severity)
-        vehicle.outbox.send(
-            mavlink.MAVLink_command_ack_message(
-                acknowledged, result, 0, 0, sender.system, sender.component
-            ),
-            sender.client,
+        ack = mavlink.MAVLink_command_ack_message(
+            acknowledged, result, 0, 0, sender.system, sender.component
         )
+        # MAVSDK has several requests under way, and tells their answers apart by the number alone.
+        is_request = call.number in self._rows and self._rows[call.number].reads
+        (vehicle.outbox.send if is_request else vehicle.answer)(ack, sender.client)

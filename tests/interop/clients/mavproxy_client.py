@@ -163,7 +163,7 @@ def prepare(proxy: MavProxy, steps: Steps, call: Call) -> None:
         proxy.until_printed(["log list"], "^Log 1 ")
         # MAVProxy does not repeat its first request.
         lines, done = [f"log download 1 {path}"], "Finished downloading"
-        proxy.repeat(lines, lambda: proxy.printed(done), "the log", 50.0, every_s=12.0)
+        proxy.repeat(lines, lambda: proxy.printed(done), "the log", 50.0, every_s=9.0)
         call.require_recording(path)
 
 
@@ -188,7 +188,7 @@ def drive(proxy: MavProxy, steps: Steps, start: Place, folder: Path) -> None:
         proxy.until(lambda: seen.is_at(places[-1]), "the last waypoint", 50.0)
     with steps.step("goto"):
         lines = [f"guided {there.latitude:.7f} {there.longitude:.7f} 0"]
-        proxy.repeat(lines, lambda: seen.is_at(there), "the place", 50.0, every_s=15.0)
+        proxy.repeat(lines, lambda: seen.is_at(there), "the place", 50.0, every_s=6.0)
     with steps.step("mode"):
         since = len(proxy.lines)
         proxy.repeat(["mode HOLD"], lambda: proxy.printed("Mode HOLD", since), "mode HOLD")

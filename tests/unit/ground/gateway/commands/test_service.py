@@ -49,6 +49,15 @@ def test_ack_waits_for_the_robot(bench: Bench) -> None:
     assert acks(bench.sent()) == [(ARM, ACCEPTED)]
 
 
+def test_ack_is_sent_twice_on_a_lossy_line(bench: Bench) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    bench.send(command(ARM, 1))
+    bench.port.answer()
+    assert acks(bench.sent()) == 2 * [(ARM, ACCEPTED)]
+    request = mavlink.MAV_CMD_REQUEST_MESSAGE
+    assert acks(bench.send(command(request, 1e5))) == [(request, UNSUPPORTED)]
+
+
 def test_command_int_is_carried_out_like_command_long(bench: Bench) -> None:
     bench.send(command_int(ARM, 1))
     assert bench.port.performed == [Arm()]
