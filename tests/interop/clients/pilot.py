@@ -16,6 +16,7 @@ GROUND_STATION: Final = (255, 190)
 DEG_E7: Final = 1e7
 LOG_CHUNK: Final = 90
 MAX_READ: Final = 50
+SHOWN: Final = 12
 SILENCE_S: Final = 1.0
 """A request without an answer is repeated after this time."""
 GLOBAL: Final = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
@@ -69,7 +70,9 @@ class Station:
         acknowledged = self.newest.get("COMMAND_ACK")
         last = "" if acknowledged is None else f", {acknowledged}"
         state = "no heartbeat" if self.newest_state is None else f"{self.newest_state}"
-        return f"mode {self.mode}, {state}{last}, texts {self.texts[-4:]}"
+        # One that is repeated would hide the reason.
+        texts = list(dict.fromkeys(reversed(self.texts)))[:SHOWN]
+        return f"mode {self.mode}, {state}{last}, newest texts {texts}"
 
     @property
     def mode(self) -> str:
