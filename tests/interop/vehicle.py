@@ -25,15 +25,19 @@ class RobotOnAir(NamedTuple):
 
 @contextmanager
 def robot_on_air(folder: Path, line: str, seed: int) -> Iterator[RobotOnAir]:
-    """Run a robot in a room with a gateway, which clients reach over a line."""
+    """Run a robot in a room with a gateway, which clients reach over a line.
+
+    Time is paced, as it is with `sidestep up`: a busy computer slows the robot down, and does not
+    stop it in a failsafe.
+    """
     recordings = folder / "recordings"
     recordings.mkdir()
     recording = recordings / "20261123T120000Z-r1.tlog"
     recording.write_bytes(bytes(n * n % 251 for n in range(RECORDING_BYTES)))
     port = free_udp_port()
     with Crew() as crew:
-        crew.robot()
-        crew.plant()
+        crew.robot("--lockstep")
+        crew.plant("--lockstep", "--speed", "1")
         endpoint = f"udpin:127.0.0.1:{port}"
         gateway = crew.dialling("run", "gateway", endpoint, "--recordings", str(recordings))
         gateway.says("is MAVLink system")

@@ -141,9 +141,9 @@ class Crew:
         self.in_real_time()
         return robot
 
-    def plant(self, *, waits: bool = True) -> Running:
+    def plant(self, *words: str, waits: bool = True) -> Running:
         """Start the plant, which connects to the robot; with `waits`, wait until it is ready."""
-        plant = self.dialling("plant", "--world", "open", "--noise", "none")
+        plant = self.dialling("plant", "--world", "open", "--noise", "none", *words)
         if waits:
             plant.says("plant: world")
             self.in_real_time()
