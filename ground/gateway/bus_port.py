@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from functools import partial
 from queue import SimpleQueue
 from typing import Any, Final
 
@@ -10,7 +11,7 @@ from msgspec.structs import replace
 
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
-from ground.client.operations import Operation, Session, Stopped
+from ground.client.operations import Abort, Disarm, Hold, Operation, Session, Stopped
 from ground.client.operations.commands import STOP_S
 from ground.client.operations.leases import ask_lease
 from ground.client.operations.teleop import TeleopSender
@@ -40,7 +41,8 @@ from runtime.units import NS_PER_MS, NS_PER_S
 
 READY_S: Final = 0.5
 SILENT_NS: Final = 1500 * NS_PER_MS
-"""Requests that move a robot that has been silent for so long are refused at once."""
+"""A robot that has been silent for so long is asked nothing, but to stop."""
+STOPS: Final = (Abort, Disarm, Hold)
 MAX_WAITING: Final = 64
 """Requests that wait for the robot; more are refused."""
 LATE_NS: Final = 3 * NS_PER_S
@@ -147,7 +149,9 @@ class BusPort:
 
     def perform(self, operation: Operation[Any], done: Done) -> None:
         """Start an operation; operations of one robot run one after another."""
-        self._request(lambda: operation.perform(self._session()), done, moves=operation.moves)
+        stops, moves = isinstance(operation, STOPS), operation.moves
+        job = partial(operation.perform, self._session())
+        self._request(job, done, is_tried=stops, expires=moves)
 
     def change_lease(self, action: LeaseAction, name: str, done: Done) -> None:
         """Take, seize or release the lease."""
@@ -156,7 +160,8 @@ class BusPort:
             session = self._session()
             return session.with_holder(ask_lease(session.link, action, name))
 
-        self._request(ask, done, moves=action is not LeaseAction.RELEASE)
+        takes = action is not LeaseAction.RELEASE
+        self._request(ask, done, is_tried=not takes, expires=takes)
 
     def stop(self, done: Done) -> None:
         """Send the emergency stop at once, and repeat it in a separate thread."""
@@ -207,14 +212,16 @@ class BusPort:
         now_ns = self._link.bus.now_ns()
         return bool(arrived_ns) and now_ns - max(arrived_ns) >= SILENT_NS
 
-    def _request(self, job: Callable[[], Outcome], done: Done, *, moves: bool) -> None:
-        """Queue a request. One that only stops is tried even if the robot seems to be silent."""
+    def _request(
+        self, job: Callable[[], Outcome], done: Done, *, is_tried: bool, expires: bool
+    ) -> None:
+        """Queue a request. `is_tried`: also to a silent robot; `expires`: only for a short time."""
         asked_ns = self._link.bus.now_ns()
 
         def checked() -> Outcome:
-            if moves and self._is_silent():
+            if self._is_silent() and not is_tried:
                 raise RemoteError(NO_TELEMETRY)
-            if moves and self._link.bus.now_ns() - asked_ns >= LATE_NS:
+            if expires and self._link.bus.now_ns() - asked_ns >= LATE_NS:
                 raise RemoteError(BUSY)
             return job()
 
@@ -222,7 +229,7 @@ class BusPort:
             self._waiting -= 1
             done(answered)
 
-        if moves and self._is_silent():
+        if self._is_silent() and not is_tried:
             self._end(done, Answered(None, NO_TELEMETRY))
         elif self._waiting >= MAX_WAITING:
             self._end(done, Answered(None, BUSY))

@@ -8,7 +8,7 @@ import pytest
 
 from ground.client.connection import Common
 from ground.client.link import Link
-from ground.client.operations import Arm, Disarm, Hold
+from ground.client.operations import Arm, Disarm, Hold, ShowParameters
 from ground.gateway.bus_port import BUSY, LATE_NS, MAX_ASKING, MAX_WAITING, SILENT_NS, BusPort
 from ground.gateway.port import NO_TELEMETRY, Answered
 from protocol.bus.network import Network
@@ -79,15 +79,16 @@ def test_silent_robot_refuses_at_once_but_is_asked_to_stop(room: Room) -> None:
     room.clock.advance(1)
     room.perform(Arm())
     room.port.change_lease(LeaseAction.TAKE, "MAVLink 255", room.answers.append)
+    room.perform(ShowParameters())
     room.port.deliver()
-    assert room.wait(4)[2:] == [NO_TELEMETRY] * 2
+    assert [one.error for one in room.answers][2:] == [NO_TELEMETRY] * 3
     assert LEASE_SERVICE.path not in [path for _, path, _ in room.bus.asked]
     room.perform(Hold())
-    room.wait(5)
+    room.wait(6)
     assert room.asked[-1] == Command.DO_PAUSE_CONTINUE
     room.bus.say(STATUS, status())
     room.perform(Arm())
-    assert room.wait(6)[5] == ""
+    assert room.wait(7)[6] == ""
 
 
 def test_requests_that_wait_are_limited(room: Room) -> None:
