@@ -48,7 +48,7 @@ class TcpEndpoint:
         try:
             with explained(text):
                 self._socket.bind(resolved(host, port))
-                self._socket.listen(MAX_ACCEPTS)
+                self._socket.listen(MAX_CONNECTIONS)
         except BaseException:
             self._socket.close()
             raise

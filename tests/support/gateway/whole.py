@@ -7,7 +7,7 @@ from ground.client.operations import FetchMission, Operation, ShowFence, ShowPar
 from ground.gateway.bus_port import BusPort
 from ground.gateway.clients.client_link import NoFile
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.endpoints.endpoint import Received
+from ground.gateway.endpoints.endpoint import Endpoint, Received
 from ground.gateway.endpoints.recorder import TrafficRecorder
 from ground.gateway.gateway import Gateway, WakeUp
 from ground.gateway.port import Done
@@ -93,20 +93,21 @@ class CommandedPort(SilentPort):
 
 
 class WholeGateway:
-    """One robot behind one endpoint."""
+    """One robot behind one endpoint, which the test plays unless a `real` one is given."""
 
     def __init__(
         self,
         port: SilentPort | None = None,
         recorder: TrafficRecorder | None = None,
         guard: SigningGuard | None = None,
+        real: Endpoint | None = None,
     ) -> None:
         self.endpoint, self.clock, self.port = PipeEndpoint(), StepClock(), port or SilentPort()
         self.face = face_of(Vehicle(1, self.port, ORIGIN, 0), None, guard)
         self._encoder = mavlink.MAVLink(NoFile(), 255, 190)
         self._wake_up = WakeUp()
         self.gateway = Gateway(
-            [self.endpoint],
+            [self.endpoint if real is None else real],
             [self.face],
             [cast("BusPort", self.port)],
             cast("Clock", self.clock),

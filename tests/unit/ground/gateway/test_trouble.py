@@ -1,14 +1,18 @@
 """Bad input and trouble, through the whole gateway: no frame acts that should not."""
 
+import socket
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
 from ground.client.operations import AnnounceItems, Arm, Hold, UploadMission
+from ground.gateway.clients.client_link import NoFile
 from ground.gateway.control import SILENCE_NS
 from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS
+from ground.gateway.endpoints.spec import opened
 from ground.gateway.gateway import STALL_NS
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.key_file import KeyRing, SigningKey
@@ -20,6 +24,7 @@ from tests.support.gateway.messages import SYSTEM, acks, command, words
 from tests.support.gateway.mission_bench import line_of
 from tests.support.gateway.telemetry import everything, status
 from tests.support.gateway.whole import CommandedPort, WholeGateway
+from tests.support.until import PATIENCE_S, until
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 ARM = command(400, 1)
@@ -137,6 +142,42 @@ def test_client_without_a_place_stops_the_robot_and_is_told(whole: WholeGateway)
     assert results(whole, "new") == [(185, ACCEPTED)]
     assert whole.sent_to("new", "HEARTBEAT") == []
     assert len(whole.sent_to("flood 0", "HEARTBEAT")) >= 1
+
+
+@pytest.mark.parametrize("kind", ["udpin", "tcpin"])
+def test_client_without_a_place_stops_the_robot_by_a_socket(kind: str) -> None:
+    endpoint: Any = opened(f"{kind}:127.0.0.1:0")
+    whole = WholeGateway(CommandedPort(), real=endpoint)
+    whole.port.telemetry |= everything()
+
+    def connected() -> socket.socket:
+        one = socket.socket(type=socket.SOCK_DGRAM if kind == "udpin" else socket.SOCK_STREAM)
+        stack.enter_context(one)
+        one.settimeout(PATIENCE_S)
+        one.connect(("127.0.0.1", endpoint.port))
+        return one
+
+    def is_full() -> bool:
+        whole.run(0.02)
+        return len(whole.gateway.clients) == MAX_PEERS
+
+    def is_stopped() -> bool:
+        new.sendall(frame_of(HEARTBEAT) + frame_of(STOP))
+        whole.run(0.02)
+        return bool(whole.port.stops)
+
+    with ExitStack() as stack:
+        stack.callback(whole.close)
+        for _ in range(MAX_PEERS):
+            connected().sendall(frame_of(HEARTBEAT))
+        until(is_full)
+        new = connected()
+        until(is_stopped)
+        whole.port.stops[0](whole.port.accepted)
+        whole.run(0.04)
+        (ack,) = acks(mavlink.MAVLink(NoFile()).parse_buffer(new.recv(1000)))
+        assert ack == (185, ACCEPTED)
+        assert len(whole.gateway.clients) == MAX_PEERS
 
 
 def test_emergency_stop_waits_for_no_transfer_and_no_upload(whole: WholeGateway) -> None:
