@@ -15,6 +15,10 @@ BLOCK: Final = 90
 DATA_BYTES: Final = 122
 ENTRY_BYTES: Final = 39
 MAX_RANGES: Final = 64
+LAST_BLOCKS: Final = 3
+"""On a lossy line the last block of a range is sent this often. MAVSDK asks for missing blocks at
+once when it has that block, and every 0.5 s without it.
+"""
 KEPT: Final = "recordings are not erased from here; see sidestep rec"
 NO_LOG: Final = "no log {number}; ask for the list again"
 
@@ -132,7 +136,7 @@ class LogProtocol:
             number, count = state.entries.popleft(), len(state.logs)
             log = state.logs[number - 1]
             entry = mavlink.MAVLink_log_entry_message(number, count, count, log.began_s, log.size)
-            self._vehicle.outbox.send(entry, client)
+            self._vehicle.answer(entry, client)
 
     def _send_data(self, client: int, state: LogClient, now_ns: int) -> None:
         transfer = state.transfer
@@ -146,7 +150,10 @@ class LogProtocol:
                 data = b""
             padded = list(data.ljust(BLOCK, b"\0"))
             block = mavlink.MAVLink_log_data_message(transfer.number, offset, len(data), padded)
-            self._vehicle.outbox.send(block, client)
+            is_last = len(data) < BLOCK or offset + BLOCK >= end
+            is_lossy = client in self._vehicle.lossy
+            for _ in range(LAST_BLOCKS if is_last and is_lossy else 1):
+                self._vehicle.outbox.send(block, client)
             # A log that ends with a whole block is followed by an empty one, which marks the end.
             if len(data) == BLOCK and offset + BLOCK < end:
                 transfer.ranges.appendleft((offset + BLOCK, end))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ground.gateway.dialect import MavMessage, mavlink
-from ground.gateway.files.logs import BLOCK, MAX_RANGES
+from ground.gateway.files.logs import BLOCK, LAST_BLOCKS, MAX_RANGES
 from protocol.wire.enums import Vehicle
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
@@ -74,6 +74,13 @@ def test_log_is_sent_byte_for_byte(bench: ParameterBench, number: int, name: str
     assert {one.count for one in found[:-1]} == {BLOCK}
     assert found[-1].count < BLOCK
     assert {one.id for one in found} == {number}
+
+
+def test_entries_and_last_blocks_are_repeated_on_a_lossy_line(bench: ParameterBench) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    found = of_type(bench.send(wanted_list(1, 1)) + bench.after(0.1), "LOG_ENTRY")
+    assert [one.id for one in found] == [1, 1]
+    assert [one.ofs for one in blocks(bench, wanted(1, 0, 180))] == [0, *LAST_BLOCKS * [90]]
 
 
 def test_missing_ranges_are_sent_one_after_the_other(bench: ParameterBench) -> None:
