@@ -129,6 +129,7 @@ def main() -> None:
     proxy = MavProxy(call)
     seen = proxy.observer
     try:
+        proxy.until(lambda: proxy.printed("^Connect "), "its start")
         with steps.step("connect", is_needed=True):
             proxy.until(lambda: proxy.printed("Detected vehicle 1:1"), "a detected vehicle")
         prepare(proxy, steps, call)
