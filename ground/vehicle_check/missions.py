@@ -39,6 +39,8 @@ class Upload:
     result: int | None = None
     opaque_id: int = 0
     requests: list[tuple[str, int]] = field(default_factory=list)
+    may_be_old: bool = False
+    """True if a first refusal may repeat that of an upload before: a vehicle may send it twice."""
 
 
 def message_of(
@@ -73,7 +75,7 @@ def upload(
     The result is that of MISSION_ACK, None without one. With loss the announcement and the last
     item are sent again, as MAVSDK and MAVProxy do.
     """
-    station, found = client.station, Upload()
+    station, found = client.station, Upload(may_be_old=client.station.is_lossy)
     within_s = UPLOAD_WITH_LOSS_S if station.is_lossy else UPLOAD_S
     end_ns = station.now_ns + round(within_s * NS_PER_S)
     since, quiet, last = client.mark(), 0, len(items) - 1
@@ -109,6 +111,8 @@ def _taken(found: Upload, frames: Sequence[Frame], ignored: int | None) -> list[
             if seq != ignored or seq in [at for _, at in found.requests]:
                 wanted.append(seq)
             found.requests.append((one.name, seq))
+        elif one.name == "MISSION_ACK" and not found.requests and found.may_be_old:
+            found.may_be_old = False
         elif one.name == "MISSION_ACK":
             found.result, found.opaque_id = int(one.message.type), int(one.message.opaque_id)
     return wanted
