@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table mutation bench generate docs pictures generate-docs clean afresh
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures generate-docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -93,6 +93,9 @@ interop: setup
 # From the results of `make interop`.
 clients-table: setup
 	@exec "$(BIN)/python" -m verification.site.clients_table
+
+rows-table: setup
+	@exec "$(BIN)/python" -m verification.site.rows_table
 
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup
