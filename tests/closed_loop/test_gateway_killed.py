@@ -1,4 +1,7 @@
-"""The gateway dies in a drive: GUIDED ends as at the loss of any operator, a mission goes on."""
+"""The gateway dies in a drive, or the robot falls silent: what robot and clients do then.
+
+GUIDED ends as at the loss of any operator, and a mission goes on.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,9 +18,10 @@ from protocol.wire.limits import MAX_LEASE_MS
 from protocol.wire.reasons import Reason
 from tests.closed_loop.test_gateway_mission import PLAN, link_of
 from tests.support.gateway.fake_port import CLIENT, ORIGIN
-from tests.support.gateway.messages import acks, command
+from tests.support.gateway.messages import acks, command, words
 from tests.support.gateway.mission_bench import messages_of, of_type
 from tests.support.harness import Stack
+from tests.support.until import until
 
 ARM, SET_MODE, REPOSITION, START = 400, 176, 192, 300
 GUIDED, AUTO = 15, 10
@@ -48,14 +52,24 @@ class Gateway:
         self.face.receive(message, CLIENT, self._stack.clock.now_ns())
 
         def is_answered() -> bool:
+            if self.port._waiting and self._stack.robot is not None:
+                self._stack.robot.idle()  # simulated time waits for the threads of the port
+            else:
+                self._stack.cycle()
             self.round()
             return bool(of_type(self.sent, answer))
 
-        self._stack.until(is_answered)
+        until(is_answered)
         return of_type(self.sent, answer)[0]
 
     def command(self, number: int, *params: float) -> int:
         return acks([self.ask(command(number, *params))])[0][1]
+
+    def lives(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds * 20)):
+            self._stack.cycle()
+            self.round()
 
     def is_live(self) -> bool:
         self.round()
@@ -103,6 +117,36 @@ def test_guided_goal_ends_and_clients_of_a_new_gateway_go_on() -> None:
         assert goto(newer) == 0
         stack.until(newer.drives)
         newer.port.close()
+
+
+def test_clients_learn_of_a_silence_and_go_on_after_it() -> None:
+    with stack_with_gateway() as (stack, gateway):
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
+        gateway.sent.clear()
+        stack.hanging, beat = frozenset({"robot"}), gateway.port.heartbeat
+        gateway.port.heartbeat = lambda: None  # type: ignore[method-assign]
+        gateway.lives(5.0)
+        (*_, heartbeat) = of_type(gateway.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_UNINIT
+        assert heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+        assert "no telemetry arrives from the robot" in words(gateway.sent)
+        began_ns = stack.clock.now_ns()
+        assert gateway.command(ARM, 1) == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+        assert stack.clock.now_ns() - began_ns <= 200_000_000
+
+        stack.hanging, gateway.port.heartbeat = frozenset(), beat  # type: ignore[method-assign]
+        gateway.sent.clear()
+        gateway.lives(3.0)
+        assert "telemetry arrives again, after 5 s" in words(gateway.sent)
+        (*_, heartbeat) = of_type(gateway.sent, "HEARTBEAT")
+        assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
+        assert gateway.command(ARM, 1) == 0
+        assert gateway.command(SET_MODE, 1, GUIDED) == 0
+        assert goto(gateway) == 0
+        stack.until(gateway.drives)
 
 
 def test_mission_goes_on_to_its_end() -> None:
