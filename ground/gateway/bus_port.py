@@ -18,6 +18,7 @@ from ground.client.operations.teleop import TeleopSender
 from ground.client.results import Outcome
 from ground.client.telemetry import Telemetry
 from ground.gateway.port import NO_TELEMETRY, Answered, Done, Snapshot
+from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
 from protocol.topics import (
     CYCLE,
@@ -35,7 +36,7 @@ from protocol.topics import (
 )
 from protocol.wire.codec import decode
 from protocol.wire.enums import LeaseAction
-from protocol.wire.messages import GatewayStatus, Heartbeat, Statustext
+from protocol.wire.messages import CycleReport, GatewayStatus, Heartbeat, Statustext
 from runtime.errors import LocalError, RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
@@ -48,7 +49,9 @@ MAX_WAITING: Final = 64
 LATE_NS: Final = 3 * NS_PER_S
 """A request that moves the robot is refused after this wait: its client has given it up."""
 BUSY: Final = "too many requests wait for the robot"
-TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, CYCLE, HEARTBEAT)
+TOPICS: Final = (STATUS, ODOMETRY, SONAR, WHEELS, LEASE, MISSION, HEARTBEAT)
+LOAD_NS: Final = 10 * NS_PER_S
+"""Time between two looks at the load of the robot, which changes slowly and costs 20 samples/s."""
 MAX_ASKING: Final = 256
 """Presses of the stop that wait for an acknowledgement; more are sent, and get none."""
 Ended = tuple[Done, Answered]
@@ -94,6 +97,30 @@ class StopLine:
         self._repeat(stop, ended)
 
 
+class LoadSampler:
+    """Subscribes to the cycle reports for one of them, and again some time later."""
+
+    def __init__(self, link: Link) -> None:
+        self._bus, self._robot = link.bus, link.robot
+        self._box: Mailbox[CycleReport] | None = None
+        self._newest: CycleReport | None = None
+        self._due_ns = link.clock.now_ns()
+
+    def fresh(self, now_ns: int) -> CycleReport | None:
+        """Return the newest report; None if the robot sends none when it is due."""
+        if self._box is None and now_ns >= self._due_ns:
+            self._box = self._bus.mailbox(CYCLE, self._robot)
+        elif self._box is not None:
+            found = self._box.fresh(now_ns)
+            if found is not None:
+                self._bus.unsubscribe(self._box)
+                self._box, self._newest = None, found
+                self._due_ns = now_ns + LOAD_NS
+            elif now_ns >= self._due_ns + SILENT_NS:
+                self._newest = None
+        return self._newest
+
+
 class BusPort:
     """One robot on the bus. `wake` is called from other threads when a request has ended.
 
@@ -106,6 +133,7 @@ class BusPort:
         self._link = link
         self._wake = wake
         self._telemetry = Telemetry(link.bus, link.robot, TOPICS)
+        self._load = LoadSampler(link)
         self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
         self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
@@ -133,7 +161,7 @@ class BusPort:
             wheels=fresh(WHEELS, now_ns),
             lease=fresh(LEASE, now_ns),
             mission=fresh(MISSION, now_ns),
-            cycle=fresh(CYCLE, now_ns),
+            cycle=self._load.fresh(now_ns),
         )
 
     def new_texts(self) -> list[Statustext]:

@@ -9,15 +9,23 @@ import pytest
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations import Arm, Disarm, Hold, ShowParameters
-from ground.gateway.bus_port import BUSY, LATE_NS, MAX_ASKING, MAX_WAITING, SILENT_NS, BusPort
+from ground.gateway.bus_port import (
+    BUSY,
+    LATE_NS,
+    LOAD_NS,
+    MAX_ASKING,
+    MAX_WAITING,
+    SILENT_NS,
+    BusPort,
+)
 from ground.gateway.port import NO_TELEMETRY, Answered
 from protocol.bus.network import Network
-from protocol.topics import COMMAND, LEASE_SERVICE, STATUS, STOP
+from protocol.topics import COMMAND, CYCLE, LEASE_SERVICE, STATUS, STOP
 from protocol.wire.enums import AckResult, Command, LeaseAction, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
 from runtime.clock import ManualClock
-from tests.support.gateway.telemetry import status
+from tests.support.gateway.telemetry import cycle, status
 from tests.support.played_bus import PlayedBus
 from tests.support.until import PATIENCE_S, until
 
@@ -147,3 +155,29 @@ def test_flood_of_stops_is_sent_whole_in_bounded_memory(room: Room) -> None:
         return len(room.answers) > MAX_ASKING
 
     until(all_shown)
+
+
+def test_load_is_sampled_now_and_then(room: Room) -> None:
+    def load() -> int | None:
+        found = room.port.snapshot(room.clock.now_ns()).cycle
+        return None if found is None else found.tick
+
+    assert load() is None
+    room.bus.say(CYCLE, cycle(tick=1))
+    assert load() == 1
+    room.bus.say(CYCLE, cycle(tick=2))
+    assert load() == 1
+    room.clock.advance(LOAD_NS)
+    load()
+    room.bus.say(CYCLE, cycle(tick=3))
+    assert load() == 3
+
+
+def test_load_of_a_silent_robot_is_unknown(room: Room) -> None:
+    room.port.snapshot(room.clock.now_ns())
+    room.bus.say(CYCLE, cycle(tick=1))
+    room.port.snapshot(room.clock.now_ns())
+    room.clock.advance(LOAD_NS)
+    assert room.port.snapshot(room.clock.now_ns()).cycle is not None
+    room.clock.advance(SILENT_NS)
+    assert room.port.snapshot(room.clock.now_ns()).cycle is None
