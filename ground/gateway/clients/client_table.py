@@ -105,7 +105,11 @@ class Clients:
         if client.is_loopback != is_loopback:
             client = table[key] = client._replace(is_loopback=is_loopback)
         client.link.feed(data)
-        if table is self._guests:
+        if table is self._guests and self._has_place(endpoint, now_ns):
+            del self._guests[key]
+            client.link.allow(MIN_FRAMES)
+            self._add(client)
+        elif table is self._guests:
             self._take_stops(client, now_ns)
 
     def frames(self, now_ns: int, *, is_limited: bool = True) -> Iterator[tuple[Client, Frame]]:

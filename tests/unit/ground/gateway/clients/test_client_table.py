@@ -181,6 +181,16 @@ def test_client_without_a_place_may_stop_the_robot(
     assert "new" in room.endpoint.forgotten
 
 
+def test_guest_becomes_a_client_when_a_place_is_free(room: Room) -> None:
+    room.fill()
+    room.feed("new", packed(STOP))
+    (guest,) = room.frames()
+    room.feed("new", packed(), CROWDED_NS)
+    assert [client.peer for client in room.frames(CROWDED_NS)] == ["new"]
+    assert room.log[-1] == ("join", guest.link.number)
+    assert not room.clients._guests
+
+
 def test_connections_without_a_place_wait_as_guests(room: Room) -> None:
     room.endpoint.connected = [f"tcp {number}" for number in range(MAX_PEERS + MAX_GUESTS + 1)]
     room.clients.begin_round(0)
