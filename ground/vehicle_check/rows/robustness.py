@@ -20,6 +20,7 @@ READY_S: Final = 2.0
 READY_WITH_LOSS_S: Final = 5.0
 MODAL: Final = mavlink.MAV_SEVERITY_ERROR
 COMMANDS: Final = 1_000
+ANSWERS_S: Final = 3.0
 FLOOD_S: Final = 2.0
 FRAMES_PER_STEP: Final = 40
 STEP_S: Final = 0.02
@@ -96,10 +97,12 @@ def two_systems(check: Check) -> Verdict:
                 mavlink.MAVLink_command_long_message(others[0], 1, number, 0, 148, *[0] * 6)
             )
         check.station.wait(STEP_S)
+    acknowledged = check.station.acknowledged
+    check.station.wait(ANSWERS_S, lambda: acknowledged[others[0]] - before >= COMMANDS)
     check.station.wait(0.5)
     strays = check.main.sent("COMMAND_ACK", since, lambda ack: ack.command == number)
     strays += check.main.sent("AUTOPILOT_VERSION", since)
-    answered = check.station.acknowledged[others[0]] - before
+    answered = acknowledged[others[0]] - before
     fact = f"{COMMANDS} commands for {others[0]}: {answered} answers of it"
     fact += f", {len(strays)} of {check.target}"
     return (passed if answered >= COMMANDS // 2 and not strays else failed)(fact)
