@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 from ground.vehicle_check.dialect import NUMBERS, mavlink
 from ground.vehicle_check.network import Losses, Network
@@ -28,6 +28,9 @@ MAX_RUN_WITH_MOTION_S: Final = 300.0
 SET_MESSAGE_INTERVAL: Final = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 EMERGENCY: Final = mavlink.MAV_STATE_EMERGENCY
 ONE_CLIENT: Final = "this endpoint serves one ground station"
+
+
+Found = TypeVar("Found")
 
 
 class Options(NamedTuple):
@@ -87,6 +90,13 @@ class Check:
         self.was_stopped = False
         self.facts: dict[str, Any] = {}
         """Results of rows that other rows use."""
+
+    def once(self, name: str, find: Callable[[], Found]) -> Found:
+        """Return a fact of that name; find it at the first call."""
+        if name not in self.facts:
+            self.facts[name] = find()
+        found: Found = self.facts[name]
+        return found
 
     @property
     def target(self) -> int:

@@ -50,11 +50,12 @@ def moved(start: tuple[int, int], north_m: float, east_m: float) -> tuple[int, i
 
 def step_m(check: Check) -> float:
     """Return a step that is longer than the radius in which a place counts as reached."""
-    if "step" not in check.facts:
+
+    def find() -> float:
         radius = read(check.main, "WP_RADIUS")
-        check.facts["step"] = STEP_M if radius is None else max(STEP_M, 2 * radius.param_value + 1)
-    found: float = check.facts["step"]
-    return found
+        return STEP_M if radius is None else max(STEP_M, 2 * float(radius.param_value) + 1)
+
+    return check.once("step", find)
 
 
 def small_mission(check: Check, steps: int = 3, spread_m: float = 0.3) -> list[Item]:

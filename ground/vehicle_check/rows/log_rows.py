@@ -6,13 +6,16 @@ from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import mavlink
 from ground.vehicle_check.files import END_OF_FILE, LIST, FileClient
 from ground.vehicle_check.rows import driving
+from ground.vehicle_check.session import Frame
 from ground.vehicle_check.verdict import Findings, Verdict, failed, row
+from runtime.units import NS_PER_S
 
 BLOCK: Final = 90
 MAX_BYTES: Final = 900
 ALL: Final = 0xFFFF
 MOST_LOGS: Final = 500
 MOST_BYTES: Final = 0xFFFFFFFF
+LIST_NS: Final = 30 * NS_PER_S
 END_S: Final = 0.05
 ARMED_S: Final = 0.3
 FOLDERS: Final = ("@MAV_LOG", "/APM/LOGS", "/fs/microsd/log")
@@ -21,26 +24,28 @@ FOLDERS: Final = ("@MAV_LOG", "/APM/LOGS", "/fs/microsd/log")
 
 def entries(check: Check) -> dict[int, int]:
     """Return the size of each log by its number; the list is requested once."""
-    if "logs" not in check.facts:
-        target = check.station.address
-        since = check.main.mark()
-        message = mavlink.MAVLink_log_request_list_message(*target, 0, ALL)
-        first = check.main.ask(message, "LOG_ENTRY", within_s=2.0)
-        count = 0 if first is None else int(first.message.num_logs)
+    return {one.message.id: one.message.size for one in check.once("logs", lambda: _listed(check))}
 
-        def is_whole() -> bool:
-            ids = {one.message.id for one in check.main.heard("LOG_ENTRY", since)}
-            return len(ids) >= count
 
-        for _ in range(check.station.tries):
-            if check.station.wait(2.0, is_whole):
-                break
-            check.main.send(message)
-        frames = check.main.heard("LOG_ENTRY", since)
-        check.facts["logs"] = {one.message.id: one.message.size for one in frames}
-        check.facts["log answers"] = [one.message.num_logs for one in frames]
-    found: dict[int, int] = check.facts["logs"]
-    return found
+def _listed(check: Check) -> list[Frame]:
+    """Request the list, and wait as long as entries arrive."""
+    since = check.main.mark()
+    message = mavlink.MAVLink_log_request_list_message(*check.station.address, 0, ALL)
+    first = check.main.ask(message, "LOG_ENTRY", within_s=2.0)
+    count = 0 if first is None else int(first.message.num_logs)
+    end_ns = check.station.now_ns + LIST_NS
+
+    def is_missing() -> bool:
+        ids = {one.message.id for one in check.main.heard("LOG_ENTRY", since)}
+        return len(ids) < count and check.station.now_ns < end_ns
+
+    for _ in range(check.station.tries):
+        while is_missing() and check.main.expect("LOG_ENTRY", 2.0):
+            pass
+        if not is_missing():
+            break
+        check.main.send(message)
+    return check.main.heard("LOG_ENTRY", since)
 
 
 @row(
@@ -51,7 +56,7 @@ def entries(check: Check) -> dict[int, int]:
 def logs(check: Check) -> Verdict:
     """List the logs, and read the start and the end of one; with motion, none while armed."""
     logs = entries(check)
-    counts = check.facts["log answers"]
+    counts = [one.message.num_logs for one in check.facts["logs"]]
     if not counts:
         return failed("LOG_REQUEST_LIST: no LOG_ENTRY")
     found = Findings()

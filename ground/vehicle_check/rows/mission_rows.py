@@ -84,16 +84,13 @@ def upload_retries(check: Check) -> Verdict:
     again = check.main.ask(repeated, "MISSION_ACK")
     result = None if again is None else again.message.type
     found.expect(result == ITEM_ACCEPTED, f"last item again: {outcome(result)}")
-    ended = _abandoned(check)["ended"]
+    ended = check.once("abandoned", lambda: _abandoned(check))["ended"]
     found.expect(ended == OWN_CANCELLED, f"upload without answers: {outcome(ended)}")
     return found.verdict()
 
 
 def _abandoned(check: Check) -> dict[str, int | None]:
     """Start an upload, send requests of a second client meanwhile, and wait for its end."""
-    if "abandoned" in check.facts:
-        known: dict[str, int | None] = check.facts["abandoned"]
-        return known
     main = check.main
     since = main.mark()
     main.ask_for_any(count_message(main, 3, MISSION), REQUESTS)
@@ -107,7 +104,6 @@ def _abandoned(check: Check) -> dict[str, int | None]:
             found[name] = None if answer is None else int(answer.message.type)
     ended = main.expect_sent("MISSION_ACK", CANCEL_S, since=since)
     found["ended"] = None if ended is None else int(ended.message.type)
-    check.facts["abandoned"] = found
     return found
 
 
@@ -228,7 +224,7 @@ def current_item(check: Check) -> Verdict:
 @with_plans
 def two_uploads(check: Check) -> Verdict:
     """Judge the answers to the second client."""
-    found, answers = Findings(), _abandoned(check)
+    found, answers = Findings(), check.once("abandoned", lambda: _abandoned(check))
     if not check.serves_two:
         return not_applicable(ONE_CLIENT)
     for name in ("count", "list"):

@@ -71,10 +71,7 @@ def most_seconds(check: Check, on_loopback_s: float, count: int) -> float:
 
 def parameters(check: Check) -> ParameterList:
     """Return the list of the main client, which is requested once."""
-    if "parameters" not in check.facts:
-        check.facts["parameters"] = download(check.main, REMOTE_S)
-    found: ParameterList = check.facts["parameters"]
-    return found
+    return check.once("parameters", lambda: download(check.main, REMOTE_S))
 
 
 @row(

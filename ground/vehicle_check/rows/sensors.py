@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from ground.vehicle_check.check import Check
 from ground.vehicle_check.dialect import mavlink
-from ground.vehicle_check.rows.streams import require
+from ground.vehicle_check.rows.streams import rated, require
 from ground.vehicle_check.session import result_name
 from ground.vehicle_check.verdict import Findings, Status, Verdict, not_applicable, row
 
@@ -31,9 +31,7 @@ def obstacle_distance(check: Check) -> Verdict:
     missing = require(check, "OBSTACLE_DISTANCE")
     if missing:
         return missing
-    found = Findings()
-    check.expect_rate(found, "OBSTACLE_DISTANCE", 5, 10)
-    one = check.newest("OBSTACLE_DISTANCE")
+    found, one = rated(check, "OBSTACLE_DISTANCE", 5, 10)
     beams = beams_of(one)
     found.expect(abs(one.angle_offset) <= FULL_DEG / 2, f"angle_offset {one.angle_offset:g}")
     step_deg = step_of(one)

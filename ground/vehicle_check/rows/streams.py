@@ -1,7 +1,7 @@
 """Rows 7, 8, 11-13, 18, 26: the streams that clients need, and changes of their rates."""
 
 from math import isfinite
-from typing import Final
+from typing import Any, Final
 
 from ground.vehicle_check.check import ONE_CLIENT, Check
 from ground.vehicle_check.dialect import mavlink
@@ -22,6 +22,13 @@ GROUP_MESSAGES: Final = ("SYS_STATUS", "GLOBAL_POSITION_INT", "ATTITUDE", "VFR_H
 """One message of each of the groups 2, 6, 10 and 11, which ArduPilot's Rover has there."""
 
 
+def rated(check: Check, name: str, low_hz: float, high_hz: float) -> tuple[Findings, Any]:
+    """Judge the rate of a message; return its newest one, too, None if there is none."""
+    found = Findings()
+    check.expect_rate(found, name, low_hz, high_hz)
+    return found, check.newest(name)
+
+
 @row(
     7,
     "SYS_STATUS 1-2 Hz with the bits PREARM, GEOFENCE and PROXIMITY",
@@ -29,9 +36,7 @@ GROUP_MESSAGES: Final = ("SYS_STATUS", "GLOBAL_POSITION_INT", "ATTITUDE", "VFR_H
 )
 def system_status(check: Check) -> Verdict:
     """Judge rate and present bits."""
-    found = Findings()
-    check.expect_rate(found, "SYS_STATUS", 1, 2)
-    one = check.newest("SYS_STATUS")
+    found, one = rated(check, "SYS_STATUS", 1, 2)
     if one is not None:
         bits = one.onboard_control_sensors_present
         for name, bit in (("PREARM", PREARM), ("GEOFENCE", GEOFENCE), ("PROXIMITY", PROXIMITY)):
@@ -48,9 +53,7 @@ def system_status(check: Check) -> Verdict:
 )
 def ekf_status(check: Check) -> Verdict:
     """Judge rate, flags and variances."""
-    found = Findings()
-    check.expect_rate(found, "EKF_STATUS_REPORT", 1, 1)
-    one = check.newest("EKF_STATUS_REPORT")
+    found, one = rated(check, "EKF_STATUS_REPORT", 1, 1)
     if one is None:
         return found.verdict()
     wanted = mavlink.EKF_POS_HORIZ_ABS | mavlink.EKF_PRED_POS_HORIZ_ABS
@@ -88,9 +91,7 @@ def global_position(check: Check) -> Verdict:
 )
 def gps(check: Check) -> Verdict:
     """Judge rate and fix."""
-    found = Findings()
-    check.expect_rate(found, "GPS_RAW_INT", 1, 5)
-    one = check.newest("GPS_RAW_INT")
+    found, one = rated(check, "GPS_RAW_INT", 1, 5)
     if one is not None:
         found.expect(one.fix_type >= 3, f"fix_type {one.fix_type}")
         count = one.satellites_visible
