@@ -5,6 +5,12 @@ from typing import Any
 import pytest
 
 from tests.support.tui.plant_side import FAULTS, WORLD
+from tests.support.tui.settle import hasten
+
+
+@pytest.fixture(autouse=True)
+def quick_textual(monkeypatch: pytest.MonkeyPatch) -> None:
+    hasten(monkeypatch)
 
 
 @pytest.fixture
