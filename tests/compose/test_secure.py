@@ -21,9 +21,7 @@ OPEN_DOOR = ("--connect", "tcp/router:7447")
 def locked(image: str) -> Iterator[Compose]:
     ports = {"MAVLINK_PORT": str(free_port()), "MAVLINK_TCP_PORT": "0"}
     with project(image, "secure", "mavlink", settings=ports) as compose:
-        compose.does("up", "-d", "--no-build")
-        for service in SERVICES:
-            compose.becomes("healthy", service)
+        compose.up()
         yield compose
 
 
@@ -69,6 +67,8 @@ def test_key_of_a_robot_cannot_command_others(locked: Compose) -> None:
 
 
 def test_each_service_has_its_own_keys_and_no_others(locked: Compose) -> None:
+    for service in SERVICES:
+        locked.becomes("healthy", service)
     keys = {
         service: sorted(
             name

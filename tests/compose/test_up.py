@@ -28,7 +28,7 @@ def part(request: pytest.FixtureRequest) -> str:
 
 
 def test_the_data_of_every_part_flow(stack: Compose, part: str) -> None:
-    assert stack.health(part) == "healthy"
+    stack.becomes("healthy", part)
 
 
 def test_a_script_sends_the_robot_to_a_place(stack: Compose) -> None:

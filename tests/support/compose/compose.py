@@ -23,6 +23,7 @@ ROOT: Final = Path(__file__).parents[3]
 BUILD_S: Final = 600.0
 WITHIN_S: Final = 120.0
 HEALTHY_S: Final = 180.0
+PARTS: Final = ("plant", "robot")
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
 LEFTOVERS: Final = (
@@ -118,21 +119,24 @@ class Compose:
         return done.said
 
     def up(self, *words: str) -> None:
-        """Started, and healthy: the data of every one of them flow."""
+        """Start it, and wait until the data of plant and robots flow.
+
+        The others are asked for their health less often; `becomes` waits for one of them.
+        """
         self.does("up", "-d", "--no-build", *words)
-        until(lambda: not self.ailing(), HEALTHY_S, f"all healthy; not yet: {self.ailing()}")
+        until(lambda: not self.ailing(), HEALTHY_S, lambda: f"healthy: {self.ailing()}")
         self.in_real_time()
 
     def in_real_time(self) -> None:
         """Schedule robots and plants in real time, if the engine is here and this user may."""
-        for container in self.does("ps", "--quiet", "robot", "plant").split():
+        for container in self.does("ps", "--quiet", *PARTS).split():
             for pid in docker("top", container, "-eo", "pid").split()[1:]:
                 real_time(int(pid))
 
     def ailing(self) -> list[str]:
-        """Containers whose health is asked for and is not good, or not yet."""
-        lines = self.does("ps", "--format", "{{.Name}} {{.Health}}").splitlines()
-        return [line for line in lines if not line.endswith((" ", " healthy")) and " " in line]
+        """Containers of plant and robots whose health is not good, or not yet."""
+        lines = self.does("ps", "--format", "{{.Name}} {{.Health}}", *PARTS).splitlines()
+        return [line for line in lines if not line.endswith(" healthy")]
 
     def verb(self, *words: str, within_s: float = WITHIN_S) -> Done:
         """`sidestep` with these words in a container of its own, next to the others."""
