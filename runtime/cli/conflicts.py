@@ -8,7 +8,6 @@ import base64
 import csv
 import hashlib
 import re
-from importlib import metadata
 from pathlib import Path
 from typing import Final
 
@@ -42,6 +41,8 @@ def owners_of_folders() -> dict[Path, str]:
 
     A distribution that does not list its files is not found.
     """
+    from importlib import metadata  # slow to import, and needed by `doctor` only
+
     found: dict[Path, str] = {}
     for distribution in metadata.distributions():
         name = distribution.metadata["Name"]
@@ -57,6 +58,8 @@ def broken_files() -> dict[str, Path]:
 
     A checkout has none: its installation lists only the location.
     """
+    from importlib import metadata
+
     try:
         record = metadata.distribution(NAME).read_text("RECORD") or ""
     except metadata.PackageNotFoundError:
