@@ -130,10 +130,12 @@ class Terminal:
         Raise RuntimeError when they do not arrive in time.
         """
         deadline_ns, pause = monotonic_ns() + round(patience_s * NS_PER_S), Event()
+        is_over = False
         while (found_ns := self._found(words.encode())) is None:
-            if monotonic_ns() > deadline_ns or self._process.poll() is not None:
+            if monotonic_ns() > deadline_ns or is_over:
                 raise RuntimeError(f"not on the screen: {words!r}; last: {self.text()[-300:]!r}")
             pause.wait(0.002)
+            is_over = not self._reader.is_alive()
         return found_ns
 
     @property

@@ -25,6 +25,11 @@ def test_terminal_counts_output_and_times_words() -> None:
         assert terminal.text().startswith("sidestep")
 
 
+def test_output_is_read_after_the_process_has_ended() -> None:
+    with Terminal(("--version",), (80, 24), most_per_s=20) as terminal:
+        assert terminal.shown("sidestep", 20.0) > terminal.first_ns
+
+
 def test_missing_words_raise_an_error_with_the_screen() -> None:
     with (
         Terminal(("no-such-verb",), (80, 24)) as terminal,
