@@ -41,6 +41,7 @@ TRIES: Final = 40
 BLOCKS: Final = 4
 SETS_OFF_S: Final = 2.0
 MAX_LOST: Final = 10
+NEAR_M: Final = 0.2
 
 
 class BusOperator:
@@ -131,6 +132,15 @@ class Race:
         start, goal = air.observer.world.start, air.observer.world.goal
         self._places = cycle([(goal.x_m, goal.y_m), (start.x_m, start.y_m)])
 
+    def drive_to_the_middle(self) -> None:
+        """Drive to where both places are far away."""
+        operator, world = self._operators[0], self._air.observer.world
+        place = [(world.start.x_m + world.goal.x_m) / 2, (world.start.y_m + world.goal.y_m) / 2]
+        operator.take()
+        operator.goto(*place)
+        until(lambda: abs(self._air.observer.truths[-1][0].x_m - place[0]) < NEAR_M, "the middle")
+        operator.release()
+
     def block(self, goals: int, random: Random) -> tuple[list[float], list[float]]:
         """Return the times in ms by the gateway and by the bus."""
         phases = [(number + random.random()) / goals * PERIOD_NS for number in range(goals)]
@@ -193,6 +203,7 @@ def goto_figures(options: argparse.Namespace) -> Figures:
             BusOperator(Link(bus, common, WallClock())) as bus_operator,
         ):
             race = Race(air, (GatewayOperator(client), bus_operator))
+            race.drive_to_the_middle()
             race.block(2, random)
             blocks = [race.block(goals, random) for _ in range(BLOCKS)]
     return figures_of(blocks), [
