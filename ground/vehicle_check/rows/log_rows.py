@@ -3,7 +3,7 @@
 from typing import Final
 
 from ground.vehicle_check.check import Check
-from ground.vehicle_check.dialect import mavlink
+from ground.vehicle_check.dialect import MavMessage, mavlink
 from ground.vehicle_check.files import END_OF_FILE, LIST, FileClient
 from ground.vehicle_check.rows import driving
 from ground.vehicle_check.session import Frame
@@ -100,12 +100,15 @@ def _expect_end(check: Check, found: Findings, number: int) -> None:
 
 
 def read_log(check: Check, number: int, offset: int, count: int) -> bytes:
-    """Return a part of a log, as far as it arrives."""
-    target = check.station.address
+    """Return a part of a log, as far as it arrives; late blocks of other parts do not count."""
+    target, end = check.station.address, offset + count
     parts: dict[int, bytes] = {}
 
+    def is_of_part(block: MavMessage) -> bool:
+        return bool(block.id == number and offset <= block.ofs < end)
+
     def is_whole() -> bool:
-        for one in check.main.heard("LOG_DATA", since, lambda one: one.id == number):
+        for one in check.main.heard("LOG_DATA", since, is_of_part):
             parts[one.message.ofs] = bytes(one.message.data[: one.message.count])
         return sum(map(len, parts.values())) >= count
 

@@ -39,6 +39,37 @@ class DyingVehicle(GoodVehicle):
             super().send(message, peer)
 
 
+class RepeatingVehicle(GoodVehicle):
+    """Sends each answer to a command twice."""
+
+    second_result_is_another = False
+
+    def acknowledge(self, number: int, result: int, peer: Peer) -> None:
+        """Send the answer, and the same or another one."""
+        super().acknowledge(number, result, peer)
+        super().acknowledge(number, 4 if self.second_result_is_another else result, peer)
+
+
+class DoubtfulVehicle(RepeatingVehicle):
+    """Sends two results of each command."""
+
+    second_result_is_another = True
+
+
+class LateVehicle(GoodVehicle):
+    """Sends the blocks of the log that were requested before once more."""
+
+    asked: Any = None
+
+    def on_log_request_data(self, message: Any, peer: Peer) -> None:
+        """Send the blocks of the request before, if it was about another part."""
+        before, self.asked = self.asked, message
+        if before is not None and before.ofs != message.ofs:
+            super().on_log_request_data(before, peer)
+            return
+        super().on_log_request_data(message, peer)
+
+
 class SecondVehicle(CarelessVehicle):
     """A careless vehicle with another number at the same port."""
 
@@ -141,6 +172,26 @@ def test_rows_pass_while_the_judge_drops_a_fifth_of_the_frames() -> None:
     found = by_number(judged(SigningVehicle(), loss=0.2))
     wrong = {number: one for number, one in found.items() if one.status is not Status.PASS}
     assert list(wrong) == [59], wrong
+
+
+@pytest.mark.parametrize(
+    ("kind", "loss", "status"),
+    [
+        (RepeatingVehicle, 0.0, Status.FAIL),
+        (RepeatingVehicle, 0.2, Status.PASS),
+        (DoubtfulVehicle, 0.2, Status.FAIL),
+    ],
+)
+def test_same_answer_may_be_sent_twice_on_a_lossy_line(
+    kind: type[GoodVehicle], loss: float, status: Status
+) -> None:
+    (found,) = judged(kind(), numbers=[43], key=None, loss=loss)
+    assert found.verdict.status is status, found.verdict
+
+
+def test_late_blocks_of_another_part_of_a_log_do_not_count() -> None:
+    (found,) = judged(LateVehicle(), numbers=[49], key=None, allow_motion=False, loss=0.2)
+    assert found.verdict.status is Status.PASS, found.verdict
 
 
 def test_ardupilot_fails_only_what_it_lacks() -> None:
