@@ -1,11 +1,11 @@
 """`python -m verification.gate`: every check of the project.
 
-There are three phases. The first phase runs static checks; meanwhile it builds the images for the
-tests with containers, and installs the MAVLink clients. The other phases measure wall time. The
-second one runs the tests with processes, including first drives. The third one runs the tests with
-containers, and at the same time the tests with MAVLink clients, which wait for their robot most of
-the time. Beside all phases, the tests that control their time run with the processor time that is
-left, so that they delay no robot. Every step is run, so that one call shows all errors. The exit
+There are three phases. The first phase runs static checks and tests that control their time;
+meanwhile it compiles the tests, builds the images for the tests with containers, and installs the
+MAVLink clients. The other phases measure wall time. The second one runs the tests with processes,
+including first drives. No other step runs at the same time, so that robots are not late. The third
+one runs the tests with containers, and at the same time the tests with MAVLink clients, which wait
+for their robot most of the time. Every step is run, so that one call shows all errors. The exit
 code is 1 when a step failed, and the last line names it.
 """
 
@@ -37,9 +37,6 @@ INTEROP: Final = "interop and brief"
 """Real clients on a clean line. `make interop` has the rest."""
 
 
-IDLE: Final = (*PYTHON, "verification.idle")
-
-
 class Step(NamedTuple):
     """A command and its name."""
 
@@ -54,12 +51,14 @@ Lane = Sequence[Step]
 def phases(extra: Sequence[str]) -> list[list[Lane]]:
     """Return the lanes of each phase; `extra` are options for each call of pytest."""
     prepared = [
+        # In a fresh clone each worker would compile all tests, at the same time as the others.
+        Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
         Step("images", (*PYTHON, "tests.support.compose.images")),
         Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra)),
     ]
     containers = Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))
     clients = Step("tests with MAVLink clients", (*PYTEST, "-m", INTEROP, *extra, "tests/interop"))
-    return [[static_checks(), prepared], [processes(extra)], [[containers], [clients]]]
+    return [[computing(extra), prepared], [processes(extra)], [[containers], [clients]]]
 
 
 def processes(extra: Sequence[str]) -> list[Step]:
@@ -70,8 +69,10 @@ def processes(extra: Sequence[str]) -> list[Step]:
     return [Step("tests with processes", words)]
 
 
-def static_checks() -> list[Step]:
-    """Return the steps of the first phase, which need one core."""
+def computing(extra: Sequence[str]) -> list[Step]:
+    """Return the steps that only need processor time."""
+    # One worker more than there are cores: some tests wait for threads and processes.
+    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         Step("format", (*PYTHON, "ruff", "format", "--check", ".")),
@@ -81,37 +82,30 @@ def static_checks() -> list[Step]:
         Step("documentation", (*PYTHON, "verification.site")),
         Step("branch coverage", (*PYTHON, "verification.branch_coverage")),
         Step("mutation of the stop", mutation),
-    ]
-
-
-def computing(extra: Sequence[str]) -> list[Step]:
-    """Return the tests that only need processor time."""
-    # One worker more than there are cores: some tests wait for threads and processes.
-    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
-    chosen = ("-m", "not stack and not compose and not interop")
-    return [
-        # In a fresh clone each worker would compile all tests, at the same time as the others.
-        Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
-        Step("tests", (*IDLE, *PYTEST, *workers, *BRIEF, *chosen, *extra)),
+        Step(
+            "tests",
+            (*PYTEST, *workers, *BRIEF, "-m", "not stack and not compose and not interop", *extra),
+        ),
     ]
 
 
 class Gate:
-    """Runs the lanes of a phase at the same time; keeps the names of failed steps."""
+    """Runs the lanes of a phase at the same time; keeps the names of steps that failed."""
 
     def __init__(self, folder: Path = ROOT) -> None:
         self._folder = folder
         self._printing = Lock()
         self.failed: list[str] = []
 
-    def run(self, phases: Sequence[Sequence[Lane]], beside: Lane = ()) -> int:
-        """Run all steps, those of `beside` beside all phases; return the exit code."""
+    def run(self, phases: Sequence[Sequence[Lane]]) -> int:
+        """Run all steps to their ends; return the exit code."""
         began_s = monotonic()
-        background = self._start(beside)
         for lanes in phases:
-            for thread in [self._start(lane) for lane in lanes]:
+            threads = [Thread(target=self._run_lane, args=(lane,), daemon=True) for lane in lanes]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
                 thread.join()
-        background.join()
         took_s = monotonic() - began_s
         if self.failed:
             names = ", ".join(self.failed)
@@ -119,11 +113,6 @@ class Gate:
             return 1
         print(f"\nmake test: all passed ({took_s:.0f} s)")
         return 0
-
-    def _start(self, lane: Lane) -> Thread:
-        thread = Thread(target=self._run_lane, args=(lane,), daemon=True)
-        thread.start()
-        return thread
 
     def _run_lane(self, lane: Lane) -> None:
         for step in lane:
@@ -164,7 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     try:
-        return Gate().run(phases(extra), computing(extra))
+        return Gate().run(phases(extra))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
 
