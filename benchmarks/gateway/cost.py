@@ -5,6 +5,7 @@ from typing import Final
 
 from benchmarks.gateway.client import Client
 from benchmarks.gateway.stage import Driver, Figures, on_air
+from runtime.units import NS_PER_S
 from verification.harness.figures import Figure
 from verification.harness.processes import cpu_s, resident_mb
 
@@ -24,7 +25,7 @@ def cost_figures(options: argparse.Namespace) -> Figures:
             begun_s = cpu_s(air.pid)
             client.arrivals.clear()
             driver.drive(options.seconds)
-            took_s = (client.arrivals[-1].at_ns - client.arrivals[0].at_ns) / 1e9
+            took_s = (client.arrivals[-1].at_ns - client.arrivals[0].at_ns) / NS_PER_S
             shares.append(100.0 * (cpu_s(air.pid) - begun_s) / took_s)
             sizes.append(resident_mb(air.pid))
             rates.append(len(client.arrivals) / took_s)

@@ -143,6 +143,7 @@ class BusPort:
         self._requests = ThreadPoolExecutor(1, thread_name_prefix=f"requests {link.robot}")
         self._stopping = ThreadPoolExecutor(1, thread_name_prefix=f"stop {link.robot}")
         self._waiting = 0
+        self._unanswered = 0
         self._stop_line = StopLine(self._new_stop, self._repeat_stop)
         self._started_ns = link.clock.now_ns()
         link.bus.stream(TEXT, lambda _, frame, at_ns: self._texts.put((frame, at_ns)), link.robot)
@@ -209,6 +210,11 @@ class BusPort:
         """Send speeds for MANUAL once."""
         self._stick.drive(speed_m_s, yaw_rate_rad_s)
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether the answer to a request or to a stop is still to be delivered."""
+        return self._unanswered > 0
+
     def deliver(self) -> None:
         """Call `done` for every request that has ended since the last call."""
         for _ in range(self._ended.qsize()):
@@ -266,6 +272,10 @@ class BusPort:
             self._submit(self._requests, checked, ended)
 
     def _submit(self, pool: ThreadPoolExecutor, job: Callable[[], Outcome], done: Done) -> None:
+        def delivered(answer: Answered) -> None:
+            self._unanswered -= 1
+            done(answer)
+
         def run() -> None:
             try:
                 answer = Answered(job())
@@ -273,8 +283,9 @@ class BusPort:
                 answer = Answered(None, str(error))
             except Exception as error:  # such as one of the bus: without an answer, clients hang
                 answer = Answered(None, f"{type(error).__name__}: {error}")
-            self._end(done, answer)
+            self._end(delivered, answer)
 
+        self._unanswered += 1
         pool.submit(run)
 
     def _end(self, done: Done, answer: Answered) -> None:

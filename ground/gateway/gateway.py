@@ -35,6 +35,9 @@ STALL_NS: Final = 2 * NS_PER_S
 """Without a round for so long, this process was stopped: what clients sent meanwhile is too old."""
 MAX_READS: Final = 200
 """Reads from an endpoint to empty its buffers; the largest one takes about so many."""
+FINISH_NS: Final = 500 * NS_PER_MS
+"""Time for the answers that are due when the gateway ends."""
+FINISH_STEP_S: Final = 0.02
 
 
 class Pace:
@@ -154,6 +157,12 @@ class Gateway:
                 face.due(now_ns)
             self._report(now_ns)
         self._send(now_ns)
+
+    def finish(self) -> None:
+        """Serve until the clients have the answers to their requests, for FINISH_NS at most."""
+        end_ns = self._clock.now_ns() + FINISH_NS
+        while any(port.is_busy for port in self._ports) and self._clock.now_ns() < end_ns:
+            self.round(longest_s=FINISH_STEP_S)
 
     def close(self) -> None:
         """Close all endpoints."""

@@ -156,6 +156,7 @@ def serve(
         gateway.run()
     except KeyboardInterrupt:
         output.note("gateway ends")
+        gateway.finish()
     finally:
         gateway.close()
         for port in ports:

@@ -76,6 +76,11 @@ class PipeEndpoint:
 class SilentPort(FakePort):
     """A robot that ends requests only when the test says so."""
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether an answer is still to be delivered: never, as the test delivers them."""
+        return False
+
     def deliver(self) -> None:
         """End no request."""
 

@@ -181,3 +181,12 @@ def test_load_of_a_silent_robot_is_unknown(room: Room) -> None:
     assert room.port.snapshot(room.clock.now_ns()).cycle is not None
     room.clock.advance(SILENT_NS)
     assert room.port.snapshot(room.clock.now_ns()).cycle is None
+
+
+def test_port_is_busy_until_the_answer_is_delivered(room: Room) -> None:
+    room.gate.clear()
+    room.perform(Hold())
+    assert room.port.is_busy
+    room.gate.set()
+    room.wait(1)
+    assert not room.port.is_busy

@@ -1,7 +1,12 @@
 """The pace of the loop."""
 
+import pytest
+
 from ground.gateway.dialect import mavlink
-from ground.gateway.gateway import Pace
+from ground.gateway.gateway import FINISH_NS, Pace
+from tests.support.gateway.messages import acks, command
+from tests.support.gateway.telemetry import everything
+from tests.support.gateway.whole import CommandedPort, StepClock, WholeGateway
 
 MS = 1_000_000
 
@@ -35,3 +40,41 @@ def test_missed_rounds_are_skipped() -> None:
 def test_rounds_follow_fast_streams() -> None:
     pace = Pace(0)
     assert sum(pace.is_due(now_ms * MS, 50 * MS) for now_ms in range(1000)) == 20
+
+
+class LatePort(CommandedPort):
+    """A robot that answers a stop `late_ns` after the gateway was told to end."""
+
+    late_ns = 0
+
+    clock = StepClock()
+    told_ns: int | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a stop is not answered; to ask takes a moment."""
+        if self.told_ns is None:
+            self.told_ns = self.clock.time_ns
+        self.clock.time_ns += MS
+        return bool(self.stops)
+
+    def deliver(self) -> None:
+        """Answer the stop when it is time."""
+        if self.told_ns is not None and self.clock.time_ns >= self.told_ns + self.late_ns:
+            for done in self.stops:
+                done(self.accepted)
+            self.stops.clear()
+
+
+@pytest.mark.parametrize(("late_ns", "count"), [(100 * MS, 1), (2 * FINISH_NS, 0)])
+def test_end_waits_half_a_second_for_the_answer_to_a_stop(late_ns: int, count: int) -> None:
+    port = LatePort()
+    whole = WholeGateway(port)
+    port.late_ns, port.clock = late_ns, whole.clock
+    port.telemetry |= everything()
+    whole.send(command(185, 1))
+    whole.run(0.04)
+    assert port.stops
+    whole.gateway.finish()
+    whole.close()
+    assert len(acks(whole.sent_to("a", "COMMAND_ACK"))) == count
