@@ -151,7 +151,7 @@ class Gateway:
         for port in self._ports:
             port.deliver()
         if is_due:
-            lossy = {client.link.number for client in self.clients if client.link.is_lossy}
+            lossy = {client.link.number for client in self.clients if client.is_lossy}
             for face in self._faces:
                 face.vehicle.lossy = lossy
                 face.due(now_ns)

@@ -24,6 +24,11 @@ class Client(NamedTuple):
     link: ClientLink
     is_loopback: bool
 
+    @property
+    def is_lossy(self) -> bool:
+        """Whether the line loses frames; gaps in a sequence on a reliable one are the client's."""
+        return self.link.is_lossy and not self.endpoint.is_reliable
+
 
 Key = tuple[Endpoint, str]
 

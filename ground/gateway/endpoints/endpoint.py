@@ -26,6 +26,10 @@ class Endpoint(Protocol):
     def line_bytes_s(self) -> int | None:
         """Capacity of the line in bytes per second; None if it has no limit."""
 
+    @property
+    def is_reliable(self) -> bool:
+        """True if no frame is lost on the way, as with TCP."""
+
     def filenos(self) -> list[int]:
         """Return the descriptors to wait for."""
 

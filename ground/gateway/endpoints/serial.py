@@ -37,6 +37,8 @@ ADVICE: Final = {
 class SerialEndpoint:
     """A serial line. It is opened again if it is lost, for example if the adapter is unplugged."""
 
+    is_reliable = False
+
     def __init__(self, text: str, device: str, baud: int) -> None:
         self.text = text
         self.line_bytes_s = round(baud / BITS_PER_BYTE * SHARE)

@@ -36,6 +36,7 @@ class TcpEndpoint:
     """A listening socket and its connections."""
 
     line_bytes_s = None
+    is_reliable = True
 
     def __init__(self, text: str, host: str, port: int) -> None:
         self.text = text

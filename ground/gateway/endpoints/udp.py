@@ -17,6 +17,7 @@ class UdpEndpoint:
     """A UDP socket. `listens`: it is bound to the address, otherwise that is its only peer."""
 
     line_bytes_s = None
+    is_reliable = False
 
     def __init__(self, text: str, host: str, port: int, *, listens: bool) -> None:
         self.text = text

@@ -35,9 +35,13 @@ class Answers:
         self._vehicle.outbox.send(ack, sender.client)
 
     def end(self, sender: Sender, kind: int, result: int, opaque_id: int) -> None:
-        """Send the result of an upload; on a lossy line, plan to repeat it."""
+        """Send the result of an upload; on a lossy line, plan to repeat that it was accepted.
+
+        A refusal is not repeated: its copy could end the next upload of a client whose first
+        message was lost. A client without the result reports that the upload has failed.
+        """
         self.acknowledge(sender, kind, result, opaque_id)
-        if sender.client in self._vehicle.lossy:
+        if result == ACCEPTED and sender.client in self._vehicle.lossy:
             ack = MissionAck(sender.system, sender.component, result, kind, opaque_id)
             now_ns = self._vehicle.snapshot.now_ns
             self._again[key_of(sender)] = [(now_ns + one, sender, ack) for one in AGAIN_NS]

@@ -34,6 +34,7 @@ class PipeEndpoint:
 
     text = "test"
     line_bytes_s = None
+    is_reliable = False
 
     def __init__(self) -> None:
         self._reader, self._writer = os.pipe()

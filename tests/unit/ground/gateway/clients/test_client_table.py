@@ -1,10 +1,12 @@
 """The loop with fake endpoints: clients come and go, and no flood holds up a round."""
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
-from ground.gateway.clients.client_link import GONE_NS
+from ground.gateway.clients.client_link import GONE_NS, ClientLink
 from ground.gateway.clients.client_table import CROWDED_NS, FRAMES_PER_ROUND, Client, Clients
 from ground.gateway.clients.guests import MAX_GUESTS
 from ground.gateway.dialect import mavlink
@@ -13,7 +15,7 @@ from tests.unit.ground.gateway.clients.test_framing import packed
 
 
 class FakeEndpoint:
-    text, line_bytes_s = "fake", None
+    text, line_bytes_s, is_reliable = "fake", None, False
 
     def __init__(self) -> None:
         self.connected: list[str] = []
@@ -214,3 +216,10 @@ def test_flood_of_joins_costs_no_memory(room: Room) -> None:
     assert len(room.clients) == MAX_PEERS
     assert len(room.endpoint.forgotten) == 3_000 - MAX_GUESTS
     assert not room.clients._unwanted
+
+
+@pytest.mark.parametrize("is_reliable", [False, True])
+def test_gaps_are_losses_unless_the_line_is_reliable(*, is_reliable: bool) -> None:
+    endpoint, link = FakeEndpoint(), cast("ClientLink", SimpleNamespace(is_lossy=True))
+    endpoint.is_reliable = is_reliable
+    assert Client(endpoint, "peer", link, True).is_lossy is not is_reliable

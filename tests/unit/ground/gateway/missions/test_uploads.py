@@ -111,6 +111,13 @@ def test_last_item_is_acknowledged_again(bench: MissionBench) -> None:
     assert sum(isinstance(one, UploadMission) for one in bench.port.performed) == 1
 
 
+def test_refusal_is_not_repeated_on_a_lossy_line(bench: MissionBench) -> None:
+    bench.vehicle.lossy = {CLIENT.client}
+    bench.send(MissionCount(1, 1, 3, 0))
+    found = of_type(bench.after(2 * TIMEOUT_NS / 1e9), "MISSION_ACK")
+    assert [one.type for one in found] == [mavlink.MAV_MISSION_OPERATION_CANCELLED]
+
+
 def test_result_is_repeated_on_a_lossy_line_until_the_client_goes_on(bench: MissionBench) -> None:
     bench.vehicle.lossy = {CLIENT.client}
     (first,) = upload(bench, line_of(2)).acks
