@@ -47,6 +47,7 @@ class QueuedEndpoint:
 
     text = "udpin:fuzz"
     line_bytes_s = None
+    is_reliable = False
 
     def filenos(self) -> list[int]:
         """Return no descriptor."""
