@@ -9,8 +9,15 @@ from typing import Any
 import pytest
 
 from tests.interop.clients.scene import Call, Place, goal
-from tests.interop.clients.shaped_client import SCRIPTS, Script, as_float, matches, ordered_lengths
-from tests.interop.clients.steps import STEPS
+from tests.interop.clients.shaped_client import (
+    SCRIPTS,
+    USER_S,
+    Script,
+    as_float,
+    matches,
+    ordered_lengths,
+)
+from tests.interop.clients.steps import STEPS, StepError
 from tests.interop.environments import NotInstalledError, clients, environment_of, install, pins_of
 from tests.interop.scenario import CLIENTS, read
 
@@ -19,10 +26,16 @@ START = Place(-35.36, 149.16)
 
 
 @pytest.fixture
-def script(tmp_path: Path) -> Script:
+def notes() -> list[str]:
+    """Return the notes of the script."""
+    return []
+
+
+@pytest.fixture
+def script(tmp_path: Path, notes: list[str]) -> Script:
     """Return a script without a connection; the robot starts at START."""
     pilot: Any = None
-    made = Script(pilot, Call("127.0.0.1", 1, tmp_path, tmp_path))
+    made = Script(pilot, Call("127.0.0.1", 1, tmp_path, tmp_path), notes.append)
     made.start = START
     return made
 
@@ -65,6 +78,43 @@ def test_goal_stands_for_a_place_in_whole_degrees_e7(script: Script) -> None:
         {"message": "COMMAND_INT", "command": 192, "x": "goal.latitude", "y": "goal.longitude"}
     )
     assert (there.x, there.y) == tuple(round(value * 1e7) for value in goal(START))
+
+
+@pytest.mark.parametrize(("kind", "is_tried_again"), [("exchange", True), ("arrive", False)])
+def test_user_repeats_what_the_client_gave_up(
+    kind: str, is_tried_again: bool, script: Script, notes: list[str]
+) -> None:
+    outcomes = [StepError("lost"), None]
+
+    def act(_action: object) -> None:
+        outcome = outcomes.pop(0)
+        if outcome is not None:
+            raise outcome
+
+    script.kinds[kind] = act
+    action = {"kind": kind, "read": "arming", "source": "command.cpp"}
+    if is_tried_again:
+        script.run(action)
+        assert notes == ["tried again: arming"]
+        assert outcomes == []
+    else:
+        with pytest.raises(StepError, match="arming"):
+            script.run(action)
+
+
+def test_user_gives_up_after_some_time(script: Script, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 0.0
+
+    def fail(_action: object) -> None:
+        nonlocal now_s
+        now_s += USER_S / 2
+        raise StepError("lost")
+
+    monkeypatch.setattr("time.monotonic", lambda: now_s)
+    script.kinds["exchange"] = fail
+    with pytest.raises(StepError, match="lost"):
+        script.run({"kind": "exchange", "read": "arming", "source": "command.cpp"})
+    assert now_s == USER_S
 
 
 def test_expectation_compares_values_and_bits(script: Script) -> None:

@@ -37,6 +37,10 @@ class StepError(Exception):
     """A failure of a step; the text describes the missing result."""
 
 
+class TooLateError(Exception):
+    """A step has not ended in its time; it is not tried again."""
+
+
 class Steps:
     """Reports the steps to standard output, and ends the process with their result."""
 
@@ -79,7 +83,7 @@ class Steps:
         sys.exit(1 if self._failed else 0)
 
     def _too_late(self, *_: object) -> None:
-        raise StepError(f"the step has not ended within {STEP_S:g} s")
+        raise TooLateError(f"the step has not ended within {STEP_S:g} s")
 
     def _print(self, fields: dict[str, object]) -> None:
         # In one piece on a line of its own: MAVSDK prints pieces of lines from other threads.
