@@ -52,7 +52,7 @@ class UdpLine:
         self._socket.setblocking(False)
 
     def send(self, data: bytes) -> None:
-        """Send a datagram; one that nobody takes is lost."""
+        """Send a datagram. It is lost if the gateway does not read its socket."""
         with suppress(OSError):
             self._socket.send(data)
 
@@ -93,7 +93,7 @@ def received(descriptor: int, within_s: float) -> bytes:
         return b""
     try:
         return os.read(descriptor, LARGEST)
-    except OSError:  # nobody listens at the port, or the other end is closed
+    except OSError:  # the port is not open, or the peer has closed the connection
         return b""
 
 

@@ -28,7 +28,7 @@ STILL_M: Final = 0.01
 
 
 class Witness:
-    """Counts what reaches the robot over its bus: requests, speeds by hand, and stops."""
+    """Counts the requests, manual speeds and stops that reach the robot over its bus."""
 
     def __init__(self, air: Air) -> None:
         self._lock = Lock()
@@ -39,7 +39,7 @@ class Witness:
         air.observer.bus.stream(GATEWAY, self._note, air.observer.robot)
 
     def take(self) -> Counter[str]:
-        """Return what has been seen since the last call."""
+        """Return the messages counted since the last call."""
         with self._lock:
             taken, self._seen = self._seen, Counter()
         return taken
@@ -132,7 +132,7 @@ def forgery_figures(options: argparse.Namespace) -> Figures:
     return figures_of(trial, refused, moved_m, is_same=ring.key[0].secret in keys), [
         "forgery: " + ", ".join(f"{kind} {number}" for kind, number in trial.sent.items()),
         "acted on: samples on the robot's bus of requests (its own copies, refused ones too),"
-        f" speeds by hand and stops; the owner, who signs, stands in {names(STATES)} in turn;"
+        f" manual speeds and stops; the signing owner is in each of {names(STATES)} in turn;"
         " a quarter of the frames comes from the owner's own port",
     ]
 
@@ -143,7 +143,7 @@ def names(modes: Iterable[Mode]) -> str:
 
 
 def figures_of(trial: Trial, refused: int, moved_m: float, *, is_same: bool) -> list[Figure]:
-    """Return what was sent, and what came of it."""
+    """Return the numbers of frames sent and of commands carried out."""
     sent = sum(trial.sent.values())
     found = [
         figure("forged, replayed and unsigned commands", sent, at_least=MIN_FRAMES),

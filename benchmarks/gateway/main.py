@@ -4,7 +4,7 @@ import argparse
 from typing import Final
 
 from benchmarks.gateway import cost, flood, forgery, goto, ready, slow_line, timeouts
-from verification.harness.figures import Figure, Report
+from verification.harness.figures import Report
 
 PARTS: Final = {
     "goto": goto.goto_figures,
@@ -35,10 +35,4 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def measure(options: argparse.Namespace) -> Report:
     """Measure the selected parts."""
-    figures: list[Figure] = []
-    notes: list[str] = []
-    for name in options.parts:
-        found, part_notes = PARTS[name](options)
-        figures += found
-        notes += part_notes
-    return Report(benchmark="gateway", figures=tuple(figures), notes=tuple(notes))
+    return Report.of("gateway", (PARTS[name](options) for name in options.parts))

@@ -1,8 +1,8 @@
 """Connected until ready: heartbeat, all parameters, the mission and the home, with lost frames.
 
-The client asks for all three at once. It repeats what has been silent for a second, as MAVProxy and
-the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission Planner, by
-pymavlink's own FTP client, or as the list of PARAM_VALUE.
+The client asks for all three at once. It repeats a request without an answer after a second, as
+MAVProxy and the loops of mavutil scripts do. Parameters come as the file of MAVProxy and Mission
+Planner, by pymavlink's own FTP client, or as the list of PARAM_VALUE.
 """
 
 import argparse

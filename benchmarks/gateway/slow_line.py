@@ -42,7 +42,7 @@ def line_figures(options: argparse.Namespace) -> Figures:
 
 
 def on_line(name: str, air: Air, line: Line, options: argparse.Namespace) -> list[Figure]:
-    """Drive, read parameters repeatedly, and count what arrives."""
+    """Drive, read parameters repeatedly, and count the received bytes."""
     over = Event()
     with Client(line) as client:
         driver = Driver(client, air)

@@ -8,7 +8,7 @@ import argparse
 from typing import Final
 
 from benchmarks.ground_station import cost, first_paint, fleet, key_latency, long_run
-from verification.harness.figures import Figure, Report
+from verification.harness.figures import Report
 
 PARTS: Final = {
     "paint": first_paint.paint_figures,
@@ -35,10 +35,4 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def measure(options: argparse.Namespace) -> Report:
     """Measure the selected parts."""
-    figures: list[Figure] = []
-    notes: list[str] = []
-    for name in options.parts:
-        found, part_notes = PARTS[name](options)
-        figures += found
-        notes += part_notes
-    return Report(benchmark="ground", figures=tuple(figures), notes=tuple(notes))
+    return Report.of("ground", (PARTS[name](options) for name in options.parts))

@@ -1,5 +1,6 @@
 """A measured figure with its repetitions and threshold, and the report of a benchmark."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from math import ceil
 from statistics import median
@@ -64,6 +65,10 @@ class Figure:
         return f"{wanted:<10} {'met' if self.met else 'MISSED'}"
 
 
+Measured = tuple[list[Figure], list[str]]
+"""The figures and notes of a part of a benchmark."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """The figures of a benchmark, with notes and the machine that ran it."""
@@ -72,6 +77,14 @@ class Report:
     figures: tuple[Figure, ...]
     notes: tuple[str, ...] = ()
     machine: dict[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, benchmark: str, parts: Iterable[Measured]) -> "Report":
+        """Return the report of a benchmark in several parts."""
+        measured = list(parts)
+        figures = tuple(figure for found, _ in measured for figure in found)
+        notes = tuple(note for _, found in measured for note in found)
+        return cls(benchmark=benchmark, figures=figures, notes=notes)
 
     @property
     def met(self) -> bool:

@@ -90,7 +90,7 @@ class CommandService:
             self._act(row, call, acknowledged, message)
 
     def due(self, now_ns: int) -> None:
-        """Wait for nothing."""
+        """Do nothing: no state of this service depends on time."""
 
     def forget(self, client: int) -> None:
         """Drop the commands kept for a client."""

@@ -52,7 +52,7 @@ class GuidedItems:
         self._pilot.goto(goal, sender, ended)
 
     def due(self, now_ns: int) -> None:
-        """Wait for nothing."""
+        """Do nothing: no state of this service depends on time."""
 
     def forget(self, client: int) -> None:
         """Keep nothing for a client."""

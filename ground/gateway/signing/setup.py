@@ -45,7 +45,7 @@ class SigningSetup:
             self._vehicle.refusals.say(words, sender.client, now_ns, Severity.ERROR)
 
     def due(self, now_ns: int) -> None:
-        """Wait for nothing."""
+        """Do nothing: no state of this service depends on time."""
 
     def forget(self, client: int) -> None:
         """Keep nothing for a client."""

@@ -54,7 +54,7 @@ class MessageRequests:
         self.request(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 0, sender, now_ns)
 
     def due(self, now_ns: int) -> None:
-        """Wait for nothing."""
+        """Do nothing: no state of this service depends on time."""
 
     def forget(self, client: int) -> None:
         """Keep nothing for a client."""

@@ -60,6 +60,12 @@ def test_report_is_written_as_json() -> None:
     assert "note: n" in report.text()
 
 
+def test_report_of_parts_keeps_their_order() -> None:
+    first, second = (Figure(name=name, unit="ms", values=(1.0,)) for name in ("first", "second"))
+    report = Report.of("two", [([first], ["note"]), ([second], [])])
+    assert report == Report(benchmark="two", figures=(first, second), notes=("note",))
+
+
 def test_percentiles_are_measured_values() -> None:
     values = [float(v) for v in range(1, 101)]
     assert percentile(values, 0.5) == 50.0
