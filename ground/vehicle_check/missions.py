@@ -40,7 +40,10 @@ class Upload:
     opaque_id: int = 0
     requests: list[tuple[str, int]] = field(default_factory=list)
     may_be_old: bool = False
-    """True if a first refusal may repeat that of an upload before: a vehicle may send it twice."""
+    """True if a first refusal may be a copy of that of an earlier upload.
+
+    An acceptance without a request for an item is always such a copy.
+    """
 
 
 def message_of(
@@ -111,11 +114,16 @@ def _taken(found: Upload, frames: Sequence[Frame], ignored: int | None) -> list[
             if seq != ignored or seq in [at for _, at in found.requests]:
                 wanted.append(seq)
             found.requests.append((one.name, seq))
-        elif one.name == "MISSION_ACK" and not found.requests and found.may_be_old:
+        elif one.name == "MISSION_ACK" and not found.requests and _is_old(found, one):
             found.may_be_old = False
         elif one.name == "MISSION_ACK":
             found.result, found.opaque_id = int(one.message.type), int(one.message.opaque_id)
     return wanted
+
+
+def _is_old(found: Upload, ack: Frame) -> bool:
+    """Return whether an acknowledgement without a request is a copy of an earlier one."""
+    return found.may_be_old or bool(ack.message.type == mavlink.MAV_MISSION_ACCEPTED)
 
 
 def _of_kind(frames: Sequence[Frame], kind: int) -> list[Frame]:

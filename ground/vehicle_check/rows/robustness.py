@@ -2,6 +2,7 @@
 
 import random
 from itertools import pairwise
+from statistics import median
 from typing import Final
 
 from ground.vehicle_check.check import Check
@@ -18,6 +19,7 @@ from runtime.units import NS_PER_S
 
 READY_S: Final = 2.0
 READY_WITH_LOSS_S: Final = 5.0
+CONNECTIONS: Final = 5
 MODAL: Final = mavlink.MAV_SEVERITY_ERROR
 COMMANDS: Final = 1_000
 ANSWERS_S: Final = 3.0
@@ -34,11 +36,24 @@ RADIO_BYTES_PER_S: Final = 4_500
     suffers="QGroundControl and its users",
 )
 def ready(check: Check) -> Verdict:
-    """Connect like QGroundControl: version, modes, parameters, mission, fence, home."""
-    found = Findings()
-    serves_two = check.serves_two
+    """Connect like QGroundControl: version, modes, parameters, mission, fence, home.
+
+    With loss the time of one connection is chance, so the median of several is judged.
+    """
+    found, is_lossy = Findings(), check.station.is_lossy
+    times = [_seconds_until_ready(check, found) for _ in range(CONNECTIONS if is_lossy else 1)]
+    least_s = READY_WITH_LOSS_S if is_lossy else READY_S
+    most_s = most_seconds(check, least_s, parameters(check).count)
+    of_all = f", the median of {len(times)}, longest {max(times):.2f} s" if is_lossy else ""
+    seconds = median(times)
+    found.expect(seconds <= most_s, f"ready after {seconds:.2f} s{of_all} (wanted {most_s:g})")
+    return found.verdict()
+
+
+def _seconds_until_ready(check: Check, found: Findings) -> float:
+    """Connect once; return the time, and expect all answers and no error shown."""
     start_ns = check.station.now_ns
-    client = check.station.connect() if serves_two else check.main
+    client = check.station.connect() if check.serves_two else check.main
     since = client.mark()
     steps = {
         "heartbeat": client.greet(),
@@ -51,13 +66,10 @@ def ready(check: Check) -> Verdict:
     seconds = (check.station.now_ns - start_ns) / NS_PER_S
     missing = [name for name, step in steps.items() if step is None or step is False]
     found.expect(not missing, f"missing {missing}" if missing else "all answered")
-    least_s = READY_WITH_LOSS_S if check.station.is_lossy else READY_S
-    most_s = most_seconds(check, least_s, parameters(check).count)
-    found.expect(seconds <= most_s, f"ready after {seconds:.2f} s (wanted {most_s:g})")
     shown = client.sent("STATUSTEXT", since, where=lambda one: one.severity <= MODAL)
     found.expect(not shown, f"{len(shown)} errors {[one.message.text for one in shown][:2]}")
     client.beats = client is check.main
-    return found.verdict()
+    return seconds
 
 
 def versions_of(check: Check, client: Client) -> list[bool]:

@@ -70,6 +70,31 @@ class LateVehicle(GoodVehicle):
         super().on_log_request_data(message, peer)
 
 
+class CopyingVehicle(GoodVehicle):
+    """Repeats the acceptance of an upload for a while, as long as the client sends no other."""
+
+    copies: tuple[tuple[int, Peer, int], ...] = ()
+
+    def ack(self, peer: Peer, kind: int, result: int) -> None:
+        """Send the answer, and note the times of its copies."""
+        super().ack(peer, kind, result)
+        if result == 0:
+            self.copies += tuple((self.now_ns + ms * 1_000_000, peer, kind) for ms in (500, 1400))
+
+    def on_mission_count(self, message: Any, peer: Peer) -> None:
+        """Send no more copies to this client."""
+        self.copies = tuple(one for one in self.copies if one[1] is not peer)
+        super().on_mission_count(message, peer)
+
+    def due(self, now_ns: int) -> None:
+        """Send the copies that are due."""
+        super().due(now_ns)
+        for at_ns, peer, kind in self.copies:
+            if at_ns <= now_ns and self.upload is None:
+                super().ack(peer, kind, 0)
+        self.copies = tuple(one for one in self.copies if one[0] > now_ns)
+
+
 class SecondVehicle(CarelessVehicle):
     """A careless vehicle with another number at the same port."""
 
@@ -187,6 +212,14 @@ def test_same_answer_may_be_sent_twice_on_a_lossy_line(
 ) -> None:
     (found,) = judged(kind(), numbers=[43], key=None, loss=loss)
     assert found.verdict.status is status, found.verdict
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_copies_of_an_acceptance_do_not_count(seed: int) -> None:
+    numbers = [27, 28, 29, 30]
+    found = by_number(judged(CopyingVehicle(), numbers=numbers, key=None, loss=0.2, seed=seed))
+    wrong = {number: one for number, one in found.items() if one.status is not Status.PASS}
+    assert not wrong
 
 
 def test_late_blocks_of_another_part_of_a_log_do_not_count() -> None:
