@@ -40,10 +40,9 @@ class Upload:
     opaque_id: int = 0
     requests: list[tuple[str, int]] = field(default_factory=list)
     may_be_old: bool = False
-    """True if a first refusal may be a copy of that of an earlier upload.
-
-    An acceptance without a request for an item is always such a copy.
-    """
+    """True on a lossy line: a vehicle may send the result of an earlier upload again."""
+    is_first: bool = True
+    """True until a refusal has been ignored as such a copy."""
 
 
 def message_of(
@@ -95,17 +94,18 @@ def upload(
             client.send(count_message(client, len(items), kind))
         elif not heard and station.is_lossy:
             # A vehicle asks for an item again by itself, but not behind the last one.
-            if found.requests[-1][1] == last or quiet >= QUIET_TWICE:
-                send(found.requests[-1][1])
+            asked = found.requests[-1][1]
+            if asked != ignored and (asked == last or quiet >= QUIET_TWICE):
+                send(asked)
         elif not heard and ignored is None:
             break
         taken, since = client.log[since:], client.mark()
-        for seq in _taken(found, _of_kind(taken, kind), ignored):
+        for seq in _taken(found, _of_kind(taken, kind), last, ignored):
             send(seq)
     return found
 
 
-def _taken(found: Upload, frames: Sequence[Frame], ignored: int | None) -> list[int]:
+def _taken(found: Upload, frames: Sequence[Frame], last: int, ignored: int | None) -> list[int]:
     """Note what the vehicle has sent; return the items to send, without one to ignore once."""
     wanted = []
     for one in frames:
@@ -114,16 +114,23 @@ def _taken(found: Upload, frames: Sequence[Frame], ignored: int | None) -> list[
             if seq != ignored or seq in [at for _, at in found.requests]:
                 wanted.append(seq)
             found.requests.append((one.name, seq))
-        elif one.name == "MISSION_ACK" and not found.requests and _is_old(found, one):
-            found.may_be_old = False
+        elif one.name == "MISSION_ACK" and _is_old(found, one, last):
+            found.is_first = False
         elif one.name == "MISSION_ACK":
             found.result, found.opaque_id = int(one.message.type), int(one.message.opaque_id)
     return wanted
 
 
-def _is_old(found: Upload, ack: Frame) -> bool:
-    """Return whether an acknowledgement without a request is a copy of an earlier one."""
-    return found.may_be_old or bool(ack.message.type == mavlink.MAV_MISSION_ACCEPTED)
+def _is_old(found: Upload, ack: Frame, last: int) -> bool:
+    """Return whether an acknowledgement is a copy of that of an earlier upload.
+
+    An acceptance before the last item was requested is one, and so may be a first refusal.
+    """
+    if not found.may_be_old:
+        return False
+    if ack.message.type == mavlink.MAV_MISSION_ACCEPTED:
+        return last not in [seq for _, seq in found.requests]
+    return found.is_first and not found.requests
 
 
 def _of_kind(frames: Sequence[Frame], kind: int) -> list[Frame]:

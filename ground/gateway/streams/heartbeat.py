@@ -1,5 +1,6 @@
 """HEARTBEAT, once a second and at once when it changes (rows 1 and 2 of the checklist).
 
+One that is sent because of a change does not delay the next regular one.
 A client does nothing before its first heartbeat: one that has joined gets it at once, and again
 0.2 s later in case that the first is lost.
 """
@@ -24,7 +25,7 @@ class HeartbeatStream:
     def __init__(self, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._sent: ardupilot.State | None = None
-        self._due_ns = 0
+        self._due_ns: int | None = None
         self._live_ns = -SILENT_NS
         self._greeted: set[int] = set()
         self._again_ns: dict[int, int] = {}
@@ -37,8 +38,12 @@ class HeartbeatStream:
         state = self._state(now_ns)
         newcomers = self._vehicle.clients.keys() - self._greeted
         receivers = [*newcomers, *(key for key, at_ns in self._again_ns.items() if now_ns >= at_ns)]
-        if state != self._sent or now_ns >= self._due_ns:
-            self._sent, self._due_ns = state, now_ns + PERIOD_NS
+        is_due = self._due_ns is None or now_ns >= self._due_ns
+        if is_due:
+            late_ns = now_ns - (self._due_ns or now_ns)
+            self._due_ns = now_ns + PERIOD_NS - (late_ns if late_ns < PERIOD_NS else 0)
+        if state != self._sent or is_due:
+            self._sent = state
             self._vehicle.outbox.send(state.heartbeat())
         else:
             for client in receivers:

@@ -141,6 +141,7 @@ def _expect_acceleration(check: Check, found: Findings) -> None:
         0, *target, 8, WITH_ACCELERATION, 0, 0, 0, 0, 0, 0, 0.1, 0, 0, 0, 0
     )
     driving.stream(check, lambda: message, 0.5)
+    check.main.expect_sent("STATUSTEXT", 1.0, since=since)
     text = check.texts(since)
     found.expect(text, f"acceleration: text {text!r}")
 

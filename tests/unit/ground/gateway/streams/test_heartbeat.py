@@ -34,6 +34,14 @@ def test_change_of_mode_or_arming_is_sent_at_once() -> None:
     assert armed.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 
+def test_change_does_not_delay_the_next_heartbeat() -> None:
+    bench = Bench(HeartbeatStream)
+    assert len(after(bench, 0.5)) == 1
+    assert len(after(bench, 0.1, mode=Mode.GUIDED)) == 1
+    assert len(after(bench, 0.5, mode=Mode.GUIDED)) == 1
+    assert len(after(bench, 10.0, mode=Mode.GUIDED)) == 10
+
+
 def test_client_that_joins_gets_two_at_once() -> None:
     bench = Bench(HeartbeatStream)
     after(bench, 0.5)
