@@ -1,1 +1,1 @@
-"""The control core, which also runs under MicroPython; it imports only `math` and itself."""
+"""The control core, which also runs under MicroPython; it imports `math`, `typing` and itself."""

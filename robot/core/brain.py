@@ -1,5 +1,7 @@
 """One control cycle: sense, check, decide, act. No clock, no I/O, no randomness."""
 
+from typing import Protocol
+
 from robot.core import machine as machines
 from robot.core import place as places
 from robot.core import pursuit, reasons, states
@@ -15,7 +17,6 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception import stall as stalls
 from robot.core.safety import failsafe, guard
 from robot.core.state import State
-from robot.core.typing_shim import Protocol
 from robot.core.values import Inputs, Outputs, Twist
 
 __all__ = ["State", "step"]

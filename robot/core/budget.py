@@ -1,6 +1,6 @@
 """The budget of each stage of a control cycle: time on the host, share on the LPC1768."""
 
-from robot.core.typing_shim import Final, NamedTuple
+from typing import Final, NamedTuple
 
 PERIOD_MS: Final = 50
 

@@ -1,8 +1,8 @@
 """Angles: wrapping, and the bearings of the eight sonars."""
 
 from math import cos, pi, sin
+from typing import Final
 
-from robot.core.typing_shim import Final
 from robot.core.values import SONARS
 
 TWO_PI: Final = 2.0 * pi

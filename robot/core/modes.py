@@ -1,6 +1,7 @@
 """The commands of an operator; each returns a reason, 0 if accepted."""
 
 from math import pi
+from typing import Final
 
 from robot.core import machine as machines
 from robot.core import reasons, states
@@ -9,7 +10,6 @@ from robot.core.motion.trail import Trail
 from robot.core.navigators.registry import NAVIGATORS
 from robot.core.safety import fence as fences
 from robot.core.safety.fence import Fence
-from robot.core.typing_shim import Final
 from robot.core.values import Goal, Pose
 
 MIN_POSITION_TOLERANCE_M: Final = 0.005

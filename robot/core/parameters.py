@@ -1,7 +1,8 @@
 """The settings of the core in SI units; each name fits into a MAVLink parameter id."""
 
+from typing import Final, NamedTuple
+
 from robot.core import limits, states
-from robot.core.typing_shim import Final, NamedTuple
 
 Params = NamedTuple(
     "Params",

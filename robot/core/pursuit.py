@@ -1,6 +1,7 @@
 """Drive to one goal: navigate, arrive, align, stop, then report it as reached or stuck."""
 
 from math import cos, inf, pi, sin, sqrt
+from typing import Final
 
 from robot.core import machine as machines
 from robot.core import reasons, states
@@ -14,7 +15,6 @@ from robot.core.parameters import Params
 from robot.core.perception import closing_speed
 from robot.core.safety.guard import FRONT_BUMPER
 from robot.core.state import State
-from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Twist
 
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances

@@ -1,6 +1,6 @@
 """Inputs and outputs of the core."""
 
-from robot.core.typing_shim import Final, NamedTuple
+from typing import Final, NamedTuple
 
 SONARS = 8
 EVERY: Final = tuple(range(SONARS))

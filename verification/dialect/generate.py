@@ -234,7 +234,7 @@ def core_states(dialect: Dialect) -> str:
 def core_module(docstring: str, groups: Iterable[Iterable[Entry]]) -> str:
     """Return a module of constants for the core."""
     blocks = (["", *constant_lines(group)] for group in groups)
-    imports = ["", "from robot.core.typing_shim import Final"]
+    imports = ["", "from typing import Final"]
     return module(docstring, imports, *blocks)
 
 

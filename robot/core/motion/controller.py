@@ -1,11 +1,11 @@
 """Compute speed and yaw rate towards a point or pose, within the limits of the wheels."""
 
 from math import cos, pi, sin, tanh
+from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import wheel_shares
-from robot.core.typing_shim import Final
 from robot.core.values import Twist
 
 HALF_TURN: Final = 0.5 * pi

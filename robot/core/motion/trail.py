@@ -1,8 +1,7 @@
 """The trail for the way back: at most 128 points, every second one removed when full."""
 
 from math import sqrt
-
-from robot.core.typing_shim import Final
+from typing import Final
 
 SPACING_M: Final = 0.25
 LIMIT: Final = 128

@@ -7,11 +7,11 @@ dead ends and out again.
 """
 
 from math import acos, asin, atan2, cos, pi, sin, sqrt
+from typing import Final
 
 from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 12

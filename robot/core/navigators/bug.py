@@ -6,6 +6,7 @@ hold the robot. Obstacles are passed on `memory.side`; the wall is on the other 
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
+from typing import Final
 
 from robot.core import states
 from robot.core.geometry import BEARINGS, HALF_CONE, wrap
@@ -13,7 +14,6 @@ from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
 HIT_MARGIN_M: Final = 0.03

@@ -5,6 +5,7 @@ meets the same obstacle again from there has proof that the goal is unreachable.
 """
 
 from math import inf
+from typing import Final
 
 from robot.core import states
 from robot.core.navigators import classical as boundaries
@@ -12,7 +13,6 @@ from robot.core.navigators.classical import Boundary
 from robot.core.navigators.memory import lap as laps
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 GOING: Final = 0

@@ -6,13 +6,13 @@ point without leaving, the goal is unreachable.
 """
 
 from math import sqrt
+from typing import Final
 
 from robot.core import states
 from robot.core.navigators import classical as boundaries
 from robot.core.navigators.classical import Boundary
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 ON_LINE_M: Final = 0.03

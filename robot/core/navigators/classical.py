@@ -4,6 +4,7 @@ They differ in when to leave the boundary, and in what a closed lap means.
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
+from typing import Final
 
 from robot.core import states
 from robot.core.geometry import BEARINGS, HALF_CONE, wrap
@@ -14,7 +15,6 @@ from robot.core.navigators.memory.lap import Lap
 from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import AHEAD, Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
 
 HIT_M: Final = 0.03  # an obstacle with less clearance is in the way

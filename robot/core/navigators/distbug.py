@@ -3,12 +3,13 @@
 The free distance is what the sonars measure towards the goal, minus the distance to stop and turn.
 """
 
+from typing import Final
+
 from robot.core import states
 from robot.core.navigators import classical as boundaries
 from robot.core.navigators.classical import Boundary
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 STEP_M: Final = 0.05

@@ -6,6 +6,7 @@ bearing. Sectors are pairs of integers (brads, 4096 to the circle; millimetres),
 """
 
 from math import acos, asin, atan2, cos, sin, sqrt
+from typing import Final
 
 from robot.core.perception.echo_decay import looks_at
 from robot.core.perception.echoes import (
@@ -19,7 +20,6 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.pedestrians import EACH, PERSON_M, Pedestrians
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 NEAR: Final = 24

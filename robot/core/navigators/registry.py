@@ -1,11 +1,12 @@
 """The table of navigators by number; all have the same interface."""
 
+from typing import Any, Final, NamedTuple, Protocol
+
 from robot.core import states
 from robot.core.navigators import bug, bug1, bug2, distbug, vgm, vgm_memory
 from robot.core.navigators.memory import paper_memory as memories
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Any, Final, NamedTuple, Protocol
 from robot.core.values import Decision, Goal, Pose
 
 

@@ -5,6 +5,7 @@ from the goal, the other side is tried.
 """
 
 from math import atan2, inf
+from typing import Final
 
 from robot.core import states
 from robot.core.navigators import open_headings
@@ -23,7 +24,6 @@ from robot.core.perception.echoes import (
     Echoes,
 )
 from robot.core.perception.flank_walker import FlankWalker
-from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 STEP_M: Final = 0.10

@@ -9,6 +9,7 @@ would take more than half of the period on the LPC1768.
 """
 
 from math import atan2, cos, sin, sqrt
+from typing import Final
 
 from robot.core import states
 from robot.core.geometry import wrap
@@ -23,7 +24,6 @@ from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Decision, Goal, Pose
 
 __all__ = ["Memory", "step"]

@@ -7,6 +7,7 @@ walking, seen or not, because most collisions happen outside the sonars' view.
 """
 
 from math import cos, sqrt
+from typing import Final
 
 from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
 from robot.core.parameters import DEFAULTS, Params
@@ -21,7 +22,6 @@ from robot.core.perception.pedestrians import (
     goes_on,
 )
 from robot.core.perception.sonar_ring import FRONT, Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))

@@ -1,6 +1,7 @@
 """Remove stored echoes that are far away, old, or contradicted by longer echoes."""
 
 from math import atan2
+from typing import Final
 
 from robot.core.perception.echoes import (
     BRADS,
@@ -13,7 +14,6 @@ from robot.core.perception.echoes import (
     drop,
 )
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, Pose
 
 CORE: Final = 102  # 0.8 of half a cone

@@ -9,10 +9,10 @@ Millimetres and brads (4096 to the circle) as integers cost a third of floats on
 """
 
 from math import cos, pi, sin, sqrt
+from typing import Final
 
 from robot.core.geometry import HALF_CONE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Pose
 
 POINTS: Final = 64

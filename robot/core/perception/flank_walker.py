@@ -5,9 +5,10 @@ straight drive. An echo that is still there after a longer one moves alongside, 
 would follow a person. The robot then turns away and lets it go ahead.
 """
 
+from typing import Final
+
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 NEAR_M: Final = 0.20

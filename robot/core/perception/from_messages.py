@@ -4,7 +4,8 @@ Host and trial both use these functions, so that the core gets the same inputs. 
 object with the fields of the dialect: the core does not depend on the wire format.
 """
 
-from robot.core.typing_shim import Protocol
+from typing import Protocol
+
 from robot.core.values import Goal, Scan, Twist, Wheels
 
 NS_PER_MS = 1_000_000

@@ -7,9 +7,10 @@ tightly or between echoes; an obstacle close ahead should have come closer; an o
 closer at the robot's speed and then stopped from one scan to the next.
 """
 
+from typing import Final
+
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import AHEAD
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
 
 NOISY: Final = 3  # changed scans of a stationary robot until sonars count as noisy

@@ -6,16 +6,15 @@ shortens the way (second order: `bend`). And encoders count whole ticks (`grain`
 """
 
 from math import cos, sin
+from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
-from robot.core.typing_shim import Final
 from robot.core.values import Pose, Wheels
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000
 SHORT: Final = 0x100000  # a smaller difference needs no wrapping
-EVEN: Final = (1.0, 1.0)
 JUMP_SLACK_M: Final = 0.02
 BEND: Final = 0.76
 """sqrt(7/12): combines mean and variance of 1 - cos of a random-walk heading."""
@@ -142,7 +141,7 @@ def wheel_shares(params: Params) -> tuple[float, float]:
     """Return the left and right wheel diameters over their mean (c_l, c_r of UMBmark)."""
     ratio = params.wheel_ratio
     if ratio == 1.0:
-        return EVEN
+        return 1.0, 1.0
     return 2.0 / (ratio + 1.0), 2.0 / (1.0 / ratio + 1.0)
 
 

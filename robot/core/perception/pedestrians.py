@@ -6,11 +6,11 @@ tracks; `open_headings` closes the headings along which the robot would meet one
 """
 
 from math import cos, inf, sin
+from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
-from robot.core.typing_shim import Final
 
 TRACKS: Final = 3
 EACH: Final = tuple(range(TRACKS))

@@ -11,11 +11,11 @@ slip is unknown.
 """
 
 from math import inf, sqrt
+from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry, blur
 from robot.core.perception.sonar_ring import Ring
-from robot.core.typing_shim import Final
 
 WINDOW_M: Final = 0.35
 MEMORY_M: Final = 1.0

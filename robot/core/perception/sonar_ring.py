@@ -1,11 +1,11 @@
 """The ring of eight sonars: latest range and age of each, and the nearest echo."""
 
 from math import inf
+from typing import Final
 
 from robot.core.geometry import BEARINGS
 from robot.core.parameters import Params
 from robot.core.perception.pedestrians import Pedestrians
-from robot.core.typing_shim import Final
 from robot.core.values import EVERY, SONARS, Scan
 
 FRONT: Final = (2, 3, 4, 5)

@@ -1,8 +1,9 @@
 """Detect a wheel that does not turn as commanded: first its motion is uncertain, then stuck."""
 
+from typing import Final
+
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry, blur
-from robot.core.typing_shim import Final
 
 TURNS: Final = 0.5  # share of the commanded motion; below, the encoder may fail
 SLACK_M: Final = 0.05  # lag of a motor that accelerates or reverses

@@ -1,12 +1,13 @@
 """The failsafe table: one row for each condition that stops the robot."""
 
+from typing import Final, NamedTuple, Protocol
+
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import Params
 from robot.core.safety import fence as fences
 from robot.core.state import State
-from robot.core.typing_shim import Final, NamedTuple, Protocol
 from robot.core.values import Inputs
 
 

@@ -1,7 +1,8 @@
 """The fence: a circle or a simple polygon that the robot must not leave."""
 
+from typing import Final, NamedTuple
+
 from robot.core import reasons
-from robot.core.typing_shim import Final, NamedTuple
 
 MIN_CORNERS: Final = 3
 MAX_CORNERS: Final = 16

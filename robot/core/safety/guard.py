@@ -1,10 +1,11 @@
 """The guard: the last stage before the wheels, which may only reduce speed."""
 
+from typing import Final
+
 from robot.core import reasons, states
 from robot.core.geometry import COSINES
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import AHEAD, FRONT, Ring
-from robot.core.typing_shim import Final
 from robot.core.values import Wheels
 
 ROUNDING: Final = 1.0 + 1e-9  # tolerates rounding of a command at the limit

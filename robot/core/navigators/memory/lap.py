@@ -4,9 +4,9 @@ The place alone proves nothing: the robot passes a corridor in both directions.
 """
 
 from math import pi, sqrt
+from typing import Final
 
 from robot.core.geometry import wrap
-from robot.core.typing_shim import Final
 from robot.core.values import Pose
 
 MARK_AFTER_M: Final = 0.35  # at the hit itself the robot is still turning

@@ -4,8 +4,9 @@ A loop is the same places in the same order and direction; the place alone would
 sides of a corridor. Integers: centimetres, and brads (4096 to the circle).
 """
 
+from typing import Final
+
 from robot.core.perception.echoes import CIRCLE
-from robot.core.typing_shim import Final
 
 HITS: Final = 16
 HIT_CM: Final = 35

@@ -1,6 +1,7 @@
 """The core uses only features of MicroPython on a small controller."""
 
 import ast
+import runpy
 import shutil
 import subprocess
 import sys
@@ -43,11 +44,23 @@ def test_source_files_of_the_core_are_found() -> None:
     assert len(FILES) > 15
 
 
-def test_the_core_imports_math_and_itself() -> None:
+def test_the_core_imports_math_typing_and_itself() -> None:
     for name, tree in trees():
         for module in filter(None, map(imported, ast.walk(tree))):
-            shim = name == "typing_shim.py" and module in ("typing", "collections")
-            assert module == "math" or module.startswith("robot.core") or shim, (name, module)
+            allowed = module in ("math", "typing") or module.startswith("robot.core")
+            assert allowed, (name, module)
+
+
+def test_the_substitute_for_typing_has_each_name_imported() -> None:
+    substitute = runpy.run_path(str(SUBSTITUTES / "typing.py"))
+    wanted = {
+        alias.name
+        for _, tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.module == "typing"
+        for alias in node.names
+    }
+    assert {"Final", "NamedTuple"} <= wanted <= substitute.keys()
 
 
 def test_nothing_is_used_that_micropython_lacks() -> None:
@@ -77,25 +90,27 @@ from robot.core import brain
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Inputs
 state, outputs = brain.step(brain.State(DEFAULTS), Inputs(0, None, None, None), DEFAULTS)
-print(outputs.left_mrad_s, DEFAULTS.track_m)
+import typing
+print(outputs.left_mrad_s, DEFAULTS.track_m, hasattr(typing, "List"))
 """
-WITHOUT_TYPING = "import sys; sys.modules['typing'] = None\n"
+SUBSTITUTES = CORE.parent / "mcu" / "frozen"
+WITH_SUBSTITUTE = f"import sys; sys.path.insert(0, {str(SUBSTITUTES)!r})\n"
 
 
 def interpreters() -> list[list[str]]:
-    """Return CPython without `typing`, and MicroPython's Unix port if it is installed."""
+    """Return CPython, and MicroPython's Unix port if it is installed."""
     micropython = shutil.which("micropython")
     return [[sys.executable, "-S"], *([[micropython]] if micropython else [])]
 
 
 @pytest.mark.parametrize("interpreter", interpreters(), ids=lambda line: Path(line[0]).name)
-def test_a_cycle_runs_where_there_is_no_typing(interpreter: list[str]) -> None:
+def test_a_cycle_runs_with_the_substitute_for_typing(interpreter: list[str]) -> None:
     ran = subprocess.run(
-        [*interpreter, "-c", WITHOUT_TYPING + CYCLE],
+        [*interpreter, "-c", WITH_SUBSTITUTE + CYCLE],
         cwd=CORE.parents[1],
         capture_output=True,
         text=True,
         timeout=20,
         check=False,
     )
-    assert (ran.returncode, ran.stdout.strip()) == (0, "0 0.2"), ran.stderr
+    assert (ran.returncode, ran.stdout.strip()) == (0, "0 0.2 False"), ran.stderr

@@ -1,0 +1,16 @@
+"""Names of `typing` that the core imports; MicroPython has no such module.
+
+The firmware freezes this file as `typing`, beside the unmodified core. CPython never imports it.
+"""
+
+# mypy: ignore-errors
+
+from collections import namedtuple
+
+# Annotations are not evaluated on MicroPython, and a protocol only describes an interface.
+Any = Final = Protocol = object
+
+
+def NamedTuple(name, fields):  # noqa: N802
+    """Return a named tuple without types."""
+    return namedtuple(name, [field for field, _ in fields])
