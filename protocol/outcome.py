@@ -1,12 +1,13 @@
 """Outcome of a run: the keys and texts that every way of running prints."""
 
 from dataclasses import asdict, dataclass
-from math import degrees, hypot, pi, remainder
+from math import degrees, pi, remainder
 
 from protocol.wire.enums import GoalState
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
 from protocol.wire.reasons import reason_text
+from runtime.elementary import hypot
 
 ENDS = {
     GoalState.REACHED: "reached",

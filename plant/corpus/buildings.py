@@ -1,12 +1,13 @@
 """Families of cells with walls between them: mazes, and offices whose rooms have doors."""
 
 from collections.abc import Iterator
-from math import cos, pi, sin
+from math import pi
 from random import Random
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.corpus.draft import RIM_M, Draft, Frame, any_angle, thickness
 from plant.model.types import Obstacle, Point
+from runtime.elementary import cos, sin
 
 Cell: TypeAlias = tuple[int, int]
 Doors: TypeAlias = set[frozenset[Cell]]

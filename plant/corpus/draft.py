@@ -1,12 +1,13 @@
 """Building blocks of families: a floor with start and goal, and frames for shapes."""
 
 from collections.abc import Callable
-from math import atan2, cos, dist, pi, radians, sin
+from math import dist, pi, radians
 from random import Random
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
+from runtime.elementary import atan2, cos, sin
 
 MIN_FLOOR_M: Final = 5.0
 MAX_FLOOR_M: Final = 10.0

@@ -1,6 +1,5 @@
 """Families with traps: U-traps, dead ends, spirals, zigzags, corridors and narrow doors."""
 
-from math import hypot
 from random import Random
 from typing import Final
 
@@ -18,6 +17,7 @@ from plant.corpus.draft import (
     tilt,
 )
 from plant.model.types import Obstacle, Point, Polyline
+from runtime.elementary import hypot
 
 BEYOND_M: Final = 20.0
 """Length of a wall that ends outside every floor."""

@@ -1,9 +1,10 @@
 """Plane geometry for checking worlds and measuring their shortest paths."""
 
-from math import hypot, inf
+from math import inf
 from typing import Final
 
 from plant.model.types import Circle, Obstacle, Point, Polygon
+from runtime.elementary import hypot
 
 TOUCHING_M: Final = 1e-9
 

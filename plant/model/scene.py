@@ -1,11 +1,11 @@
 """Static parts of a world as discs and one-sided edges that a ray can hit."""
 
 from itertools import pairwise
-from math import hypot
 from typing import NamedTuple, TypeAlias, TypeGuard
 
 from plant.model.geometry import edges as sides
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
+from runtime.elementary import hypot
 
 Pose: TypeAlias = tuple[float, float, float]
 """x_m, y_m, heading_rad."""

@@ -1,7 +1,7 @@
 """Goals of several robots: the goal shifted as the robot's start, or the nearest free place."""
 
 from collections.abc import Iterator, Sequence
-from math import ceil, cos, dist, sin
+from math import ceil, dist
 from typing import Final, NamedTuple
 
 from plant.model.body import Body
@@ -9,6 +9,7 @@ from plant.model.geometry import clearance_m
 from plant.model.scene import Pose
 from plant.model.types import Circle, Obstacle, Point, World
 from plant.placement.start_positions import GAP_M, ROOM_M
+from runtime.elementary import cos, sin
 
 STEP_M: Final = 0.05
 MAX_PLACE: Final = 12

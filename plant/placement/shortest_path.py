@@ -8,7 +8,7 @@ rings, which make an arc at most 0.6 % too long.
 from collections.abc import Callable
 from heapq import heappop, heappush
 from itertools import pairwise
-from math import cos, dist, inf, pi
+from math import dist, inf, pi
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from plant.model.configuration import body_of
 from plant.model.geometry import edges
 from plant.model.types import Circle, Point, Polygon, World
+from runtime.elementary import cos
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterator
 from itertools import islice
-from math import cos, sin
 from typing import Final
 
 from plant.model.body import Body
 from plant.model.geometry import clearance_m
 from plant.model.scene import Pose
 from plant.model.types import World
+from runtime.elementary import cos, sin
 
 GAP_M: Final = 0.36
 """Wider than the avoidance zone (0.30 m), so that neighbours do not block each other."""

@@ -5,10 +5,11 @@ cached while the robot stays near the position of the last search.
 """
 
 from collections.abc import Sequence
-from math import hypot, inf, sqrt
+from math import inf, sqrt
 from typing import Final, TypeAlias
 
 from plant.model.types import Point
+from runtime.elementary import hypot
 
 NEAR_M: Final = 0.15
 """Radius around the position of a search in which its result is valid."""

@@ -4,12 +4,13 @@ The encoders count the rotation of the wheels. The motion on the ground is what 
 with the true wheel diameters. This module has no access to sensors or the pose.
 """
 
-from math import copysign, exp, floor, sqrt
+from math import copysign, floor, sqrt
 
 from plant.model.body import INT32, Body
 from plant.model.noise import Noise
 from plant.sim.active_faults import NO_TROUBLE, ActiveFaults
 from plant.sim.seeds import gaussian_rows
+from runtime.elementary import exp
 from runtime.units import NS_PER_MS
 
 

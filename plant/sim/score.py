@@ -2,12 +2,12 @@
 
 from array import array
 from hashlib import sha256
-from math import hypot
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from protocol.wire.messages import RunScore
+from runtime.elementary import hypot
 from runtime.timing import PERIOD_NS
 
 if TYPE_CHECKING:

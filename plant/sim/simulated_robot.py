@@ -1,7 +1,7 @@
 """One simulated robot: true pose, drive and sensors."""
 
 from collections.abc import Iterable, Sequence
-from math import atan2, cos, hypot, pi, sin
+from math import pi
 from operator import mul
 from typing import Final, NamedTuple, TypeAlias
 
@@ -18,6 +18,7 @@ from plant.sim.sensing.raycast import Caster
 from plant.sim.sensing.sonar import PING_AGE_US, Ring
 from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
+from runtime.elementary import atan2, cos, hypot, sin
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_S
 

@@ -1,9 +1,10 @@
 """Angles: wrapping, and the bearings of the eight sonars."""
 
-from math import cos, pi, sin
+from math import pi
 from typing import Final
 
 from robot.core.values import SONARS
+from runtime.elementary import cos, sin
 
 TWO_PI: Final = 2.0 * pi
 

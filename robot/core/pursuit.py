@@ -1,6 +1,6 @@
 """Drive to one goal: navigate, arrive, align, stop, then report it as reached or stuck."""
 
-from math import cos, inf, pi, sin, sqrt
+from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import machine as machines
@@ -16,6 +16,7 @@ from robot.core.perception import closing_speed
 from robot.core.safety.guard import FRONT_BUMPER
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Twist
+from runtime.elementary import cos, sin
 
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances
 CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE

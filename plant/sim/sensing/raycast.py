@@ -11,7 +11,7 @@ origin o (a disc of centre c and radius r; an edge from a to b; x the cross prod
 
 from collections.abc import Sequence
 from functools import cache
-from math import cos, hypot, inf, pi, radians, sin
+from math import inf, pi, radians
 from struct import Struct
 from typing import Final
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from plant.model.scene import Disc, Pose, Scene
 from plant.sim.sensing.surfaces import ChosenSurfaces, Floats, PoseTolerance, Surfaces
+from runtime.elementary import cos, hypot, sin
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5

@@ -6,13 +6,13 @@ those of `plant.sim.sensing.raycast`.
 """
 
 from collections.abc import Sequence
-from math import cos, sin
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from plant.model.scene import Disc, Pose, Scene
+from runtime.elementary import cos, sin
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]

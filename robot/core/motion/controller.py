@@ -1,12 +1,13 @@
 """Compute speed and yaw rate towards a point or pose, within the limits of the wheels."""
 
-from math import cos, pi, sin, tanh
+from math import pi
 from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import wheel_shares
 from robot.core.values import Twist
+from runtime.elementary import cos, sin, tanh
 
 HALF_TURN: Final = 0.5 * pi
 HALT: Final = Twist(0.0, 0.0)

@@ -1,12 +1,13 @@
 """Limits of speed, heading and free distance from the sonar ranges."""
 
-from math import cos, pi, sin
+from math import pi
 from typing import Final
 
 from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS
+from runtime.elementary import cos, sin
 
 # Speed limits. `_PER_S`: metres per second for each metre of free range. Sonars 2 to 5 look ahead,
 # the others to the flanks. "Default" refers to the default parameters.

@@ -6,13 +6,14 @@ taken. It is tangent to everything closed without a gap, so the robot follows co
 dead ends and out again.
 """
 
-from math import acos, asin, atan2, cos, pi, sin, sqrt
+from math import pi, sqrt
 from typing import Final
 
 from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Pose
+from runtime.elementary import acos, asin, atan2, cos, sin
 
 POINTS: Final = 12
 SPACING_M: Final = 0.05

@@ -5,7 +5,7 @@ looks open, the robot heads for the goal again. Earlier obstacles are forgotten,
 hold the robot. Obstacles are passed on `memory.side`; the wall is on the other side.
 """
 
-from math import atan2, cos, inf, pi, sin, sqrt
+from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import states
@@ -15,6 +15,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
+from runtime.elementary import atan2, cos, sin
 
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.05

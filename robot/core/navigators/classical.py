@@ -3,7 +3,7 @@
 They differ in when to leave the boundary, and in what a closed lap means.
 """
 
-from math import atan2, cos, inf, pi, sin, sqrt
+from math import inf, pi, sqrt
 from typing import Final
 
 from robot.core import states
@@ -16,6 +16,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import AHEAD, Ring
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
+from runtime.elementary import atan2, cos, sin
 
 HIT_M: Final = 0.03  # an obstacle with less clearance is in the way
 HIT_LOOK_M: Final = 0.22

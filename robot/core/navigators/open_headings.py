@@ -5,7 +5,7 @@ heading without meeting a stored point. So each point closes a sector of heading
 bearing. Sectors are pairs of integers (brads, 4096 to the circle; millimetres), not bins.
 """
 
-from math import acos, asin, atan2, cos, sin, sqrt
+from math import sqrt
 from typing import Final
 
 from robot.core.perception.echo_decay import looks_at
@@ -21,6 +21,7 @@ from robot.core.perception.echoes import (
 from robot.core.perception.pedestrians import EACH, PERSON_M, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
+from runtime.elementary import acos, asin, atan2, cos, sin
 
 NEAR: Final = 24
 """Maximum number of sectors."""

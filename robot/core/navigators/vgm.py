@@ -6,7 +6,7 @@ rotated about the robot, not about the origin, until the way to it is tangent to
 obstacle.
 """
 
-from math import atan2, cos, inf, pi, sin
+from math import inf, pi
 
 from robot.core import states
 from robot.core.geometry import wrap
@@ -15,6 +15,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
+from runtime.elementary import atan2, cos, sin
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:

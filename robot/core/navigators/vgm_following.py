@@ -4,7 +4,7 @@ A closed loop either separates robot and goal, or encircles an island. If the wa
 from the goal, the other side is tried.
 """
 
-from math import atan2, inf
+from math import inf
 from typing import Final
 
 from robot.core import states
@@ -25,6 +25,7 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.flank_walker import FlankWalker
 from robot.core.values import Pose
+from runtime.elementary import atan2
 
 STEP_M: Final = 0.10
 """Following ends only where the remaining distance becomes shorter than ever by this much."""

@@ -8,7 +8,7 @@ The work is spread over three ticks: record echoes, measure open headings, choos
 would take more than half of the period on the LPC1768.
 """
 
-from math import atan2, cos, sin, sqrt
+from math import sqrt
 from typing import Final
 
 from robot.core import states
@@ -25,6 +25,7 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
+from runtime.elementary import atan2, cos, sin
 
 __all__ = ["Memory", "step"]
 

@@ -6,7 +6,7 @@ An echo that closes at another rate is treated as a pedestrian. A pedestrian is 
 walking, seen or not, because most collisions happen outside the sonars' view.
 """
 
-from math import cos, sqrt
+from math import sqrt
 from typing import Final
 
 from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
@@ -23,6 +23,7 @@ from robot.core.perception.pedestrians import (
 )
 from robot.core.perception.sonar_ring import FRONT, Ring
 from robot.core.values import EVERY, SONARS
+from runtime.elementary import cos
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))
 FAR_M: Final = 1.1

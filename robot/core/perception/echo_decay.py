@@ -1,6 +1,5 @@
 """Remove stored echoes that are far away, old, or contradicted by longer echoes."""
 
-from math import atan2
 from typing import Final
 
 from robot.core.perception.echoes import (
@@ -15,6 +14,7 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, Pose
+from runtime.elementary import atan2
 
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE

@@ -8,12 +8,13 @@ not confirmed for long, or when it is far away.
 Millimetres and brads (4096 to the circle) as integers cost a third of floats on the MCU.
 """
 
-from math import cos, pi, sin, sqrt
+from math import pi, sqrt
 from typing import Final
 
 from robot.core.geometry import HALF_CONE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Pose
+from runtime.elementary import cos, sin
 
 POINTS: Final = 64
 SURE: Final = 2

@@ -5,12 +5,12 @@ too seldom. An uncertain heading not only moves the position sideways (first ord
 shortens the way (second order: `bend`). And encoders count whole ticks (`grain`).
 """
 
-from math import cos, sin
 from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.values import Pose, Wheels
+from runtime.elementary import cos, sin
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000

@@ -5,12 +5,13 @@ approach speed, and its speed to the left across the line of sight. `closing_spe
 tracks; `open_headings` closes the headings along which the robot would meet one.
 """
 
-from math import cos, inf, sin
+from math import inf
 from typing import Final
 
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
+from runtime.elementary import cos, sin
 
 TRACKS: Final = 3
 EACH: Final = tuple(range(TRACKS))
