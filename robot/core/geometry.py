@@ -4,7 +4,7 @@ from math import pi
 from typing import Final
 
 from robot.core.values import SONARS
-from runtime.elementary import cos, sin
+from runtime.elementary import cos, cos_sin, sin
 
 TWO_PI: Final = 2.0 * pi
 
@@ -25,3 +25,9 @@ def wrap(angle_rad: float) -> float:
         return angle_rad - angle_rad
     wrapped_rad = angle_rad % TWO_PI
     return wrapped_rad - TWO_PI if wrapped_rad > pi else wrapped_rad
+
+
+def whole_cos_sin(angle_rad: float) -> tuple[int, int]:
+    """Return cosine and sine in 1024ths."""
+    cosine, sine = cos_sin(angle_rad)
+    return int(1024.0 * cosine), int(1024.0 * sine)

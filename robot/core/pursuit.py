@@ -16,7 +16,7 @@ from robot.core.perception import closing_speed
 from robot.core.safety.guard import FRONT_BUMPER
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Twist
-from runtime.elementary import cos, sin
+from runtime.elementary import cos_sin
 
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances
 CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE
@@ -69,7 +69,8 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
         return True
     pose = state.odometry.pose
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
-    return dx_m * cos(pose.heading_rad) + dy_m * sin(pose.heading_rad) <= 0.0
+    cosine, sine = cos_sin(pose.heading_rad)
+    return dx_m * cosine + dy_m * sine <= 0.0
 
 
 def begin(state: State, now_ms: int) -> None:

@@ -7,7 +7,7 @@ from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import wheel_shares
 from robot.core.values import Twist
-from runtime.elementary import cos, sin, tanh
+from runtime.elementary import cos_sin, tanh
 
 HALF_TURN: Final = 0.5 * pi
 HALT: Final = Twist(0.0, 0.0)
@@ -25,8 +25,8 @@ def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float
     if distance_m < NEAR_M:
         distance_m = NEAR_M
     speed_m_s = params.v_max_m_s * tanh(params.k_rho * distance_m)
-    cosine = cos(bearing_rad)
-    pull_rad_s = speed_m_s / distance_m * sin(bearing_rad) * cosine
+    cosine, sine = cos_sin(bearing_rad)
+    pull_rad_s = speed_m_s / distance_m * sine * cosine
     return speed_m_s * cosine, params.k_omega * bearing_rad + pull_rad_s
 
 
@@ -42,8 +42,8 @@ def into(
     if distance_m < NEAR_M:
         distance_m = NEAR_M
     speed_m_s = params.v_max_m_s * tanh(params.pose_k_rho * distance_m)
-    cosine = cos(bearing_rad)
-    sinc = sin(bearing_rad) / bearing_rad if bearing_rad != 0.0 else 1.0
+    cosine, sine = cos_sin(bearing_rad)
+    sinc = sine / bearing_rad if bearing_rad != 0.0 else 1.0
     bend_rad = bearing_rad + params.pose_h * approach_rad
     pull_rad_s = speed_m_s / distance_m * sinc * cosine * bend_rad
     return speed_m_s * cosine, params.pose_k_omega * bearing_rad + pull_rad_s

@@ -7,7 +7,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS
-from runtime.elementary import cos, sin
+from runtime.elementary import cos, cos_sin
 
 # Speed limits. `_PER_S`: metres per second for each metre of free range. Sonars 2 to 5 look ahead,
 # the others to the flanks. "Default" refers to the default parameters.
@@ -154,8 +154,10 @@ def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params
         reach_m = range_m + params.radius_m
         if aside_rad <= 0.0:
             free_m = range_m
-        elif reach_m * sin(aside_rad) < params.radius_m + MARGIN_M:
-            free_m = min(free_m, reach_m * cos(aside_rad) - params.radius_m)
+        else:
+            cosine, sine = cos_sin(aside_rad)
+            if reach_m * sine < params.radius_m + MARGIN_M:
+                free_m = min(free_m, reach_m * cosine - params.radius_m)
     if free_m >= distance_m:
         return distance_m
     return max(0.0, free_m - LOOK_M)

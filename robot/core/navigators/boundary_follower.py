@@ -13,7 +13,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Pose
-from runtime.elementary import acos, asin, atan2, cos, sin
+from runtime.elementary import acos, asin, atan2, cos_sin
 
 POINTS: Final = 12
 SPACING_M: Final = 0.05
@@ -118,8 +118,8 @@ def sense(follower: Follower, pose: Pose, ring: Ring, params: Params) -> None:
 
 def remember(follower: Follower, pose: Pose, sonar: int, far_m: float) -> None:
     """Store the place of an echo; an echo next to the last one only refreshes that."""
-    direction_rad = pose.heading_rad + OUTWARD[sonar]
-    x_m, y_m = pose.x_m + far_m * cos(direction_rad), pose.y_m + far_m * sin(direction_rad)
+    cosine, sine = cos_sin(pose.heading_rad + OUTWARD[sonar])
+    x_m, y_m = pose.x_m + far_m * cosine, pose.y_m + far_m * sine
     k = follower.newest
     dx_m, dy_m = x_m - follower.points_x_m[k], y_m - follower.points_y_m[k]
     if not follower.points_weight[k] or dx_m * dx_m + dy_m * dy_m > SPACING_M * SPACING_M:
@@ -154,9 +154,9 @@ def anchor(follower: Follower, pose: Pose, k: int) -> None:
     """Follow the near point k from now on; -1 changes nothing."""
     if k < 0:
         return
-    direction_rad = pose.heading_rad + follower.bearing_rad[k]
-    follower.anchor_x_m = pose.x_m + follower.far_m[k] * cos(direction_rad)
-    follower.anchor_y_m = pose.y_m + follower.far_m[k] * sin(direction_rad)
+    cosine, sine = cos_sin(pose.heading_rad + follower.bearing_rad[k])
+    follower.anchor_x_m = pose.x_m + follower.far_m[k] * cosine
+    follower.anchor_y_m = pose.y_m + follower.far_m[k] * sine
     follower.anchor_weight = WEIGHT
     follower.anchor_tick = follower.tick
 

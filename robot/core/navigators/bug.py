@@ -15,7 +15,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
-from runtime.elementary import atan2, cos, sin
+from runtime.elementary import atan2, cos, cos_sin, sin
 
 HIT_MARGIN_M: Final = 0.03
 LEAVE_MARGIN_M: Final = 0.05
@@ -46,7 +46,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if not memory.following:
         branch = states.TO_GOAL
         return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, inf)
-    cosine, sine = cos(gamma_rad), sin(gamma_rad)
+    cosine, sine = cos_sin(gamma_rad)
     return Decision(
         states.PASS_LEFT if memory.side == states.LEFT else states.PASS_RIGHT,
         beta_rad,

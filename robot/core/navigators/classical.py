@@ -16,7 +16,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import AHEAD, Ring
 from robot.core.values import EVERY, SONARS, Decision, Goal, Pose
-from runtime.elementary import atan2, cos, sin
+from runtime.elementary import atan2, cos, cos_sin, sin
 
 HIT_M: Final = 0.03  # an obstacle with less clearance is in the way
 HIT_LOOK_M: Final = 0.22
@@ -234,15 +234,15 @@ def decision(boundary: Boundary, pose: Pose, ring: Ring, goal: Goal, params: Par
     if not boundary.following:
         branch = states.TO_GOAL
         return Decision(branch, beta_rad, nearest_m, alpha_rad, 0.0, goal.x_m, goal.y_m, limit_m_s)
-    direction_rad = pose.heading_rad + turn_rad
+    cosine, sine = cos_sin(pose.heading_rad + turn_rad)
     return Decision(
         states.PASS_LEFT if follower.side == states.LEFT else states.PASS_RIGHT,
         beta_rad,
         nearest_m,
         alpha_rad,
         wrap(turn_rad - alpha_rad),
-        pose.x_m + boundary.distance_m * cos(direction_rad),
-        pose.y_m + boundary.distance_m * sin(direction_rad),
+        pose.x_m + boundary.distance_m * cosine,
+        pose.y_m + boundary.distance_m * sine,
         limit_m_s,
     )
 

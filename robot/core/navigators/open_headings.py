@@ -8,6 +8,7 @@ bearing. Sectors are pairs of integers (brads, 4096 to the circle; millimetres),
 from math import sqrt
 from typing import Final
 
+from robot.core.geometry import whole_cos_sin
 from robot.core.perception.echo_decay import looks_at
 from robot.core.perception.echoes import (
     BRADS,
@@ -21,7 +22,7 @@ from robot.core.perception.echoes import (
 from robot.core.perception.pedestrians import EACH, PERSON_M, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
-from runtime.elementary import acos, asin, atan2, cos, sin
+from runtime.elementary import acos, asin, atan2
 
 NEAR: Final = 24
 """Maximum number of sectors."""
@@ -118,7 +119,7 @@ def gather(
 ) -> None:
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
-    cosine, sine = int(1024.0 * cos(pose.heading_rad)), int(1024.0 * sin(pose.heading_rad))
+    cosine, sine = whole_cos_sin(pose.heading_rad)
     xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)

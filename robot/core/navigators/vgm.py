@@ -15,7 +15,7 @@ from robot.core.parameters import Params
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
-from runtime.elementary import atan2, cos, sin
+from runtime.elementary import atan2, cos_sin
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
@@ -29,7 +29,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     left = beta_rad > 0.0
     tangent_rad = beta_rad - 0.5 * pi if left else beta_rad + 0.5 * pi
     gamma_rad = wrap(tangent_rad - alpha_rad)
-    cosine, sine = cos(gamma_rad), sin(gamma_rad)
+    cosine, sine = cos_sin(gamma_rad)
     return Decision(
         states.PASS_RIGHT if left else states.PASS_LEFT,
         beta_rad,

@@ -12,7 +12,7 @@ from math import sqrt
 from typing import Final
 
 from robot.core import states
-from robot.core.geometry import wrap
+from robot.core.geometry import whole_cos_sin, wrap
 from robot.core.motion import pace
 from robot.core.navigators import open_headings, vgm_following
 from robot.core.navigators import sweep as sweeps
@@ -25,7 +25,7 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, NOTHING, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
-from runtime.elementary import atan2, cos, sin
+from runtime.elementary import atan2, cos_sin
 
 __all__ = ["Memory", "step"]
 
@@ -114,8 +114,9 @@ def block_heading(memory: Memory, pose: Pose, radius_mm: int) -> None:
     """Store a point ahead: the heading looks open, but the guard stops the robot."""
     memory.still = 0
     away_mm = radius_mm + BLOCK_MM
-    x_mm = int(1000.0 * pose.x_m + away_mm * cos(memory.heading / BRADS))
-    y_mm = int(1000.0 * pose.y_m + away_mm * sin(memory.heading / BRADS))
+    cosine, sine = cos_sin(memory.heading / BRADS)
+    x_mm = int(1000.0 * pose.x_m + away_mm * cosine)
+    y_mm = int(1000.0 * pose.y_m + away_mm * sine)
     echo_memory.put(memory.echoes, x_mm, y_mm, BLOCK_WEIGHT)
 
 
@@ -203,7 +204,7 @@ def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
 def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
     """Return whether no stored echo touches the straight way to a near goal, without a margin."""
     echoes = memory.echoes
-    along_x, along_y = int(1024.0 * cos(to_goal / BRADS)), int(1024.0 * sin(to_goal / BRADS))
+    along_x, along_y = whole_cos_sin(to_goal / BRADS)
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     length_mm, radius_mm = int(1000.0 * distance_m), int(1000.0 * params.radius_m)
     for k in range(echoes.count):
@@ -246,7 +247,7 @@ def decision(
     speed_m_s = pace.speed(ring, memory.sectors.free_mm, error_rad, params)
     if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
         speed_m_s = 0.0
-    cosine, sine = cos(gamma_rad), sin(gamma_rad)
+    cosine, sine = cos_sin(gamma_rad)
     return Decision(
         branch,
         rings.bearing_rad(ring),

@@ -11,7 +11,7 @@ Millimetres and brads (4096 to the circle) as integers cost a third of floats on
 from math import pi, sqrt
 from typing import Final
 
-from robot.core.geometry import HALF_CONE
+from robot.core.geometry import HALF_CONE, whole_cos_sin
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Pose
 from runtime.elementary import cos, sin
@@ -105,7 +105,7 @@ def record(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int)
 def record_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Store the echoes of every second sonar, pinged at this pose."""
     x_m, y_m, heading_rad = pose
-    cosine, sine = int(1024.0 * cos(heading_rad)), int(1024.0 * sin(heading_rad))
+    cosine, sine = whole_cos_sin(heading_rad)
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
     for i in range(first, SONARS, 2):
         range_m = ring.range_m[i]

@@ -10,7 +10,7 @@ from typing import Final
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.values import Pose, Wheels
-from runtime.elementary import cos, sin
+from runtime.elementary import cos_sin
 
 COUNTER: Final = 0x100000000
 HALF_COUNTER: Final = 0x80000000
@@ -125,7 +125,7 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     step_m = 0.5 * (right_m + left_m)
     turn_rad = (right_m - left_m) / track_m
     middle_rad = heading_rad + 0.5 * turn_rad
-    cosine, sine = cos(middle_rad), sin(middle_rad)
+    cosine, sine = cos_sin(middle_rad)
     odometry.cosine, odometry.sine = cosine, sine
     dx_m, dy_m = step_m * cosine, step_m * sine
     odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))

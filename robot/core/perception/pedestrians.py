@@ -11,7 +11,7 @@ from typing import Final
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
-from runtime.elementary import cos, sin
+from runtime.elementary import cos_sin
 
 TRACKS: Final = 3
 EACH: Final = tuple(range(TRACKS))
@@ -86,8 +86,9 @@ def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:
         away_m = range_m + radius_m + PERSON_M
         if away_m < PERSON_M:
             away_m = PERSON_M
-        w.range_m[k] = range_m - (speed_m_s * cos(off_rad) + approach_m_s) * period_s
-        turn_rad = (across_m_s + speed_m_s * sin(off_rad)) * period_s / away_m
+        cosine, sine = cos_sin(off_rad)
+        w.range_m[k] = range_m - (speed_m_s * cosine + approach_m_s) * period_s
+        turn_rad = (across_m_s + speed_m_s * sine) * period_s / away_m
         w.at_rad[k] += turn_rad
         if w.sure[k]:
             w.approach_m_s[k] = approach_m_s - across_m_s * turn_rad
