@@ -9,13 +9,15 @@ Every literal has at most 16 digits, which every parser of floats converts exact
 written as the quotient of two. Sums in two parts (`head`, `tail`) keep what rounding loses.
 """
 
-from math import copysign, inf, isfinite, nan, pi, sqrt
+from math import copysign, inf, nan, pi, sqrt
 from typing import Final
 
 MAX_ANGLE_RAD: Final = 1000.0
 """Largest argument of sine and cosine, in either direction."""
 
 QUARTER: Final = 0.7853981633974483
+PI: Final = pi
+PI_TAIL: Final = 1.224646799147353 / 1e16
 HALF_PI: Final = 0.5 * pi
 HALF_PI_TAIL: Final = 6.123233995736766 / 1e17
 
@@ -119,7 +121,8 @@ SPLIT: Final = 134217729.0
 """2^27 + 1: splits a float into two halves whose products are exact (Dekker)."""
 FAINT: Final = 1.0 / (1 << 60)
 """Below this atan(x) = x."""
-HUGE: Final = float(1 << 500)
+MOST: Final = float(1 << 500)
+LEAST: Final = 1.0 / MOST
 SCALE: Final = float(1 << 600)
 
 ATAN_HEADS: Final = (
@@ -150,76 +153,58 @@ A2: Final = 0.1999999999937235
 A3: Final = 0.1428571354791544
 A4: Final = 0.1111073247633514
 A5: Final = 0.09002611640874305
+D1: Final = 0.1666666666666676
+D2: Final = 0.07499999999970101
+D3: Final = 0.0446428571752842
+D4: Final = 0.03038194267536432
+D5: Final = 0.02237221590355906
+D6: Final = 0.0173515955427577
+D7: Final = 0.01398101800990798
+D8: Final = 0.01139729747685858
+D9: Final = 0.01078929572880269
+D10: Final = 0.003672282716578947
+D11: Final = 0.02179040729192251
+D12: Final = -0.0211163785293054
+D13: Final = 0.03270194902768546
 
 
 def atan2(y: float, x: float) -> float:
     """Return the angle of the point (x, y), from -pi to pi; zeros and infinities have signs."""
-    if not (isfinite(y) and isfinite(x)):
-        if y != y or x != x:
+    across, along = (y if y >= 0.0 else -y), (x if x >= 0.0 else -x)
+    if not (across < inf and along < inf):
+        if across + along != inf:
             return nan
-        y, x = _direction(y), _direction(x)
-    head, tail = _angle(y if y >= 0.0 else -y, x if x >= 0.0 else -x, 0.0, 0.0)
+        across, along = float(across == inf), float(along == inf)
+    if across <= along:
+        head, tail = _small_angle(across, along)
+    else:
+        less, less_tail = _small_angle(along, across)
+        head = HALF_PI - less
+        tail = ((HALF_PI - head) - less) + (HALF_PI_TAIL - less_tail)
     if x < 0.0 or (x == 0.0 and y == 0.0 and copysign(1.0, x) < 0.0):
-        head, tail = _less_than(2.0 * HALF_PI, 2.0 * HALF_PI_TAIL, head, tail)
+        less = head
+        head = PI - less
+        tail = ((PI - head) - less) + (PI_TAIL - tail)
     return copysign(head + tail, y)
 
 
-def asin(sine: float) -> float:
-    """Return the angle from -pi / 2 to pi / 2 with a sine."""
-    if not -1.0 <= sine <= 1.0:
-        return nan
-    cosine, lost = _other_side(sine)
-    head, tail = _angle(sine if sine >= 0.0 else -sine, cosine, 0.0, lost)
-    return copysign(head + tail, sine)
-
-
-def acos(cosine: float) -> float:
-    """Return the angle from 0 to pi with a cosine."""
-    if not -1.0 <= cosine <= 1.0:
-        return nan
-    sine, lost = _other_side(cosine)
-    head, tail = _angle(sine, cosine if cosine >= 0.0 else -cosine, lost, 0.0)
-    if cosine < 0.0:
-        head, tail = _less_than(2.0 * HALF_PI, 2.0 * HALF_PI_TAIL, head, tail)
-    return head + tail
-
-
-def _direction(value: float) -> float:
-    """Return 1 for infinity and 0 for a number, which is nothing beside it, with its sign."""
-    return copysign(1.0 if value - value != 0.0 else 0.0, value)
-
-
-def _less_than(whole: float, whole_tail: float, head: float, tail: float) -> tuple[float, float]:
-    """Return a difference in two parts; whole >= head >= 0."""
-    rest = whole - head
-    return rest, ((whole - rest) - head) + (whole_tail - tail)
-
-
-def _angle(y: float, x: float, y_tail: float, x_tail: float) -> tuple[float, float]:
-    """Return the angle of a point in the first quadrant, in two parts."""
-    if y <= x:
-        return _small_angle(y, x, y_tail, x_tail)
-    return _less_than(HALF_PI, HALF_PI_TAIL, *_small_angle(x, y, x_tail, y_tail))
-
-
-def _small_angle(y: float, x: float, y_tail: float, x_tail: float) -> tuple[float, float]:
-    """Return the angle of a point with 0 <= y <= x: the tangent, then its arc tangent."""
+def _small_angle(y: float, x: float) -> tuple[float, float]:
+    """Return the angle of a point with 0 <= y <= x in two parts."""
     tangent = y / x if x != 0.0 else 0.0
     if tangent < FAINT:
         return tangent, 0.0
-    if not 1.0 / HUGE < x < HUGE:
+    if not LEAST < x < MOST:
         y, x = (y / SCALE, x / SCALE) if x > 1.0 else (y * SCALE, x * SCALE)
     scaled = tangent * SPLIT
     upper = scaled - (scaled - tangent)
     scaled = x * SPLIT
     x_upper = scaled - (scaled - x)
-    rest = ((y - upper * x_upper) - upper * (x - x_upper)) + (y_tail - tangent * x_tail)
-    low = rest / x - (tangent - upper)
+    lost = ((y - upper * x_upper) - upper * (x - x_upper)) / x - (tangent - upper)
     eighths = int(8.0 * tangent + 0.5)
     if eighths == 0:
         z = tangent * tangent
         cube = z * (A1 - z * (A2 - z * (A3 - z * (A4 - z * A5))))
-        return tangent, low - tangent * cube
+        return tangent, lost - tangent * cube
     step = 0.125 * eighths
     beyond = tangent - step
     wide = 1.0 + step * tangent
@@ -228,29 +213,56 @@ def _small_angle(y: float, x: float, y_tail: float, x_tail: float) -> tuple[floa
     cube = z * (A1 - z * (A2 - z * (A3 - z * (A4 - z * A5))))
     begin = ATAN_HEADS[eighths]
     head = begin + beyond
-    tail = low / wide - beyond * step * tangent / wide - turned * cube + ATAN_TAILS[eighths]
+    tail = (lost - beyond * step * tangent) / wide - turned * cube + ATAN_TAILS[eighths]
     return head, (beyond - (head - begin)) + tail
 
 
-def _other_side(side: float) -> tuple[float, float]:
-    """Return sqrt(1 - side * side) in two parts, for a side of at most 1."""
-    square, lost = _squared(side)
-    rest = 1.0 - square
-    rest_tail = ((1.0 - rest) - square) - lost
-    root = sqrt(rest)
-    if root == 0.0:
+def asin(sine: float) -> float:
+    """Return the angle from -pi / 2 to pi / 2 with a sine."""
+    if -0.5 <= sine <= 0.5:
+        if -NEGLIGIBLE < sine < NEGLIGIBLE:
+            return sine
+        return sine + sine * _arc_series(sine * sine)
+    size = sine if sine >= 0.0 else -sine
+    if not size <= 1.0:
+        return nan
+    half, half_tail = _half_arc(size)
+    head = HALF_PI - 2.0 * half
+    tail = ((HALF_PI - head) - 2.0 * half) + (HALF_PI_TAIL - 2.0 * half_tail)
+    return copysign(head + tail, sine)
+
+
+def acos(cosine: float) -> float:
+    """Return the angle from 0 to pi with a cosine."""
+    if -0.5 <= cosine <= 0.5:
+        head = HALF_PI - cosine
+        lost = (HALF_PI - head) - cosine
+        return head + (lost + (HALF_PI_TAIL - cosine * _arc_series(cosine * cosine)))
+    size = cosine if cosine >= 0.0 else -cosine
+    if not size <= 1.0:
+        return nan
+    half, half_tail = _half_arc(size)
+    if cosine > 0.0:
+        return 2.0 * (half + half_tail)
+    head = PI - 2.0 * half
+    return head + (((PI - head) - 2.0 * half) + (PI_TAIL - 2.0 * half_tail))
+
+
+def _half_arc(cosine: float) -> tuple[float, float]:
+    """Return half the angle with a cosine from 0.5 to 1, as the arc of its sine, in two parts."""
+    z = 0.5 * (1.0 - cosine)
+    sine = sqrt(z)
+    if sine == 0.0:
         return 0.0, 0.0
-    square, lost = _squared(root)
-    return root, 0.5 * (((rest - square) - lost) + rest_tail) / root
+    scaled = sine * SPLIT
+    upper = scaled - (scaled - sine)
+    return upper, (z - upper * upper) / (sine + upper) + sine * _arc_series(z)
 
 
-def _squared(value: float) -> tuple[float, float]:
-    """Return a square in two parts."""
-    scaled = value * SPLIT
-    upper = scaled - (scaled - value)
-    lower = value - upper
-    square = value * value
-    return square, ((upper * upper - square) + 2.0 * upper * lower) + lower * lower
+def _arc_series(z: float) -> float:
+    """Return asin(x) / x - 1 with z = x * x up to 0.25."""
+    series = D6 + z * (D7 + z * (D8 + z * (D9 + z * (D10 + z * (D11 + z * (D12 + z * D13))))))
+    return z * (D1 + z * (D2 + z * (D3 + z * (D4 + z * (D5 + z * series)))))
 
 
 MAX_EXP: Final = 710.0
