@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from math import pi
-from operator import mul
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.model.body import Body
@@ -18,7 +17,7 @@ from plant.sim.sensing.raycast import Caster
 from plant.sim.sensing.sonar import PING_AGE_US, Ring
 from protocol.wire.enums import BUMPER_LEFT, BUMPER_REAR, BUMPER_RIGHT
 from protocol.wire.messages import GroundTruth, SonarScan, WheelTicks
-from runtime.elementary import atan2, cos, hypot, sin
+from runtime.elementary import atan2, cos_sin, hypot, sin
 from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_S
 
@@ -93,7 +92,8 @@ class SimulatedRobot:
             speed_m_s *= sin(half_rad) / half_rad
         towards_rad = self.pose[2] + half_rad
         self._turning_rad = 2.0 * half_rad
-        self._velocity_m_s = speed_m_s * cos(towards_rad), speed_m_s * sin(towards_rad)
+        cosine, sine = cos_sin(towards_rad)
+        self._velocity_m_s = speed_m_s * cosine, speed_m_s * sine
         return abs(speed_m_s)
 
     def arrive(self, close: bool) -> None:
@@ -117,10 +117,11 @@ class SimulatedRobot:
         A robot that drives and comes nearer to a static obstacle has caused the contact, even if it
         only grazes it; a robot that turns on the spot has not.
         """
-        began, drives = self._touched == 0, hypot(*self._velocity_m_s) > CLOSING_M_S
+        x_m_s, y_m_s = self._velocity_m_s
+        began, drives = self._touched == 0, hypot(x_m_s, y_m_s) > CLOSING_M_S
         for direction, still in contacts:
             self._touched |= _sectors(direction, self.pose[2])
-            closing_m_s = sum(map(mul, self._velocity_m_s, direction))
+            closing_m_s = x_m_s * direction[0] + y_m_s * direction[1]
             least_m_s = 0.0 if still and drives else CLOSING_M_S
             self._closing |= began and closing_m_s > least_m_s
 
@@ -177,7 +178,7 @@ class SimulatedRobot:
     def truth(self, now_ns: int) -> GroundTruth:
         """Return the true pose and velocity."""
         x_m, y_m, heading_rad = self.pose
-        middle_rad = self.early_pose[2]
+        cosine, sine = cos_sin(self.early_pose[2])
         way_x_m, way_y_m = x_m - self._before[0], y_m - self._before[1]
         return GroundTruth(
             time_ns=now_ns,
@@ -185,7 +186,7 @@ class SimulatedRobot:
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,
-            speed_m_s=(way_x_m * cos(middle_rad) + way_y_m * sin(middle_rad)) / PERIOD_S,
+            speed_m_s=(way_x_m * cosine + way_y_m * sine) / PERIOD_S,
             yaw_rate_rad_s=self._turned_rad / PERIOD_S,
             clearance_m=self.clearance_m,
             contact=int(self.bumper != 0),

@@ -1,21 +1,27 @@
-"""The surfaces of a scene as rows of matrices, and the selection of those visible to a ring.
+"""The surfaces of a scene as arrays of points, and the selection of those visible to a ring.
 
-A row times a ray's (ux, uy, -u.o, -u x o) gives p of a disc, u x (a - o) or -u x (b - o) of an
-edge. A row times its origin's (ox, oy, 1, |o|^2) gives q of a disc, n of an edge. The letters are
-those of `plant.sim.sensing.raycast`.
+The points are the centres of discs, the starts and the ends of edges. Those of edges are turned by
+a quarter, so that u.point is u x a of a start and -u x b of an end (the letters are those of
+`plant.sim.sensing.raycast`).
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from sys import float_info
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from plant.model.scene import Disc, Pose, Scene
-from runtime.elementary import cos, sin
+from runtime.elementary import cos_sin
 
 Floats: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
+Axes: TypeAlias = tuple[float, float, float, float]
+"""Cosine and sine of the rightmost heading, then of the leftmost."""
+
+SMALLEST_M2: Final = float_info.min
+"""The smallest normal float; divides where an edge has no length."""
 
 
 class PoseTolerance(NamedTuple):
@@ -34,10 +40,9 @@ class Surfaces:
         self._centres, self._radii = discs[:, :2], discs[:, 2]
         self._starts, self._ends = edges[:, :2], edges[:, 2:]
         self._spans = self._ends - self._starts
-        self._lengths = np.hypot(self._spans[:, 0], self._spans[:, 1])
-        self._squares = np.maximum(self._lengths * self._lengths, np.finfo(float).tiny)
-        self._disc_rays, self._disc_origins = _disc_rows(discs)
-        self._start_rays, self._end_rays, self._edge_origins = _edge_rows(edges)
+        self._squares = _squares(self._spans)
+        self._lengths = np.sqrt(self._squares)
+        self._turned_starts, self._turned_ends = _turned(self._starts), -_turned(self._ends)
 
     def in_sight(
         self, at: Pose, reach_m: float, drift: PoseTolerance, moving: int
@@ -51,79 +56,71 @@ class Surfaces:
         farthest_m = reach_m + drift.way_m
         discs = np.flatnonzero(self._discs_in_sight(at, axes, farthest_m, drift.way_m))
         edges = np.flatnonzero(self._edges_in_sight(at, axes, farthest_m, drift.way_m))
-        free = np.zeros((moving, 4))
-        free[:, 2] = 1.0
+        points = [np.zeros((moving, 2)), self._centres[discs]]
+        points += [self._turned_starts[edges], self._turned_ends[edges]]
+        radii = np.concatenate([np.ones(moving), self._radii[discs]])
         return ChosenSurfaces(
-            np.concatenate(
-                [free, self._disc_rays[discs], self._start_rays[edges], self._end_rays[edges]]
-            ),
-            np.concatenate([free, self._disc_origins[discs], self._edge_origins[edges]]),
-            np.concatenate([np.ones(moving), self._radii[discs], self._lengths[edges]]),
-            moving + len(discs),
+            np.concatenate(points), self._spans[edges], radii, self._lengths[edges]
         )
 
-    def _discs_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
+    def _discs_in_sight(self, at: Pose, axes: Axes, farthest_m: float, way_m: float) -> Mask:
         gaps = self._centres - at[:2]
-        near = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < farthest_m
+        near = np.sqrt(_squares(gaps)) - self._radii < farthest_m
         seen: Mask = near & (_ahead_m(gaps, axes) + self._radii > -way_m)
         return seen
 
-    def _edges_in_sight(self, at: Pose, axes: Floats, farthest_m: float, way_m: float) -> Mask:
+    def _edges_in_sight(self, at: Pose, axes: Axes, farthest_m: float, way_m: float) -> Mask:
         gaps, spans = self._starts - at[:2], self._spans
-        shares = -(gaps * spans).sum(axis=1) / self._squares
+        along = gaps[:, 0] * spans[:, 0] + gaps[:, 1] * spans[:, 1]
+        shares = -along / np.maximum(self._squares, SMALLEST_M2)
         shares = np.minimum(np.maximum(shares, 0.0), 1.0)
         nearest = gaps + shares[:, None] * spans
-        near = np.hypot(nearest[:, 0], nearest[:, 1]) < farthest_m
+        near = _squares(nearest) < farthest_m * farthest_m
         ahead_m = np.maximum(_ahead_m(gaps, axes), _ahead_m(self._ends - at[:2], axes))
         seen: Mask = near & (ahead_m > -way_m)
         return seen
 
 
 class ChosenSurfaces:
-    """Rows for the rays (discs, starts of edges, ends of edges) and for their origins."""
+    """Points of discs, starts and ends of edges by coordinate; vectors along the edges.
 
-    __slots__ = ("discs", "edges", "origin_rows", "ray_rows", "sizes")
+    `squares` are those of the radii. `sizes` are radii, then lengths.
+    """
 
-    def __init__(self, ray_rows: Floats, origin_rows: Floats, sizes: Floats, discs: int) -> None:
-        self.ray_rows = ray_rows
-        self.origin_rows = origin_rows
-        self.sizes = sizes
-        self.discs = discs
-        self.edges = len(sizes) - discs
+    __slots__ = ("discs", "edges", "points", "sizes", "spans", "squares")
+
+    def __init__(self, points: Floats, spans: Floats, radii: Floats, lengths: Floats) -> None:
+        self.points = np.ascontiguousarray(points.T)[:, None, :]
+        self.spans = np.ascontiguousarray(spans.T)[:, None, :]
+        self.squares = radii * radii
+        self.sizes = np.concatenate([radii, lengths])
+        self.discs, self.edges = len(radii), len(lengths)
 
     def place(self, moved: Sequence[Disc]) -> None:
-        """Put moving discs into the rows reserved for them."""
-        rows = slice(len(moved))
-        self.ray_rows[rows, :2] = [disc[:2] for disc in moved]
-        self.origin_rows[rows] = [
-            (-2.0 * x, -2.0 * y, x * x + y * y - radius * radius, 1.0) for x, y, radius in moved
-        ]
-        self.sizes[rows] = [disc[2] for disc in moved]
+        """Put moving discs at the places reserved for them, the first."""
+        for index, (x_m, y_m, radius_m) in enumerate(moved):
+            self.points[0, 0, index], self.points[1, 0, index] = x_m, y_m
+            self.sizes[index], self.squares[index] = radius_m, radius_m * radius_m
 
 
-def _disc_rows(discs: Floats) -> tuple[Floats, Floats]:
-    x, y, radius = discs.T
-    one, none = np.ones(len(discs)), np.zeros(len(discs))
-    rays = np.stack([x, y, one, none], axis=1)
-    return rays, np.stack([-2.0 * x, -2.0 * y, x * x + y * y - radius * radius, one], axis=1)
+def _squares(vectors: Floats) -> Floats:
+    """Return the squared lengths of vectors."""
+    x, y = vectors[:, 0], vectors[:, 1]
+    squares: Floats = x * x + y * y
+    return squares
 
 
-def _edge_rows(edges: Floats) -> tuple[Floats, Floats, Floats]:
-    ax, ay, bx, by = edges.T
-    one, none = np.ones(len(edges)), np.zeros(len(edges))
-    starts = np.stack([ay, -ax, none, one], axis=1)
-    ends = np.stack([-by, bx, none, -one], axis=1)
-    origins = np.stack([by - ay, ax - bx, ay * (bx - ax) - ax * (by - ay), none], axis=1)
-    return starts, ends, origins
+def _turned(points: Floats) -> Floats:
+    """Return points turned by a quarter to the right."""
+    return np.stack([points[:, 1], -points[:, 0]], axis=1)
 
 
-def _extreme_axes(heading_rad: float, turn_rad: float) -> Floats:
-    """Return the extreme headings as columns: a point behind both is behind all between them."""
-    right_rad, left_rad = heading_rad - turn_rad, heading_rad + turn_rad
-    return np.array(((cos(right_rad), cos(left_rad)), (sin(right_rad), sin(left_rad))))
+def _extreme_axes(heading_rad: float, turn_rad: float) -> Axes:
+    """Return the two extreme headings: a point behind both is behind all between them."""
+    return *cos_sin(heading_rad - turn_rad), *cos_sin(heading_rad + turn_rad)
 
 
-def _ahead_m(gaps: Floats, axes: Floats) -> Floats:
+def _ahead_m(gaps: Floats, axes: Axes) -> Floats:
     """Return how far each point is ahead, at the heading at which it is farthest ahead."""
-    ahead = gaps @ axes
-    return np.maximum(ahead[:, 0], ahead[:, 1])
+    x, y = gaps[:, 0], gaps[:, 1]
+    return np.maximum(x * axes[0] + y * axes[1], x * axes[2] + y * axes[3])
