@@ -20,13 +20,21 @@ class Motor:
     d(speed)/dt = (wanted - speed) / lag, limited by the acceleration limit.
     """
 
-    __slots__ = ("_acceleration_m_s2", "_lag_s", "_linear_m_s", "speed_m_s")
+    __slots__ = (
+        "_acceleration_m_s2",
+        "_lag_s",
+        "_left_share",
+        "_linear_m_s",
+        "_span_s",
+        "speed_m_s",
+    )
 
     def __init__(self, body: Body) -> None:
         self.speed_m_s = 0.0
         self._lag_s = body.motor_lag_s
         self._acceleration_m_s2 = body.max_acceleration_m_s2
         self._linear_m_s = body.max_acceleration_m_s2 * body.motor_lag_s
+        self._span_s = self._left_share = 0.0
 
     def turn(self, wanted_m_s: float, span_s: float) -> float:
         """Run for a time and return the path of the rim in metres."""
@@ -39,7 +47,10 @@ class Motor:
             way_m = self._ramp(acceleration_m_s2, ramp_s)
             span_s -= ramp_s
             missing_m_s = wanted_m_s - self.speed_m_s
-        left_m_s = missing_m_s * exp(-span_s / self._lag_s) if self._lag_s else 0.0
+        if span_s != self._span_s:  # whole substeps, mostly
+            self._span_s = span_s
+            self._left_share = exp(-span_s / self._lag_s) if self._lag_s else 0.0
+        left_m_s = missing_m_s * self._left_share
         self.speed_m_s = wanted_m_s - left_m_s
         return way_m + (wanted_m_s * span_s - self._lag_s * (missing_m_s - left_m_s))
 

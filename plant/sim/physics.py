@@ -1,28 +1,34 @@
-"""Collisions in the world. This is the only module that uses pymunk.
+"""Collisions in the world. This is the only module that uses pymunk, to find what is near a place.
 
 Robots are discs that keep their given speed until something stops them, without bouncing and
 friction. Where a robot may touch something, a step is divided into small ones, so that it
 penetrates by less than a millimetre and never passes through.
+
+No number of pymunk reaches a trajectory: it only selects surfaces, with room to spare.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from math import ceil, inf
-from typing import Final
+from math import ceil, inf, sqrt
+from typing import Final, TypeAlias
 
 import pymunk
 
 from plant.model.geometry import edges
 from plant.model.scene import movers, moves
-from plant.model.types import Circle, Point, Polygon, Polyline, World
-from plant.sim.clearance import FURTHER_M, NEAR_M, Bar, Nearby, Round
+from plant.model.types import Point, Polygon, Polyline, World
+from plant.sim.clearance import FURTHER_M, NEAR_M, Nearby, Surface, line
+from plant.sim.contacts import SLOP_M, Contact, Disc, solve
+from runtime.elementary import hypot
 
 CLEARANCE_LIMIT_M: Final = 3.0
 """Largest clearance that is measured."""
 
 FINE_STEP_M: Final = 0.001
 OUTER_WALL_M: Final = 0.5
-SLOP_M: Final = 1e-4
+
+Pair: TypeAlias = tuple[Disc, Disc, Surface | None]
+"""A robot and what it may touch: another disc, or a surface, whose disc has no place."""
 
 
 class Arena:
@@ -30,120 +36,153 @@ class Arena:
 
     def __init__(self, world: World, radius_m: float, at: Sequence[Point] | None = None) -> None:
         """Create the world; `at` are the movers' positions, by default the start of their paths."""
-        self._space = pymunk.Space()
-        self._space.collision_slop = SLOP_M
-        self._space.collision_bias = 0.0
         self._radius_m = radius_m
-        self._nearby = Nearby()
-        self._robots: list[pymunk.Body] = []
-        self._filters: list[pymunk.ShapeFilter] = []
-        self._space.add(*_still_shapes(world, self._space.static_body))
+        self._robots: list[Disc] = []
+        self._nearby: list[Nearby] = []
+        self._still = Disc(0.0, 0.0, 0.0, free=False)
+        self._touching: list[Contact] = []
         discs = movers(world)
         places = [circle.path_m[0] for circle in discs] if at is None else at
         self._movers = [
-            self._add_mover(circle, place) for circle, place in zip(discs, places, strict=True)
+            Disc(*place, circle.radius_m, free=False)
+            for circle, place in zip(discs, places, strict=True)
         ]
+        self._surfaces = list(_still_surfaces(world))
+        self._space = pymunk.Space()
+        self._index = {
+            _shape(self._space.static_body, surface): number
+            for number, surface in enumerate(self._surfaces)
+        }
+        self._space.add(*self._index)
 
     def add_robot(self, x_m: float, y_m: float) -> int:
         """Add a robot and return its index."""
-        body = pymunk.Body(1.0, 1.0)
-        body.position = x_m, y_m
-        shape = pymunk.Circle(body, self._radius_m)
-        shape.filter = pymunk.ShapeFilter(group=len(self._robots) + 1)
-        self._space.add(body, shape)
-        self._robots.append(body)
-        self._filters.append(shape.filter)
+        self._robots.append(Disc(x_m, y_m, self._radius_m, free=True))
+        self._nearby.append(Nearby())
         return len(self._robots) - 1
 
     def push(self, robot: int, x_m_s: float, y_m_s: float) -> None:
         """Set the velocity of a robot, which it keeps unless an obstacle stops it."""
-        self._robots[robot].velocity = x_m_s, y_m_s
+        disc = self._robots[robot]
+        disc.x_m_s, disc.y_m_s = x_m_s, y_m_s
 
-    def carry(self, mover: int, x_m_s: float, y_m_s: float) -> None:
-        """Set the velocity of a moving obstacle; nothing stops it."""
-        self._movers[mover].velocity = x_m_s, y_m_s
+    def carry(self, mover: int, at: Point, x_m_s: float, y_m_s: float) -> None:
+        """Set position and velocity of a moving obstacle; nothing stops it."""
+        disc = self._movers[mover]
+        disc.x_m, disc.y_m = at
+        disc.x_m_s, disc.y_m_s = x_m_s, y_m_s
 
     def step(self, span_s: float, closing_m_s: float) -> None:
         """Advance time; `closing_m_s` is the largest possible collision speed, 0 if none."""
+        discs = [*self._robots, *self._movers]
         parts = max(1, ceil(closing_m_s * span_s / FINE_STEP_M))
+        part_s = span_s / parts
+        pairs = list(self._pairs(2.0 * closing_m_s * span_s)) if closing_m_s else []
         for _ in range(parts):
-            self._space.step(span_s / parts)
+            for disc in discs:
+                disc.move(part_s)
+            self._touching = list(_overlaps(pairs, part_s)) if pairs else []
+            if self._touching:
+                solve(self._touching)
 
     def position_m(self, robot: int) -> Point:
         """Return the position of a robot."""
-        position = self._robots[robot].position
-        return position.x, position.y
+        disc = self._robots[robot]
+        return disc.x_m, disc.y_m
 
     def place(self, robot: int, x_m: float, y_m: float) -> None:
         """Set the position of a robot that moved without the arena."""
-        self._robots[robot].position = x_m, y_m
+        disc = self._robots[robot]
+        disc.x_m, disc.y_m = x_m, y_m
 
     def clearance_m(self, robot: int, at: Point) -> float:
         """Return the distance from the robot's rim to the nearest surface, below 0 in contact."""
+        distance_m = self._around(robot, at).distance_m(at)
+        mine = self._robots[robot]
+        for disc in (*self._movers, *self._robots):
+            if disc is not mine:
+                away_m = hypot(disc.x_m - at[0], disc.y_m - at[1]) - disc.radius_m
+                distance_m = min(distance_m, away_m)
         limit_m = CLEARANCE_LIMIT_M + self._radius_m
-        if self._movers or len(self._robots) > 1:
-            nearest = self._space.point_query_nearest(at, limit_m, self._filters[robot])
-            distance_m = inf if nearest is None else nearest.distance
-        else:
-            if not self._nearby.holds(at):
-                self._look_around(at)
-            distance_m = self._nearby.distance_m(at)
         return distance_m - self._radius_m if distance_m < limit_m else CLEARANCE_LIMIT_M
 
     def contacts(self, robot: int) -> list[tuple[Point, bool]]:
         """Return the contacts of a robot: unit vector of the direction, and static or not."""
-        found: list[tuple[Point, bool]] = []
-        still = self._space.static_body
+        mine = self._robots[robot]
+        found = [
+            ((one.x, one.y), one.other is self._still)
+            for one in self._touching
+            if one.robot is mine
+        ]
+        return found + [((-one.x, -one.y), False) for one in self._touching if one.other is mine]
 
-        def collect(arbiter: pymunk.Arbiter) -> None:
-            normal = arbiter.normal
-            found.append(((normal.x, normal.y), arbiter.shapes[1].body is still))
+    def _pairs(self, way_m: float) -> Iterator[Pair]:
+        """Return what the robots may touch while they come nearer by a distance."""
+        for number, robot in enumerate(self._robots):
+            at, reach_m = (robot.x_m, robot.y_m), robot.radius_m + way_m + FINE_STEP_M
+            for other in (*self._movers, *self._robots[number + 1 :]):
+                if hypot(other.x_m - at[0], other.y_m - at[1]) - other.radius_m < reach_m:
+                    yield robot, other, None
+        # Static surfaces come last: what is solved last is kept, if not everything can be.
+        for number, robot in enumerate(self._robots):
+            at, reach_m = (robot.x_m, robot.y_m), robot.radius_m + way_m + FINE_STEP_M
+            for surface in self._around(number, at).surfaces:
+                if hypot(*surface.offset_m(*at)) - surface.radius_m < reach_m:
+                    yield robot, self._still, surface
 
-        self._robots[robot].each_arbiter(collect)
-        return found
-
-    def _look_around(self, at: Point) -> None:
-        """Cache the surfaces that can be nearest to the only robot near this position."""
-        space, others = self._space, self._filters[0]
-        farthest_m = CLEARANCE_LIMIT_M + self._radius_m + NEAR_M
-        nearest = space.point_query_nearest(at, farthest_m, others)
-        rounds: list[Round] = []
-        bars: list[Bar] = []
-        if nearest is not None:
-            for found in space.point_query(at, nearest.distance + FURTHER_M, others):
-                shape = found.shape
-                if isinstance(shape, pymunk.Circle):
-                    rounds.append((*shape.offset, shape.radius))
-                elif isinstance(shape, pymunk.Segment) and shape.a == shape.b:
-                    rounds.append((*shape.a, shape.radius))
-                elif isinstance(shape, pymunk.Segment):
-                    bars.append((*shape.a, *shape.b, shape.radius))
-        self._nearby.remember(at, rounds, bars)
-
-    def _add_mover(self, circle: Circle, place: Point) -> pymunk.Body:
-        body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        body.position = place
-        self._space.add(body, pymunk.Circle(body, circle.radius_m))
-        return body
+    def _around(self, robot: int, at: Point) -> Nearby:
+        """Return the static surfaces that can be nearest to a robot, or touched, near a place."""
+        nearby = self._nearby[robot]
+        if not nearby.holds(at):
+            farthest_m = CLEARANCE_LIMIT_M + self._radius_m + NEAR_M
+            nearest = self._space.point_query_nearest(at, farthest_m, pymunk.ShapeFilter())
+            reach_m = -inf if nearest is None else nearest.distance + FURTHER_M
+            found = self._space.point_query(at, max(0.0, reach_m), pymunk.ShapeFilter())
+            numbers = sorted(self._index[one.shape] for one in found if one.shape is not None)
+            nearby.remember(at, [self._surfaces[number] for number in numbers])
+        return nearby
 
 
-def _still_shapes(world: World, body: pymunk.Body) -> Sequence[pymunk.Shape]:
-    shapes: list[pymunk.Shape] = _outer_walls(world, body) if world.walls else []
+def _overlaps(pairs: Sequence[Pair], span_s: float) -> Iterator[Contact]:
+    for robot, other, surface in pairs:
+        if surface is None:
+            off_x_m, off_y_m = other.x_m - robot.x_m, other.y_m - robot.y_m
+            touching_m = robot.radius_m + other.radius_m
+        else:
+            off_x_m, off_y_m = surface.offset_m(robot.x_m, robot.y_m)
+            touching_m = robot.radius_m + surface.radius_m
+        away_m = sqrt(off_x_m * off_x_m + off_y_m * off_y_m)
+        if 0.0 < away_m < touching_m:
+            direction = off_x_m / away_m, off_y_m / away_m
+            apart_m_s = max(0.0, touching_m - away_m - SLOP_M) / span_s
+            yield Contact(robot, other, direction, apart_m_s)
+
+
+def _shape(body: pymunk.Body, surface: Surface) -> pymunk.Shape:
+    x_m, y_m, along_x_m, along_y_m, per_m2, radius_m = surface
+    if per_m2 == 0.0:
+        return pymunk.Circle(body, radius_m, (x_m, y_m))
+    return pymunk.Segment(body, (x_m, y_m), (x_m + along_x_m, y_m + along_y_m), radius_m)
+
+
+def _still_surfaces(world: World) -> Iterator[Surface]:
+    if world.walls:
+        yield from _outer_walls(world)
     for obstacle in world.obstacles:
         if isinstance(obstacle, Polygon):
-            sides = edges(obstacle.points_m, closed=True)
-            shapes += [pymunk.Segment(body, a, b, 0.0) for a, b in sides]
+            for a, b in edges(obstacle.points_m, closed=True):
+                yield line(a, b, 0.0)
         elif isinstance(obstacle, Polyline):
-            radius_m = obstacle.thickness_m / 2.0
-            shapes += [pymunk.Segment(body, a, b, radius_m) for a, b in pairwise(obstacle.points_m)]
+            for a, b in pairwise(obstacle.points_m):
+                yield line(a, b, obstacle.thickness_m / 2.0)
         elif not moves(obstacle):
-            shapes.append(pymunk.Circle(body, obstacle.radius_m, (obstacle.x_m, obstacle.y_m)))
-    return shapes
+            at = (obstacle.x_m, obstacle.y_m)
+            yield line(at, at, obstacle.radius_m)
 
 
-def _outer_walls(world: World, body: pymunk.Body) -> list[pymunk.Shape]:
+def _outer_walls(world: World) -> list[Surface]:
     """Return thick bars whose inner faces are the rim of the floor."""
     out = OUTER_WALL_M
     right, top = world.size_m[0] + out, world.size_m[1] + out
-    corners = ((-out, -out), (right, -out), (right, top), (-out, top))
-    return [pymunk.Segment(body, a, b, out) for a, b in edges(corners, closed=True)]
+    corners: tuple[Point, ...] = ((-out, -out), (right, -out), (right, top), (-out, top))
+    return [line(a, b, out) for a, b in edges(corners, closed=True)]

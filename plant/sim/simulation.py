@@ -128,7 +128,8 @@ class Plant:
         speeds_m_s = sorted([vehicle.set_off(now_ns, SUBSTEP_S) for vehicle in self._vehicles])
         if self._movers:
             self._carry(now_ns)
-        closing_m_s = sum(speeds_m_s[-2:]) + self._mover_speed_m_s
+        fastest_m_s = speeds_m_s[-1] + (speeds_m_s[-2] if len(speeds_m_s) > 1 else 0.0)
+        closing_m_s = fastest_m_s + self._mover_speed_m_s
         self._arena.step(SUBSTEP_S, closing_m_s if close else 0.0)
         for vehicle in self._vehicles:
             vehicle.arrive(close)
@@ -137,7 +138,8 @@ class Plant:
         """Move the moving obstacles by one substep."""
         before, self._discs = self._discs, self._discs_at(now_ns + SUBSTEP_NS)
         for index, (old, new) in enumerate(zip(before, self._discs, strict=True)):
-            self._arena.carry(index, (new[0] - old[0]) / SUBSTEP_S, (new[1] - old[1]) / SUBSTEP_S)
+            x_m_s, y_m_s = (new[0] - old[0]) / SUBSTEP_S, (new[1] - old[1]) / SUBSTEP_S
+            self._arena.carry(index, old[:2], x_m_s, y_m_s)
 
     def _discs_at(self, now_ns: int) -> list[Disc]:
         return [(*mover.position_m(now_ns / NS_PER_S), mover.radius_m) for mover in self._movers]

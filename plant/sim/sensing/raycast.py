@@ -1,17 +1,15 @@
-"""Cast all forty rays of a sonar ring at once, as a few operations on small arrays.
+"""Cast all forty rays of a sonar ring at once, as a few products of small matrices.
 
-Every surface gives each ray a *nearness*, the inverse of the distance from the robot's centre along
-the ray, not above zero if they do not meet. The largest value of a ray belongs to the surface that
-it hits first. With the ray's direction u and origin o (a disc of centre c and radius r; an edge from
-a to b; x the cross product):
+Rows are surfaces, columns are rays. Every surface gives each ray a *nearness*, the inverse of the
+distance from the robot's centre along the ray, not above zero if they do not meet. The largest
+value in a column belongs to the surface that the ray hits first. With the ray's direction u and
+origin o (a disc of centre c and radius r; an edge from a to b; x the cross product):
 
 - disc: p = u.(c - o), q = |c - o|^2 - r^2, nearness (p + sqrt(p^2 - q)) / q;
 - edge: d = u x (a - b), n = (o - a) x (b - a), nearness d / n, if u x (a - o) >= 0 >= u x (b - o).
 
-The early and the late pings are two groups of twenty rays. The points of the surfaces are turned
-into the frame of each group, where the directions of the rays are constant. Arrays are indexed by
-coordinate (x, y), group, surface and ray. Only element by element operations are used: those that
-add up along an axis, products of matrices among them, may round differently on another machine.
+A library may add up a product of matrices in any order and with any precision. So their factors are
+rounded to grids that are coarse enough for every product and every sum to be exact, in any order.
 """
 
 from collections.abc import Sequence
@@ -23,12 +21,19 @@ from typing import Final
 import numpy as np
 
 from plant.model.scene import Disc, Pose, Scene
-from plant.sim.sensing.surfaces import ChosenSurfaces, Floats, PoseTolerance, Surfaces
+from plant.sim.sensing.surfaces import (
+    ChosenSurfaces,
+    Floats,
+    PoseTolerance,
+    Surfaces,
+    on_grid_m,
+)
 from runtime.elementary import cos, cos_sin
 
 SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
-GROUP: Final = SONARS * RAYS_PER_SONAR // 2
+RAYS: Final = SONARS * RAYS_PER_SONAR
+EARLY: Final = RAYS // 2
 CONE_RAD: Final = radians(22.5)
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in column order: first the early group, then the late group."""
@@ -36,13 +41,20 @@ ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 DRIFT: Final = PoseTolerance(way_m=0.35, turn_rad=radians(30.0))
 """Motion of the robot after which the surfaces in sight are selected again."""
 
+GRID: Final = 1.5 * (1 << 26)
+"""Added and subtracted again, it rounds cosines and sines to multiples of 2^-26.
+
+A product of two of them has 52 bits, and that of one and a coordinate 51."""
+
 TINY: Final = np.array(1e-12)
 """A constant array: numpy would otherwise create one from a number at every cast."""
 TINY.setflags(write=False)
-GROUPS: Final = np.arange(2)[:, None]
-COLUMNS: Final = np.arange(GROUP)
-_AIM: Final = Struct("18d")
-"""Origins by kind of point, coordinate and group; cosines by group; sines by coordinate, group."""
+_TURN: Final = Struct("2d16x2d16x16x2d16x2d")
+"""A 4 by 4 matrix with the rotation of the early group at its upper left, of the late at its lower
+right."""
+_AIM: Final = Struct(2 * "4d16x" + 4 * "32x2d")
+"""The lower six rows of an 8 by 6 matrix: 2 by 4 at their upper left, 4 by 2 at their lower right."""
+_AIM_AT: Final = 2 * 6 * 8
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
@@ -64,13 +76,19 @@ class Caster:
         self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
         self._moving = 0
         self._chosen_at = (inf, inf, 0.0)
-        self._aimed = np.empty(18)
-        self._aim_memory = self._aimed.data
-        self._origins = self._aimed[:12].reshape(3, 2, 2, 1)
-        self._cosines = self._aimed[12:14].reshape(2, 1)
-        self._sines = self._aimed[14:].reshape(2, 2, 1)
-        self._nearest = np.empty((2, GROUP))
+        self._fan = _fan()
+        self._turn_matrix = np.zeros((4, 4))
+        self._turn_memory = self._turn_matrix.data
+        self._aim_matrix = np.zeros((8, 6))
+        self._aim_matrix[:2, :4] = (1.0, 0.0, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0)
+        self._aim_memory = self._aim_matrix.data
+        self._turned = np.concatenate([self._fan, _halves()])
+        self._directions = self._turned[:4]
+        self._aimed = np.empty((8, RAYS))
+        self._rays, self._starts = self._aimed[:4], self._aimed[4:]
+        self._nearest = np.empty(RAYS)
         self._nearest_of = self._nearest.reshape(SONARS, RAYS_PER_SONAR)
+        self._columns = np.arange(RAYS)
 
     def cast(
         self, early: Pose, late: Pose, moved: tuple[Sequence[Disc], Sequence[Disc]] = ((), ())
@@ -86,12 +104,12 @@ class Caster:
             self._chosen.place([*moved[0], *moved[1]])
         self._aim(early, late)
         sheet = self._sheet
-        sheet.meet(self._origins, self._cosines, self._sines)
+        sheet.meet(self._rays, self._starts)
         if self._moving:
             half = self._moving // 2
-            sheet.near[1, :half] = 0.0
-            sheet.near[0, half : self._moving] = 0.0
-        np.maximum.reduce(sheet.near, 1, out=self._nearest, initial=0.0)
+            sheet.near[:half, EARLY:] = 0.0
+            sheet.near[half : self._moving, :EARLY] = 0.0
+        np.maximum.reduce(sheet.near, 0, out=self._nearest, initial=0.0)
         if self._least_cosine > 0.0:
             self._lose_grazing()
         nearness: list[float] = np.maximum.reduce(self._nearest_of, 1).tolist()
@@ -115,27 +133,32 @@ class Caster:
         self._sheet = RayArrays(self._chosen, self._least_cosine > 0.0)
 
     def _aim(self, early: Pose, late: Pose) -> None:
-        """Store position and heading of both groups; edges take positions turned by a quarter."""
+        """Rotate the fan of rays to the heading and move it to the robot, per group."""
         (x0, y0, heading0), (x1, y1, heading1) = early, late
-        (c0, s0), (c1, s1) = cos_sin(heading0), cos_sin(heading1)
+        (c0, s0), (c1, s1) = _on_grid(heading0), _on_grid(heading1)
+        x0, y0, x1, y1 = on_grid_m(x0), on_grid_m(y0), on_grid_m(x1), on_grid_m(y1)
         # fmt: off
+        _TURN.pack_into(self._turn_memory, 0, c0, -s0, s0, c0, c1, -s1, s1, c1)
         _AIM.pack_into(
-            self._aim_memory, 0,
-            x0, x1, y0, y1,
-            y0, y1, -x0, -x1,
-            -y0, -y1, x0, x1,
-            c0, c1,
-            s0, s1, -s0, -s1,
+            self._aim_memory, _AIM_AT,
+            -x0, -y0, -x1, -y1,
+            -y0, x0, -y1, x1,
+            x0, x1, y0, y1, 1.0, 1.0, x0 * x0 + y0 * y0, x1 * x1 + y1 * y1,
         )
         # fmt: on
+        directions = self._directions
+        self._turn_matrix.dot(self._fan, directions)
+        np.add(directions, GRID, directions)
+        np.subtract(directions, GRID, directions)
+        self._aim_matrix.dot(self._turned, self._aimed)
 
     def _lose_grazing(self) -> None:
         """Remove the echoes of rays that meet their surface too obliquely."""
         sheet = self._sheet
         if not len(sheet.near):
             return
-        rows = sheet.near.argmax(axis=1)
-        cosines = sheet.across[GROUPS, rows, COLUMNS] / self._chosen.sizes[rows]
+        rows = sheet.near.argmax(axis=0)
+        cosines = sheet.across[rows, self._columns] / self._chosen.sizes[rows]
         self._nearest[cosines < self._least_cosine] = 0.0
 
 
@@ -147,65 +170,42 @@ class RayArrays:
     """
 
     __slots__ = (
-        *("across", "near", "_chosen", "_crossed", "_d", "_edges", "_inverse", "_kinds", "_meets"),
-        *("_meets_discs", "_meets_edges", "_met", "_n", "_near_discs", "_near_edges", "_points"),
-        *("_products", "_q", "_roots", "_swapped", "_towards", "_turned"),
+        *("across", "near", "_chosen", "_d", "_edges", "_inverse", "_meets_discs", "_meets_edges"),
+        *("_meets", "_met", "_n", "_near_discs", "_near_edges", "_q", "_roots", "_towards"),
     )
 
     def __init__(self, chosen: ChosenSurfaces, keep_across: bool) -> None:
         discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
-        points = discs + 2 * edges
         self._chosen = chosen
-        self._kinds = slice(discs), slice(discs, rows), slice(rows, points)
-        self._points, self._turned = np.empty((2, 2, points)), np.empty((2, 2, points))
-        self._swapped, self._products = np.empty((2, 2, points)), np.empty((2, 2, rows))
-        self._met, self._crossed = np.empty((2, points, GROUP)), np.empty((2, points, GROUP))
-        self._towards = self._met[:, :discs]
-        self._edges = self._met[:, discs:rows], self._met[:, rows:]
-        self._inverse = np.empty((2, rows))
-        self._q, self._n = self._inverse[:, :discs], self._inverse[:, discs:]
-        self.across = np.empty((2, rows, GROUP))
-        self._roots, self._d = self.across[:, :discs], self.across[:, discs:]
-        self.near = np.empty((2, rows, GROUP)) if keep_across else self.across
-        self._near_discs, self._near_edges = self.near[:, :discs], self.near[:, discs:]
-        self._meets = np.empty((2, rows, GROUP))
-        self._meets_discs, self._meets_edges = self._meets[:, :discs], self._meets[:, discs:]
+        self._met = np.empty((discs + 2 * edges, RAYS))
+        self._towards = self._met[:discs]
+        self._edges = self._met[discs:rows], self._met[rows:]
+        self._inverse = np.empty((rows, RAYS))
+        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
+        self.across = np.empty((rows, RAYS))
+        self._roots, self._d = self.across[:discs], self.across[discs:]
+        self.near = np.empty((rows, RAYS)) if keep_across else self.across
+        self._near_discs, self._near_edges = self.near[:discs], self.near[discs:]
+        self._meets = np.empty((rows, RAYS))
+        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
 
-    def meet(self, origins: Floats, cosines: Floats, sines: Floats) -> None:
+    def meet(self, rays: Floats, starts: Floats) -> None:
         """Compute the nearness of every surface to every ray."""
-        self._turn(origins, cosines, sines)
-        met, crossed, turned, (along, across) = self._met, self._crossed, self._turned, _fan()
-        np.multiply(turned[0, :, :, None], along, met)
-        np.multiply(turned[1, :, :, None], across, crossed)
-        np.add(met, crossed, met)
-        near, inverse = self.near, self._inverse
-        if self._chosen.discs:
+        chosen, near, inverse = self._chosen, self.near, self._inverse
+        chosen.ray_rows.dot(rays, self._met)
+        chosen.origin_rows.dot(starts, inverse)
+        if chosen.discs:
             self._meet_discs()
-        if self._chosen.edges:
+        if chosen.edges:
             self._meet_edges()
         np.maximum(inverse, TINY, out=inverse)
-        np.divide(near, inverse[:, :, None], near)
+        np.divide(near, inverse, near)
         np.copysign(near, self._meets, near)
-
-    def _turn(self, origins: Floats, cosines: Floats, sines: Floats) -> None:
-        """Compute the points in the frame of each group, and what depends on no ray."""
-        chosen, points, turned, swapped = self._chosen, self._points, self._turned, self._swapped
-        for kind, origin in zip(self._kinds, origins, strict=True):
-            np.subtract(chosen.points[:, :, kind], origin, points[:, :, kind])
-        np.multiply(points, cosines, turned)
-        np.multiply(points[::-1], sines, swapped)
-        np.add(turned, swapped, turned)
-        products, discs = self._products, chosen.discs
-        here = points[:, :, : products.shape[2]]
-        np.multiply(here[:, :, :discs], here[:, :, :discs], products[:, :, :discs])
-        np.multiply(here[:, :, discs:], chosen.spans, products[:, :, discs:])
-        np.add(products[0], products[1], self._inverse)
-        np.subtract(self._q, chosen.squares, self._q)
 
     def _meet_discs(self) -> None:
         towards, roots = self._towards, self._roots
         np.multiply(towards, towards, roots)
-        np.subtract(roots, self._q[:, :, None], roots)
+        np.subtract(roots, self._q, roots)
         np.minimum(roots, towards, out=self._meets_discs)
         np.abs(roots, roots)
         np.sqrt(roots, roots)
@@ -215,15 +215,27 @@ class RayArrays:
         (begins, ends), meets = self._edges, self._meets_edges
         np.add(begins, ends, self._d)
         np.minimum(begins, ends, out=meets)
-        np.minimum(meets, self._n[:, :, None], out=meets)
+        np.minimum(meets, self._n, out=meets)
         if self.near is not self.across:
             self._near_edges[:] = self._d
 
 
 @cache
-def _fan() -> tuple[Floats, Floats]:
-    """Return cosines and sines of the bearings from the heading, by group and ray."""
-    pairs = [cos_sin(bearing_rad) for bearing_rad in ray_bearings_rad()]
-    fan = np.array(pairs).reshape(2, 1, GROUP, 2)
+def _fan() -> Floats:
+    """Return cosines and sines of the bearings, two rows per group, 0 in the other's columns."""
+    cosines, sines = np.array([_on_grid(bearing_rad) for bearing_rad in ray_bearings_rad()]).T
+    early, late = _halves()
+    fan = np.array([cosines * early, sines * early, cosines * late, sines * late])
     fan.setflags(write=False)
-    return fan[..., 0].copy(), fan[..., 1].copy()
+    return fan
+
+
+def _halves() -> Floats:
+    """Return the columns of the early and of the late group as ones."""
+    return np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
+
+
+def _on_grid(angle_rad: float) -> tuple[float, float]:
+    """Return the rounded cosine and sine of an angle."""
+    cosine, sine = cos_sin(angle_rad)
+    return (cosine + GRID) - GRID, (sine + GRID) - GRID
