@@ -53,7 +53,8 @@ _TURN: Final = Struct("2d16x2d16x16x2d16x2d")
 """A 4 by 4 matrix with the rotation of the early group at its upper left, of the late at its lower
 right."""
 _AIM: Final = Struct(2 * "4d16x" + 4 * "32x2d")
-"""The lower six rows of an 8 by 6 matrix: 2 by 4 at their upper left, 4 by 2 at their lower right."""
+"""The lower six rows of an 8 by 6 matrix: a block of 2 by 4 at their left, then one of 4 by 2 at
+their right."""
 _AIM_AT: Final = 2 * 6 * 8
 
 

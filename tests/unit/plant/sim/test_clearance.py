@@ -5,22 +5,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from plant.model.geometry import clearance_m, inside
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 from plant.sim.physics import CLEARANCE_LIMIT_M, Arena
 from tests.support.plant.rooms import room
 
 RADIUS_M = 0.12
+TRIANGLE = Polygon(points_m=((1.0, 3.0), (2.5, 3.2), (1.3, 4.0)))
 STILL: tuple[Obstacle, ...] = (
     *(Circle(x_m=1.0 + 0.9 * i, y_m=1.0 + 0.7 * j, radius_m=0.1) for i in range(5) for j in (0, 1)),
-    Polygon(points_m=((1.0, 3.0), (2.5, 3.2), (1.3, 4.0))),
+    TRIANGLE,
     Polyline(points_m=((3.0, 3.0), (4.5, 3.1), (4.6, 3.1), (4.6, 4.4)), thickness_m=0.07),
 )
-FAR_AWAY = Circle(x_m=40.0, y_m=5.0, radius_m=0.1, path_m=((40.0, 5.0), (40.0, 6.0)), speed_m_s=0.1)
-"""With something that moves, nothing is remembered."""
 
 
-def arena(*more: Circle) -> Arena:
-    made = Arena(room(*STILL, *more, size_m=(50.0, 12.0)), RADIUS_M)
+def arena() -> Arena:
+    made = Arena(room(*STILL, size_m=(50.0, 12.0)), RADIUS_M)
     made.add_robot(0.5, 0.5)
     return made
 
@@ -35,9 +35,19 @@ def step_m() -> st.SearchStrategy[float]:
     st.lists(st.tuples(step_m(), step_m()), max_size=60),
 )
 def test_cached_clearance_is_bit_identical(start: Point, steps: list[Point]) -> None:
-    remembering, asking = arena(), arena(FAR_AWAY)
+    remembering = arena()
     for at in accumulate(steps, lambda a, b: (a[0] + b[0], a[1] + b[1]), initial=start):
-        assert remembering.clearance_m(0, at) == asking.clearance_m(0, at)
+        assert remembering.clearance_m(0, at) == arena().clearance_m(0, at)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(st.floats(0.2, 9.0), st.floats(0.2, 9.0)))
+def test_clearance_is_that_of_the_geometry(at: Point) -> None:
+    gaps_m = [clearance_m(at, obstacle) for obstacle in STILL]
+    nearest_m = min(*gaps_m, at[0], at[1], 50.0 - at[0], 12.0 - at[1])
+    if not inside(at, TRIANGLE.points_m):
+        wanted_m = min(nearest_m - RADIUS_M, CLEARANCE_LIMIT_M)
+        assert arena().clearance_m(0, at) == pytest.approx(wanted_m, abs=1e-12)
 
 
 def test_clearance_to_a_one_point_wall_is_to_its_rim() -> None:

@@ -13,6 +13,8 @@ from tests.support.plant.rooms import room
 
 NOTHING = Scene((), ())
 AHEAD_RIGHT, AHEAD_LEFT = 3, 4
+ROUNDED_M = 2e-5
+"""Places are rounded to 8 micrometres, directions to 15 nanoradians."""
 INNERMOST_RAD = radians(2.25)
 OUTERMOST_RAD = radians(87.75)
 
@@ -60,21 +62,21 @@ def test_empty_space_gives_no_echo() -> None:
 
 def test_ranges_to_room_walls_match_geometry() -> None:
     seen = seen_m(Caster(still(room()), 10.0, pi / 2), (1.0, 2.0, 0.0))
-    assert seen[AHEAD_LEFT] == pytest.approx(3.0 / cos(INNERMOST_RAD), abs=1e-12)
-    assert [seen[0], seen[7]] == pytest.approx([2.0 / sin(OUTERMOST_RAD)] * 2, abs=1e-12)
+    assert seen[AHEAD_LEFT] == pytest.approx(3.0 / cos(INNERMOST_RAD), abs=ROUNDED_M)
+    assert [seen[0], seen[7]] == pytest.approx([2.0 / sin(OUTERMOST_RAD)] * 2, abs=ROUNDED_M)
 
 
 def test_range_to_a_disc_on_the_ray_is_to_its_rim() -> None:
     heading_rad = -radians(2.25)  # one ray of the cone ahead to the left looks along x
     seen = seen_m(Caster(Scene(((2.0, 0.0, 0.5),), ()), 10.0, pi / 2), (0.0, 0.0, heading_rad))
-    assert seen[AHEAD_LEFT] == pytest.approx(1.5, abs=1e-12)
+    assert seen[AHEAD_LEFT] == pytest.approx(1.5, abs=ROUNDED_M)
 
 
 def test_ray_beside_the_centre_meets_the_flank_of_a_disc() -> None:
     scene = Scene(((2.0, 0.0, 0.5),), ())
     seen = seen_m(Caster(scene, 10.0, pi / 2), (0.0, 0.0, 0.0))
     away_m = 2.0 * cos(INNERMOST_RAD) - sqrt(0.25 - (2.0 * sin(INNERMOST_RAD)) ** 2)
-    assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == pytest.approx(away_m, abs=1e-12)
+    assert seen[AHEAD_LEFT] == seen[AHEAD_RIGHT] == pytest.approx(away_m, abs=ROUNDED_M)
     widest_rad = asin(0.5 / 2.0)
     visible = [any(abs(ray) < widest_rad for ray in cone_rays_rad(i)) for i in range(SONARS)]
     assert [away < inf for away in seen] == visible
@@ -90,13 +92,13 @@ def test_shapes_behind_the_origin_are_not_seen() -> None:
 def test_round_end_of_a_wall_is_seen() -> None:
     wall = still(room(Polyline(((2.0, 2.0), (3.0, 2.0)), 0.2), walls=False))
     seen = seen_m(Caster(wall, 10.0, pi / 2), (1.0, 2.0, -radians(2.25)))
-    assert seen[AHEAD_LEFT] == pytest.approx(0.9, abs=1e-12)
+    assert seen[AHEAD_LEFT] == pytest.approx(0.9, abs=ROUNDED_M)
 
 
 def test_edge_on_wall_is_not_seen_from_its_hidden_side() -> None:
     box = Polygon(((2.0, 2.0), (3.0, 2.0), (3.0, 3.0), (2.0, 3.0)))
     seen = seen_m(Caster(still(room(box, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
-    assert seen[AHEAD_LEFT] == pytest.approx(1.0 / cos(INNERMOST_RAD), abs=1e-12)
+    assert seen[AHEAD_LEFT] == pytest.approx(1.0 / cos(INNERMOST_RAD), abs=ROUNDED_M)
     assert seen[AHEAD_RIGHT] == inf
 
 
@@ -107,7 +109,7 @@ U_SHAPE = Polygon(
 
 def test_inside_of_a_concave_polygon_is_seen() -> None:
     seen = seen_m(Caster(still(room(U_SHAPE, walls=False)), 10.0, pi / 2), (1.0, 2.0, 0.0))
-    assert seen[AHEAD_LEFT] == pytest.approx(1.8 / cos(INNERMOST_RAD), abs=1e-12)
+    assert seen[AHEAD_LEFT] == pytest.approx(1.8 / cos(INNERMOST_RAD), abs=ROUNDED_M)
 
 
 OBSTACLES: tuple[Obstacle, ...] = (
@@ -127,8 +129,13 @@ def test_cone_ranges_match_sphere_tracing(x_m: float, y_m: float, heading_rad: f
     pose = (x_m, y_m, heading_rad)
     seen = seen_m(Caster(still(room(*OBSTACLES, walls=False)), 30.0, pi / 2), pose)
     for sonar in range(SONARS):
-        rays_m = [marched_m(OBSTACLES, pose, ray) for ray in cone_rays_rad(sonar)]
-        assert seen[sonar] == pytest.approx(min(rays_m), abs=1e-6)
+        # A ray that grazes a surface may pass it instead.
+        bundles_m = [
+            [marched_m(OBSTACLES, pose, ray + off_rad) for off_rad in (-ROUNDED_M, 0.0, ROUNDED_M)]
+            for ray in cone_rays_rad(sonar)
+        ]
+        assert seen[sonar] >= min(map(min, bundles_m)) - ROUNDED_M
+        assert seen[sonar] <= min(map(max, bundles_m)) + ROUNDED_M
 
 
 @given(st.floats(0.1, 9.9), st.floats(0.1, 9.9), st.floats(-pi, pi))
@@ -149,7 +156,7 @@ def test_wall_returns_an_echo_only_at_steep_incidence(bearing_deg: float, limit_
         if abs(steepest_rad - radians(limit_deg)) > 1e-6:
             met = steepest_rad < radians(limit_deg)
             wanted_m = 1.0 / cos(steepest_rad) if met else inf
-            assert seen[sonar] == pytest.approx(wanted_m, rel=1e-9)
+            assert seen[sonar] == pytest.approx(wanted_m, abs=30.0 * ROUNDED_M)
 
 
 def _facing(bearing_deg: float) -> tuple[float, float, float, float]:
@@ -187,7 +194,7 @@ def test_early_sonars_measure_from_the_earlier_pose() -> None:
     from_late = seen_m(caster, late)
     for sonar in range(SONARS):
         wanted = from_late if sonar % 2 else from_early
-        assert both[sonar] == pytest.approx(wanted[sonar], abs=1e-12)
+        assert both[sonar] == pytest.approx(wanted[sonar], abs=ROUNDED_M)
 
 
 def test_moving_disc_is_seen_at_its_position_of_each_ping() -> None:
@@ -196,7 +203,7 @@ def test_moving_disc_is_seen_at_its_position_of_each_ping() -> None:
     seen = in_turn(caster.cast(here, here, ([(2.0, 0.0, 0.5)], [(2.2, 0.0, 0.5)])))
     for sonar, at_m in ((AHEAD_LEFT, 2.0), (AHEAD_RIGHT, 2.2)):
         still_one = Caster(Scene(((at_m, 0.0, 0.5),), ()), 10.0, pi / 2)
-        assert seen[sonar] == pytest.approx(seen_m(still_one, here)[sonar], abs=1e-12)
+        assert seen[sonar] == pytest.approx(seen_m(still_one, here)[sonar], abs=ROUNDED_M)
     assert seen_m(caster, here) == [inf] * 8
 
 
