@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from math import pi
-from random import Random
 from typing import Final, NamedTuple, TypeAlias
 
 from plant.corpus.draft import RIM_M, Draft, Frame, any_angle, thickness
+from plant.model.draws import Draws
 from plant.model.types import Obstacle, Point
 from runtime.elementary import cos, sin
 
@@ -45,20 +45,20 @@ class Site(NamedTuple):
     shell: tuple[Obstacle, ...]
 
 
-def maze(random: Random) -> Draft:
+def maze(random: Draws) -> Draft:
     """Draw a maze with corridors of 0.6 to 1.0 m and few or no loops."""
     plan = maze_plan(random, random.randint(5, 8), random.randint(5, 8))
     start, goal = apart(random, plan)
     return maze_draft(random, plan, start, goal)
 
 
-def maze_plan(random: Random, columns: int, rows: int) -> Plan:
+def maze_plan(random: Draws, columns: int, rows: int) -> Plan:
     """Draw the plan of a maze."""
     cell_m = round(random.uniform(0.6, 1.0), 2)
     return Plan(columns, rows, (cell_m, cell_m), carved(random, columns, rows, random.random() / 6))
 
 
-def maze_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+def maze_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> Draft:
     """Return a maze with start and goal in the given cells."""
     thick_m = round(random.uniform(0.02, 0.06), 3)
     site = site_for(random, plan, thick_m)
@@ -67,21 +67,21 @@ def maze_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
     return Draft(site.size_m, from_m, to_m, (*site.shell, *walls))
 
 
-def office(random: Random) -> Draft:
+def office(random: Draws) -> Draft:
     """Draw four to nine rooms with doors of 0.5 to 0.9 m, some with furniture."""
     plan = office_plan(random)
     start, goal = apart(random, plan)
     return office_draft(random, plan, start, goal)
 
 
-def office_plan(random: Random) -> Plan:
+def office_plan(random: Draws) -> Plan:
     """Draw the plan of an office."""
     columns, rows = random.randint(2, 3), random.randint(2, 3)
     cell_m = (round(random.uniform(1.7, 2.8), 2), round(random.uniform(1.7, 2.8), 2))
     return Plan(columns, rows, cell_m, carved(random, columns, rows, 0.4))
 
 
-def office_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
+def office_draft(random: Draws, plan: Plan, start: Cell, goal: Cell) -> Draft:
     """Return an office with start and goal in the given cells."""
     thick_m = thickness(random)
     site = site_for(random, plan, thick_m)
@@ -98,7 +98,7 @@ def office_draft(random: Random, plan: Plan, start: Cell, goal: Cell) -> Draft:
 
 
 def _wall_with_door(
-    random: Random, frame: Frame, thick_m: float, a: Point, b: Point
+    random: Draws, frame: Frame, thick_m: float, a: Point, b: Point
 ) -> tuple[Obstacle, Obstacle]:
     length_m = abs(b[0] - a[0]) + abs(b[1] - a[1])
     wide_m = random.uniform(0.5, 0.9) + thick_m
@@ -110,7 +110,7 @@ def _wall_with_door(
     return frame.wall(thick_m, a, to_door), frame.wall(thick_m, from_door, b)
 
 
-def _somewhere(random: Random, plan: Plan, cell: Cell) -> Point:
+def _somewhere(random: Draws, plan: Plan, cell: Cell) -> Point:
     x_m, y_m = plan.centre(cell)
     return (
         x_m + random.uniform(-0.35, 0.35) * plan.cell_m[0],
@@ -118,7 +118,7 @@ def _somewhere(random: Random, plan: Plan, cell: Cell) -> Point:
     )
 
 
-def _furniture(random: Random, plan: Plan, cell: Cell, frame: Frame) -> Obstacle:
+def _furniture(random: Draws, plan: Plan, cell: Cell, frame: Frame) -> Obstacle:
     x_m, y_m = _somewhere(random, plan, cell)
     if random.random() < 0.5:
         return frame.disc(x_m, y_m, random.uniform(0.08, 0.25))
@@ -126,7 +126,7 @@ def _furniture(random: Random, plan: Plan, cell: Cell, frame: Frame) -> Obstacle
     return frame.box(x_m - half_x_m, y_m - half_y_m, x_m + half_x_m, y_m + half_y_m)
 
 
-def carved(random: Random, columns: int, rows: int, loops: float) -> Doors:
+def carved(random: Draws, columns: int, rows: int, loops: float) -> Doors:
     """Return openings that connect all cells, and a share `loops` of the remaining ones."""
     doors: Doors = set()
     trail = [(random.randrange(columns), random.randrange(rows))]
@@ -155,7 +155,7 @@ def neighbours(cell: Cell, columns: int, rows: int) -> list[Cell]:
     return [one for one in beside if 0 <= one[0] < columns and 0 <= one[1] < rows]
 
 
-def apart(random: Random, plan: Plan) -> tuple[Cell, Cell]:
+def apart(random: Draws, plan: Plan) -> tuple[Cell, Cell]:
     """Return two cells at least half the building apart."""
     least = (plan.columns + plan.rows) // 2 - 1
     pairs = [
@@ -193,7 +193,7 @@ def wall_lines(plan: Plan) -> list[tuple[Point, Point]]:
     return lines
 
 
-def site_for(random: Random, plan: Plan, thick_m: float) -> Site:
+def site_for(random: Draws, plan: Plan, thick_m: float) -> Site:
     """Return a site that fills its floor, or a rotated one inside a shell."""
     wide_m, high_m = plan.size_m
     if random.random() >= SHARE_TURNED:

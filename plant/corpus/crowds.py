@@ -5,13 +5,13 @@ obstacles or to the outer walls than the robot needs between them. None comes ne
 """
 
 from itertools import pairwise
-from math import dist, inf
-from random import Random
+from math import inf
 from typing import Final
 
 from plant.corpus.draft import Draft, DraftFloor, any_angle, on_floor, spot, stage, tilt
 from plant.corpus.shapes import stray_box
-from plant.model.geometry import between_ends_m, clearance_m, meet
+from plant.model.draws import Draws
+from plant.model.geometry import between_ends_m, clearance_m, distance_m, meet
 from plant.model.types import Circle, Obstacle, Point
 
 PERSON_M: Final = 0.2
@@ -24,7 +24,7 @@ FASTEST_M_S: Final = 0.2
 MAX_TRIES: Final = 30
 
 
-def moving(random: Random) -> Draft | None:
+def moving(random: Draws) -> Draft | None:
     """Draw two to four pedestrians across the path, and up to three static discs and boxes."""
     place = stage(random, apart_m=4.0)
     still = [_still(random, place) for _ in range(random.randrange(4))]
@@ -39,14 +39,14 @@ def moving(random: Random) -> Draft | None:
     return None
 
 
-def _still(random: Random, place: DraftFloor) -> Obstacle:
+def _still(random: Draws, place: DraftFloor) -> Obstacle:
     if random.random() < 0.5:
         return stray_box(random, place.size_m)
     x_m, y_m = spot(random, place.size_m)
     return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
 
 
-def _walker(random: Random, place: DraftFloor) -> Circle:
+def _walker(random: Draws, place: DraftFloor) -> Circle:
     """Draw a straight path across the way, or a bent one anywhere."""
     across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
     path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
@@ -71,7 +71,7 @@ def _leaves_a_way(
     return (
         all(on_floor(point, place.size_m, PERSON_M + ROOM_M) for point in along)
         and all(
-            dist(point, place_m) >= PERSON_M + START_ROOM_M
+            distance_m(point, place_m) >= PERSON_M + START_ROOM_M
             for point in along
             for place_m in (place.start, place.goal)
         )
@@ -84,7 +84,7 @@ def _every(path: tuple[Point, ...], step_m: float = 0.05) -> list[Point]:
     """Return points along a path at equal distances."""
     points = [path[0]]
     for a, b in pairwise(path):
-        steps = int(dist(a, b) / step_m) + 1
+        steps = int(distance_m(a, b) / step_m) + 1
         points += [
             (a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps)
             for i in range(1, steps + 1)

@@ -1,11 +1,11 @@
 """Building blocks of families: a floor with start and goal, and frames for shapes."""
 
 from collections.abc import Callable
-from math import dist, pi, radians
-from random import Random
+from math import pi, radians
 from typing import Final, NamedTuple, TypeAlias
 
-from plant.model.geometry import clearance_m
+from plant.model.draws import Draws
+from plant.model.geometry import clearance_m, distance_m
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 from runtime.elementary import atan2, cos, sin
 
@@ -29,7 +29,7 @@ class Draft(NamedTuple):
     reachable: bool = True
 
 
-Family: TypeAlias = Callable[[Random], Draft | None]
+Family: TypeAlias = Callable[[Draws], Draft | None]
 """Draws a world from a stream of random numbers; None if the attempt failed."""
 
 
@@ -75,7 +75,7 @@ class DraftFloor(NamedTuple):
     @property
     def length_m(self) -> float:
         """The distance from start to goal."""
-        return dist(self.start, self.goal)
+        return distance_m(self.start, self.goal)
 
     def frame(self, share: float, left_m: float = 0.0, turn_rad: float = 0.0) -> Frame:
         """Return a frame at a share of the line to the goal, rotated from that direction."""
@@ -89,43 +89,43 @@ class DraftFloor(NamedTuple):
         return Draft(self.size_m, self.start, self.goal, obstacles)
 
 
-def stage(random: Random, apart_m: float = 3.0) -> DraftFloor:
+def stage(random: Draws, apart_m: float = 3.0) -> DraftFloor:
     """Draw a floor of 5 to 10 m a side, with start and goal at least `apart_m` apart."""
     size_m = floor(random)
     while True:
         start, goal = spot(random, size_m), spot(random, size_m)
-        if dist(start, goal) >= apart_m:
+        if distance_m(start, goal) >= apart_m:
             return DraftFloor(size_m, start, goal)
 
 
-def floor(random: Random) -> Point:
+def floor(random: Draws) -> Point:
     """Draw the size of a floor."""
     width_m, height_m = (random.uniform(MIN_FLOOR_M, MAX_FLOOR_M) for _ in range(2))
     return round(width_m, 2), round(height_m, 2)
 
 
-def spot(random: Random, size_m: Point, rim_m: float = RIM_M) -> Point:
+def spot(random: Draws, size_m: Point, rim_m: float = RIM_M) -> Point:
     """Draw a point on the floor."""
     x_m, y_m = (random.uniform(rim_m, side_m - rim_m) for side_m in size_m)
     return round(x_m, 3), round(y_m, 3)
 
 
-def tilt(random: Random, most_deg: float) -> float:
+def tilt(random: Draws, most_deg: float) -> float:
     """Draw an angle of at most `most_deg`."""
     return radians(random.uniform(-most_deg, most_deg))
 
 
-def any_angle(random: Random) -> float:
+def any_angle(random: Draws) -> float:
     """Draw any angle."""
     return random.uniform(-pi, pi)
 
 
-def hand(random: Random) -> int:
+def hand(random: Draws) -> int:
     """Draw a side: 1 or -1."""
     return random.choice((-1, 1))
 
 
-def thickness(random: Random) -> float:
+def thickness(random: Draws) -> float:
     """Draw the thickness of a wall."""
     return round(random.uniform(MIN_THICKNESS_M, MAX_THICKNESS_M), 3)
 

@@ -1,11 +1,11 @@
 """Forests of three densities: trunks scattered over the floor with a passage between any two."""
 
 from functools import partial
-from math import dist
-from random import Random
 from typing import Final
 
 from plant.corpus.draft import Draft, Family, on_floor, spot, stage
+from plant.model.draws import Draws
+from plant.model.geometry import distance_m
 from plant.model.types import Circle, Point
 
 MIN_THICKNESS_M: Final = 0.05
@@ -16,7 +16,7 @@ CLEARING_M: Final = 0.30
 MAX_THROWS: Final = 20_000
 
 
-def forest(random: Random, sparsest_m2: float, densest_m2: float) -> Draft | None:
+def forest(random: Draws, sparsest_m2: float, densest_m2: float) -> Draft | None:
     """Draw a number of trunks per square metre, each a passage away from others and the rim."""
     place = stage(random, apart_m=4.0)
     passage_m = random.uniform(MIN_PASSAGE_M, MAX_PASSAGE_M)
@@ -45,8 +45,9 @@ def _fits(
     here, around_m = (trunk.x_m, trunk.y_m), trunk.radius_m + passage_m
     return (
         on_floor(here, size_m, around_m)
-        and all(dist(here, point) >= trunk.radius_m + CLEARING_M for point in clear)
+        and all(distance_m(here, point) >= trunk.radius_m + CLEARING_M for point in clear)
         and all(
-            dist(here, (one.x_m, one.y_m)) >= around_m + one.radius_m for one in reversed(trunks)
+            distance_m(here, (one.x_m, one.y_m)) >= around_m + one.radius_m
+            for one in reversed(trunks)
         )
     )

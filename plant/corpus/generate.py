@@ -7,7 +7,6 @@ is extremely tight. If the goal is unreachable, it is so for the normal robot.
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import radians
-from random import Random
 from typing import Final
 
 from plant.corpus import buildings, crowds, forests, shapes, shut, traps
@@ -17,6 +16,7 @@ from plant.imports.grid_world import grid_world
 from plant.imports.made import ImportedWorld, with_way
 from plant.imports.moving_ai import parse_map
 from plant.model.body import Body
+from plant.model.draws import Draws
 from plant.model.errors import WorldError
 from plant.model.types import GoalPose, Start, World
 from plant.placement.shortest_path import shortest_path_m
@@ -56,7 +56,7 @@ def generate(family: str, index: int, seed: int) -> World:
         raise ValueError(
             f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
         )
-    random, name = Random(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
+    random, name = Draws(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
     for _ in range(MAX_TRIES):
         make = _map_world if family in MAPS else _drawn_world
         world = make(random, family, name, seed)
@@ -72,7 +72,7 @@ def corpus(per_family: int, seed: int) -> Iterator[World]:
             yield generate(family, index, seed)
 
 
-def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | None:
+def _drawn_world(random: Draws, family: str, name: str, seed: int) -> World | None:
     """Return a world; None if the draft lacks the guaranteed property."""
     draft = _DRAWN[family](random)
     if draft is None or not standing_room(draft):
@@ -84,7 +84,7 @@ def _drawn_world(random: Random, family: str, name: str, seed: int) -> World | N
     return with_way(world, ImportedWorld(file=name, name=name, family=family, seed=seed), length_m)
 
 
-def _map_world(random: Random, family: str, name: str, seed: int) -> World | None:
+def _map_world(random: Draws, family: str, name: str, seed: int) -> World | None:
     """Return a world from a map; None if no two of its places are connected."""
     made = ImportedWorld(file=f"{name}.map", name=name, family=family, seed=seed)
     try:
@@ -94,7 +94,7 @@ def _map_world(random: Random, family: str, name: str, seed: int) -> World | Non
     return world if world.reachable else None
 
 
-def _world(random: Random, draft: Draft, name: str) -> World:
+def _world(random: Draws, draft: Draft, name: str) -> World:
     """Return the world of a draft.
 
     Headings are in tenths of a degree; half of the goals have a free heading.

@@ -1,10 +1,10 @@
 """Maps in the style of the Moving AI benchmarks as text: mazes, rooms and random cells."""
 
 from collections.abc import Callable, Mapping
-from random import Random
 from typing import Final
 
 from plant.corpus.buildings import carved
+from plant.model.draws import Draws
 
 FEWEST_CELLS: Final = 20
 MAX_CELLS: Final = 32
@@ -12,7 +12,7 @@ CELL_M: Final = 0.4
 FREE, BLOCKED = ".", "@"
 
 
-def grid_maze(random: Random) -> str:
+def grid_maze(random: Draws) -> str:
     """Draw corridors one or two cells wide, with walls of one cell and few or no loops."""
     wide = random.randint(1, 2)
     columns, rows = (_count(random, wide + 1) for _ in range(2))
@@ -28,7 +28,7 @@ def grid_maze(random: Random) -> str:
     return _text(grid)
 
 
-def grid_rooms(random: Random) -> str:
+def grid_rooms(random: Draws) -> str:
     """Draw rooms of 3 to 7 cells a side with doors of one cell."""
     side = random.randint(3, 7)
     columns, rows = (_count(random, side + 1) for _ in range(2))
@@ -45,7 +45,7 @@ def grid_rooms(random: Random) -> str:
     return _text(grid)
 
 
-def grid_random(random: Random) -> str:
+def grid_random(random: Draws) -> str:
     """Draw 10 to 35 % blocked cells."""
     columns, rows = _side(random), _side(random)
     share = random.uniform(0.10, 0.35)
@@ -55,18 +55,18 @@ def grid_random(random: Random) -> str:
     return _text([cells[row * columns : (row + 1) * columns] for row in range(rows)])
 
 
-MAPS: Final[Mapping[str, Callable[[Random], str]]] = {
+MAPS: Final[Mapping[str, Callable[[Draws], str]]] = {
     "grid_maze": grid_maze,
     "grid_rooms": grid_rooms,
     "grid_random": grid_random,
 }
 
 
-def _side(random: Random) -> int:
+def _side(random: Draws) -> int:
     return random.randint(FEWEST_CELLS, MAX_CELLS)
 
 
-def _count(random: Random, pitch: int) -> int:
+def _count(random: Draws, pitch: int) -> int:
     """Draw the number of cells of a side: a multiple of the pitch, and a last wall."""
     return random.randint(-(-(FEWEST_CELLS - 1) // pitch), (MAX_CELLS - 1) // pitch)
 

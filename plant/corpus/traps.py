@@ -1,6 +1,5 @@
 """Families with traps: U-traps, dead ends, spirals, zigzags, corridors and narrow doors."""
 
-from random import Random
 from typing import Final
 
 from plant.corpus.draft import (
@@ -16,6 +15,7 @@ from plant.corpus.draft import (
     thickness,
     tilt,
 )
+from plant.model.draws import Draws
 from plant.model.types import Obstacle, Point, Polyline
 from runtime.elementary import hypot
 
@@ -23,19 +23,19 @@ BEYOND_M: Final = 20.0
 """Length of a wall that ends outside every floor."""
 
 
-def u_trap(random: Random) -> Draft:
+def u_trap(random: Draws) -> Draft:
     """Draw a U open towards the start, 0.6 to 2 m wide and 0.6 to 1.6 m deep."""
     place = stage(random, apart_m=3.5)
     return _u(random, place, random.uniform(0.6, 2.0), random.uniform(0.6, 1.6))
 
 
-def dead_end(random: Random) -> Draft:
+def dead_end(random: Draws) -> Draft:
     """Draw a narrow passage of 1.6 to 3.2 m towards the goal, closed at its end."""
     place = stage(random, apart_m=4.5)
     return _u(random, place, random.uniform(0.5, 1.0), random.uniform(1.6, 3.2))
 
 
-def _u(random: Random, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
+def _u(random: Draws, place: DraftFloor, wide_m: float, deep_m: float) -> Draft:
     """Return a U; in one of four cases the robot starts inside."""
     bottom = place.frame(random.uniform(0.55, 0.8), random.uniform(-0.3, 0.3), tilt(random, 25.0))
     half_m, thick_m = wide_m / 2.0, thickness(random)
@@ -47,7 +47,7 @@ def _u(random: Random, place: DraftFloor, wide_m: float, deep_m: float) -> Draft
     return Draft(place.size_m, start, place.goal, (trap,))
 
 
-def spiral(random: Random) -> Draft | None:
+def spiral(random: Draws) -> Draft | None:
     """Draw a square spiral of 4 to 9 legs, 0.55 to 0.9 m apart, with start or goal inside."""
     size_m = floor(random)
     frame = Frame(spot(random, size_m, 1.0), any_angle(random), hand(random))
@@ -84,7 +84,7 @@ def _local(frame: Frame, point: Point) -> Point:
     return x_m, frame.hand * y_m
 
 
-def zigzag(random: Random) -> Draft:
+def zigzag(random: Draws) -> Draft:
     """Draw two to five baffles across the way, from alternate sides, mostly in a closed shell."""
     count, pitch_m = random.randint(2, 5), random.uniform(0.7, 1.2)
     place = stage(random, apart_m=3.0)
@@ -109,7 +109,7 @@ def _shell(way: Frame, ends_m: Point, half_m: float, thick_m: float) -> Polyline
     return way.wall(thick_m, *corners, corners[0])
 
 
-def corridor(random: Random) -> Draft:
+def corridor(random: Draws) -> Draft:
     """Draw two walls 0.5 to 1.2 m apart with one to three bends; one end may be closed."""
     place = stage(random, apart_m=3.5)
     bends = random.randint(1, 3)
@@ -136,7 +136,9 @@ def _beside(middle: list[Point], left_m: float) -> list[Point]:
         after = middle[min(len(middle) - 1, index + 1)]
         here = (x_m, y_m)
         normals = [_normal(a, b) for a, b in ((before, here), (here, after)) if a != b]
-        sum_x, sum_y = (sum(values) for values in zip(*normals, strict=True))
+        sum_x = sum_y = 0.0
+        for normal_x, normal_y in normals:
+            sum_x, sum_y = sum_x + normal_x, sum_y + normal_y
         scale = left_m * len(normals) / (sum_x * sum_x + sum_y * sum_y)
         beside.append((x_m + scale * sum_x, y_m + scale * sum_y))
     return beside
@@ -147,7 +149,7 @@ def _normal(a: Point, b: Point) -> Point:
     return (a[1] - b[1]) / length_m, (b[0] - a[0]) / length_m
 
 
-def door(random: Random) -> Draft:
+def door(random: Draws) -> Draft:
     """Draw one or two walls across the floor, each with one door of 0.40 to 0.60 m."""
     place = stage(random, apart_m=3.5)
     shares = (0.5,) if random.random() < 0.6 else (0.33, 0.67)

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from random import Random
 from typing import Final
 
 from plant.imports.barn import PITCH_M, CylinderField, load_grid, load_list
@@ -15,6 +14,7 @@ from plant.imports.made import ImportedWorld
 from plant.imports.moving_ai import Scenario, fits, load_map, load_scenarios
 from plant.imports.refusal import refuse
 from plant.imports.ros_map import load_ros_map
+from plant.model.draws import Draws
 from plant.model.types import Point, World
 
 CELL_M: Final = 0.4
@@ -155,8 +155,8 @@ def _made(
     )
 
 
-def _random(path: Path, options: ImportOptions, index: int) -> Random:
-    return Random(f"{_stem(path)}/{options.seed}/{index}")
+def _random(path: Path, options: ImportOptions, index: int) -> Draws:
+    return Draws(f"{_stem(path)}/{options.seed}/{index}")
 
 
 def _stem(path: Path) -> str:

@@ -1,13 +1,14 @@
 """A floor of square cells, each blocked or free, and the places where a robot fits."""
 
-from math import ceil, cos, hypot, sin
-from random import Random
+from math import ceil
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plant.model.draws import Draws
 from plant.model.types import Point
+from runtime.elementary import cos, hypot, sin
 
 Mask: TypeAlias = NDArray[np.bool_]
 Labels: TypeAlias = NDArray[np.int64]
@@ -71,7 +72,7 @@ class Cells(NamedTuple):
         (top, right), (low, left) = (rows[-1], columns[-1]), (rows[0], columns[0])
         return self.part(int(low), int(left), int(top - low) + 1, int(right - left) + 1)
 
-    def window(self, random: Random, side: int) -> "Cells":
+    def window(self, random: Draws, side: int) -> "Cells":
         """Return a random square part with that many cells a side; all if the floor is smaller."""
         rows, columns = min(side, self.rows), min(side, self.columns)
         row, column = random.randint(0, self.rows - rows), random.randint(0, self.columns - columns)

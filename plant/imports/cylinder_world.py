@@ -1,14 +1,13 @@
 """Convert a field of cylinders to a world with start, goal and shortest path."""
 
-from math import dist
-from random import Random
 from typing import Final
 
 from plant.imports.barn import CylinderField
 from plant.imports.made import ImportedWorld, bare_world, check_size, with_way
 from plant.imports.places import MIN_APART_M, STANDING_M
 from plant.imports.refusal import refuse
-from plant.model.geometry import clearance_m
+from plant.model.draws import Draws
+from plant.model.geometry import clearance_m, distance_m
 from plant.model.types import Point, World
 from plant.placement.shortest_path import shortest_path_m
 
@@ -17,7 +16,7 @@ MAX_PAIRS: Final = 30
 """Limit of the pairs searched: a path search costs more than drawing places."""
 
 
-def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) -> World:
+def cylinder_world(field: CylinderField, made: ImportedWorld, random: Draws) -> World:
     """Return the world; WorldError if it is too large, or no robot fits at start or goal."""
     check_size(field.size_m, made.file)
     if made.start is not None and made.goal is not None:
@@ -34,7 +33,7 @@ def cylinder_world(field: CylinderField, made: ImportedWorld, random: Random) ->
     raise refuse(made.file, "start", reason, "give --start and --goal")
 
 
-def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
+def _ends(field: CylinderField, random: Draws) -> tuple[Point, Point] | None:
     """Return the two most distant of a few free places."""
     free: list[Point] = []
     for _ in range(MAX_DRAWS):
@@ -45,5 +44,5 @@ def _ends(field: CylinderField, random: Random) -> tuple[Point, Point] | None:
             free.append((x_m, y_m))
         if len(free) == 4:
             break
-    pairs = [(a, b) for a in free for b in free if dist(a, b) >= MIN_APART_M]
-    return max(pairs, key=lambda pair: dist(*pair), default=None)
+    pairs = [(a, b) for a in free for b in free if distance_m(a, b) >= MIN_APART_M]
+    return max(pairs, key=lambda pair: distance_m(*pair), default=None)

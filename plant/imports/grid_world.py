@@ -1,7 +1,5 @@
 """Convert blocked and free cells to a world with obstacles, start, goal and shortest path."""
 
-from random import Random
-
 from plant.imports.cells import Cells
 from plant.imports.made import ImportedWorld, bare_world, check_size, with_way
 from plant.imports.outlines import outlines
@@ -9,10 +7,11 @@ from plant.imports.places import STANDING_M, far_apart
 from plant.imports.refusal import refuse
 from plant.imports.routes import Places, route_m
 from plant.model.body import Body
+from plant.model.draws import Draws
 from plant.model.types import Point, World
 
 
-def grid_world(cells: Cells, made: ImportedWorld, random: Random) -> World:
+def grid_world(cells: Cells, made: ImportedWorld, random: Draws) -> World:
     """Return the world; WorldError if it is too large, or no robot fits at start or goal."""
     check_size(cells.size_m, made.file)
     ends = _ends(cells, made, random)
@@ -21,7 +20,7 @@ def grid_world(cells: Cells, made: ImportedWorld, random: Random) -> World:
     return with_way(world, made, route_m(world, Places(cells, radius_m), radius_m))
 
 
-def _ends(cells: Cells, made: ImportedWorld, random: Random) -> tuple[Point, Point]:
+def _ends(cells: Cells, made: ImportedWorld, random: Draws) -> tuple[Point, Point]:
     if made.start is not None and made.goal is not None:
         return made.start, made.goal
     found = far_apart(cells, random, Body().radius_m)

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians
-from random import Random
 from typing import Final
 
 from plant.imports.refusal import refuse
 from plant.model.body import Body
+from plant.model.draws import Draws
 from plant.model.errors import Report, WorldError
 from plant.model.types import GoalPose, Obstacle, Point, Start, World
 from plant.placement.clear_places import Floor, check_places
@@ -44,7 +44,7 @@ def bare_world(
     ends: tuple[Point, Point],
     obstacles: Sequence[Obstacle],
     made: ImportedWorld,
-    random: Random,
+    random: Draws,
 ) -> World:
     """Return the world without its shortest path. Raises WorldError if a robot does not fit."""
     if len(obstacles) > MAX_OBSTACLES:

@@ -1,13 +1,13 @@
 """Select start and goal on a floor of cells."""
 
-from math import dist
-from random import Random
 from typing import Final
 
 import numpy as np
 
 from plant.imports.cells import Cells, Labels, labelled, standing
 from plant.imports.routes import Places
+from plant.model.draws import Draws
+from plant.model.geometry import distance_m
 from plant.model.types import Point
 
 STANDING_M: Final = 0.17
@@ -18,7 +18,7 @@ MAX_DRAWS: Final = 200
 MIN_APART_M: Final = 1.0
 
 
-def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Point] | None:
+def far_apart(cells: Cells, random: Draws, radius_m: float) -> tuple[Point, Point] | None:
     """Return the most distant of a few random pairs of connected cells."""
     rows, columns = np.nonzero(standing(cells, STANDING_M))
     if not len(rows):
@@ -29,11 +29,11 @@ def far_apart(cells: Cells, random: Random, radius_m: float) -> tuple[Point, Poi
         one, other = (random.randrange(len(rows)) for _ in range(2))
         start = cells.centre(int(rows[one]), int(columns[one]))
         goal = cells.centre(int(rows[other]), int(columns[other]))
-        if dist(start, goal) >= MIN_APART_M and regions.joined(start, goal):
+        if distance_m(start, goal) >= MIN_APART_M and regions.joined(start, goal):
             found.append((start, goal))
         if len(found) == PAIRS:
             break
-    return max(found, key=lambda pair: dist(*pair), default=None)
+    return max(found, key=lambda pair: distance_m(*pair), default=None)
 
 
 class _Regions:

@@ -6,15 +6,16 @@ path only. The length is exact unless another route is shorter by less than that
 """
 
 from heapq import heappop, heappush
-from itertools import pairwise
-from math import ceil, dist, hypot, inf
+from math import ceil, inf
 from typing import Final
 
 import numpy as np
 
 from plant.imports.cells import Cells, Mask, standing
+from plant.model.geometry import distance_m, length_m
 from plant.model.types import Point, World
 from plant.placement.near_path import near_path
+from runtime.elementary import hypot
 
 PITCH_M: Final = 0.15
 """Largest distance of places; cells are divided into an odd number, so that one is central."""
@@ -40,7 +41,7 @@ class Places:
         around = range(-ROUND_A_PLACE, ROUND_A_PLACE + 1)
         near = [(self._number(row + up, column + right)) for up in around for right in around]
         free = [one for one in near if one is not None]
-        return min(free, key=lambda one: dist(point, self.point(one)), default=None)
+        return min(free, key=lambda one: distance_m(point, self.point(one)), default=None)
 
     def _number(self, row: int, column: int) -> int | None:
         if not (0 <= row < self._cells.rows and 0 <= column < self._cells.columns):
@@ -118,4 +119,4 @@ def route_m(world: World, places: Places, radius_m: float) -> float | None:
     way = places.way((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
     if way is None:
         return None
-    return sum(dist(a, b) for a, b in pairwise(near_path(world, way, radius_m)))
+    return length_m(near_path(world, way, radius_m))

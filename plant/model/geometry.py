@@ -1,5 +1,7 @@
 """Plane geometry for checking worlds and measuring their shortest paths."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from math import inf
 from typing import Final
 
@@ -13,6 +15,27 @@ def edges(points: tuple[Point, ...], closed: bool) -> list[tuple[Point, Point]]:
     """Return the edges between successive points."""
     ends = points[1:] + points[:1] if closed else points[1:]
     return list(zip(points, ends, strict=False))
+
+
+def distance_m(a: Point, b: Point) -> float:
+    """Return the distance of two points."""
+    return hypot(b[0] - a[0], b[1] - a[1])
+
+
+def length_m(points: Sequence[Point]) -> float:
+    """Return the length of the straight lines from point to point."""
+    total_m = 0.0
+    for a, b in pairwise(points):
+        total_m += distance_m(a, b)
+    return total_m
+
+
+def twice_area_m2(points: tuple[Point, ...]) -> float:
+    """Return twice the area of a polygon, negative if its points go clockwise."""
+    total_m2 = 0.0
+    for a, b in edges(points, closed=True):
+        total_m2 += a[0] * b[1] - b[0] * a[1]
+    return total_m2
 
 
 def from_segment_m(point: Point, a: Point, b: Point) -> float:
@@ -49,7 +72,7 @@ def between_ends_m(a: Point, b: Point, c: Point, d: Point) -> float:
 
 def area_m2(points: tuple[Point, ...]) -> float:
     """Return the area of a polygon."""
-    return abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in edges(points, closed=True))) / 2.0
+    return abs(twice_area_m2(points)) / 2.0
 
 
 def inside(point: Point, points: tuple[Point, ...]) -> bool:

@@ -1,8 +1,8 @@
 """Moving obstacles: back and forth along their waypoints, at constant speed, unstoppable."""
 
 from itertools import accumulate, pairwise
-from math import dist
 
+from plant.model.geometry import distance_m
 from plant.model.types import Circle, Point
 
 
@@ -13,7 +13,7 @@ class Mover:
         self.radius_m = circle.radius_m
         self.speed_m_s = circle.speed_m_s
         self._legs = list(pairwise(circle.path_m))
-        self._lengths_m = [dist(a, b) for a, b in self._legs]
+        self._lengths_m = [distance_m(a, b) for a, b in self._legs]
         self._ends_m = list(accumulate(self._lengths_m))
 
     def position_m(self, time_s: float) -> Point:

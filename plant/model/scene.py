@@ -4,6 +4,7 @@ from itertools import pairwise
 from typing import NamedTuple, TypeAlias, TypeGuard
 
 from plant.model.geometry import edges as sides
+from plant.model.geometry import twice_area_m2
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 from runtime.elementary import hypot
 
@@ -62,8 +63,7 @@ def _outer_walls(world: World) -> list[Edge]:
 
 def _outline(points: tuple[Point, ...]) -> list[Edge]:
     """Return the edges of a polygon, counter-clockwise."""
-    twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in sides(points, closed=True))
-    turned = points if twice_area > 0.0 else points[::-1]
+    turned = points if twice_area_m2(points) > 0.0 else points[::-1]
     return [(*a, *b) for a, b in sides(turned, closed=True)]
 
 

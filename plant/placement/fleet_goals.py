@@ -1,11 +1,11 @@
 """Goals of several robots: the goal shifted as the robot's start, or the nearest free place."""
 
 from collections.abc import Iterator, Sequence
-from math import ceil, dist
+from math import ceil
 from typing import Final, NamedTuple
 
 from plant.model.body import Body
-from plant.model.geometry import clearance_m
+from plant.model.geometry import clearance_m, distance_m
 from plant.model.scene import Pose
 from plant.model.types import Circle, Obstacle, Point, World
 from plant.placement.start_positions import GAP_M, ROOM_M
@@ -39,7 +39,9 @@ def goals(world: World, body: Body, starts: Sequence[Pose], goal: Point) -> list
         if floor.seen_from(goal, wish) and _apart(wish, taken, pitch_m):
             found.append(RobotGoal(*wish, shifted=True))
             continue
-        places = sorted(_around(goal, heading_rad, pitch_m), key=lambda place: dist(place, wish))
+        places = sorted(
+            _around(goal, heading_rad, pitch_m), key=lambda place: distance_m(place, wish)
+        )
         free = (
             place
             for place in places
@@ -50,7 +52,7 @@ def goals(world: World, body: Body, starts: Sequence[Pose], goal: Point) -> list
 
 
 def _apart(place: Point, taken: list[Point], pitch_m: float) -> bool:
-    return all(dist(place, other) > 0.99 * pitch_m for other in taken)
+    return all(distance_m(place, other) > 0.99 * pitch_m for other in taken)
 
 
 def _around(goal: Point, heading_rad: float, pitch_m: float) -> Iterator[Point]:
@@ -84,7 +86,7 @@ class _Floor:
 
     def seen_from(self, goal: Point, place: Point) -> bool:
         """Return whether a robot fits at a place and on the straight line to the goal."""
-        steps = max(1, ceil(dist(goal, place) / STEP_M))
+        steps = max(1, ceil(distance_m(goal, place) / STEP_M))
         return all(
             self.free(
                 (

@@ -15,6 +15,8 @@ from plant.placement.shortest_path import (
     Blocked,
     Mask,
     blocked_by,
+    dot,
+    lengths,
     rings,
     search,
     visible_from,
@@ -54,7 +56,7 @@ def _only(blocked: Blocked, points: Array, reach_m: float) -> Blocked:
     near = np.zeros(len(blocked.centres), dtype=bool)
     near_edges = np.zeros(len(blocked.tails), dtype=bool)
     for point in points:
-        near |= np.hypot(*(blocked.centres - point).T) < reach_m
+        near |= lengths(blocked.centres - point) < reach_m
         near_edges |= _edge_distances(blocked, point) < reach_m
     return Blocked(
         blocked.centres[near],
@@ -66,18 +68,16 @@ def _only(blocked: Blocked, points: Array, reach_m: float) -> Blocked:
 
 def _edge_distances(blocked: Blocked, point: Array) -> Array:
     along = blocked.heads - blocked.tails
-    squares = np.maximum((along * along).sum(axis=1), TOUCHING_M**2)
-    share = np.clip(((point - blocked.tails) * along).sum(axis=1) / squares, 0.0, 1.0)
-    gaps = blocked.tails + share[:, None] * along - point
-    distances: Array = np.hypot(gaps[:, 0], gaps[:, 1])
-    return distances
+    squares = np.maximum(dot(along, along), TOUCHING_M * TOUCHING_M)
+    share = np.clip(dot(point - blocked.tails, along) / squares, 0.0, 1.0)
+    return lengths(blocked.tails + share[:, None] * along - point)
 
 
 def _free(points: Array, blocked: Blocked) -> Mask:
     """Return which points are clear of all discs, including those at the ends of edges."""
     free = np.ones(len(points), dtype=bool)
     for centre, radius_m in zip(blocked.centres, blocked.radii, strict=True):
-        free &= np.hypot(*(points - centre).T) >= radius_m - TOUCHING_M
+        free &= lengths(points - centre) >= radius_m - TOUCHING_M
     radius_m = blocked.radii.min(initial=np.inf)
     for index, point in enumerate(points):
         if free[index] and len(blocked.tails):

@@ -7,17 +7,16 @@ rings, which make an arc at most 0.6 % too long.
 
 from collections.abc import Callable
 from heapq import heappop, heappush
-from itertools import pairwise
-from math import dist, inf, pi
+from math import inf, pi
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
-from plant.model.geometry import edges
+from plant.model.geometry import edges, length_m
 from plant.model.types import Circle, Point, Polygon, World
-from runtime.elementary import cos
+from runtime.elementary import cos, cos_sin
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -52,7 +51,7 @@ def path_length_m(path: list[Point] | None) -> float | None:
     """Return the length of a path in metres."""
     if path is None:
         return None
-    return sum(dist(a, b) for a, b in pairwise(path))
+    return length_m(path)
 
 
 def shortest_path(world: World) -> list[Point] | None:
@@ -93,8 +92,8 @@ def _ring_points(world: World, blocked: Blocked, radius_m: float) -> Array:
 
 def rings(world: World, blocked: Blocked, radius_m: float) -> Array:
     """Return the points just outside every disc that are on the floor, free or not."""
-    angles = (np.arange(RING_POINTS) + 0.5) * (2 * pi / RING_POINTS)
-    ring = np.stack([np.cos(angles), np.sin(angles)], axis=1) / cos(pi / RING_POINTS)
+    angles = [(k + 0.5) * (2.0 * pi / RING_POINTS) for k in range(RING_POINTS)]
+    ring = np.array([cos_sin(angle) for angle in angles]) / cos(pi / RING_POINTS)
     points = blocked.centres[:, None, :] + blocked.radii[:, None, None] * ring
     points = points.reshape(-1, 2)
     if world.walls:
@@ -109,7 +108,7 @@ def _free(points: Array, world: World, radius_m: float) -> Mask:
         if isinstance(obstacle, Circle):
             if not obstacle.path_m:
                 centre = np.array([obstacle.x_m, obstacle.y_m])
-                gap = np.hypot(*(points - centre).T) - obstacle.radius_m
+                gap = lengths(points - centre) - obstacle.radius_m
                 free &= gap >= radius_m - TOUCHING_M
             continue
         solid = isinstance(obstacle, Polygon)
@@ -121,10 +120,20 @@ def _free(points: Array, world: World, radius_m: float) -> Mask:
 
 def _from_segment(points: Array, a: Array, b: Array) -> Array:
     along = b - a
-    share = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
-    gap = points - a - share[:, None] * along
-    distance: Array = np.sqrt((gap * gap).sum(axis=1))
-    return distance
+    share = np.clip(dot(points - a, along) / dot(along, along), 0.0, 1.0)
+    return lengths(points - a - share[:, None] * along)
+
+
+def lengths(vectors: Array) -> Array:
+    """Return the lengths of vectors."""
+    distances: Array = np.sqrt(dot(vectors, vectors))
+    return distances
+
+
+def dot(vectors: Array, others: Array) -> Array:
+    """Return scalar products; a library may round those it adds up in another way elsewhere."""
+    products: Array = vectors[..., 0] * others[..., 0] + vectors[..., 1] * others[..., 1]
+    return products
 
 
 def search(nodes: Array, sees: Sees, sight_m: float = inf) -> list[Point] | None:
@@ -133,7 +142,7 @@ def search(nodes: Array, sees: Sees, sight_m: float = inf) -> list[Point] | None
     `sees` returns which targets a straight line from an eye reaches. Returns the corners of the
     shortest path with both ends; None if the second node is unreachable.
     """
-    to_goal = np.hypot(*(nodes - nodes[1]).T)
+    to_goal = lengths(nodes - nodes[1])
     cost = np.full(len(nodes), np.inf)
     cost[0] = 0.0
     came_from = [0] * len(nodes)
@@ -146,7 +155,7 @@ def search(nodes: Array, sees: Sees, sight_m: float = inf) -> list[Point] | None
         if done[here]:
             continue
         done[here] = True
-        away = np.hypot(*(nodes - nodes[here]).T)
+        away = lengths(nodes - nodes[here])
         through = cost[here] + away
         promising = ~done & (away <= sight_m) & (through < cost) & (through + to_goal < cost[1])
         better = np.flatnonzero(promising)
@@ -168,12 +177,13 @@ def _way(nodes: Array, came_from: list[int]) -> list[Point]:
 def visible_from(eye: Array, targets: Array, blocked: Blocked) -> Mask:
     """Return which targets a straight line reaches; eye and targets themselves must be free."""
     way = targets - eye
-    length2 = np.maximum((way * way).sum(axis=1), 1e-18)[:, None]
+    length2 = np.maximum(dot(way, way), 1e-18)[:, None]
     offset = blocked.centres - eye
-    dot = way @ offset.T
-    share = np.clip(dot / length2, 0.0, 1.0)
-    distance2 = (offset * offset).sum(axis=1) + share * (share * length2 - 2.0 * dot)
-    visible: Mask = (distance2 >= (blocked.radii - TOUCHING_M) ** 2).all(axis=1)
+    along = dot(way[:, None, :], offset)
+    share = np.clip(along / length2, 0.0, 1.0)
+    distance2 = dot(offset, offset) + share * (share * length2 - 2.0 * along)
+    least = blocked.radii - TOUCHING_M
+    visible: Mask = np.all(distance2 >= least * least, axis=1)
     if len(blocked.tails):
         visible &= ~_crosses(eye, targets, blocked).any(axis=1)
     return visible

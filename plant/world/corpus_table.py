@@ -1,9 +1,10 @@
 """Read the [corpus] table of a world file: facts known to its generator or importer."""
 
-from math import dist, isfinite
+from math import isfinite
 from typing import Final, NamedTuple
 
 from plant.model.errors import Report
+from plant.model.geometry import distance_m
 from plant.model.types import GoalPose, Start
 from plant.world.table import Limits, Table
 from runtime.toml_reader import Key
@@ -48,7 +49,7 @@ def read_corpus(raw: object, at: Key, report: Report) -> Corpus:
 def check_length(corpus: Corpus, start: Start, goal: GoalPose, report: Report) -> None:
     """Report a shortest path that is shorter than the straight line."""
     length_m = corpus.shortest_path_m
-    straight_m = dist((start.x_m, start.y_m), (goal.x_m, goal.y_m))
+    straight_m = distance_m((start.x_m, start.y_m), (goal.x_m, goal.y_m))
     if length_m is not None and isfinite(length_m) and length_m < straight_m - ROUNDED_M:
         reason = f"{length_m:g} m is shorter than the straight line of {straight_m:.3f} m"
         fix = "remove it; it is then computed when needed"

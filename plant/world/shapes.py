@@ -1,10 +1,9 @@
 """Read one [[obstacle]]: a polygon, a circle that may move, or a wall."""
 
-from math import dist, hypot
 from typing import Final
 
 from plant.model.errors import Report
-from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, folded_corner
+from plant.model.geometry import TOUCHING_M, area_m2, crossing_edges, distance_m, folded_corner
 from plant.model.types import WALL_THICKNESS_M, Circle, Obstacle, Point, Polygon, Polyline
 from plant.world.table import COORDINATE, Limits, Table
 from runtime.toml_reader import Key
@@ -84,7 +83,7 @@ def _edge_text(index: int, points: tuple[Point, ...]) -> str:
 def _repeats(table: Table, key: str, points: tuple[Point, ...], closed: bool) -> bool:
     """Report the first point that equals the one before it; return whether there is one."""
     for index in range(0 if closed else 1, len(points)):
-        if dist(points[index], points[index - 1]) <= TOUCHING_M:
+        if distance_m(points[index], points[index - 1]) <= TOUCHING_M:
             number, before = (index + 1, index) if index else (len(points), 1)
             reason = f"point {number} is the same as point {before}"
             table.refuse(key, reason, f"remove point {number}")
@@ -117,7 +116,7 @@ def _circle(table: Table, at: Key, report: Report) -> Circle | None:
 
 def _check_path(table: Table, path_m: tuple[Point, ...], centre: Point) -> None:
     _repeats(table, "path_m", path_m, closed=False)
-    if hypot(path_m[0][0] - centre[0], path_m[0][1] - centre[1]) > TOUCHING_M:
+    if distance_m(path_m[0], centre) > TOUCHING_M:
         x, y = centre
         reason = f"the path does not start at the circle's centre ({x:g}, {y:g})"
         table.refuse("path_m", reason, f"make [{x:g}, {y:g}] its first point")

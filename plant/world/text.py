@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import ceil, degrees, dist
+from math import ceil, degrees
 from typing import Final
 
-from plant.model.geometry import clearance_m
+from plant.model.geometry import clearance_m, distance_m, length_m
 from plant.model.types import Circle, Obstacle, Point, Polyline, World
 
 COLUMNS: Final = 72
@@ -56,7 +56,7 @@ def draw(world: World, path: Sequence[Point] | None) -> str:
     for obstacle in world.obstacles:
         canvas.fill(obstacle)
     for a, b in pairwise(path or []):
-        steps = max(1, ceil(dist(a, b) / canvas.cell_m))
+        steps = max(1, ceil(distance_m(a, b) / canvas.cell_m))
         for step in range(steps + 1):
             share = step / steps
             canvas.put((a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])), WAY, FLOOR)
@@ -102,5 +102,4 @@ def _legend(world: World, path: Sequence[Point] | None) -> list[str]:
         return [*lines, f"     shortest way {world.shortest_path_m:.2f} m, from the file"]
     if path is None:
         return [*lines, "     the goal cannot be reached"]
-    length_m = sum(dist(a, b) for a, b in pairwise(path))
-    return [*lines, f"  {WAY}  shortest way {length_m:.2f} m"]
+    return [*lines, f"  {WAY}  shortest way {length_m(path):.2f} m"]

@@ -2,7 +2,6 @@
 
 from itertools import combinations, pairwise
 from math import dist, isclose, pi
-from random import Random
 
 import pytest
 from hypothesis import given
@@ -16,6 +15,7 @@ from plant.corpus.grids import MAPS
 from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
 from plant.model.body import Body
+from plant.model.draws import Draws
 from plant.model.types import Circle, Polyline, World
 
 SOME = range(8)
@@ -97,7 +97,7 @@ def test_spiral_winds_and_leaves_room_for_the_robot() -> None:
 def test_carved_building_is_a_spanning_tree_when_it_has_no_loops(
     columns: int, rows: int, seed: int
 ) -> None:
-    doors = carved(Random(seed), columns, rows, 0.0)
+    doors = carved(Draws(str(seed)), columns, rows, 0.0)
     assert len(doors) == columns * rows - 1
     reached, todo = {(0, 0)}, [(0, 0)]
     while todo:
@@ -113,7 +113,7 @@ def test_carved_building_is_a_spanning_tree_when_it_has_no_loops(
 def test_maze_wall_length_equals_length_of_closed_borders(
     columns: int, rows: int, seed: int
 ) -> None:
-    doors = carved(Random(seed), columns, rows, 0.1)
+    doors = carved(Draws(str(seed)), columns, rows, 0.1)
     borders = columns * (rows - 1) + rows * (columns - 1)
     lines = wall_lines(Plan(columns, rows, (1.0, 1.0), doors))
     assert isclose(sum(dist(a, b) for a, b in lines), borders - len(doors))
@@ -123,7 +123,7 @@ def test_maze_wall_length_equals_length_of_closed_borders(
 @pytest.mark.parametrize("family", GRID_FAMILIES)
 @pytest.mark.parametrize("seed", SOME)
 def test_grid_map_has_the_requested_size(family: str, seed: int) -> None:
-    cells = parse_map(MAPS[family](Random(seed)), "test.map", 0.4)
+    cells = parse_map(MAPS[family](Draws(str(seed))), "test.map", 0.4)
     assert 20 <= min(cells.rows, cells.columns) <= max(cells.rows, cells.columns) <= 32
     share = cells.blocked.mean()
     assert (0.09 < share < 0.36) if family == "grid_random" else 0.1 < share < 0.8

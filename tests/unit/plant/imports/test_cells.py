@@ -1,6 +1,5 @@
 from collections import deque
 from math import hypot
-from random import Random
 
 import numpy as np
 from hypothesis import given, settings
@@ -8,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from plant.imports.cells import Cells, Mask, labelled, standing
+from plant.model.draws import Draws
 
 masks = hnp.arrays(bool, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 
@@ -70,7 +70,7 @@ def test_trimming_keeps_all_free_cells_in_place(mask: Mask) -> None:
 @given(masks, st.integers(1, 12), st.integers(0, 99))
 def test_window_is_a_part_of_the_map(mask: Mask, side: int, seed: int) -> None:
     whole = Cells(mask, 1.0)
-    part = whole.window(Random(seed), side)
+    part = whole.window(Draws(str(seed)), side)
     assert part.blocked.shape == (min(side, whole.rows), min(side, whole.columns))
     column, row = (round(value) for value in part.corner)
     expected = mask[row : row + part.rows, column : column + part.columns]

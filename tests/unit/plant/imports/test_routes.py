@@ -7,7 +7,6 @@ the straight line, never shorter.
 from heapq import heappop, heappush
 from itertools import pairwise
 from math import asin, atan2, ceil, dist, hypot, inf, sqrt
-from random import Random
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from plant.imports.grid_world import grid_world
 from plant.imports.made import ImportedWorld
 from plant.imports.routes import Places
 from plant.model.body import Body
+from plant.model.draws import Draws
 from plant.model.geometry import clearance_m
 from plant.model.scene import moves
 from plant.model.types import Point, World
@@ -100,7 +100,7 @@ def cells_of(*rows: str) -> Cells:
 
 def world_of(cells: Cells, start: Point, goal: Point) -> World:
     made = ImportedWorld(file="x.map", name="x", family="test", seed=1, start=start, goal=goal)
-    return grid_world(cells, made, Random(1))
+    return grid_world(cells, made, Draws("1"))
 
 
 def test_passage_of_one_cell_is_open() -> None:
@@ -137,7 +137,7 @@ def test_straight_path_over_cells_is_straight() -> None:
 def test_path_over_cells_touches_no_obstacle(seed: int) -> None:
     mask = np.random.default_rng(seed).random((24, 24)) < 0.25
     made = ImportedWorld(file="x.map", name="x", family="test", seed=seed)
-    world = grid_world(Cells(mask, 0.4), made, Random(seed))
+    world = grid_world(Cells(mask, 0.4), made, Draws(str(seed)))
     ends = (world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)
     way = Places(Cells(mask, 0.4), RADIUS_M).way(*ends)
     assert way is not None
