@@ -194,7 +194,8 @@ def find(
     low_x = x_mm + (away_mm * along_x >> 10) - reach_mm
     low_y = y_mm + (away_mm * along_y >> 10) - reach_mm
     high_x, high_y = low_x + 2 * reach_mm, low_y + 2 * reach_mm
-    nearest, farthest = (away_mm - slack_mm) ** 2, (away_mm + slack_mm) ** 2
+    near_mm, far_mm = away_mm - slack_mm, away_mm + slack_mm
+    nearest, farthest = near_mm * near_mm, far_mm * far_mm
     last = echoes.last[sonar]
     if 0 <= last < count and low_x < xs[last] < high_x and low_y < ys[last] < high_y:
         dx_mm, dy_mm = xs[last] - x_mm, ys[last] - y_mm
