@@ -265,6 +265,39 @@ def _arc_series(z: float) -> float:
     return z * (D1 + z * (D2 + z * (D3 + z * (D4 + z * (D5 + z * series)))))
 
 
+# Minimax polynomials with fewer terms, for the coarse functions.
+Q1: Final = 0.999973216
+Q2: Final = 0.331803177
+Q3: Final = 0.185728843
+Q4: Final = 0.0927491825
+Q5: Final = 0.0242752478
+R1: Final = 1.57075638
+R2: Final = 0.212815484
+R3: Final = 0.0766593365
+R4: Final = 0.0206725583
+
+
+def coarse_atan2(y: float, x: float) -> float:
+    """Return the angle of the point (x, y) within 3e-5 rad, at a third of the cost; 0 at (0, 0)."""
+    across, along = (y if y >= 0.0 else -y), (x if x >= 0.0 else -x)
+    steep = across > along
+    if steep:
+        across, along = along, across
+    tangent = across / along if along else 0.0
+    z = tangent * tangent
+    angle_rad = tangent * (Q1 - z * (Q2 - z * (Q3 - z * (Q4 - z * Q5))))
+    if steep:
+        angle_rad = HALF_PI - angle_rad
+    if x < 0.0:
+        angle_rad = PI - angle_rad
+    return angle_rad if y >= 0.0 else -angle_rad
+
+
+def coarse_acos(cosine: float) -> float:
+    """Return the angle with a cosine from 0 to 1 within 5e-5 rad, at a third of the cost."""
+    return sqrt(1.0 - cosine) * (R1 - cosine * (R2 - cosine * (R3 - cosine * R4)))
+
+
 MAX_EXP: Final = 710.0
 MIN_EXP: Final = -746.0
 PER_LN_2: Final = 1.442695040888963

@@ -16,7 +16,10 @@ from benchmarks.mcu_cost.instrumentation import COUNTER, Instrumentation
 from benchmarks.mcu_cost.operation_counter import OperationCounter
 
 PACKAGE = "robot.core"
-SOURCE = Path(__file__).parents[2] / "robot" / "core"
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "robot" / "core"
+ELEMENTARY = "runtime.elementary"
+"""The functions that the core uses besides its own."""
 
 
 class CountedCore:
@@ -45,8 +48,9 @@ class CountedCore:
         self.counter.clear()
 
     def _load(self, name: str) -> None:
-        place = SOURCE.joinpath(*name.split("."))
-        module = self._modules[name] = ModuleType(f"{PACKAGE}.{name}".rstrip("."))
+        own = name != ELEMENTARY
+        place = (SOURCE if own else ROOT).joinpath(*name.split("."))
+        module = self._modules[name] = ModuleType(f"{PACKAGE}.{name}".rstrip(".") if own else name)
         if place.is_dir():
             return
         file, last = place.with_suffix(".py"), name.rpartition(".")[2]
@@ -58,7 +62,9 @@ class CountedCore:
         exec(compile(ast.fix_missing_locations(tree), str(file), "exec"), module.__dict__)
 
     def _import(self, name: str, *rest: Any) -> Any:
-        """Import other modules of the core as counted copies."""
+        """Import other modules of the core, and its elementary functions, as counted copies."""
+        if name == ELEMENTARY:
+            return self[name]
         if name != PACKAGE and not name.startswith(f"{PACKAGE}."):
             return builtins.__import__(name, *rest)
         inner = name.removeprefix(PACKAGE).lstrip(".")

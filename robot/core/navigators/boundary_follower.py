@@ -13,7 +13,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE, TWO_PI, wrap
 from robot.core.parameters import Params
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, SONARS, Pose
-from runtime.elementary import acos, asin, atan2, cos_sin
+from runtime.elementary import coarse_acos, coarse_atan2, cos_sin
 
 POINTS: Final = 12
 SPACING_M: Final = 0.05
@@ -187,7 +187,7 @@ def gather(follower: Follower, pose: Pose, params: Params) -> None:
 def recall(follower: Follower, heading_rad: float, dx_m: float, dy_m: float, params: Params) -> int:
     """List a near stored point; return the weight it loses because echoes contradict it."""
     far_m = sqrt(dx_m * dx_m + dy_m * dy_m)
-    bearing_rad = wrap(atan2(dy_m, dx_m) - heading_rad)
+    bearing_rad = wrap(coarse_atan2(dy_m, dx_m) - heading_rad)
     k = follower.count
     follower.bearing_rad[k] = bearing_rad
     follower.far_m[k] = far_m
@@ -207,9 +207,9 @@ def half_width(far_m: float, room_m: float) -> float:
         return QUARTER_TURN + PUSH_RAD_PER_M * (room_m - far_m)
     square, room2 = far_m * far_m, room_m * room_m
     if square <= LOOK_M * LOOK_M + room2:
-        return asin(room_m / far_m)
+        return QUARTER_TURN - coarse_acos(room_m / far_m)
     cosine = (square + LOOK_M * LOOK_M - room2) / (2.0 * far_m * LOOK_M)
-    return acos(cosine) if cosine < 1.0 else 0.0
+    return coarse_acos(cosine) if cosine < 1.0 else 0.0
 
 
 def heading(follower: Follower, pose: Pose, params: Params) -> float:

@@ -22,7 +22,7 @@ from robot.core.perception.echoes import (
 from robot.core.perception.pedestrians import EACH, PERSON_M, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
-from runtime.elementary import acos, asin, atan2
+from runtime.elementary import acos, asin, coarse_atan2
 
 NEAR: Final = 24
 """Maximum number of sectors."""
@@ -141,7 +141,7 @@ def gather(
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
         bearing = UNKNOWN
         if square < most_mm2 and along_mm >= 0:
-            bearing = int(BRADS * atan2(dy_mm, dx_mm))
+            bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
             if square < through_mm2[looks_at(bearing - heading)] and weight[k]:
                 weight[k] -= 1
         body_mm = most_body_mm - (DOUBT * spread_mm[k] >> 2)
@@ -192,7 +192,7 @@ def shape(sectors: Sectors) -> None:
     for n in range(sectors.count):
         away_mm[n] = int(sqrt(away_mm[n]))
         if bearing[n] == UNKNOWN:
-            bearing[n] = int(BRADS * atan2(tight[n], wide[n]))
+            bearing[n] = int(BRADS * coarse_atan2(tight[n], wide[n]))
 
 
 def give_way(sectors: Sectors, pedestrians: Pedestrians, radius_mm: int) -> None:

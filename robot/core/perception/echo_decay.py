@@ -14,7 +14,7 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import EVERY, Pose
-from runtime.elementary import atan2
+from runtime.elementary import coarse_atan2
 
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
@@ -48,7 +48,7 @@ def fade(echoes: Echoes, pose: Pose) -> None:
             continue
         weaker = old
         if square < most_mm2:
-            bearing = int(BRADS * atan2(dy_mm, dx_mm)) - heading
+            bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm)) - heading
             weaker = weaker or square < through_mm2[looks_at(bearing)]
         if weaker and weight[k]:
             weight[k] -= 1

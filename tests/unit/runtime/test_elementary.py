@@ -13,7 +13,20 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from runtime import elementary
-from runtime.elementary import MAX_ANGLE_RAD, acos, asin, atan2, cos, cos_sin, exp, hypot, sin, tanh
+from runtime.elementary import (
+    MAX_ANGLE_RAD,
+    acos,
+    asin,
+    atan2,
+    coarse_acos,
+    coarse_atan2,
+    cos,
+    cos_sin,
+    exp,
+    hypot,
+    sin,
+    tanh,
+)
 
 SOURCE = Path(elementary.__file__)
 MANY = 3000
@@ -185,6 +198,15 @@ def test_atan2_of_nan_is_nan(y: float, x: float) -> None:
 @given(st.floats(-1e150, 1e150), st.floats(-1e150, 1e150))
 def test_hypot_is_the_length_of_a_vector(x: float, y: float) -> None:
     assert hypot(x, y) == pytest.approx(float(mp.hypot(x, y)), rel=1e-15, abs=1e-160)
+
+
+def test_coarse_angles_are_near_the_exact_ones() -> None:
+    for y, x in POINTS:
+        assert coarse_atan2(y, x) == pytest.approx(float(mp.atan2(y, x)), abs=3e-5)
+    assert [coarse_atan2(0.0, x) for x in (1.0, 0.0, -1.0)] == [0.0, 0.0, pi]
+    assert [coarse_atan2(y, 0.0) for y in (1.0, -1.0)] == pytest.approx([pi / 2, -pi / 2])
+    for k in range(1001):
+        assert coarse_acos(k / 1000) == pytest.approx(float(mp.acos(k / 1000)), abs=5e-5)
 
 
 def test_only_portable_operations_are_used() -> None:
