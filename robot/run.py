@@ -23,8 +23,7 @@ from robot.senses import Senses
 from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
 from runtime.arrivals import Pulse
-from runtime.clock import SLACK, Tick, WallClock, ticks
-from runtime.gc_freeze import freeze_heap
+from runtime.clock import SLACK, Tick, WallClock, freeze_heap, ticks
 from runtime.lockstep import LockstepClock
 from runtime.timing import CONTROL_HZ, PERIOD_NS, UINT32
 from runtime.watchdog import Watchdog

@@ -1,5 +1,9 @@
-"""Clocks that are passed in, so that a test controls the time, and the grid of control ticks."""
+"""Clocks that are passed in, so that a test controls the time, and the grid of control ticks.
 
+The garbage collector, which would stall the grid, is kept from doing so.
+"""
+
+import gc
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -169,3 +173,12 @@ class _Grid:
         self._index += 1
         self._due_ns += self._period_ns
         return Tick(self._index, due_ns, late_ns, self._missed, by_frame)
+
+
+def freeze_heap() -> str | None:
+    """Exclude all present objects from garbage collection; return a warning if unavailable."""
+    if not hasattr(gc, "freeze"):
+        return "this Python cannot freeze its heap: a collection may stall the loop"
+    gc.collect()
+    gc.freeze()
+    return None

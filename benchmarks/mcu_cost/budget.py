@@ -26,8 +26,8 @@ BASELINE_PERCENT = 75.0
 """Limit of the baseline navigators: with the other work of a controller they must fit into the
 period."""
 LIMITS_PERCENT = {
-    "bug": 25.0,
-    "vgm": 25.0,
+    "bug": 35.0,
+    "vgm": 35.0,
     "bug1": BASELINE_PERCENT,
     "bug2": BASELINE_PERCENT,
     "distbug": BASELINE_PERCENT,

@@ -23,9 +23,8 @@ from ground.user.edit_settings import set_setting
 from ground.user.folders import state_folder
 from ground.user.settings import Settings, load_settings, settings_file
 from protocol.bus.network import Network
-from runtime.clock import WallClock
+from runtime.clock import WallClock, freeze_heap
 from runtime.config import line_located
-from runtime.gc_freeze import freeze_heap
 
 if TYPE_CHECKING:
     from ground.app.app import GroundApp

@@ -10,7 +10,7 @@ from robot.run import Options, apply_options
 from robot.scheduling.realtime import FIFO_PRIORITY, SWITCH_S, share_interpreter, use_fifo
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
-from runtime.gc_freeze import freeze_heap
+from runtime.clock import freeze_heap
 
 
 @pytest.fixture(autouse=True)
