@@ -76,7 +76,7 @@ def of_libraries(folder: Path) -> list[Variant]:
     """Return every Python found with the lowest and the newest libraries it can have."""
     variants = []
     for name in PYTHONS:
-        python = shutil.which(name) or _of_pyenv(name)
+        python = _of_pyenv(name) or shutil.which(name)
         for kind in ("lowest", "newest"):
             if python is None:
                 print(f"{name}: not found", file=sys.stderr)
@@ -116,9 +116,11 @@ def _environment(python: str, folder: Path, lowest: bool) -> str | None:
     wanted = requirements(lowest)
     ready = folder / "ready"
     if not ready.exists() or ready.read_text("utf-8") != "\n".join(wanted):
-        subprocess.run([python, "-m", "venv", "--clear", str(folder)], check=True)
-        install = [str(made), "-m", "pip", "install", "-q", "--only-binary=:all:", *wanted]
-        if subprocess.run(install, check=False, capture_output=True).returncode:
+        steps = (
+            [python, "-m", "venv", "--clear", str(folder)],
+            [str(made), "-m", "pip", "install", "-q", "--only-binary=:all:", *wanted],
+        )
+        if any(subprocess.run(step, capture_output=True, check=False).returncode for step in steps):
             return None
         ready.write_text("\n".join(wanted), "utf-8")
     return str(made)
