@@ -1,6 +1,8 @@
+from fractions import Fraction
 from itertools import pairwise
 from math import asin, cos, degrees, hypot, inf, pi, radians, sin, sqrt
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from plant.model.geometry import clearance_m
 from plant.model.scene import Pose, Scene, still
 from plant.model.types import Circle, Obstacle, Polygon, Polyline
 from plant.sim.sensing.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
+from plant.sim.sensing.surfaces import Floats
 from tests.support.plant.rooms import room
 
 NOTHING = Scene((), ())
@@ -248,3 +251,44 @@ def test_slow_turn_and_short_motion_hide_no_shape(steps: list[tuple[float, float
         pose = (1.7, 1.7 + along_m, heading_rad)
         anew = Caster(scene, 3.12, pi / 2)
         assert seen_m(travelling, pose) == seen_m(anew, pose)
+
+
+def exact(a: Floats, b: Floats) -> list[list[Fraction]]:
+    columns = [[Fraction(value) for value in column] for column in b.T.tolist()]
+    return [
+        [
+            sum((Fraction(x) * y for x, y in zip(row, column, strict=True)), Fraction(0))
+            for column in columns
+        ]
+        for row in a.tolist()
+    ]
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.lists(st.tuples(*[st.floats(-100.0, 100.0)] * 4), min_size=1, max_size=3),
+    st.lists(
+        st.tuples(*[st.floats(-100.0, 100.0)] * 2, st.floats(0.01, 10.0)), min_size=1, max_size=3
+    ),
+    st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-pi, pi)),
+)
+def test_no_product_of_matrices_is_rounded(
+    edges: list[tuple[float, float, float, float]],
+    discs: list[tuple[float, float, float]],
+    pose: Pose,
+) -> None:
+    """Then a library may add in any order, and with or without FMA."""
+    caster = Caster(Scene(tuple(discs), tuple(edges)), 900.0, pi / 2)
+    caster.cast(pose, pose)
+    chosen, sheet = caster._chosen, caster._sheet
+    turned = [[Fraction(value) for value in row] for row in caster._turned.tolist()]
+    assert exact(caster._aim_matrix, caster._turned) == [
+        [Fraction(value) for value in row] for row in caster._aimed.tolist()
+    ]
+    assert turned[0][0].denominator <= 1 << 26
+    met = sheet._met.tolist()
+    assert exact(chosen.ray_rows, caster._rays) == [[Fraction(one) for one in row] for row in met]
+    origins = np.concatenate([chosen.origin_rows.dot(caster._starts)])
+    assert exact(chosen.origin_rows, caster._starts) == [
+        [Fraction(one) for one in row] for row in origins.tolist()
+    ]
