@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures generate-docs clean afresh
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits generate-docs clean afresh
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -17,6 +17,7 @@ help:
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
+	echo "make same-bits  a thousand trials on each Python, processor and library: 0 bits differ"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    the documentation as a web site, in build/site"
@@ -100,6 +101,10 @@ rows-table: setup
 # Some minutes; ARGS="--module guard" tries one module.
 mutation: setup
 	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
+
+# About half an hour; ARGS="--python FILE" adds an interpreter, of another C library for instance.
+same-bits: setup
+	@exec "$(BIN)/python" -m verification.same_bits --libraries $(ARGS)
 
 generate: setup
 	@exec "$(BIN)/python" -m verification.dialect.generate

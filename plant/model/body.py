@@ -6,6 +6,9 @@ from typing import Final
 
 INT32: Final = 1 << 31
 
+MAX_SPIN_RAD_S: Final = 1e4
+"""Largest speed of turning on the spot: the sine of a turn in one period must be defined."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body:
@@ -34,6 +37,8 @@ class Body:
             _check(field.name, getattr(self, field.name))
         if self.track_m > 2.0 * self.radius_m:
             raise ValueError(f"track_m: {self.track_m} is wider than the robot (2 * radius_m)")
+        if self.max_speed_m_s > MAX_SPIN_RAD_S * self.track_m / 2.0:
+            raise ValueError(f"track_m: {self.track_m} is too narrow for max_speed_m_s")
         if not self.sonar_min_m < self.sonar_max_m <= 60.0:
             raise ValueError("sonar_max_m: must be above sonar_min_m and at most 60")
 

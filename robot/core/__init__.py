@@ -1,1 +1,3 @@
-"""The control core, which also runs under MicroPython; it imports `math`, `typing` and itself."""
+"""The control core, which also runs under MicroPython; it imports `math`, `typing`,
+`runtime.elementary` and itself.
+"""

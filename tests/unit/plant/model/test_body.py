@@ -6,6 +6,11 @@ import pytest
 from plant.model.body import Body
 
 
+def test_track_too_narrow_for_the_speed_is_rejected() -> None:
+    with pytest.raises(ValueError, match=r"^track_m: 1e-06 is too narrow for max_speed_m_s"):
+        Body(track_m=1e-6)
+
+
 def test_default_robot_matches_the_figures() -> None:
     body = Body()
     assert (body.radius_m, body.track_m, body.max_speed_m_s) == (0.12, 0.20, 0.30)
