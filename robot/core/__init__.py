@@ -1,3 +1,4 @@
-"""The control core, which also runs under MicroPython; it imports `math`, `typing`,
-`runtime.elementary` and itself.
+"""The control core, which also runs under MicroPython.
+
+It imports `math`, `typing`, `runtime.elementary` and itself.
 """
