@@ -1,67 +1,72 @@
-"""Cast all forty rays of a sonar ring at once, as a few products of small matrices.
+"""Cast the rays of a sonar ring: five in each cone, the nearest echo of a cone counts.
 
-Rows are surfaces, columns are rays. Every surface gives each ray a *nearness*, the inverse of the
-distance from the robot's centre along the ray, not above zero if they do not meet. The largest
-value in a column belongs to the surface that the ray hits first. With the ray's direction u and
-origin o (a disc of centre c and radius r; an edge from a to b; x the cross product):
+Every surface gives each ray a *nearness*, the inverse of the distance from the robot's centre along
+the ray. The largest one belongs to the surface that the ray hits first. With the ray's direction u
+and origin o (a disc of centre c and radius r; an edge from a to b; x the cross product):
 
 - disc: p = u.(c - o), q = |c - o|^2 - r^2, nearness (p + sqrt(p^2 - q)) / q;
-- edge: d = u x (a - b), n = (o - a) x (b - a), nearness d / n, if u x (a - o) >= 0 >= u x (b - o).
+- edge: n = (o - a) x (b - a), nearness (u x (a - b)) / n, if u x (a - o) >= 0 >= u x (b - o).
 
-A library may add up a product of matrices in any order and with any precision. So their factors are
-rounded to grids that are coarse enough for every product and every sum to be exact, in any order.
+Points are turned into the frame of a cone: *along* its axis, and *aside* to the left of it.
 """
 
 from collections.abc import Sequence
-from functools import cache
-from math import inf, pi, radians
-from struct import Struct
-from typing import Final
-
-import numpy as np
+from math import cos, inf, pi, radians, sin, sqrt, tan
+from typing import Final, TypeAlias
 
 from plant.model.scene import Disc, Pose, Scene
 from plant.sim.sensing.surfaces import (
-    ChosenSurfaces,
-    Floats,
+    CONE_RAD,
+    SONARS,
     PoseTolerance,
+    SeenDisc,
+    SeenEdge,
     Surfaces,
-    on_grid_m,
 )
-from runtime.elementary import cos, cos_sin
 
-SONARS: Final = 8
 RAYS_PER_SONAR: Final = 5
-RAYS: Final = SONARS * RAYS_PER_SONAR
-EARLY: Final = RAYS // 2
-CONE_RAD: Final = radians(22.5)
+RAY_RAD: Final = CONE_RAD / RAYS_PER_SONAR
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
-"""Sonars in column order: first the early group, then the late group."""
+"""Sonars in the order of a cast: first the early group, then the late group."""
 
-DRIFT: Final = PoseTolerance(way_m=0.35, turn_rad=radians(30.0))
+DRIFT: Final = PoseTolerance(way_m=0.25, turn_rad=radians(30.0))
 """Motion of the robot after which the surfaces in sight are selected again."""
 
-GRID: Final = 1.5 * (1 << 26)
-"""Added and subtracted again, it rounds cosines and sines to multiples of 2^-26.
+MAX_TURN_RAD: Final = DRIFT.turn_rad
+MIN_TURN_COSINE: Final = cos(MAX_TURN_RAD)
+TINY: Final = 1e-12
 
-A product of two of them has 52 bits, and that of one and a coordinate 51."""
+COS_1: Final = cos(RAY_RAD)
+SIN_1: Final = sin(RAY_RAD)
+COS_2: Final = cos(2.0 * RAY_RAD)
+SIN_2: Final = sin(2.0 * RAY_RAD)
+TAN_MIDWAY_1: Final = tan(0.5 * RAY_RAD)
+TAN_MIDWAY_2: Final = tan(1.5 * RAY_RAD)
+"""Between the middle ray and its neighbour; between that and the outermost one."""
 
-TINY: Final = np.array(1e-12)
-"""A constant array: numpy would otherwise create one from a number at every cast."""
-TINY.setflags(write=False)
-_TURN: Final = Struct("2d16x2d16x16x2d16x2d")
-"""A 4 by 4 matrix with the rotation of the early group at its upper left, of the late at its lower
-right."""
-_AIM: Final = Struct(2 * "4d16x" + 4 * "32x2d")
-"""The lower six rows of an 8 by 6 matrix: a block of 2 by 4 at their left, then one of 4 by 2 at
-their right."""
-_AIM_AT: Final = 2 * 6 * 8
+Ray: TypeAlias = tuple[float, float]
+
+RIGHT_2: Final[list[Ray]] = [
+    (COS_2, -SIN_2),
+    (COS_1, -SIN_1),
+    (1.0, 0.0),
+    (COS_1, SIN_1),
+    (COS_2, SIN_2),
+]
+"""The rays in the frame of their cone, as the ones most to the right meet an edge first."""
+RIGHT_1: Final[list[Ray]] = [RIGHT_2[i] for i in (1, 0, 2, 3, 4)]
+MIDDLE: Final[list[Ray]] = [RIGHT_2[i] for i in (2, 1, 3, 0, 4)]
+LEFT_1: Final[list[Ray]] = [RIGHT_2[i] for i in (3, 4, 2, 1, 0)]
+LEFT_2: Final[list[Ray]] = [RIGHT_2[i] for i in (4, 3, 2, 1, 0)]
+
+Sight: TypeAlias = tuple[float, float, list[SeenDisc], list[SeenEdge]]
+"""The axis of a cone in the frame of the robot, and the surfaces that may be in it."""
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
-    """Return the bearings of the rays from the heading, by column, evenly spaced over the ring."""
+    """Return the bearings of the rays from the heading, sonars in `ORDER`, evenly spaced."""
     return tuple(
-        (sonar - 3.5) * CONE_RAD + (ray - 2) * CONE_RAD / RAYS_PER_SONAR
+        (sonar - 3.5) * CONE_RAD + (ray - 2) * RAY_RAD
         for sonar in ORDER
         for ray in range(RAYS_PER_SONAR)
     )
@@ -75,168 +80,178 @@ class Caster:
         self._surfaces = Surfaces(scene)
         self._reach_m = reach_m
         self._least_cosine = cos(incidence_limit_rad) if incidence_limit_rad < pi / 2 else 0.0
-        self._moving = 0
         self._chosen_at = (inf, inf, 0.0)
-        self._fan = _fan()
-        self._turn_matrix = np.zeros((4, 4))
-        self._turn_memory = self._turn_matrix.data
-        self._aim_matrix = np.zeros((8, 6))
-        self._aim_matrix[:2, :4] = (1.0, 0.0, 1.0, 0.0), (0.0, 1.0, 0.0, 1.0)
-        self._aim_memory = self._aim_matrix.data
-        self._turned = np.concatenate([self._fan, _halves()])
-        self._directions = self._turned[:4]
-        self._aimed = np.empty((8, RAYS))
-        self._rays, self._starts = self._aimed[:4], self._aimed[4:]
-        self._nearest = np.empty(RAYS)
-        self._nearest_of = self._nearest.reshape(SONARS, RAYS_PER_SONAR)
-        self._columns = np.arange(RAYS)
+        self._early: list[Sight] = []
+        self._late: list[Sight] = []
 
     def cast(
         self, early: Pose, late: Pose, moved: tuple[Sequence[Disc], Sequence[Disc]] = ((), ())
     ) -> list[float]:
-        """Return the nearness of each sonar's nearest echo, in `ORDER`; not above zero without one.
+        """Return the nearness of each sonar's nearest echo, in `ORDER`; zero without one.
 
         `moved`: positions of the moving discs at the early and at the late ping.
         """
-        moving = 2 * len(moved[0])
-        if moving != self._moving or self._drifted(late) or self._drifted(early):
-            self._choose(late, moving)
-        if self._moving:
-            self._chosen.place([*moved[0], *moved[1]])
-        self._aim(early, late)
-        sheet = self._sheet
-        sheet.meet(self._rays, self._starts)
-        if self._moving:
-            half = self._moving // 2
-            sheet.near[:half, EARLY:] = 0.0
-            sheet.near[half : self._moving, :EARLY] = 0.0
-        np.maximum.reduce(sheet.near, 0, out=self._nearest, initial=0.0)
+        if self._drifted(late) or self._drifted(early):
+            self._choose(late)
         if self._least_cosine > 0.0:
-            self._lose_grazing()
-        nearness: list[float] = np.maximum.reduce(self._nearest_of, 1).tolist()
+            least_cosine = self._least_cosine
+            nearness = cast_facing(self._early, early, moved[0], least_cosine)
+            nearness += cast_facing(self._late, late, moved[1], least_cosine)
+        else:
+            nearness = cast_group(self._early, early, moved[0])
+            nearness += cast_group(self._late, late, moved[1])
         return nearness
 
     def _drifted(self, at: Pose) -> bool:
         """Return whether the pose differs too much from that of the chosen surfaces."""
         x_m, y_m, heading_rad = self._chosen_at
-        gone_x_m, gone_y_m = at[0] - x_m, at[1] - y_m
-        turned_rad = abs(at[2] - heading_rad)
-        if turned_rad > pi:
-            turned_rad = 2.0 * pi - turned_rad
-        gone_m2 = gone_x_m * gone_x_m + gone_y_m * gone_y_m
-        return gone_m2 > DRIFT.way_m * DRIFT.way_m or turned_rad > DRIFT.turn_rad
+        dx, dy, turn_rad = at[0] - x_m, at[1] - y_m, at[2] - heading_rad
+        if dx * dx + dy * dy > DRIFT.way_m * DRIFT.way_m:
+            return True
+        return not -MAX_TURN_RAD <= turn_rad <= MAX_TURN_RAD and cos(turn_rad) < MIN_TURN_COSINE
 
-    def _choose(self, at: Pose, moving: int) -> None:
+    def _choose(self, at: Pose) -> None:
         """Select the surfaces in sight."""
-        self._moving = moving
+        views = self._surfaces.in_sight(at, self._reach_m, DRIFT)
+        sights = [
+            (cos((sonar - 3.5) * CONE_RAD), sin((sonar - 3.5) * CONE_RAD), *views[sonar])
+            for sonar in ORDER
+        ]
+        self._early, self._late = sights[: SONARS // 2], sights[SONARS // 2 :]
         self._chosen_at = at
-        self._chosen = self._surfaces.in_sight(at, self._reach_m, DRIFT, moving)
-        self._sheet = RayArrays(self._chosen, self._least_cosine > 0.0)
-
-    def _aim(self, early: Pose, late: Pose) -> None:
-        """Rotate the fan of rays to the heading and move it to the robot, per group."""
-        (x0, y0, heading0), (x1, y1, heading1) = early, late
-        (c0, s0), (c1, s1) = _on_grid(heading0), _on_grid(heading1)
-        x0, y0, x1, y1 = on_grid_m(x0), on_grid_m(y0), on_grid_m(x1), on_grid_m(y1)
-        # fmt: off
-        _TURN.pack_into(self._turn_memory, 0, c0, -s0, s0, c0, c1, -s1, s1, c1)
-        _AIM.pack_into(
-            self._aim_memory, _AIM_AT,
-            -x0, -y0, -x1, -y1,
-            -y0, x0, -y1, x1,
-            x0, x1, y0, y1, 1.0, 1.0, x0 * x0 + y0 * y0, x1 * x1 + y1 * y1,
-        )
-        # fmt: on
-        directions = self._directions
-        self._turn_matrix.dot(self._fan, directions)
-        np.add(directions, GRID, directions)
-        np.subtract(directions, GRID, directions)
-        self._aim_matrix.dot(self._turned, self._aimed)
-
-    def _lose_grazing(self) -> None:
-        """Remove the echoes of rays that meet their surface too obliquely."""
-        sheet = self._sheet
-        if not len(sheet.near):
-            return
-        rows = sheet.near.argmax(axis=0)
-        cosines = sheet.across[rows, self._columns] / self._chosen.sizes[rows]
-        self._nearest[cosines < self._least_cosine] = 0.0
 
 
-class RayArrays:
-    """Preallocated arrays for the intersection of the chosen surfaces with the rays.
+def moving_discs(moved: Sequence[Disc]) -> list[SeenDisc]:
+    """Return moving discs as candidates that may be arbitrarily near."""
+    return [(0.0, x_m, y_m, radius_m, radius_m * radius_m) for x_m, y_m, radius_m in moved]
 
-    `near` is the nearness, above zero only where they meet. `across` is the length of a chosen
-    surface times the cosine of the ray's incidence, computed only if needed.
+
+def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc]) -> list[float]:
+    """Return the nearness of the nearest surface in each cone of sonars that ping at one pose.
+
+    A disc is nearest along the ray that passes its centre most closely, so one ray suffices.
     """
+    x_m, y_m, heading_rad = at
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    moving = moving_discs(moved) if moved else None
+    found: list[float] = []
+    for axis_x, axis_y, discs, edges in sights:
+        ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
+        nearest = 0.0
+        for least_m, centre_x, centre_y, _, square_m2 in (
+            discs if moving is None else moving + discs
+        ):
+            if nearest * least_m >= 1.0:
+                break
+            dx, dy = centre_x - x_m, centre_y - y_m
+            along, aside = dx * ux + dy * uy, dy * ux - dx * uy
+            if aside < 0.0:
+                aside = -aside
+            if aside <= along * TAN_MIDWAY_1:
+                p = along
+            elif aside <= along * TAN_MIDWAY_2:
+                p = along * COS_1 + aside * SIN_1
+            else:
+                p = along * COS_2 + aside * SIN_2
+            q = dx * dx + dy * dy - square_m2
+            excess = p * p - q
+            if p > 0.0 and excess >= 0.0:
+                near = (p + sqrt(excess)) / (q if q > TINY else TINY)
+                if near > nearest:
+                    nearest = near
+        found.append(nearest_edge(edges, x_m, y_m, ux, uy, nearest) if edges else nearest)
+    return found
 
-    __slots__ = (
-        *("across", "near", "_chosen", "_d", "_edges", "_inverse", "_meets_discs", "_meets_edges"),
-        *("_meets", "_met", "_n", "_near_discs", "_near_edges", "_q", "_roots", "_towards"),
+
+def nearest_edge(
+    edges: list[SeenEdge], x_m: float, y_m: float, ux: float, uy: float, nearest: float
+) -> float:
+    """Return the nearness of the nearest edge in a cone, at least `nearest`.
+
+    Of the rays that meet an edge, the one closest to its normal meets it first.
+    """
+    for least_m, start_x, start_y, end_x, end_y, _ in edges:
+        if nearest * least_m >= 1.0:
+            break
+        ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
+        n = ay * (bx - ax) - ax * (by - ay)
+        if n < 0.0:
+            continue
+        if n < TINY:
+            n = TINY
+        a_along, a_aside = ax * ux + ay * uy, ay * ux - ax * uy
+        b_along, b_aside = bx * ux + by * uy, by * ux - bx * uy
+        across, along = a_aside - b_aside, b_along - a_along
+        steep = along if along >= 0.0 else -along
+        if steep <= across * TAN_MIDWAY_1:
+            rays = MIDDLE
+        elif steep <= across * TAN_MIDWAY_2:
+            rays = LEFT_1 if along > 0.0 else RIGHT_1
+        else:
+            rays = LEFT_2 if along > 0.0 else RIGHT_2
+        for cosine, sine in rays:
+            begins = cosine * a_aside - sine * a_along
+            ends = sine * b_along - cosine * b_aside
+            if begins >= 0.0 and ends >= 0.0:
+                near = (begins + ends) / n
+                if near > nearest:
+                    nearest = near
+                break
+    return nearest
+
+
+def cast_facing(
+    sights: list[Sight], at: Pose, moved: Sequence[Disc], least_cosine: float
+) -> list[float]:
+    """Do as `cast_group`, but a ray that grazes its surface has no echo."""
+    x_m, y_m, heading_rad = at
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    moving = moving_discs(moved)
+    found: list[float] = []
+    for axis_x, axis_y, discs, edges in sights:
+        ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
+        found.append(nearest_facing(moving + discs, edges, x_m, y_m, ux, uy, least_cosine))
+    return found
+
+
+def nearest_facing(
+    discs: list[SeenDisc],
+    edges: list[SeenEdge],
+    x_m: float,
+    y_m: float,
+    ux: float,
+    uy: float,
+    least_cosine: float,
+) -> float:
+    """Return the nearness of the nearest echo in a cone; a ray that grazes its surface has none."""
+    nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
+    for _, centre_x, centre_y, radius_m, square_m2 in discs:
+        dx, dy = centre_x - x_m, centre_y - y_m
+        along, aside = dx * ux + dy * uy, dy * ux - dx * uy
+        q = dx * dx + dy * dy - square_m2
+        for i in range(RAYS_PER_SONAR):
+            p = along * RIGHT_2[i][0] + aside * RIGHT_2[i][1]
+            excess = p * p - q
+            if p > 0.0 and excess >= 0.0:
+                root = sqrt(excess)
+                near = (p + root) / (q if q > TINY else TINY)
+                if near > nearest[i]:
+                    nearest[i], facing[i] = near, root / radius_m
+    for _, start_x, start_y, end_x, end_y, length_m in edges:
+        ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
+        n = ay * (bx - ax) - ax * (by - ay)
+        if n < 0.0:
+            continue
+        a_along, a_aside = ax * ux + ay * uy, ay * ux - ax * uy
+        b_along, b_aside = bx * ux + by * uy, by * ux - bx * uy
+        for i in range(RAYS_PER_SONAR):
+            cosine, sine = RIGHT_2[i]
+            begins = cosine * a_aside - sine * a_along
+            ends = sine * b_along - cosine * b_aside
+            if begins >= 0.0 and ends >= 0.0:
+                near = (begins + ends) / (n if n > TINY else TINY)
+                if near > nearest[i]:
+                    nearest[i], facing[i] = near, (begins + ends) / length_m
+    return max(
+        [nearest[i] for i in range(RAYS_PER_SONAR) if facing[i] >= least_cosine], default=0.0
     )
-
-    def __init__(self, chosen: ChosenSurfaces, keep_across: bool) -> None:
-        discs, edges, rows = chosen.discs, chosen.edges, chosen.discs + chosen.edges
-        self._chosen = chosen
-        self._met = np.empty((discs + 2 * edges, RAYS))
-        self._towards = self._met[:discs]
-        self._edges = self._met[discs:rows], self._met[rows:]
-        self._inverse = np.empty((rows, RAYS))
-        self._q, self._n = self._inverse[:discs], self._inverse[discs:]
-        self.across = np.empty((rows, RAYS))
-        self._roots, self._d = self.across[:discs], self.across[discs:]
-        self.near = np.empty((rows, RAYS)) if keep_across else self.across
-        self._near_discs, self._near_edges = self.near[:discs], self.near[discs:]
-        self._meets = np.empty((rows, RAYS))
-        self._meets_discs, self._meets_edges = self._meets[:discs], self._meets[discs:]
-
-    def meet(self, rays: Floats, starts: Floats) -> None:
-        """Compute the nearness of every surface to every ray."""
-        chosen, near, inverse = self._chosen, self.near, self._inverse
-        chosen.ray_rows.dot(rays, self._met)
-        chosen.origin_rows.dot(starts, inverse)
-        if chosen.discs:
-            self._meet_discs()
-        if chosen.edges:
-            self._meet_edges()
-        np.maximum(inverse, TINY, out=inverse)
-        np.divide(near, inverse, near)
-        np.copysign(near, self._meets, near)
-
-    def _meet_discs(self) -> None:
-        towards, roots = self._towards, self._roots
-        np.multiply(towards, towards, roots)
-        np.subtract(roots, self._q, roots)
-        np.minimum(roots, towards, out=self._meets_discs)
-        np.abs(roots, roots)
-        np.sqrt(roots, roots)
-        np.add(towards, roots, self._near_discs)
-
-    def _meet_edges(self) -> None:
-        (begins, ends), meets = self._edges, self._meets_edges
-        np.add(begins, ends, self._d)
-        np.minimum(begins, ends, out=meets)
-        np.minimum(meets, self._n, out=meets)
-        if self.near is not self.across:
-            self._near_edges[:] = self._d
-
-
-@cache
-def _fan() -> Floats:
-    """Return cosines and sines of the bearings, two rows per group, 0 in the other's columns."""
-    cosines, sines = np.array([_on_grid(bearing_rad) for bearing_rad in ray_bearings_rad()]).T
-    early, late = _halves()
-    fan = np.array([cosines * early, sines * early, cosines * late, sines * late])
-    fan.setflags(write=False)
-    return fan
-
-
-def _halves() -> Floats:
-    """Return the columns of the early and of the late group as ones."""
-    return np.array([np.arange(RAYS) < EARLY, np.arange(RAYS) >= EARLY], dtype=float)
-
-
-def _on_grid(angle_rad: float) -> tuple[float, float]:
-    """Return the rounded cosine and sine of an angle."""
-    cosine, sine = cos_sin(angle_rad)
-    return (cosine + GRID) - GRID, (sine + GRID) - GRID

@@ -10,7 +10,8 @@ from plant.model.body import Body
 from plant.model.noise import Noise
 from plant.sim.active_faults import SonarFaults
 from plant.sim.seeds import gaussian_rows, uniform_rows
-from plant.sim.sensing.raycast import ORDER, SONARS
+from plant.sim.sensing.raycast import ORDER
+from plant.sim.sensing.surfaces import SONARS
 
 EARLY_US: Final = 25_000
 PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))
