@@ -29,7 +29,7 @@ RAY_RAD: Final = CONE_RAD / RAYS_PER_SONAR
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in the order of a cast: first the early group, then the late group."""
 
-DRIFT: Final = PoseTolerance(way_m=0.25, turn_rad=radians(30.0))
+DRIFT: Final = PoseTolerance(way_m=0.15, turn_rad=radians(25.0))
 """Motion of the robot after which the surfaces in sight are selected again."""
 
 MAX_TURN_RAD: Final = DRIFT.turn_rad

@@ -3,23 +3,25 @@
 The selection only skips surfaces that cannot matter: rounding in it never changes an echo.
 """
 
-from math import hypot, pi, radians
+from math import cos, floor, pi, radians, sin, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from plant.model.scene import Pose, Scene
+from plant.model.scene import Disc, Edge, Pose, Scene
 
 SONARS: Final = 8
 CONE_RAD: Final = radians(22.5)
+HALF_TURN_RAD: Final = pi
+FULL_TURN_RAD: Final = 2.0 * pi
 SLACK_M: Final = 1e-6
 """Added to every selection, far more than its rounding errors."""
 
-NEAR_M: Final = 1.0
-"""Surfaces beyond the reach of the ring are looked at again after this way."""
+BEARING_ERROR_RAD: Final = 0.006
+"""Largest error of `rough_bearing_rad`."""
 
-Floats: TypeAlias = npt.NDArray[np.float64]
+NEAR_M: Final = 1.0
+"""Surfaces of the whole scene are looked at again after this way."""
 
 SeenDisc: TypeAlias = tuple[float, float, float, float, float]
 """Smallest distance from the ring, centre, radius, and its square."""
@@ -27,96 +29,133 @@ SeenDisc: TypeAlias = tuple[float, float, float, float, float]
 SeenEdge: TypeAlias = tuple[float, float, float, float, float, float]
 """Smallest distance from the ring, start, end, and length."""
 
+View: TypeAlias = tuple[list[SeenDisc], list[SeenEdge]]
+"""What one sonar may see, the nearest first."""
+
 
 class PoseTolerance(NamedTuple):
-    """Largest distance from a pose, and largest turn in either direction (below pi / 3)."""
+    """Largest distance from a pose, and largest turn in either direction."""
 
     way_m: float
     turn_rad: float
 
 
-class View(NamedTuple):
-    """The surfaces that one sonar may see, the nearest first."""
-
-    discs: list[SeenDisc]
-    edges: list[SeenEdge]
-
-
 class Surfaces:
-    """Every surface of a scene as a line with a radius: a disc has no length, an edge no radius."""
+    """Every surface of a scene, and those near the robot."""
 
     def __init__(self, scene: Scene) -> None:
+        self._scene = scene
         discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
         edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
-        self._discs = len(discs)
         self._starts = np.concatenate([discs[:, :2], edges[:, :2]])
-        self._ends = np.concatenate([discs[:, :2], edges[:, 2:]])
-        self._spans = self._ends - self._starts
-        self._lengths = np.hypot(self._spans[:, 0], self._spans[:, 1])
-        self._squares = np.maximum(self._lengths * self._lengths, np.finfo(float).tiny)
+        self._spans = np.concatenate([np.zeros((len(discs), 2)), edges[:, 2:] - edges[:, :2]])
+        self._squares = np.maximum((self._spans * self._spans).sum(axis=1), np.finfo(float).tiny)
         self._radii = np.concatenate([discs[:, 2], np.zeros(len(edges))])
-        self._near = np.arange(len(self._radii))
         self._near_at = (np.inf, np.inf)
+        self._discs: list[Disc] = []
+        self._edges: list[Edge] = []
 
-    def in_sight(self, at: Pose, reach_m: float, drift: PoseTolerance) -> tuple[View, ...]:
+    def in_sight(self, at: Pose, reach_m: float, drift: PoseTolerance) -> list[View]:
         """Return what each sonar may see within reach of a ring, at all poses within `drift`."""
-        if hypot(at[0] - self._near_at[0], at[1] - self._near_at[1]) > NEAR_M:
-            everything = np.arange(len(self._radii))
-            self._near = everything[self._distances_m(at, everything) < reach_m + 2.0 * NEAR_M]
-            self._near_at = at[:2]
-        slack_m = drift.way_m + SLACK_M
-        least_m = self._distances_m(at, self._near) - slack_m
-        order = np.argsort(least_m)
-        near, least_m = self._near[order], least_m[order]
-        seen = self._in_cones(at, near, slack_m, drift.turn_rad)
-        seen &= (least_m < reach_m)[:, None]
-        return self._views(near, least_m, seen)
-
-    def _distances_m(self, at: Pose, which: npt.NDArray[np.intp]) -> Floats:
-        gaps, spans = self._starts[which] - at[:2], self._spans[which]
-        shares = -(gaps * spans).sum(axis=1) / self._squares[which]
-        gaps += np.minimum(np.maximum(shares, 0.0), 1.0)[:, None] * spans
-        away: Floats = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii[which]
-        return away
-
-    def _in_cones(
-        self, at: Pose, which: npt.NDArray[np.intp], slack_m: float, turn_rad: float
-    ) -> npt.NDArray[np.bool_]:
-        """Return, per surface and sonar, whether the sonar may see it.
-
-        It may not if all of the surface is outside of one side of the cone, widened by `turn_rad`,
-        or behind the robot, or if it is an edge seen from its hidden side.
-        """
-        inward = _inward(at[2], turn_rad)
-        starts, spans = self._starts[which] - at[:2], self._spans[which]
-        inside_m = np.maximum(starts @ inward, (starts + spans) @ inward)
-        limits_m = -slack_m - self._radii[which]
-        seen: npt.NDArray[np.bool_] = (inside_m > limits_m[:, None]).reshape(-1, 3, SONARS).all(1)
-        facing = starts[:, 1] * spans[:, 0] - starts[:, 0] * spans[:, 1]
-        seen &= (facing >= -slack_m * self._lengths[which])[:, None]
-        return seen
-
-    def _views(
-        self, near: npt.NDArray[np.intp], least_m: Floats, seen: npt.NDArray[np.bool_]
-    ) -> tuple[View, ...]:
-        views = tuple(View([], []) for _ in range(SONARS))
-        sonars, rows = seen.T.nonzero()
-        table = np.stack([least_m, *self._starts[near].T, *self._ends[near].T]).T.tolist()
-        sizes = (self._radii[near] + self._lengths[near]).tolist()
-        indices = near.tolist()
-        for sonar, row in zip(sonars.tolist(), rows.tolist(), strict=True):
-            at_least_m, ax, ay, bx, by = table[row]
-            size_m = sizes[row]
-            if indices[row] < self._discs:
-                views[sonar].discs.append((at_least_m, ax, ay, size_m, size_m * size_m))
-            else:
-                views[sonar].edges.append((at_least_m, ax, ay, bx, by, size_m))
+        dx, dy = at[0] - self._near_at[0], at[1] - self._near_at[1]
+        if not dx * dx + dy * dy <= NEAR_M * NEAR_M:
+            self._look_around(at, reach_m)
+        views: list[View] = [([], []) for _ in range(SONARS)]
+        way_m, turn_rad = drift.way_m + SLACK_M, drift.turn_rad + BEARING_ERROR_RAD
+        add_discs(views, self._discs, at, reach_m, way_m, turn_rad)
+        add_edges(views, self._edges, at, reach_m, way_m, turn_rad)
+        for seen_discs, seen_edges in views:
+            seen_discs.sort()
+            seen_edges.sort()
         return views
 
+    def _look_around(self, at: Pose, reach_m: float) -> None:
+        """Select the surfaces near the robot; with numpy, because a map may have thousands."""
+        gaps = self._starts - at[:2]
+        shares = -(gaps * self._spans).sum(axis=1) / self._squares
+        gaps += np.minimum(np.maximum(shares, 0.0), 1.0)[:, None] * self._spans
+        near = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < reach_m + 2.0 * NEAR_M
+        chosen: list[int] = np.flatnonzero(near).tolist()
+        discs, edges = self._scene
+        self._discs = [discs[i] for i in chosen if i < len(discs)]
+        self._edges = [edges[i - len(discs)] for i in chosen if i >= len(discs)]
+        self._near_at = at[:2]
 
-def _inward(heading_rad: float, turn_rad: float) -> Floats:
-    """Return inward normals of the cones' right sides, of their left sides, and their axes."""
-    half_rad = CONE_RAD / 2.0 + turn_rad
-    away = np.arange(SONARS) * CONE_RAD + (heading_rad - 3.5 * CONE_RAD)
-    towards = np.concatenate([away - half_rad + pi / 2.0, away + half_rad - pi / 2.0, away])
-    return np.stack([np.cos(towards), np.sin(towards)])
+
+def add_discs(
+    views: list[View], discs: list[Disc], at: Pose, reach_m: float, way_m: float, turn_rad: float
+) -> None:
+    """Add to each view the discs that its sonar may see."""
+    x_m, y_m, heading_rad = at
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    for centre_x, centre_y, radius_m in discs:
+        dx, dy = centre_x - x_m, centre_y - y_m
+        away_m, wide_m = sqrt(dx * dx + dy * dy), radius_m + way_m
+        if away_m - wide_m >= reach_m:
+            continue
+        seen = (away_m - wide_m, centre_x, centre_y, radius_m, radius_m * radius_m)
+        bearing_rad = rough_bearing_rad(dx * cosine + dy * sine, dy * cosine - dx * sine)
+        half_rad = half_width_rad(wide_m, away_m) + turn_rad
+        for sonar in sonars_between(bearing_rad - half_rad, bearing_rad + half_rad):
+            views[sonar][0].append(seen)
+
+
+def add_edges(
+    views: list[View], edges: list[Edge], at: Pose, reach_m: float, way_m: float, turn_rad: float
+) -> None:
+    """Add to each view the edges that its sonar may see, from their visible side."""
+    x_m, y_m, heading_rad = at
+    cosine, sine = cos(heading_rad), sin(heading_rad)
+    for start_x, start_y, end_x, end_y in edges:
+        ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
+        span_x, span_y = bx - ax, by - ay
+        square_m2 = span_x * span_x + span_y * span_y
+        length_m = sqrt(square_m2)
+        if ay * span_x - ax * span_y < -way_m * length_m:
+            continue
+        share = -(ax * span_x + ay * span_y) / square_m2 if square_m2 > 0.0 else 0.0
+        share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
+        foot_x, foot_y = ax + share * span_x, ay + share * span_y
+        least_m = sqrt(foot_x * foot_x + foot_y * foot_y) - way_m
+        if least_m >= reach_m:
+            continue
+        left_rad, right_rad = FULL_TURN_RAD, 0.0
+        if least_m > 0.0:
+            left_rad = rough_bearing_rad(ax * cosine + ay * sine, ay * cosine - ax * sine)
+            right_rad = rough_bearing_rad(bx * cosine + by * sine, by * cosine - bx * sine)
+            if left_rad < right_rad:
+                left_rad += FULL_TURN_RAD
+            left_rad += half_width_rad(way_m, sqrt(ax * ax + ay * ay)) + turn_rad
+            right_rad -= half_width_rad(way_m, sqrt(bx * bx + by * by)) + turn_rad
+        for sonar in sonars_between(right_rad, left_rad):
+            views[sonar][1].append((least_m, start_x, start_y, end_x, end_y, length_m))
+
+
+def sonars_between(right_rad: float, left_rad: float) -> list[int]:
+    """Return the sonars whose cones reach into a sector, given from right to left."""
+    first, last = floor(right_rad / CONE_RAD) + 4, floor(left_rad / CONE_RAD) + 4
+    if last > first + 15:
+        last = first + 15
+    return [cone & 7 for cone in range(first, last + 1) if cone & 8 == 0]
+
+
+def half_width_rad(wide_m: float, away_m: float) -> float:
+    """Return at least half the angle of a disc at a distance: x + 0.571 x^3 is above asin x."""
+    if wide_m >= away_m:
+        return HALF_TURN_RAD
+    x = wide_m / away_m
+    return x + 0.571 * x * x * x
+
+
+def rough_bearing_rad(along: float, aside: float) -> float:
+    """Return the direction of a point within `BEARING_ERROR_RAD`."""
+    size, across = (along if along >= 0.0 else -along), (aside if aside >= 0.0 else -aside)
+    if size >= across:
+        x = across / size if size > 0.0 else 0.0
+        angle_rad = x * (0.97239411 - 0.19194795 * x * x)
+    else:
+        x = size / across
+        angle_rad = 0.5 * HALF_TURN_RAD - x * (0.97239411 - 0.19194795 * x * x)
+    if along < 0.0:
+        angle_rad = HALF_TURN_RAD - angle_rad
+    return angle_rad if aside >= 0.0 else -angle_rad
