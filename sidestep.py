@@ -65,7 +65,7 @@ def dispatch(arguments: list[str]) -> int:
         print(overview())
         return 0
     if word == "--version":
-        print(f"sidestep {version()}")
+        print(f"sidestep {version()}{' (compiled)' if own('compiled').is_compiled() else ''}")
         return 0
     if word == "complete":
         code: int = importlib.import_module("runtime.cli.completion").main(arguments[1:])
@@ -116,7 +116,7 @@ def run(word: str, arguments: Sequence[str]) -> int:
             f"needs a checkout of the source, as {package}/ is not installed: run `make setup` "
             f"there, then .venv/bin/sidestep {name}",
         )
-    if conflict := displaced(package):
+    if conflict := displaced(package) or own("compiled").complaint():
         return refuse(name, conflict)
     if verb.is_program:
         module, words = verb.module, list(arguments)

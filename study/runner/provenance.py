@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from ground.recording.build_info import git, version_of
+from runtime.cli.compiled import is_compiled
 
 ROOT: Final = Path(__file__).parents[2]
 DRIVE_SOURCES: Final = ("robot/**/*.py", "plant/**/*.py", "protocol/**/*.py", "runtime/**/*.py")
@@ -56,7 +57,7 @@ def code() -> CodeVersion:
 def machine() -> MachineInfo:
     """Return libraries and machine of this process."""
     return MachineInfo(
-        python=".".join(map(str, sys.version_info[:3])),
+        python=".".join(map(str, sys.version_info[:3])) + (", compiled" if is_compiled() else ""),
         numpy=version_of("numpy"),
         pymunk=version_of("pymunk"),
         platform=platform.platform(),

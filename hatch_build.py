@@ -1,0 +1,122 @@
+"""Compile the control core and the simulation into the wheel if SIDESTEP_COMPILE=1.
+
+The modules are named in pyproject.toml. mypyc translates them to C; a compiled module lies in the
+wheel beside its source, and Python prefers it. `runtime/compiled.json` lists the sources with their
+hashes, by which `runtime.cli.compiled` detects a module that does not match its source. Nothing is
+written into the checkout, and an editable install is never compiled.
+"""
+
+import json
+import os
+import shutil
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+SWITCH = "SIDESTEP_COMPILE"
+LIST = "runtime/compiled.json"
+TOOLS = ("mypy>=2.4", "setuptools>=65.5")
+OPTIMISATION = "2"
+FLAGS = ("-ffp-contract=off", "-Wno-error")
+"""Without fused multiply-add, which some processors' compilers use by default: it rounds once
+instead of twice. A warning of a newer compiler is no error."""
+
+
+class CompilingHook(BuildHookInterface[Any]):
+    """Add compiled modules to a wheel."""
+
+    PLUGIN_NAME = "custom"
+
+    def dependencies(self) -> list[str]:
+        """Return what the compiler needs: itself, and the libraries whose types it reads."""
+        return [*TOOLS, *self.metadata.core.dependencies] if is_wanted() else []
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Compile into a temporary folder and include the result."""
+        if not is_wanted():
+            return
+        if version == "editable":
+            refuse("an editable install is not compiled, as it follows its sources; leave out -e")
+        root = Path(self.root)
+        sources = sources_in(root, self.config["modules"])
+        self._folder = tempfile.mkdtemp(prefix="sidestep-compile-")
+        built = compile_into(Path(self._folder), root, sources)
+        build_data["force_include"].update({str(path): name for name, path in built.items()})
+        build_data["pure_python"] = False
+        build_data["infer_tag"] = True
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove the temporary folder."""
+        shutil.rmtree(getattr(self, "_folder", ""), ignore_errors=True)
+
+
+def is_wanted() -> bool:
+    """Return whether the build compiles; end the build for a value that is no switch."""
+    value = os.environ.get(SWITCH, "")
+    if value not in ("", "0", "1"):
+        refuse(f"{SWITCH}={value}: use 1 to compile, 0 or nothing for pure Python")
+    return value == "1"
+
+
+def refuse(why: str) -> None:
+    """End the build with a reason."""
+    sys.exit(f"{SWITCH}: {why}" if not why.startswith(SWITCH) else why)
+
+
+def sources_in(root: Path, patterns: Sequence[str]) -> list[str]:
+    """Return the sources that match the patterns, relative to the root; each must match one."""
+    found: list[str] = []
+    for pattern in patterns:
+        paths = sorted(path for path in root.glob(pattern) if path.name != "__init__.py")
+        if not paths:
+            refuse(f"pyproject.toml: no file matches modules = {pattern!r}")
+        found += [path.relative_to(root).as_posix() for path in paths]
+    return found
+
+
+def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> dict[str, Path]:
+    """Return the compiled files and their list, by their names in the wheel."""
+    check_compiler()
+    from mypyc.build import mypycify  # needed only here
+    from setuptools import Distribution
+
+    os.chdir(root)
+    extensions = mypycify(
+        [f"--cache-dir={folder / 'types'}", *sources],
+        opt_level=OPTIMISATION,
+        debug_level="0",
+        target_dir=str(folder / "c"),
+    )
+    for extension in extensions:
+        if os.name == "posix":
+            extension.extra_compile_args.extend(FLAGS)
+    command = Distribution({"ext_modules": extensions}).get_command_obj("build_ext")
+    command.build_lib, command.build_temp = str(folder / "lib"), str(folder / "objects")
+    command.ensure_finalized()
+    command.run()
+    listed = folder / "compiled.json"
+    listed.write_text(json.dumps({"sources": hashes(root, sources)}, indent=1) + "\n", "utf-8")
+    library = folder / "lib"
+    built = {path.relative_to(library).as_posix(): path for path in library.rglob("*.*")}
+    return {LIST: listed, **{name: path for name, path in built.items() if path.is_file()}}
+
+
+def check_compiler() -> None:
+    """End the build if the C compiler or the headers of Python are missing."""
+    compiler = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
+    if os.name == "posix" and shutil.which(compiler) is None:
+        refuse(f"there is no C compiler {compiler!r}: install gcc, or unset {SWITCH}")
+    header = Path(sysconfig.get_paths()["include"]) / "Python.h"
+    if not header.exists():
+        refuse(f"there is no {header}: install python3-dev, or unset {SWITCH}")
+
+
+def hashes(root: Path, sources: Sequence[str]) -> dict[str, str]:
+    """Return the SHA-256 of each source."""
+    return {name: sha256((root / name).read_bytes()).hexdigest() for name in sources}

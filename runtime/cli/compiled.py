@@ -1,0 +1,69 @@
+"""Which modules of this installation are compiled, and whether they match their sources.
+
+`SIDESTEP_COMPILE=1 pip install .` puts compiled modules beside their sources, with a list of both
+(see `hatch_build`). Python prefers a compiled module even if its source has changed since. The
+executable loads this module by its file, so it imports nothing of ours.
+"""
+
+import json
+from collections.abc import Iterator
+from hashlib import sha256
+from importlib.machinery import EXTENSION_SUFFIXES
+from os import walk
+from pathlib import Path
+from typing import Final
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+LIST: Final = "runtime/compiled.json"
+PACKAGES: Final = ("runtime", "robot", "plant", "study")
+REMEDY: Final = (
+    "install again: with SIDESTEP_COMPILE=1 compiled, without it in pure Python "
+    "(pip install --force-reinstall --no-deps ...)"
+)
+
+
+def is_compiled(root: Path = ROOT) -> bool:
+    """Return whether this is a compiled installation."""
+    return (root / LIST).exists()
+
+
+def complaint(root: Path = ROOT) -> str:
+    """Return why the compiled modules must not be used; empty if they match, or if none exist."""
+    return next(complaints(root), "")
+
+
+def complaints(root: Path = ROOT) -> Iterator[str]:
+    """Yield a text about each compiled module without its source, and about each changed source."""
+    listed = sources(root)
+    found = set(compiled_modules(root))
+    for name in sorted(found - listed.keys()):
+        yield (
+            f"{name} is compiled here, but {LIST} does not list it, so it may be older than its "
+            f"source: delete {name.removesuffix('.py')}{EXTENSION_SUFFIXES[0]}"
+        )
+    for name, digest in listed.items():
+        source = root / name
+        if name not in found:
+            yield f"the compiled module of {name} is missing or for another Python: {REMEDY}"
+        elif not source.exists() or sha256(source.read_bytes()).hexdigest() != digest:
+            yield f"{name} has changed since it was compiled: {REMEDY}"
+
+
+def sources(root: Path) -> dict[str, str]:
+    """Return the SHA-256 of each source at the time it was compiled, by its path."""
+    try:
+        text = (root / LIST).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return {}
+    listed: dict[str, str] = json.loads(text)["sources"]
+    return listed
+
+
+def compiled_modules(root: Path) -> Iterator[str]:
+    """Yield the sources that Python would not read, because a compiled module comes before them."""
+    for package in PACKAGES:
+        for folder, _, files in walk(root / package):
+            for file in files:
+                if suffix := next(filter(file.endswith, EXTENSION_SUFFIXES), ""):
+                    source = Path(folder) / f"{file.removesuffix(suffix)}.py"
+                    yield source.relative_to(root).as_posix()
