@@ -1,0 +1,88 @@
+"""`python -m tests.support.compiled.trials`: outcomes of many short trials, as JSON by name.
+
+Run with pure Python and with the compiled modules, the texts must be equal: an outcome contains the
+digest of the drive, and its text distinguishes 1 from 1.0.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import cycle
+from pathlib import Path
+
+from plant.model.noise import LEVELS
+from plant.world.file import load, loads
+from robot.core import brain
+from study.trial.behaviour import Behaviour
+from study.trial.trial import NAVIGATORS, SIDES, Trial, run_trial
+
+WORLDS = sorted((Path(__file__).parents[3] / "plant" / "worlds").glob("*.toml"))
+TIMEOUT_S = 12.0
+TROUBLED = """
+name = "troubled"
+size_m = [4.0, 3.0]
+start = { x_m = 0.7000000001, y_m = 1.1, heading_deg = 33.3 }
+goal = { x_m = 3.3, y_m = 1.4142135, heading_deg = -123.4 }
+[robot]
+radius_m = 0.1
+track_m = 0.17
+ticks_per_m = 4321.0
+[[obstacle]]
+circle_m = { x = 1.5, y = 2.5, radius = 0.1 }
+path_m = [[1.5, 2.5], [1.5, 0.4]]
+speed_m_s = 0.07
+[[obstacle]]
+wall_m = [[2.0, 0.5], [2.6, 1.2], [2.0, 2.0]]
+[[fault]]
+"""
+FAULTS = (
+    'kind = "scan_stopped"\nstart_s = 2.0\nend_s = 2.2\n',
+    'kind = "ticks_stopped"\nstart_s = 2.0\nend_s = 2.12\n',
+    'kind = "sonar_frozen"\ntarget = "3"\nstart_s = 1.0\n',
+    'kind = "sonar_offset"\ntarget = "all"\nvalue = 0.05\nstart_s = 1.0\n',
+    'kind = "wheel_slip"\ntarget = "left"\nvalue = 0.3\nstart_s = 1.0\n',
+    'kind = "encoder_jump"\ntarget = "right"\nvalue = 40\nstart_s = 2.0\n',
+    'kind = "wheel_stuck"\ntarget = "both"\nstart_s = 3.0\nend_s = 4.0\n',
+)
+
+
+def trials() -> Iterator[tuple[str, Trial]]:
+    """Yield every world with every navigator, noises and sides in turn, and every kind of fault."""
+    noises, sides = cycle(LEVELS), cycle(SIDES)
+    seed = 0
+    for path in WORLDS:
+        for navigator in NAVIGATORS:
+            noise, side, seed = next(noises), next(sides), seed + 1
+            trial = Trial(
+                world=load(str(path)),
+                navigator=navigator,
+                noise=noise,
+                side=side,
+                seed=seed,
+                timeout_s=TIMEOUT_S,
+            )
+            yield f"{path.stem}/{navigator}/{noise}/{side}", trial
+        next(noises)  # so that a navigator gets another noise in the next world
+    for number, fault in enumerate(FAULTS):
+        yield f"fault {number}", Trial(world=loads(TROUBLED + fault), timeout_s=TIMEOUT_S)
+
+
+def outcomes() -> dict[str, str]:
+    """Run the trials; return the text of each outcome and of its statistics."""
+    found = {}
+    for name, trial in trials():
+        watch = Behaviour()
+        outcome = replace(run_trial(trial, watch), wall_s=0.0)
+        statistics = (watch.ticks_of, watch.turned_rad, watch.mean_clearance_m, watch.side_changes)
+        found[name] = f"{outcome} {statistics}"
+    return found
+
+
+def is_compiled() -> bool:
+    """Return whether this process runs the compiled core."""
+    return not str(brain.__file__).endswith(".py")
+
+
+if __name__ == "__main__":
+    json.dump({"compiled": is_compiled(), "outcomes": outcomes()}, sys.stdout)
