@@ -35,11 +35,11 @@ def complaint(root: Path = ROOT) -> str:
 def complaints(root: Path = ROOT) -> Iterator[str]:
     """Yield a text about each compiled module without its source, and about each changed source."""
     listed = sources(root)
-    found = set(compiled_modules(root))
-    for name in sorted(found - listed.keys()):
+    found = dict(compiled_modules(root))
+    for name in sorted(found.keys() - listed.keys()):
         yield (
             f"{name} is compiled here, but {LIST} does not list it, so it may be older than its "
-            f"source: delete {name.removesuffix('.py')}{EXTENSION_SUFFIXES[0]}"
+            f"source: delete {found[name]}"
         )
     for name, digest in listed.items():
         source = root / name
@@ -59,11 +59,12 @@ def sources(root: Path) -> dict[str, str]:
     return listed
 
 
-def compiled_modules(root: Path) -> Iterator[str]:
-    """Yield the sources that Python would not read, because a compiled module comes before them."""
+def compiled_modules(root: Path) -> Iterator[tuple[str, str]]:
+    """Yield each source that Python does not read, and the compiled module that precedes it."""
     for package in PACKAGES:
         for folder, _, files in walk(root / package):
             for file in files:
-                if suffix := next(filter(file.endswith, EXTENSION_SUFFIXES), ""):
-                    source = Path(folder) / f"{file.removesuffix(suffix)}.py"
-                    yield source.relative_to(root).as_posix()
+                name, dot, suffix = file.partition(".")
+                if dot + suffix in EXTENSION_SUFFIXES:
+                    place = Path(folder).relative_to(root).as_posix()
+                    yield f"{place}/{name}.py", f"{place}/{file}"

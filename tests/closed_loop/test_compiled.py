@@ -100,7 +100,3 @@ def test_an_editable_build_is_refused_by_name() -> None:
     )
     assert run.returncode == 1
     assert "SIDESTEP_COMPILE: an editable install is not compiled" in run.stderr
-
-
-def test_the_checkout_contains_no_compiled_module() -> None:
-    assert list(compiled.compiled_modules(ROOT)) == []

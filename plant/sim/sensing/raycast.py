@@ -36,6 +36,9 @@ MAX_TURN_RAD: Final = DRIFT.turn_rad
 MIN_TURN_COSINE: Final = cos(MAX_TURN_RAD)
 TINY: Final = 1e-12
 
+MISSED: Final = 1.0 + 1e-9
+"""The squared distance of a ray from a disc that it misses, over the squared radius, at least."""
+
 COS_1: Final = cos(RAY_RAD)
 SIN_1: Final = sin(RAY_RAD)
 COS_2: Final = cos(2.0 * RAY_RAD)
@@ -58,6 +61,8 @@ RIGHT_1: Final[list[Ray]] = [RIGHT_2[i] for i in (1, 0, 2, 3, 4)]
 MIDDLE: Final[list[Ray]] = [RIGHT_2[i] for i in (2, 1, 3, 0, 4)]
 LEFT_1: Final[list[Ray]] = [RIGHT_2[i] for i in (3, 4, 2, 1, 0)]
 LEFT_2: Final[list[Ray]] = [RIGHT_2[i] for i in (4, 3, 2, 1, 0)]
+
+NUMBERED: Final[list[tuple[int, float, float]]] = [(i, *RIGHT_2[i]) for i in range(RAYS_PER_SONAR)]
 
 Sight: TypeAlias = tuple[float, float, list[SeenDisc], list[SeenEdge]]
 """The axis of a cone in the frame of the robot, and the surfaces that may be in it."""
@@ -210,48 +215,73 @@ def cast_facing(
     found: list[float] = []
     for axis_x, axis_y, discs, edges in sights:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
-        found.append(nearest_facing(moving + discs, edges, x_m, y_m, ux, uy, least_cosine))
+        nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
+        meet_discs(moving + discs, x_m, y_m, ux, uy, nearest, facing)
+        meet_edges(edges, x_m, y_m, ux, uy, nearest, facing)
+        echo = 0.0
+        for i in range(RAYS_PER_SONAR):
+            if facing[i] >= least_cosine and nearest[i] > echo:
+                echo = nearest[i]
+        found.append(echo)
     return found
 
 
-def nearest_facing(
+def meet_discs(
     discs: list[SeenDisc],
-    edges: list[SeenEdge],
     x_m: float,
     y_m: float,
     ux: float,
     uy: float,
-    least_cosine: float,
-) -> float:
-    """Return the nearness of the nearest echo in a cone; a ray that grazes its surface has none."""
-    nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
-    for _, centre_x, centre_y, radius_m, square_m2 in discs:
+    nearest: list[float],
+    facing: list[float],
+) -> None:
+    """Update, per ray of a cone, the largest nearness and the cosine of its incidence."""
+    all_nearer = min(nearest)
+    for least_m, centre_x, centre_y, radius_m, square_m2 in discs:
+        if all_nearer * least_m >= 1.0:
+            break
         dx, dy = centre_x - x_m, centre_y - y_m
         along, aside = dx * ux + dy * uy, dy * ux - dx * uy
+        beyond = (aside if aside >= 0.0 else -aside) * COS_2 - along * SIN_2
+        if beyond > 0.0 and beyond * beyond > square_m2 * MISSED:
+            continue
         q = dx * dx + dy * dy - square_m2
-        for i in range(RAYS_PER_SONAR):
-            p = along * RIGHT_2[i][0] + aside * RIGHT_2[i][1]
+        for i, cosine, sine in NUMBERED:
+            p = along * cosine + aside * sine
             excess = p * p - q
             if p > 0.0 and excess >= 0.0:
                 root = sqrt(excess)
                 near = (p + root) / (q if q > TINY else TINY)
                 if near > nearest[i]:
                     nearest[i], facing[i] = near, root / radius_m
-    for _, start_x, start_y, end_x, end_y, length_m in edges:
+        all_nearer = min(nearest)
+
+
+def meet_edges(
+    edges: list[SeenEdge],
+    x_m: float,
+    y_m: float,
+    ux: float,
+    uy: float,
+    nearest: list[float],
+    facing: list[float],
+) -> None:
+    """Do as `meet_discs`, with edges."""
+    all_nearer = min(nearest)
+    for least_m, start_x, start_y, end_x, end_y, length_m in edges:
+        if all_nearer * least_m >= 1.0:
+            break
         ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
         n = ay * (bx - ax) - ax * (by - ay)
         if n < 0.0:
             continue
         a_along, a_aside = ax * ux + ay * uy, ay * ux - ax * uy
         b_along, b_aside = bx * ux + by * uy, by * ux - bx * uy
-        for i in range(RAYS_PER_SONAR):
-            cosine, sine = RIGHT_2[i]
+        for i, cosine, sine in NUMBERED:
             begins = cosine * a_aside - sine * a_along
             ends = sine * b_along - cosine * b_aside
             if begins >= 0.0 and ends >= 0.0:
                 near = (begins + ends) / (n if n > TINY else TINY)
                 if near > nearest[i]:
                     nearest[i], facing[i] = near, (begins + ends) / length_m
-    return max(
-        [nearest[i] for i in range(RAYS_PER_SONAR) if facing[i] >= least_cosine], default=0.0
-    )
+        all_nearer = min(nearest)

@@ -1,8 +1,6 @@
-from fractions import Fraction
 from itertools import pairwise
 from math import asin, cos, degrees, hypot, inf, pi, radians, sin, sqrt
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,8 +8,8 @@ from hypothesis import strategies as st
 from plant.model.geometry import clearance_m
 from plant.model.scene import Pose, Scene, still
 from plant.model.types import Circle, Obstacle, Polygon, Polyline
-from plant.sim.sensing.raycast import ORDER, RAYS_PER_SONAR, SONARS, Caster, ray_bearings_rad
-from plant.sim.sensing.surfaces import Floats
+from plant.sim.sensing.raycast import ORDER, RAYS_PER_SONAR, Caster, ray_bearings_rad
+from plant.sim.sensing.surfaces import SONARS
 from tests.support.plant.rooms import room
 
 NOTHING = Scene((), ())
@@ -141,6 +139,24 @@ def test_cone_ranges_match_sphere_tracing(x_m: float, y_m: float, heading_rad: f
         assert seen[sonar] <= min(map(max, bundles_m)) + ROUNDED_M
 
 
+POSES = st.tuples(st.floats(0.0, 4.0), st.floats(0.0, 4.0), st.floats(-pi, pi))
+STEPS = st.tuples(st.floats(-0.06, 0.06), st.floats(-0.06, 0.06), st.floats(-0.4, 0.4))
+
+
+@pytest.mark.parametrize("limit_rad", [pi / 2, radians(40.0)])
+@given(POSES, st.lists(STEPS, min_size=1, max_size=12))
+def test_selected_surfaces_are_enough_until_the_next_selection(
+    limit_rad: float, pose: Pose, steps: list[Pose]
+) -> None:
+    scene = still(room(*OBSTACLES))
+    moving = Caster(scene, 3.12, limit_rad)
+    for x_m, y_m, turn_rad in steps:
+        before, pose = pose, (pose[0] + x_m, pose[1] + y_m, pose[2] + turn_rad)
+        expected = Caster(scene, 3.12, limit_rad).cast(before, pose)
+        for near, wanted in zip(moving.cast(before, pose), expected, strict=True):
+            assert near == wanted or max(near, wanted) < 1.0 / 3.12
+
+
 @given(st.floats(0.1, 9.9), st.floats(0.1, 9.9), st.floats(-pi, pi))
 def test_no_ray_slips_between_the_walls_of_a_closed_room(
     x_m: float, y_m: float, heading_rad: float
@@ -251,44 +267,3 @@ def test_slow_turn_and_short_motion_hide_no_shape(steps: list[tuple[float, float
         pose = (1.7, 1.7 + along_m, heading_rad)
         anew = Caster(scene, 3.12, pi / 2)
         assert seen_m(travelling, pose) == seen_m(anew, pose)
-
-
-def exact(a: Floats, b: Floats) -> list[list[Fraction]]:
-    columns = [[Fraction(value) for value in column] for column in b.T.tolist()]
-    return [
-        [
-            sum((Fraction(x) * y for x, y in zip(row, column, strict=True)), Fraction(0))
-            for column in columns
-        ]
-        for row in a.tolist()
-    ]
-
-
-@settings(max_examples=20, deadline=None)
-@given(
-    st.lists(st.tuples(*[st.floats(-100.0, 100.0)] * 4), min_size=1, max_size=3),
-    st.lists(
-        st.tuples(*[st.floats(-100.0, 100.0)] * 2, st.floats(0.01, 10.0)), min_size=1, max_size=3
-    ),
-    st.tuples(*[st.floats(-300.0, 300.0)] * 2, st.floats(-pi, pi)),
-)
-def test_no_product_of_matrices_is_rounded(
-    edges: list[tuple[float, float, float, float]],
-    discs: list[tuple[float, float, float]],
-    pose: Pose,
-) -> None:
-    """Then a library may add in any order, and with or without FMA."""
-    caster = Caster(Scene(tuple(discs), tuple(edges)), 900.0, pi / 2)
-    caster.cast(pose, pose)
-    chosen, sheet = caster._chosen, caster._sheet
-    turned = [[Fraction(value) for value in row] for row in caster._turned.tolist()]
-    assert exact(caster._aim_matrix, caster._turned) == [
-        [Fraction(value) for value in row] for row in caster._aimed.tolist()
-    ]
-    assert turned[0][0].denominator <= 1 << 26
-    met = sheet._met.tolist()
-    assert exact(chosen.ray_rows, caster._rays) == [[Fraction(one) for one in row] for row in met]
-    origins = np.concatenate([chosen.origin_rows.dot(caster._starts)])
-    assert exact(chosen.origin_rows, caster._starts) == [
-        [Fraction(one) for one in row] for row in origins.tolist()
-    ]

@@ -1,0 +1,57 @@
+"""The build compiles only when asked to, and says why it cannot."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import hatch_build
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(("value", "wanted"), [("", False), ("0", False), ("1", True)])
+def test_only_the_value_1_compiles(
+    monkeypatch: pytest.MonkeyPatch, value: str, wanted: bool
+) -> None:
+    monkeypatch.setenv(hatch_build.SWITCH, value)
+    assert hatch_build.is_wanted() is wanted
+
+
+@pytest.mark.parametrize("value", ["yes", "2", " 1"])
+def test_another_value_of_the_switch_is_refused(
+    monkeypatch: pytest.MonkeyPatch, value: str
+) -> None:
+    monkeypatch.setenv(hatch_build.SWITCH, value)
+    with pytest.raises(SystemExit, match=f"SIDESTEP_COMPILE={value}: use 1 to compile"):
+        hatch_build.is_wanted()
+
+
+def test_a_missing_compiler_is_named_with_the_package_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler -O2")
+    with pytest.raises(SystemExit, match="no C compiler 'no-such-compiler': install gcc"):
+        hatch_build.check_compiler()
+
+
+def test_missing_headers_of_python_are_named(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("CC", "sh")
+    monkeypatch.setattr("sysconfig.get_paths", lambda: {"include": str(tmp_path)})
+    with pytest.raises(SystemExit, match="install python3-dev"):
+        hatch_build.check_compiler()
+
+
+def test_a_pattern_without_a_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"no file matches modules = 'robot/cor/\*.py'"):
+        hatch_build.sources_in(tmp_path, ["robot/cor/*.py"])
+
+
+def test_the_modules_named_in_the_project_are_found() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    hooks = project["tool"]["hatch"]["build"]["targets"]["wheel"]["hooks"]
+    sources = hatch_build.sources_in(ROOT, hooks["custom"]["modules"])
+    assert {"robot/core/brain.py", "plant/sim/sensing/raycast.py"} <= set(sources)
+    assert not [name for name in sources if name.endswith("__init__.py")]
