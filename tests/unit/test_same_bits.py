@@ -39,7 +39,6 @@ NUMPY = {
 
 ALLOWED = {
     "plant/model/draws.py": {"import random"},  # only what Python promises; see the next test
-    "plant/sim/sensing/raycast.py": {".dot()"},  # of factors whose products and sums are exact
     # sums of whole numbers
     "plant/cli/worlds.py": {"sum()"},
     "plant/imports/barn.py": {"sum()"},

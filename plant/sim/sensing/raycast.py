@@ -11,7 +11,7 @@ Points are turned into the frame of a cone: *along* its axis, and *aside* to the
 """
 
 from collections.abc import Sequence
-from math import cos, inf, pi, radians, sin, sqrt, tan
+from math import inf, pi, radians, sqrt
 from typing import Final, TypeAlias
 
 from plant.model.scene import Disc, Pose, Scene
@@ -23,6 +23,7 @@ from plant.sim.sensing.surfaces import (
     SeenEdge,
     Surfaces,
 )
+from runtime.elementary import cos, cos_sin, sin
 
 RAYS_PER_SONAR: Final = 5
 RAY_RAD: Final = CONE_RAD / RAYS_PER_SONAR
@@ -32,8 +33,8 @@ ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 DRIFT: Final = PoseTolerance(way_m=0.15, turn_rad=radians(25.0))
 """Motion of the robot after which the surfaces in sight are selected again."""
 
+MAX_WAY_M2: Final = DRIFT.way_m * DRIFT.way_m
 MAX_TURN_RAD: Final = DRIFT.turn_rad
-MIN_TURN_COSINE: Final = cos(MAX_TURN_RAD)
 TINY: Final = 1e-12
 
 MISSED: Final = 1.0 + 1e-9
@@ -43,8 +44,8 @@ COS_1: Final = cos(RAY_RAD)
 SIN_1: Final = sin(RAY_RAD)
 COS_2: Final = cos(2.0 * RAY_RAD)
 SIN_2: Final = sin(2.0 * RAY_RAD)
-TAN_MIDWAY_1: Final = tan(0.5 * RAY_RAD)
-TAN_MIDWAY_2: Final = tan(1.5 * RAY_RAD)
+TAN_MIDWAY_1: Final = sin(0.5 * RAY_RAD) / cos(0.5 * RAY_RAD)
+TAN_MIDWAY_2: Final = sin(1.5 * RAY_RAD) / cos(1.5 * RAY_RAD)
 """Between the middle ray and its neighbour; between that and the outermost one."""
 
 Ray: TypeAlias = tuple[float, float]
@@ -110,10 +111,10 @@ class Caster:
     def _drifted(self, at: Pose) -> bool:
         """Return whether the pose differs too much from that of the chosen surfaces."""
         x_m, y_m, heading_rad = self._chosen_at
-        dx, dy, turn_rad = at[0] - x_m, at[1] - y_m, at[2] - heading_rad
-        if dx * dx + dy * dy > DRIFT.way_m * DRIFT.way_m:
-            return True
-        return not -MAX_TURN_RAD <= turn_rad <= MAX_TURN_RAD and cos(turn_rad) < MIN_TURN_COSINE
+        dx, dy, turned_rad = at[0] - x_m, at[1] - y_m, abs(at[2] - heading_rad)
+        if turned_rad > pi:
+            turned_rad = 2.0 * pi - turned_rad
+        return dx * dx + dy * dy > MAX_WAY_M2 or turned_rad > MAX_TURN_RAD
 
     def _choose(self, at: Pose) -> None:
         """Select the surfaces in sight."""
@@ -137,7 +138,7 @@ def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc]) -> list[flo
     A disc is nearest along the ray that passes its centre most closely, so one ray suffices.
     """
     x_m, y_m, heading_rad = at
-    cosine, sine = cos(heading_rad), sin(heading_rad)
+    cosine, sine = cos_sin(heading_rad)
     moving = moving_discs(moved) if moved else None
     found: list[float] = []
     for axis_x, axis_y, discs, edges in sights:
@@ -210,7 +211,7 @@ def cast_facing(
 ) -> list[float]:
     """Do as `cast_group`, but a ray that grazes its surface has no echo."""
     x_m, y_m, heading_rad = at
-    cosine, sine = cos(heading_rad), sin(heading_rad)
+    cosine, sine = cos_sin(heading_rad)
     moving = moving_discs(moved)
     found: list[float] = []
     for axis_x, axis_y, discs, edges in sights:

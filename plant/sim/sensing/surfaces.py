@@ -3,12 +3,13 @@
 The selection only skips surfaces that cannot matter: rounding in it never changes an echo.
 """
 
-from math import cos, floor, pi, radians, sin, sqrt
+from math import floor, pi, radians, sqrt
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
 from plant.model.scene import Disc, Edge, Pose, Scene
+from runtime.elementary import cos_sin
 
 SONARS: Final = 8
 CONE_RAD: Final = radians(22.5)
@@ -22,6 +23,9 @@ BEARING_ERROR_RAD: Final = 0.006
 
 NEAR_M: Final = 1.0
 """Surfaces of the whole scene are looked at again after this way."""
+
+LEAST_M2: Final = 1e-300
+"""Keeps the division by the square of a length of zero possible."""
 
 SeenDisc: TypeAlias = tuple[float, float, float, float, float]
 """Smallest distance from the ring, centre, radius, and its square."""
@@ -47,9 +51,12 @@ class Surfaces:
         self._scene = scene
         discs = np.array(scene.discs, dtype=float).reshape(-1, 3)
         edges = np.array(scene.edges, dtype=float).reshape(-1, 4)
-        self._starts = np.concatenate([discs[:, :2], edges[:, :2]])
-        self._spans = np.concatenate([np.zeros((len(discs), 2)), edges[:, 2:] - edges[:, :2]])
-        self._squares = np.maximum((self._spans * self._spans).sum(axis=1), np.finfo(float).tiny)
+        starts = np.concatenate([discs[:, :2], edges[:, :2]])
+        ends = np.concatenate([discs[:, :2], edges[:, 2:]])
+        self._x, self._y = starts.T
+        self._along_x, self._along_y = (ends - starts).T
+        squares = self._along_x * self._along_x + self._along_y * self._along_y
+        self._squares = np.maximum(squares, LEAST_M2)
         self._radii = np.concatenate([discs[:, 2], np.zeros(len(edges))])
         self._near_at = (np.inf, np.inf)
         self._discs: list[Disc] = []
@@ -71,10 +78,11 @@ class Surfaces:
 
     def _look_around(self, at: Pose, reach_m: float) -> None:
         """Select the surfaces near the robot; with numpy, because a map may have thousands."""
-        gaps = self._starts - at[:2]
-        shares = -(gaps * self._spans).sum(axis=1) / self._squares
-        gaps += np.minimum(np.maximum(shares, 0.0), 1.0)[:, None] * self._spans
-        near = np.hypot(gaps[:, 0], gaps[:, 1]) - self._radii < reach_m + 2.0 * NEAR_M
+        x, y, along_x, along_y = self._x - at[0], self._y - at[1], self._along_x, self._along_y
+        shares = -(x * along_x + y * along_y) / self._squares
+        shares = np.minimum(np.maximum(shares, 0.0), 1.0)
+        x, y = x + shares * along_x, y + shares * along_y
+        near = np.sqrt(x * x + y * y) - self._radii < reach_m + 2.0 * NEAR_M
         chosen: list[int] = np.flatnonzero(near).tolist()
         discs, edges = self._scene
         self._discs = [discs[i] for i in chosen if i < len(discs)]
@@ -87,7 +95,7 @@ def add_discs(
 ) -> None:
     """Add to each view the discs that its sonar may see."""
     x_m, y_m, heading_rad = at
-    cosine, sine = cos(heading_rad), sin(heading_rad)
+    cosine, sine = cos_sin(heading_rad)
     for centre_x, centre_y, radius_m in discs:
         dx, dy = centre_x - x_m, centre_y - y_m
         away_m, wide_m = sqrt(dx * dx + dy * dy), radius_m + way_m
@@ -105,7 +113,7 @@ def add_edges(
 ) -> None:
     """Add to each view the edges that its sonar may see, from their visible side."""
     x_m, y_m, heading_rad = at
-    cosine, sine = cos(heading_rad), sin(heading_rad)
+    cosine, sine = cos_sin(heading_rad)
     for start_x, start_y, end_x, end_y in edges:
         ax, ay, bx, by = start_x - x_m, start_y - y_m, end_x - x_m, end_y - y_m
         span_x, span_y = bx - ax, by - ay
