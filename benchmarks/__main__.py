@@ -25,6 +25,10 @@ BENCHMARKS = {
         "benchmarks.trial",
         "a trial in one process, x real time, compared with ir-sim",
     ),
+    "compiled": BenchmarkEntry(
+        "benchmarks.compiled.main",
+        "a trial with compiled modules, in pure Python, and of ir-sim, stage by stage",
+    ),
     "core": BenchmarkEntry(
         "benchmarks.core",
         "CPU time of one step of the control core",

@@ -1,4 +1,4 @@
-"""A compiled installation, built as a user builds it, once for all workers of a test run."""
+"""A compiled installation, built once for all workers of a test run."""
 
 import fcntl
 import os
@@ -7,20 +7,20 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from zipfile import ZipFile
 
 import pytest
 
 import hatch_build
+from benchmarks.compiled.wheel import ROOT, install_compiled
 
-ROOT = Path(__file__).parents[3]
-BUILD_TIMEOUT_S = 280
+DONE = "built"
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
     """Hold a lock, so that another worker waits for the build instead of building, too."""
-    with (folder / "compiled.lock").open("w") as lock:
+    folder.mkdir(exist_ok=True)
+    with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
@@ -32,27 +32,11 @@ def built(shared: Path) -> Path:
     except SystemExit as refusal:
         pytest.skip(str(refusal))
     folder = shared / "compiled"
-    with locked(shared):
-        if not folder.exists():
-            wheels = shared / "wheels"
-            run = build_wheel(wheels)
-            assert run.returncode == 0, run.stdout + run.stderr
-            with ZipFile(next(wheels.glob("*.whl"))) as wheel:
-                wheel.extractall(folder)
-    return folder
-
-
-def build_wheel(into: Path, switch: str = "1") -> "subprocess.CompletedProcess[str]":
-    """Build a wheel of the checkout, with the tools of this environment."""
-    words = ("pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index", "-w", str(into))
-    return subprocess.run(
-        [sys.executable, "-m", *words, str(ROOT)],
-        env={**os.environ, hatch_build.SWITCH: switch},
-        capture_output=True,
-        text=True,
-        timeout=BUILD_TIMEOUT_S,
-        check=False,
-    )
+    with locked(folder):
+        if not (folder / DONE).exists():
+            install_compiled(folder)
+            (folder / DONE).touch()
+    return folder / "installation"
 
 
 def run_python(

@@ -1,0 +1,1 @@
+"""Compiled and pure trials, compared with each other and with ir-sim."""
