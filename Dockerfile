@@ -28,11 +28,17 @@ RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
     ./wanted web keys >wanted.txt && ./install -r wanted.txt
 
+# Control core and simulation are compiled: SIDESTEP_COMPILE=0 as a build argument leaves them in
+# pure Python and needs no compiler. The compiler stays in this stage.
 FROM wanted AS built
+ARG SIDESTEP_COMPILE=1
+RUN [ "$SIDESTEP_COMPILE" != 1 ] || { apt-get update -qq \
+    && apt-get install -y -qq --no-install-recommends gcc libc6-dev >/dev/null \
+    && rm -rf /var/lib/apt/lists/*; }
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    /source/install --python /pip/bin/python hatchling
-COPY README.md LICENSE sidestep.py ./
+    /source/install --python /pip/bin/python hatchling mypy setuptools -r wanted.txt
+COPY README.md LICENSE sidestep.py hatch_build.py ./
 COPY runtime runtime
 COPY protocol protocol
 COPY robot robot

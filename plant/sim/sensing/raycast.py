@@ -165,7 +165,9 @@ def cast_group(sights: list[Sight], at: Pose, moved: Sequence[Disc]) -> list[flo
                 near = (p + sqrt(excess)) / (q if q > TINY else TINY)
                 if near > nearest:
                     nearest = near
-        found.append(nearest_edge(edges, x_m, y_m, ux, uy, nearest) if edges else nearest)
+        if edges and nearest * edges[0][0] < 1.0:
+            nearest = nearest_edge(edges, x_m, y_m, ux, uy, nearest)
+        found.append(nearest)
     return found
 
 
