@@ -32,8 +32,12 @@ RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
 # pure Python and needs no compiler. The compiler stays in this stage.
 FROM wanted AS built
 ARG SIDESTEP_COMPILE=1
-RUN [ "$SIDESTEP_COMPILE" != 1 ] || { apt-get update -qq \
-    && apt-get install -y -qq --no-install-recommends gcc libc6-dev >/dev/null \
+# python3-dev only for a base whose Python is that of the distribution.
+RUN [ "$SIDESTEP_COMPILE" != 1 ] || { \
+    headers=$(python3 -c 'import sysconfig; print(sysconfig.get_paths()["include"])')/Python.h \
+    && apt-get update -qq \
+    && apt-get install -y -qq --no-install-recommends gcc libc6-dev \
+        $([ -e "$headers" ] || echo python3-dev) >/dev/null \
     && rm -rf /var/lib/apt/lists/*; }
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
