@@ -5,7 +5,6 @@ from typing import Any
 from benchmarks.compiled.main import Measured, figures_of, page, table
 from benchmarks.compiled.stages import measured
 
-
 PACES = {"compiled": 10.0, "pure": 2.0, "before": 1.0}
 
 
