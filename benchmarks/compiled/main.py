@@ -67,7 +67,7 @@ def running(folder: Path) -> Iterator[Child]:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this benchmark."""
-    parser.add_argument("--worlds", nargs="+", default=["forest_dense", "u_trap"])
+    parser.add_argument("--worlds", nargs="+", default=["forest_medium", "forest_dense"])
     parser.add_argument("--repetitions", type=int, default=5)
     parser.add_argument("--before", type=Path, help="an older checkout to compare with")
     parser.add_argument("--no-peer", action="store_true", help="measure without ir-sim")
