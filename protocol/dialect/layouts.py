@@ -65,4 +65,16 @@ TICK_INPUTS 54117 143 time_ns:Q now_ms:Q tick:I wheels_seq:I scan_seq:I requests
   operator_age_ms:I speed_mm_s:h yaw_rate_mrad_s:h flags:B
 GATEWAY_STATUS 54118 56 time_ns:Q sent_bytes_s:I refused:I malformed:I received_hz:H
   lost_permille:H system:B clients:B signing:B owner:B
+BOARD_HELLO 54120 163 flash_bytes:I static_bytes:I heap_bytes:I stack_bytes:I core_hash:32B
+  core_version:24s float_bits:B parameters:B reset_cause:B
+BOARD_SETUP 54121 190 x_m:d y_m:d heading_rad:d left:i right:i silence_ms:H fence_lost:B
+BOARD_PARAMETER 54122 28 value:d index:B
+BOARD_FENCE 54123 239 radius_m:d x:16i y:16i corners:B
+BOARD_ANSWER 54124 40 request:I message_id:I reason:B
+BOARD_STATE 54125 90 goal_started_ms:Q goal_ended_ms:Q x_m:d y_m:d heading_rad:d
+  goal_distance_m:d slip_share:d tick:I serial:I replaced_serial:I pursuits:I crumbs:H vehicle:B
+  vehicle_reason:B mode:B resume_mode:B goal:B goal_reason:B cause:B navigator:B side:b flags:B
+BOARD_REPORT 54126 177 tick:I command_ns:I busy_ns:I heap_live_bytes:I heap_peak_bytes:I
+  allocated_bytes:I stack_peak_bytes:I skipped_bytes:I refused:I unsent:I silences:I
+BOARD_RESTART 54127 214 confirmation:I
 """

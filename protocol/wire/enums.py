@@ -91,6 +91,17 @@ class MissionState(IntEnum):
     FAILED = 6  # Ended early; see the reason. Can be started again.
 
 
+class ResetCause(IntEnum):
+    """Cause of a reset of the board."""
+
+    POWER = 0  # Power on.
+    EXTERNAL = 1  # Reset from outside, or requested by the host.
+    WATCHDOG = 2  # The program hung and the watchdog reset it.
+    FAULT = 3  # Fault of the processor.
+    MEMORY = 4  # Out of memory.
+    EXCEPTION = 5  # Exception in the main loop.
+
+
 class MissionType(IntEnum):
     """MAV_MISSION_TYPE: content of a transfer of items."""
 
@@ -171,6 +182,12 @@ INPUT_SCAN: Final = 2  # A fresh scan.
 INPUT_BUDGET: Final = 4  # The cycle before exceeded its budget.
 INPUT_TELEOP: Final = 8  # A fresh TELEOP.
 INPUT_NAME_TAKEN: Final = 16  # Another robot of this name is on the bus.
+BOARD_PLACED: Final = 1  # The robot knows its place.
+BOARD_SENSES: Final = 2  # Fresh sensor data in the last step.
+BOARD_OPERATOR: Final = 4  # A fresh operator heartbeat in the last step.
+BOARD_FENCE: Final = 8  # There is a fence.
+BOARD_FENCE_LOST: Final = 16  # A saved fence is lost.
+BOARD_STEERED: Final = 32  # The operator steers in MANUAL.
 TYPE_GCS: Final = 6
 TYPE_GROUND_ROVER: Final = 10
 AUTOPILOT_GENERIC: Final = 0

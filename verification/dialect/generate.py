@@ -40,6 +40,7 @@ OPERATOR_MESSAGES: Final = frozenset(
     }
 )
 """Messages between operators and robots, besides the common ones."""
+BOARD: Final = "BOARD_"
 FIRST_OWN_ID: Final = 54_100
 REASON: Final = "SIDESTEP_REASON"
 ENUM_CLASSES: Final = {
@@ -51,6 +52,7 @@ ENUM_CLASSES: Final = {
     "SIDESTEP_RUN_ACTION": "RunAction",
     "SIDESTEP_LEASE_ACTION": "LeaseAction",
     "SIDESTEP_MISSION": "MissionState",
+    "SIDESTEP_RESET": "ResetCause",
     "MAV_MISSION_TYPE": "MissionType",
     "MAV_CMD": "Command",
     "MAV_RESULT": "AckResult",
@@ -67,6 +69,7 @@ COMMON_TEXTS: Final = {
 CONSTANTS: Final = {
     "SIDESTEP_BUMPER": "BUMPER",
     "SIDESTEP_INPUT": "INPUT",
+    "SIDESTEP_BOARD": "BOARD",
     "MAV_TYPE": "TYPE",
     "MAV_AUTOPILOT": "AUTOPILOT",
     "MAV_MODE_FLAG": "MODE_FLAG",
@@ -129,6 +132,12 @@ def messages_robot(dialect: Dialect) -> str:
     return message_module(docstring, robot(dialect))
 
 
+def messages_board(dialect: Dialect) -> str:
+    """Return the module of messages between a host and the board that runs the core."""
+    docstring = "Messages of the serial link between a host and the board that runs the core."
+    return message_module(docstring, board(dialect))
+
+
 def message_module(docstring: str, messages: list[MessageType]) -> str:
     """Return a module of message classes."""
     text = [line for message in messages for line in message_lines(message, NAMES_OF_ENUM)]
@@ -147,15 +156,20 @@ def operator(dialect: Dialect) -> list[MessageType]:
     return [message for message in dialect.messages if message.name in OPERATOR_MESSAGES]
 
 
+def board(dialect: Dialect) -> list[MessageType]:
+    """Return our own messages of the serial link to the board."""
+    return [message for message in dialect.messages if message.name.startswith(BOARD)]
+
+
 def robot(dialect: Dialect) -> list[MessageType]:
     """Return our own messages of the control loop and of runs."""
-    others = {*common(dialect), *operator(dialect)}
+    others = {*common(dialect), *operator(dialect), *board(dialect)}
     return [message for message in dialect.messages if message not in others]
 
 
 def messages(dialect: Dialect) -> str:
     """Return the module that re-exports all messages."""
-    groups = {"common": common, "operator": operator, "robot": robot}
+    groups = {"board": board, "common": common, "operator": operator, "robot": robot}
     imports = {f"{package()}.messages_{name}": names(of(dialect)) for name, of in groups.items()}
     every = names(dialect.messages)
     exported = sorted(["Message", *every], key=str.lower)
@@ -297,6 +311,7 @@ CLASS_OF_ENUM: Final = {**ENUM_CLASSES, REASON: "Reason"}
 NAMES_OF_ENUM: Final = CLASS_OF_ENUM | {name: f"{one}_*" for name, one in CONSTANTS.items()}
 OUTPUTS: Final[dict[str, Callable[[Dialect], str]]] = {
     f"{WIRE}/messages.py": messages,
+    f"{WIRE}/messages_board.py": messages_board,
     f"{WIRE}/messages_common.py": messages_common,
     f"{WIRE}/messages_operator.py": messages_operator,
     f"{WIRE}/messages_robot.py": messages_robot,

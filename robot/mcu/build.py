@@ -1,0 +1,146 @@
+"""Build the firmware: `make firmware`."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+from robot.mcu import messages
+from robot.mcu.freeze import BODY, Binding, Program
+
+ROOT: Final = Path(__file__).resolve().parents[2]
+HERE: Final = Path(__file__).resolve().parent
+OUTPUT: Final = ROOT / "build" / "firmware"
+CORE: Final = ROOT / "robot" / "core"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Image:
+    """One variant of the firmware; sizes in bytes."""
+
+    name: str = "lpc1768"
+    float_bits: int = 64
+    ram_bytes: int = 64 * 1024
+    heap_bytes: int = 48 * 1024
+    stack_bytes: int = 6 * 1024
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        return OUTPUT / self.name
+
+    @property
+    def elf(self) -> Path:
+        """The image itself."""
+        return self.folder / "firmware.elf"
+
+
+def core_hash(folder: Path = CORE) -> bytes:
+    """Return the SHA-256 over the names and the contents of the sources of the core."""
+    digest = sha256()
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
+        digest.update(path.read_bytes() + b"\0")
+    return digest.digest()
+
+
+def module_name(path: Path, root: Path) -> str:
+    """Return the dotted name of a module."""
+    parts = list(path.relative_to(root).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def sources() -> dict[str, str]:
+    """Return all sources that may be frozen, by module."""
+    paths = {module_name(path, ROOT): path for path in CORE.rglob("*.py")}
+    paths["robot"] = ROOT / "robot" / "__init__.py"
+    paths |= {path.stem: path for path in (HERE / "onboard").glob("*.py")}
+    texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
+    return texts | {"wire": messages.python_module()}
+
+
+def values(names: Sequence[str]) -> dict[Binding, object]:
+    """Return the module-level values of the core, as CPython computes them."""
+    found: dict[Binding, object] = {}
+    for name in names:
+        if name.startswith("robot.core"):
+            for key, value in vars(importlib.import_module(name)).items():
+                found[name, key] = value
+    for key, value in messages.constants():
+        found["wire", key] = value
+    return found
+
+
+def onboard_values(program: Program) -> dict[Binding, object]:
+    """Return the values of literal constants of the firmware's own modules."""
+    import ast
+
+    found: dict[Binding, object] = {}
+    for module in program.modules.values():
+        for name in module.finals:
+            for statement in module.defined.get(name, ()):
+                if isinstance(statement, ast.Assign):
+                    try:
+                        found[module.name, name] = ast.literal_eval(statement.value)
+                    except ValueError:
+                        continue
+    return found
+
+
+def freeze(folder: Path) -> None:
+    """Write the prepared sources and their manifest."""
+    texts = sources()
+    program = Program(texts, values(list(texts)))
+    program.add_values(onboard_values(program))
+    shutil.rmtree(folder, ignore_errors=True)
+    frozen = program.frozen("main")
+    packages = {name.rpartition(".")[0] for name in frozen}
+    for name, text in frozen.items():
+        path = folder.joinpath(*name.split("."))
+        path = path / "__init__.py" if name in packages else path.with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n", encoding="utf-8")
+    (folder.parent / "manifest.py").write_text(f"freeze({str(folder)!r})\n", encoding="utf-8")
+
+
+def write_headers(folder: Path) -> None:
+    """Write the headers generated for the port."""
+    from runtime.version import VERSION
+
+    folder.mkdir(parents=True, exist_ok=True)
+    hashed = "".join(f"\\x{byte:02x}" for byte in core_hash())
+    image = f'#define CORE_HASH "{hashed}"\n#define CORE_VERSION "{VERSION[:24]}"\n'
+    (folder / "messages.h").write_text(messages.c_header(), encoding="utf-8")
+    (folder / "image.h").write_text(image, encoding="utf-8")
+
+
+def build(image: Image, top: Path) -> None:
+    """Build one variant."""
+    write_headers(image.folder)
+    freeze(image.folder / "frozen")
+    command = [
+        "make",
+        "-C",
+        str(HERE / "port"),
+        f"-j{os.cpu_count() or 1}",
+        f"TOP={top}",
+        f"BUILD={image.folder}",
+        f"FROZEN_MANIFEST={image.folder / 'manifest.py'}",
+        f"MICROPY_MPYCROSS={top}/mpy-cross/build/mpy-cross",
+        f"HEAP_BYTES={image.heap_bytes}",
+        f"STACK_BYTES={image.stack_bytes}",
+        f"RAM_BYTES={image.ram_bytes}",
+        f"FLOAT_BITS={image.float_bits}",
+        "V=1",
+    ]
+    subprocess.run(command, check=True)
+
+
+if __name__ == "__main__":
+    build(Image(), OUTPUT / "micropython-1.25.0")

@@ -1,0 +1,150 @@
+"""Requests of the host: set-up, parameters, fence, goals and commands."""
+
+from math import isfinite
+from struct import unpack_from
+
+import board
+import outputs
+import wire
+from onboard import Onboard
+
+from robot.core import modes, place, reasons, states
+from robot.core.parameters import Params
+from robot.core.perception.from_messages import goal_of
+from robot.core.safety.fence import MAX_CORNERS, Fence
+from robot.core.state import State
+from robot.core.typing_shim import Final
+from robot.core.values import Pose
+
+PER_M: Final = 10_000
+MAX_INTEGER: Final = 0x3FFFFFFF
+
+
+def handle(onboard: Onboard, message_id: int) -> None:
+    """Act on a request, answer it, and send the state that it has led to."""
+    onboard.requests = onboard.requests + 1 & MAX_INTEGER
+    if message_id == wire.BOARD_PARAMETER_ID:
+        reason = set_parameter(onboard)
+    elif message_id == wire.BOARD_SETUP_ID:
+        reason = set_up(onboard)
+    elif onboard.state is None:
+        reason = reasons.NO_SENSES
+    elif message_id == wire.GOAL_REQUEST_ID:
+        reason = go(onboard)
+    elif message_id == wire.COMMAND_REQUEST_ID:
+        reason = command(onboard)
+    elif message_id == wire.BOARD_FENCE_ID:
+        reason = set_fence(onboard)
+    else:
+        reason = reasons.UNKNOWN_COMMAND
+    outputs.send_answer(onboard, message_id, reason)
+    if onboard.state is not None:
+        outputs.send_state(onboard)
+
+
+def set_up(onboard: Onboard) -> int:
+    """Create the core afresh at a pose."""
+    x_m, y_m, heading_rad, left, right, silence_ms, fence_lost = unpack_from(
+        wire.BOARD_SETUP_FORMAT, board.inbox
+    )
+    if not (isfinite(x_m) and isfinite(y_m) and isfinite(heading_rad)):
+        return reasons.PARAMETER_OUT_OF_RANGE
+    onboard.state = None
+    onboard.state = state = State(onboard.params)
+    odometry = state.odometry
+    odometry.pose = Pose(x_m, y_m, heading_rad)
+    odometry.left, odometry.right = left, right
+    onboard.silence_ms = silence_ms
+    onboard.wheels = onboard.scan = None
+    if fence_lost:
+        modes.lose_fence(state.machine)
+    return reasons.OK
+
+
+def set_parameter(onboard: Onboard) -> int:
+    """Set one parameter; a whole number must fit the small integers of the board."""
+    value, index = unpack_from(wire.BOARD_PARAMETER_FORMAT, board.inbox)
+    values = list(onboard.params)
+    if index >= len(values):
+        return reasons.UNKNOWN_PARAMETER
+    if not isfinite(value):
+        return reasons.PARAMETER_OUT_OF_RANGE
+    if isinstance(values[index], int):
+        if not -MAX_INTEGER <= value <= MAX_INTEGER or int(value) != value:
+            return reasons.PARAMETER_OUT_OF_RANGE
+        value = int(value)
+    values[index] = value
+    params = Params(*values)
+    if onboard.state is not None:
+        machine = onboard.state.machine
+        if (params.navigator, params.side) != (onboard.params.navigator, onboard.params.side):
+            reason = modes.set_navigator(machine, params.navigator, params.side)
+            if reason != reasons.OK:
+                return reason
+        machine.goal_max_m = params.goal_max_m
+    onboard.params = params
+    return reasons.OK
+
+
+def set_fence(onboard: Onboard) -> int:
+    """Replace or remove the fence."""
+    values = unpack_from(wire.BOARD_FENCE_FORMAT, board.inbox)
+    corners = values[-1]
+    if corners > MAX_CORNERS:
+        return reasons.FENCE_NOT_SIMPLE
+    fence = None
+    if corners:
+        xs_m = tuple([value / PER_M for value in values[1 : 1 + corners]])
+        second = 1 + MAX_CORNERS
+        ys_m = tuple([value / PER_M for value in values[second : second + corners]])
+        fence = Fence(xs_m, ys_m, values[0])
+    return modes.set_fence(onboard.state.machine, fence, onboard.state.odometry.pose)
+
+
+def go(onboard: Onboard) -> int:
+    """Drive to a goal."""
+    _, x_mm, y_mm, heading_urad, heading_tolerance_urad, tolerance_mm, free, mode, from_robot = (
+        unpack_from(wire.GOAL_REQUEST_FORMAT, board.inbox)
+    )
+    goal = goal_of(x_mm, y_mm, heading_urad, free, tolerance_mm, heading_tolerance_urad)
+    machine = onboard.state.machine
+    return modes.goto(machine, goal, mode, onboard.now_ms, from_robot != 0)
+
+
+def command(onboard: Onboard) -> int:
+    """Execute a command of an operator; missions are the host's."""
+    _, one, two, number, three = unpack_from(wire.COMMAND_REQUEST_FORMAT, board.inbox)
+    state, now_ms = onboard.state, onboard.now_ms
+    machine = state.machine
+    if number == wire.DO_FLIGHTTERMINATION:
+        return modes.estop(machine, now_ms)
+    if number == wire.SIDESTEP_CLEAR_EMERGENCY_STOP:
+        return modes.clear_estop(machine)
+    if number == wire.SIDESTEP_ABORT_GOAL:
+        return modes.abort(machine, now_ms)
+    if number == wire.NAV_RETURN_TO_LAUNCH:
+        return modes.rtl(machine, state.trail, now_ms)
+    if number == wire.DO_SET_MODE:
+        return modes.set_mode(machine, state.trail, whole(two), now_ms)
+    if number == wire.SIDESTEP_SET_NAVIGATOR:
+        return modes.set_navigator(machine, whole(one), whole(two) or machine.side)
+    if not isfinite(one):
+        return reasons.PARAMETER_OUT_OF_RANGE
+    if number == wire.COMPONENT_ARM_DISARM:
+        return modes.arm(machine) if one else modes.disarm(machine, now_ms)
+    if number == wire.DO_PAUSE_CONTINUE:
+        return modes.resume(machine) if one else modes.hold(machine)
+    if number == wire.SIDESTEP_SET_POSE and isfinite(two):
+        return place.set_pose(state, Pose(one, two, three))
+    return reasons.UNKNOWN_COMMAND
+
+
+def whole(value: float) -> int:
+    """Return a parameter as an integer; -256, which nothing accepts, if it is none."""
+    return int(value) if -256.0 <= value <= 256.0 else -256
+
+
+def restart() -> None:
+    """Reset the board if the host means it."""
+    if unpack_from(wire.BOARD_RESTART_FORMAT, board.inbox)[0] == wire.BOARD_RESTART_ID:
+        board.restart()

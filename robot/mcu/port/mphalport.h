@@ -1,0 +1,1 @@
+// MicroPython includes this file; this port has no terminal and no pins.

@@ -1,0 +1,1 @@
+// Names that the build needs besides those it finds in the sources: none.
