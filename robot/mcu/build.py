@@ -4,7 +4,7 @@ import importlib
 import os
 import shutil
 import subprocess
-import sys
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -48,6 +48,12 @@ def core_hash(folder: Path = CORE) -> bytes:
         digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
         digest.update(path.read_bytes() + b"\0")
     return digest.digest()
+
+
+def core_version() -> str:
+    """Return the version of the project."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        return str(tomllib.load(file)["project"]["version"])
 
 
 def module_name(path: Path, root: Path) -> str:
@@ -111,11 +117,9 @@ def freeze(folder: Path) -> None:
 
 def write_headers(folder: Path) -> None:
     """Write the headers generated for the port."""
-    from runtime.version import VERSION
-
     folder.mkdir(parents=True, exist_ok=True)
     hashed = "".join(f"\\x{byte:02x}" for byte in core_hash())
-    image = f'#define CORE_HASH "{hashed}"\n#define CORE_VERSION "{VERSION[:24]}"\n'
+    image = f'#define CORE_HASH "{hashed}"\n#define CORE_VERSION "{core_version()[:24]}"\n'
     (folder / "messages.h").write_text(messages.c_header(), encoding="utf-8")
     (folder / "image.h").write_text(image, encoding="utf-8")
 
@@ -137,7 +141,6 @@ def build(image: Image, top: Path) -> None:
         f"STACK_BYTES={image.stack_bytes}",
         f"RAM_BYTES={image.ram_bytes}",
         f"FLOAT_BITS={image.float_bits}",
-        "V=1",
     ]
     subprocess.run(command, check=True)
 

@@ -6,6 +6,7 @@ left out. Nothing else is changed: the board runs the statements of the sources.
 """
 
 import ast
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
@@ -17,6 +18,7 @@ Binding: TypeAlias = tuple[str, str]
 BODY: Final = "<body>"
 """The statements of a module that bind no name."""
 
+TUPLE: Final = re.compile(r"(\s*[^=]* = )\((.*)\)")
 MAX_DIGITS: Final = 15
 MAX_EXPONENT: Final = 22
 """A number with so few digits and this decimal exponent is read exactly by MicroPython."""
@@ -67,7 +69,7 @@ class Program:
             needed |= {package for package in packages if package}
             packages = {name.rpartition(".")[0] for name in packages}
         return {
-            name: ast.unparse(ast.fix_missing_locations(self._pruned(self.modules[name], live)))
+            name: text_of(self._pruned(self.modules[name], live))
             for name in needed
             if name in self.modules
         }
@@ -238,6 +240,28 @@ def without_annotations(tree: ast.Module) -> ast.Module:
     stripped = ast.fix_missing_locations(Stripper().visit(tree))
     assert isinstance(stripped, ast.Module)
     return stripped
+
+
+def text_of(tree: ast.Module) -> str:
+    """Return the source of a module.
+
+    `a, b = (x, y)` is written without parentheses, for which the compiler makes no tuple.
+    """
+    lines = ast.unparse(ast.fix_missing_locations(tree)).split("\n")
+    return "\n".join(map(without_parentheses, lines))
+
+
+def without_parentheses(line: str) -> str:
+    """Return a line without parentheses around the assigned tuple, if it means the same."""
+    found = TUPLE.fullmatch(line)
+    if found is None:
+        return line
+    shorter = found[1] + found[2]
+    try:
+        same = ast.dump(ast.parse(shorter.strip())) == ast.dump(ast.parse(line.strip()))
+    except SyntaxError:
+        return line
+    return shorter if same else line
 
 
 def final_names(tree: ast.Module) -> Iterator[str]:

@@ -1,6 +1,8 @@
 // The module `board`: what the frozen main loop needs of the hardware.
 #include "py/gc.h"
+#include "py/binary.h"
 #include "py/objarray.h"
+#include "py/objstr.h"
 #include "py/runtime.h"
 #include "clock.h"
 #include "link.h"
@@ -82,8 +84,12 @@ static const mp_obj_array_t inbox_obj = {
 static const mp_obj_array_t outbox_obj = {
     {&mp_type_bytearray}, BYTEARRAY_TYPECODE, 0, PAYLOAD_BYTES, link_out,
 };
-static MP_DEFINE_BYTES_OBJ(core_hash_obj, CORE_HASH, 32);
-static MP_DEFINE_BYTES_OBJ(core_version_obj, CORE_VERSION, sizeof(CORE_VERSION) - 1);
+static const mp_obj_str_t core_hash_obj = {
+    {&mp_type_bytes}, 0, sizeof(CORE_HASH) - 1, (const byte *)CORE_HASH,
+};
+static const mp_obj_str_t core_version_obj = {
+    {&mp_type_bytes}, 0, sizeof(CORE_VERSION) - 1, (const byte *)CORE_VERSION,
+};
 
 static const mp_rom_map_elem_t board_names[] = {
     {MP_ROM_QSTR(MP_QSTR___name__), MP_ROM_QSTR(MP_QSTR_board)},

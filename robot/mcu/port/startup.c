@@ -12,7 +12,7 @@ int main(void);
 static uint32_t noted_cause __attribute__((section(".noinit")));
 static uint32_t cause;
 
-static void prepare(void) {
+__attribute__((used, noreturn)) void prepare(void) {
     for (uint32_t *from = &_sidata, *to = &_sdata; to < &_edata;) {
         *to++ = *from++;
     }
@@ -22,6 +22,7 @@ static void prepare(void) {
     cause = (noted_cause & 0xFFFF0000u) == CAUSE_KNOWN ? noted_cause & 0xFFFFu : RESET_POWER;
     noted_cause = CAUSE_KNOWN | RESET_EXTERNAL;
     main();
+    reset_for(RESET_EXCEPTION);
 }
 
 // Fill the whole stack, before anything uses it, so that its high-water mark can be found.
@@ -35,7 +36,6 @@ __attribute__((naked)) void Reset_Handler(void) {
         "blo 1b\n"
         "mov sp, r1\n"
         "b prepare\n");
-    (void)prepare;
 }
 
 uint32_t reset_cause(void) {
