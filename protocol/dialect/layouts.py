@@ -71,9 +71,10 @@ BOARD_SETUP 54121 190 x_m:d y_m:d heading_rad:d left:i right:i silence_ms:H fenc
 BOARD_PARAMETER 54122 28 value:d index:B
 BOARD_FENCE 54123 239 radius_m:d x:16i y:16i corners:B
 BOARD_ANSWER 54124 40 request:I message_id:I reason:B
-BOARD_STATE 54125 90 goal_started_ms:Q goal_ended_ms:Q x_m:d y_m:d heading_rad:d
-  goal_distance_m:d slip_share:d tick:I serial:I replaced_serial:I pursuits:I crumbs:H vehicle:B
-  vehicle_reason:B mode:B resume_mode:B goal:B goal_reason:B cause:B navigator:B side:b flags:B
+BOARD_STATE 54125 206 goal_started_ms:Q goal_ended_ms:Q x_m:d y_m:d heading_rad:d goal_x_m:d
+  goal_y_m:d goal_heading_rad:d goal_distance_m:d slip_share:d tick:I serial:I replaced_serial:I
+  pursuits:I crumbs:H vehicle:B vehicle_reason:B mode:B resume_mode:B goal:B goal_reason:B
+  cause:B navigator:B side:b flags:B
 BOARD_REPORT 54126 177 tick:I command_ns:I busy_ns:I heap_live_bytes:I heap_peak_bytes:I
   allocated_bytes:I stack_peak_bytes:I skipped_bytes:I refused:I unsent:I silences:I
 BOARD_RESTART 54127 214 confirmation:I

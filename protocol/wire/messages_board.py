@@ -117,6 +117,9 @@ class BoardState(Message, frozen=True, kw_only=True):
         x_m: Estimated pose. [m]
         y_m: Estimated pose. [m]
         heading_rad: Estimated pose. [rad]
+        goal_x_m: Goal; NaN without one. [m]
+        goal_y_m: Goal; NaN without one. [m]
+        goal_heading_rad: Final heading; NaN when free. [rad]
         goal_distance_m: Estimated distance to the goal. [m]
         slip_share: Share of the wheels' motion that is slip.
         tick: Index of the tick.
@@ -141,6 +144,9 @@ class BoardState(Message, frozen=True, kw_only=True):
     x_m: float
     y_m: float
     heading_rad: float
+    goal_x_m: float
+    goal_y_m: float
+    goal_heading_rad: float
     goal_distance_m: float
     slip_share: float
     tick: int

@@ -4,20 +4,16 @@ import importlib
 import os
 import shutil
 import subprocess
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Final
 
 from robot.mcu import messages
+from robot.mcu.image import CORE, OUTPUT, ROOT, core_hash, core_version
 from robot.mcu.freeze import BODY, Binding, Program
 
-ROOT: Final = Path(__file__).resolve().parents[2]
 HERE: Final = Path(__file__).resolve().parent
-OUTPUT: Final = ROOT / "build" / "firmware"
-CORE: Final = ROOT / "robot" / "core"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,21 +35,6 @@ class Image:
     def elf(self) -> Path:
         """The image itself."""
         return self.folder / "firmware.elf"
-
-
-def core_hash(folder: Path = CORE) -> bytes:
-    """Return the SHA-256 over the names and the contents of the sources of the core."""
-    digest = sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.relative_to(folder).as_posix().encode() + b"\0")
-        digest.update(path.read_bytes() + b"\0")
-    return digest.digest()
-
-
-def core_version() -> str:
-    """Return the version of the project."""
-    with (ROOT / "pyproject.toml").open("rb") as file:
-        return str(tomllib.load(file)["project"]["version"])
 
 
 def module_name(path: Path, root: Path) -> str:

@@ -21,7 +21,7 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
-from study.trial.core_loop import CoreLoop
+from study.trial.core_loop import CoreLoop, Onboard
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,
@@ -37,7 +37,9 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 # The same world is run many times, and its shortest path costs more than some runs.
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
-Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
+Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
+Start: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Onboard]
+"""Starts a core with parameters, at a pose with its encoder totals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,17 +69,18 @@ class Trial:
         return self.noise or str(self.world.noise.get("level", "default"))
 
 
-def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
+def run_trial(trial: Trial, watch: Watch | None = None, start: Start = CoreLoop) -> Outcome:
     """Drive to the world's goal and return the outcome.
 
-    `watch` is called at every tick, after the core and before the plant. Raises
+    `watch` is called at every tick, after the core and before the plant. `start` starts the core:
+    by default in this process. Raises
     UnknownParameterError or OutOfRangeError for a parameter, ValueError for an invalid seed or
     start.
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
     totals = start_totals(trial.world.robot)
-    onboard = CoreLoop(params_of(trial), start_of(trial.world), totals)
+    onboard = start(params_of(trial), start_of(trial.world), totals)
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
@@ -87,7 +90,7 @@ def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
 
 
 def drive(
-    plant: Plant, onboard: CoreLoop, goal: WireGoal, timeout_s: float, watch: Watch | None
+    plant: Plant, onboard: Onboard, goal: WireGoal, timeout_s: float, watch: Watch | None
 ) -> int:
     """Step plant and core until the goal has ended or the time is up.
 
@@ -151,7 +154,7 @@ def run_settings_of(trial: Trial, wire_goal: WireGoal) -> RunSettings:
 
 
 def run_end_of(
-    plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
+    plant: Plant, onboard: Onboard, refusal: int, wall_s: float, begun_ns: int = 0
 ) -> RunEnd:
     """Describe the end of a trial for its outcome; `begun_ns` is the plant's time at its start."""
     machine, pose = onboard.state.machine, onboard.state.odometry.pose

@@ -133,6 +133,11 @@ def send_state(onboard: Onboard) -> None:
     """Send the state of the core that the host needs."""
     state, machine = onboard.state, onboard.state.machine
     x_m, y_m, heading_rad = state.odometry.pose
+    goal_x_m = goal_y_m = goal_heading_rad = nan
+    if machine.goal is not None:
+        goal_x_m, goal_y_m, goal_heading_rad, _, _ = machine.goal
+        if goal_heading_rad is None:
+            goal_heading_rad = nan
     pack_into(
         wire.BOARD_STATE_FORMAT,
         board.outbox,
@@ -142,6 +147,9 @@ def send_state(onboard: Onboard) -> None:
         x_m,
         y_m,
         heading_rad,
+        goal_x_m,
+        goal_y_m,
+        goal_heading_rad,
         state.goal_distance_m,
         state.slip.share,
         onboard.tick,

@@ -1,0 +1,254 @@
+"""The host's side of the serial link: set-up, requests and ticks of a board."""
+
+import socket
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from time import monotonic
+from typing import Final, NamedTuple, Self, TypeAlias, TypeVar
+
+from protocol.wire.codec import Encoder
+from protocol.wire.enums import ResetCause
+from protocol.wire.layout import LAYOUT
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    AvoidanceDecision,
+    BoardAnswer,
+    BoardFence,
+    BoardHello,
+    BoardParameter,
+    BoardReport,
+    BoardRestart,
+    BoardSetup,
+    BoardState,
+    CommandRequest,
+    GoalRequest,
+    PlanarOdometry,
+    SonarScan,
+    TickInputs,
+    WheelCommand,
+    WheelTicks,
+)
+from protocol.wire.reasons import reason_text
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.values import Pose
+from robot.mcu.emulator import Emulator
+from robot.mcu.image import IMAGE, core_hash, core_version
+from robot.mcu.link import FrameStream
+from runtime.errors import RemoteError, UserError
+
+Request: TypeAlias = GoalRequest | CommandRequest | BoardParameter | BoardFence | BoardSetup
+Expected = TypeVar("Expected", bound=Message)
+
+HOST_SYSTEM: Final = 1
+HOST_COMPONENT: Final = 191
+PATIENCE_S: Final = 10.0
+"""Longest wait for an answer: a busy machine emulates slowly."""
+RECEIVED: Final = 65_536
+LOCKSTEP_SILENCE_MS: Final = 60_000
+RESTART: Final = LAYOUT["BoardRestart"].number
+PARAMETERS: Final = tuple(DEFAULTS._fields)
+
+
+class BoardError(RemoteError):
+    """The board is silent, has restarted, or is not the one expected."""
+
+
+class BoardMismatchError(UserError):
+    """The image on the board was built from another core."""
+
+
+class BoardOutputs(NamedTuple):
+    """Outputs of a tick; `decision` is None if the core failed in it."""
+
+    command: WheelCommand
+    odometry: PlanarOdometry
+    decision: AvoidanceDecision | None
+    state: BoardState
+    report: BoardReport
+
+
+class Board:
+    """A board at the other end of a serial line."""
+
+    def __init__(self, line: socket.socket, patience_s: float = PATIENCE_S) -> None:
+        self._line = line
+        self._patience_s = patience_s
+        self._stream = FrameStream()
+        self._arrived: list[Message] = []
+        self._encoder = Encoder(HOST_SYSTEM, HOST_COMPONENT)
+        self._sent: tuple[int, int] = (-1, -1)
+        self._requests = 0
+        self._hello: BoardHello | None = None
+        self.state: BoardState | None = None
+
+    @classmethod
+    @contextmanager
+    def emulated(cls, image: Path = IMAGE, log: Path | None = None) -> Iterator[Self]:
+        """Start the emulator, wait for the board's hello, and refuse another core."""
+        with Emulator(image, log=log) as emulator:
+            board = cls(emulator.line)
+            board.wait_for_hello()
+            yield board
+
+    @property
+    def hello(self) -> BoardHello:
+        """The newest BOARD_HELLO."""
+        assert self._hello is not None
+        return self._hello
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes received that belong to no frame."""
+        return self._stream.skipped
+
+    def wait_for_hello(self) -> BoardHello:
+        """Wait until the board says hello; refuse an image of another core."""
+        hello = self._next(BoardHello)
+        self._requests = 0
+        self._sent = (-1, -1)
+        refuse_other_core(hello)
+        return hello
+
+    def set_up(
+        self,
+        params: Params,
+        start: Pose = Pose(0.0, 0.0, 0.0),  # noqa: B008
+        totals: tuple[int, int] = (0, 0),
+        *,
+        silence_ms: int = LOCKSTEP_SILENCE_MS,
+        fence_lost: bool = False,
+    ) -> None:
+        """Create the core on the board; raise BoardError if it refuses."""
+        for name, value in differing(params).items():
+            self._do(BoardParameter(index=PARAMETERS.index(name), value=value), name)
+        x_m, y_m, heading_rad = start
+        left, right = totals
+        setup = BoardSetup(
+            x_m=x_m,
+            y_m=y_m,
+            heading_rad=heading_rad,
+            left=left,
+            right=right,
+            silence_ms=silence_ms,
+            fence_lost=int(fence_lost),
+        )
+        self._do(setup, "set-up")
+
+    def request(self, request: Request) -> int:
+        """Send a request and return the reason in its answer, 0 if done."""
+        self.send(request)
+        self._requests += 1
+        answer = self._next(BoardAnswer)
+        if answer.request != self._requests:
+            raise BoardError(f"board answered request {answer.request}, not {self._requests}")
+        if self.state is not None or (isinstance(request, BoardSetup) and not answer.reason):
+            self._next(BoardState)
+        return answer.reason
+
+    def tick(
+        self, inputs: TickInputs, wheels: WheelTicks | None, scan: SonarScan | None
+    ) -> BoardOutputs:
+        """Run one tick; a sample that the board already has is not sent again."""
+        seen = (-1 if wheels is None else wheels.seq, -1 if scan is None else scan.seq)
+        fresh: list[Message] = []
+        if wheels is not None and seen[0] != self._sent[0]:
+            fresh.append(wheels)
+        if scan is not None and seen[1] != self._sent[1]:
+            fresh.append(scan)
+        self._sent = seen
+        self.send(*fresh, inputs)
+        return self._outputs(inputs.tick)
+
+    def restart(self) -> BoardHello:
+        """Reset the board and wait for its hello."""
+        self.send(BoardRestart(confirmation=RESTART))
+        self.state = None
+        return self.wait_for_hello()
+
+    def send(self, *messages: Message) -> None:
+        """Send messages without waiting for an answer."""
+        self.write(b"".join(self._encoder.encode(message) for message in messages))
+
+    def write(self, frames: bytes) -> None:
+        """Write bytes to the line."""
+        try:
+            self._line.sendall(frames)
+        except OSError as error:
+            raise BoardError(f"the line to the board is broken: {error.strerror}") from error
+
+    def poll(self, wait_s: float = 0.0) -> list[Message]:
+        """Return the messages that have arrived, after waiting at most `wait_s` for the first."""
+        if not self._arrived:
+            self._receive(monotonic() + wait_s)
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def _outputs(self, tick: int) -> BoardOutputs:
+        command, odometry = self._next(WheelCommand), self._next(PlanarOdometry)
+        decision: AvoidanceDecision | None = None
+        first = self._next((AvoidanceDecision, BoardState))
+        if isinstance(first, AvoidanceDecision):
+            decision, first = first, self._next(BoardState)
+        report = self._next(BoardReport)
+        if report.tick != tick:
+            raise BoardError(f"board reported tick {report.tick}, not {tick}")
+        assert isinstance(first, BoardState)
+        return BoardOutputs(command, odometry, decision, first, report)
+
+    def _do(self, request: Request, what: str) -> None:
+        reason = self.request(request)
+        if reason:
+            raise BoardError(f"the board refuses {what}: {reason_text(reason)}")
+
+    def _next(self, kind: type[Expected] | tuple[type[Expected], ...]) -> Expected:
+        """Return the next message, which must be of this kind."""
+        deadline = monotonic() + self._patience_s
+        while not self._arrived:
+            if not self._receive(deadline):
+                raise BoardError(f"the board is silent: nothing for {self._patience_s:g} s")
+        message = self._arrived.pop(0)
+        if not isinstance(message, kind):
+            if isinstance(message, BoardHello):
+                cause = ResetCause(message.reset_cause).name.lower()
+                raise BoardError(f"the board has restarted (cause: {cause})")
+            raise BoardError(f"the board sent {type(message).__name__} out of order")
+        return message
+
+    def _receive(self, deadline: float) -> bool:
+        """Wait for bytes; return whether any arrived before the deadline."""
+        self._line.settimeout(max(1e-3, deadline - monotonic()))
+        try:
+            received = self._line.recv(RECEIVED)
+        except TimeoutError:
+            return False
+        except OSError as error:
+            raise BoardError(f"the line to the board is broken: {error.strerror}") from error
+        if not received:
+            raise BoardError("the emulator of the board has ended")
+        for message in self._stream.feed(received):
+            self._note(message)
+            self._arrived.append(message)
+        return True
+
+    def _note(self, message: Message) -> None:
+        if isinstance(message, BoardHello):
+            self._hello = message
+        elif isinstance(message, BoardState):
+            self.state = message
+
+
+def differing(params: Params) -> Mapping[str, float]:
+    """Return the parameters that differ from the defaults."""
+    pairs = zip(PARAMETERS, params, DEFAULTS, strict=True)
+    return {name: float(value) for name, value, default in pairs if value != default}
+
+
+def refuse_other_core(hello: BoardHello) -> None:
+    """Raise BoardMismatchError unless the image was built from the core of this tree."""
+    ours, theirs = core_hash(), bytes(hello.core_hash)
+    if theirs != ours:
+        raise BoardMismatchError(
+            f"the board runs core {hello.core_version} ({theirs.hex()[:12]}), this is "
+            f"{core_version()} ({ours.hex()[:12]}): build its image again with `make firmware`"
+        )
