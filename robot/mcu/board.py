@@ -1,6 +1,5 @@
 """The host's side of the serial link: set-up, requests and ticks of a board."""
 
-import socket
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,7 +31,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import reason_text
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
-from robot.mcu.emulator import Emulator
+from robot.mcu.emulator import Emulator, SerialLine
 from robot.mcu.image import IMAGE, core_hash, core_version
 from robot.mcu.link import FrameStream
 from runtime.errors import RemoteError, UserError
@@ -44,7 +43,6 @@ HOST_SYSTEM: Final = 1
 HOST_COMPONENT: Final = 191
 PATIENCE_S: Final = 10.0
 """Longest wait for an answer: a busy machine emulates slowly."""
-RECEIVED: Final = 65_536
 LOCKSTEP_SILENCE_MS: Final = 60_000
 RESTART: Final = LAYOUT["BoardRestart"].number
 PARAMETERS: Final = tuple(DEFAULTS._fields)
@@ -71,7 +69,7 @@ class BoardOutputs(NamedTuple):
 class Board:
     """A board at the other end of a serial line."""
 
-    def __init__(self, line: socket.socket, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, line: SerialLine, patience_s: float = PATIENCE_S) -> None:
         self._line = line
         self._patience_s = patience_s
         self._stream = FrameStream()
@@ -173,7 +171,7 @@ class Board:
     def write(self, frames: bytes) -> None:
         """Write bytes to the line."""
         try:
-            self._line.sendall(frames)
+            self._line.write(frames)
         except OSError as error:
             raise BoardError(f"the line to the board is broken: {error.strerror}") from error
 
@@ -216,16 +214,15 @@ class Board:
         return message
 
     def _receive(self, deadline: float) -> bool:
-        """Wait for bytes; return whether any arrived before the deadline."""
-        self._line.settimeout(max(1e-3, deadline - monotonic()))
+        """Wait for bytes; return False if none arrived before the deadline."""
         try:
-            received = self._line.recv(RECEIVED)
-        except TimeoutError:
-            return False
+            received = self._line.read(deadline - monotonic())
         except OSError as error:
             raise BoardError(f"the line to the board is broken: {error.strerror}") from error
+        if received is None:
+            raise BoardError("the line to the board is cut")
         if not received:
-            raise BoardError("the emulator of the board has ended")
+            return False
         for message in self._stream.feed(received):
             self._note(message)
             self._arrived.append(message)

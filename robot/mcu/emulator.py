@@ -1,11 +1,12 @@
-"""The emulated board: qemu as a child process, with its UART on a socket."""
+"""The emulated board: qemu as a child process, with its UART on two pipes."""
 
 import ctypes
 import os
+import select
 import shutil
 import signal
-import socket
 import subprocess
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -18,6 +19,30 @@ MACHINE: Final = "mps2-an385"
 NS_PER_INSTRUCTION_LOG2: Final = 5
 """32 ns: about three cycles an instruction at 96 MHz, so that the board's own clock is realistic."""
 PR_SET_PDEATHSIG: Final = 1
+READ_BYTES: Final = 65_536
+
+
+class SerialLine:
+    """A line as two file descriptors, of which one is read and the other one written."""
+
+    def __init__(self, reads: int, writes: int) -> None:
+        self._reads, self._writes = reads, writes
+
+    def read(self, wait_s: float) -> bytes | None:
+        """Return the bytes that have arrived; nothing within this time: b"", line cut: None."""
+        if not select.select([self._reads], [], [], max(0.0, wait_s))[0]:
+            return b""
+        return os.read(self._reads, READ_BYTES) or None
+
+    def write(self, data: bytes) -> None:
+        """Write bytes; raise OSError if the line is cut."""
+        while data:
+            data = data[os.write(self._writes, data) :]
+
+    def close(self) -> None:
+        """Cut the line."""
+        os.close(self._reads)
+        os.close(self._writes)
 
 
 class Emulator:
@@ -29,18 +54,19 @@ class Emulator:
             raise UserError(f"{QEMU} not found: apt install qemu-system-arm")
         if not image.exists():
             raise UserError(f"no firmware at {image}: build it with `make firmware`")
-        self.line, theirs = socket.socketpair()
-        self.log = log
-        arguments = command(image, theirs.fileno(), log, extra)
+        self._folder = tempfile.TemporaryDirectory(prefix="sidestep-board-")
+        pipes = [Path(self._folder.name) / f"line.{end}" for end in ("out", "in")]
+        for pipe in pipes:
+            os.mkfifo(pipe, mode=0o600)
         self._process = subprocess.Popen(
-            arguments,
-            pass_fds=[theirs.fileno()],
+            command(image, pipes[0].with_suffix(""), log, extra),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             preexec_fn=end_with_parent,
         )
-        theirs.close()
+        # Opened for both directions, so that this does not wait for qemu; see `is_running`.
+        self.line = SerialLine(*(os.open(pipe, os.O_RDWR) for pipe in pipes))
 
     @property
     def pid(self) -> int:
@@ -58,11 +84,12 @@ class Emulator:
 
     def close(self) -> None:
         """End qemu."""
-        self.line.close()
         self._process.kill()
         self._process.wait()
+        self.line.close()
         if self._process.stderr is not None:
             self._process.stderr.close()
+        self._folder.cleanup()
 
     def __enter__(self) -> Self:
         return self
@@ -73,8 +100,8 @@ class Emulator:
         self.close()
 
 
-def command(image: Path, line: int, log: Path | None, extra: Sequence[str]) -> list[str]:
-    """Return the command line of qemu; `line` is the file descriptor of its serial line."""
+def command(image: Path, line: Path, log: Path | None, extra: Sequence[str]) -> list[str]:
+    """Return the command line of qemu; `line` is the path of its pipes without their suffix."""
     return [
         QEMU,
         *("-machine", MACHINE),
@@ -82,7 +109,7 @@ def command(image: Path, line: int, log: Path | None, extra: Sequence[str]) -> l
         *("-monitor", "none"),
         *("-icount", f"shift={NS_PER_INSTRUCTION_LOG2}"),
         *("-kernel", str(image)),
-        *("-chardev", f"socket,id=line,fd={line}"),
+        *("-chardev", f"pipe,id=line,path={line}"),
         *("-serial", "chardev:line"),
         *("-serial", "null" if log is None else f"file:{log}"),
         *extra,

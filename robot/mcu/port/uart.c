@@ -4,7 +4,7 @@
 #include "hardware.h"
 
 #define RING 512u // the inputs of a tick and a request
-#define STUCK_MS 20u
+#define STUCK_MS 500u // shorter than the watchdog waits
 
 static volatile uint8_t ring[RING];
 static volatile uint32_t head, tail; // bytes ever written, ever read
