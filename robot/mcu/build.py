@@ -1,17 +1,19 @@
 """Build the firmware: `make firmware`."""
 
+import ast
+import contextlib
 import importlib
 import os
 import shutil
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from robot.mcu import messages
 from robot.mcu.image import CORE, OUTPUT, ROOT, core_hash, core_version
-from robot.mcu.freeze import BODY, Binding, Program
+from robot.mcu.freeze import Binding, Program
 
 HERE: Final = Path(__file__).resolve().parent
 
@@ -52,47 +54,33 @@ def sources() -> dict[str, str]:
     return texts | {"wire": messages.python_module()}
 
 
-def values(names: Sequence[str]) -> dict[Binding, object]:
-    """Return the module-level values of the core, as CPython computes them."""
+def values(sources: Mapping[str, str]) -> dict[Binding, object]:
+    """Return the values of all module-level constants, as CPython computes them."""
     found: dict[Binding, object] = {}
-    for name in names:
-        if name.startswith("robot.core"):
-            for key, value in vars(importlib.import_module(name)).items():
-                found[name, key] = value
-    for key, value in messages.constants():
-        found["wire", key] = value
+    for name, text in sources.items():
+        if name.startswith("robot"):
+            names = vars(importlib.import_module(name))
+        else:
+            names = dict(constants_of(text))
+        found |= {Binding(name, key): value for key, value in names.items()}
     return found
 
 
-def onboard_values(program: Program) -> dict[Binding, object]:
-    """Return the values of literal constants of the firmware's own modules."""
-    import ast
-
-    found: dict[Binding, object] = {}
-    for module in program.modules.values():
-        for name in module.finals:
-            for statement in module.defined.get(name, ()):
-                if isinstance(statement, ast.Assign):
-                    try:
-                        found[module.name, name] = ast.literal_eval(statement.value)
-                    except ValueError:
-                        continue
-    return found
+def constants_of(source: str) -> Iterator[tuple[str, object]]:
+    """Yield the constants of a module that are literals."""
+    for statement in ast.parse(source).body:
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+            with contextlib.suppress(ValueError, TypeError):
+                yield statement.target.id, ast.literal_eval(statement.value or statement)
 
 
 def freeze(folder: Path) -> None:
-    """Write the prepared sources and their manifest."""
+    """Write the linked program and its manifest."""
     texts = sources()
-    program = Program(texts, values(list(texts)))
-    program.add_values(onboard_values(program))
     shutil.rmtree(folder, ignore_errors=True)
-    frozen = program.frozen("main")
-    packages = {name.rpartition(".")[0] for name in frozen}
-    for name, text in frozen.items():
-        path = folder.joinpath(*name.split("."))
-        path = path / "__init__.py" if name in packages else path.with_suffix(".py")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text + "\n", encoding="utf-8")
+    folder.mkdir(parents=True)
+    program = Program(texts, values(texts)).linked("main")
+    (folder / "main.py").write_text(program, encoding="utf-8")
     (folder.parent / "manifest.py").write_text(f"freeze({str(folder)!r})\n", encoding="utf-8")
 
 

@@ -1,39 +1,58 @@
-"""Prepare Python sources for freezing into the firmware; the sources themselves stay as they are.
+"""Link Python sources to one module for the firmware; the sources themselves stay as they are.
 
-On the board each name of a module takes RAM, while bytecode and literals stay in flash. So constants
-(`X: Final = 3`) are inlined, annotations and docstrings dropped, and definitions that nothing uses
-left out. Nothing else is changed: the board runs the statements of the sources.
+On the board each module, each import and each name of a module takes RAM, while bytecode and
+literals stay in flash. So all modules are linked to one, in the order of their imports; a name that
+is not unique gets the name of its module as a suffix. Constants (`X: Final = 3`) are inlined,
+annotations and docstrings dropped, and definitions that nothing uses left out. Nothing else
+changes: the board runs the statements of the sources.
 """
 
 import ast
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from decimal import Decimal
-from typing import Final, TypeAlias
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Final, NamedTuple, TypeGuard
 
-Constant: TypeAlias = int | float | tuple[int, ...]
-Binding: TypeAlias = tuple[str, str]
-"""A module and a name in it."""
+from robot.mcu.literals import is_literal, literal
+from robot.mcu.strip import final_names, stripped
+
 BODY: Final = "<body>"
 """The statements of a module that bind no name."""
-
 TUPLE: Final = re.compile(r"(\s*[^=]* = )\((.*)\)")
-MAX_DIGITS: Final = 15
-MAX_EXPONENT: Final = 22
-"""A number with so few digits and this decimal exponent is read exactly by MicroPython."""
 
 
-@dataclass(slots=True)
+class Binding(NamedTuple):
+    """A module-level name; a name BODY is the module itself."""
+
+    module: str
+    name: str
+
+
 class Module:
     """A module: its statements, and where each of its names comes from."""
 
-    name: str
-    tree: ast.Module
-    imported: dict[str, Binding] = field(default_factory=dict)
-    """From local name to its origin; the name is empty for a module."""
-    defined: dict[str, list[ast.stmt]] = field(default_factory=dict)
-    finals: set[str] = field(default_factory=set)
+    def __init__(self, name: str, source: str, modules: Mapping[str, str]) -> None:
+        """Parse a module; `modules` are all modules that may be linked."""
+        tree = ast.parse(source)
+        self.name = name
+        self.finals = set(final_names(tree))
+        self.body = stripped(tree).body
+        self.imported: dict[str, Binding] = {}
+        self.imports: list[Binding] = []
+        for statement in self.body:
+            if isinstance(statement, ast.Import | ast.ImportFrom):
+                self._import(statement, modules)
+        self.defined = {name for one in self.body for name in bound_names(one)}
+
+    def _import(self, statement: ast.Import | ast.ImportFrom, modules: Mapping[str, str]) -> None:
+        for alias in statement.names:
+            origin = Binding(alias.name, BODY)
+            if isinstance(statement, ast.ImportFrom):
+                whole = f"{statement.module}.{alias.name}"
+                is_module = whole in modules
+                origin = Binding(whole, BODY) if is_module else Binding(statement.module or "", alias.name)
+            self.imported[alias.asname or alias.name] = origin
+            self.imports.append(origin)
 
 
 class Program:
@@ -41,128 +60,126 @@ class Program:
 
     def __init__(self, sources: Mapping[str, str], values: Mapping[Binding, object]) -> None:
         """Parse the sources; `values` are the module-level values as CPython computes them."""
-        self.modules: dict[str, Module] = {}
-        for name, source in sources.items():
-            self.modules[name] = Module(name, without_annotations(ast.parse(source)))
-        for module in self.modules.values():
-            module.finals = set(final_names(ast.parse(sources[module.name])))
-            for statement in module.tree.body:
-                self._bind(module, statement)
-        self._values = dict(values)
+        self._values = values
+        self._modules = {name: Module(name, text, sources) for name, text in sources.items()}
 
-    def add_values(self, values: Mapping[Binding, object]) -> None:
-        """Add values of constants."""
-        self._values = {**self._values, **values}
-
-    def frozen(self, root: str) -> dict[str, str]:
-        """Return the sources of all modules that `root` needs, ready for the compiler."""
-        for module in self.modules.values():
-            Inliner(self, module).visit(module.tree)
-            ast.fix_missing_locations(module.tree)
-            module.defined, module.imported = {}, {}
-            for statement in module.tree.body:
-                self._bind(module, statement)
+    def linked(self, root: str) -> str:
+        """Return the source of the module that runs `root` with all that it needs."""
+        ordered: list[Module] = []
+        self._visit(root, ordered, set())
+        for module in ordered:
+            module.body = [Inliner(self, module).visit(statement) for statement in module.body]
         live = self._live(root)
-        needed = {module for module, _ in live}
-        packages = {name.rpartition(".")[0] for name in needed}
-        while any(packages):
-            needed |= {package for package in packages if package}
-            packages = {name.rpartition(".")[0] for name in packages}
-        return {
-            name: text_of(self._pruned(self.modules[name], live))
-            for name in needed
-            if name in self.modules
-        }
-
-    def constant(self, module: str, name: str) -> Constant | None:
-        """Return the value of a constant that can be inlined, else None."""
-        origin = self.origin(module, name)
-        if origin is None or origin[1] not in self.modules[origin[0]].finals:
-            return None
-        value = self._values.get(origin)
-        return value if is_literal(value) else None  # type: ignore[return-value]
+        names = self._names(ordered, live)
+        lines = sorted({import_line(origin, names[origin]) for origin in self._outside(ordered, live)})
+        for module in ordered:
+            for statement in module.body:
+                if isinstance(statement, ast.Import | ast.ImportFrom):
+                    continue
+                bound = bound_names(statement) or [BODY]
+                if any(Binding(module.name, name) in live for name in bound):
+                    lines.append(source_of(Renamer(self, module, names).visit(statement)))
+        return "\n".join([*lines, ""])
 
     def origin(self, module: str, name: str) -> Binding | None:
-        """Return where a name is defined, following imports; None for one of another program."""
-        while module in self.modules:
-            found = self.modules[module].imported.get(name)
+        """Return where a name of a module is defined, following imports."""
+        while module in self._modules:
+            if name == BODY or name in self._modules[module].defined:
+                return Binding(module, name)
+            found = self._modules[module].imported.get(name)
             if found is None:
-                return (module, name) if name in self.modules[module].defined else None
-            module, name = found
-            if not name:
                 return None
-        return None
+            module, name = found
+        return Binding(module, name)
 
-    def module_of(self, module: str, name: str) -> str | None:
-        """Return the module that a local name stands for, or None."""
-        found = self.modules[module].imported.get(name)
-        return found[0] if found is not None and not found[1] else None
+    def constant(self, origin: Binding) -> object:
+        """Return the value of a constant that can be inlined, else None."""
+        module = self._modules.get(origin.module)
+        if module is None or origin.name not in module.finals:
+            return None
+        value = self._values.get(origin)
+        return value if is_literal(value) else None
 
-    def _bind(self, module: Module, statement: ast.stmt) -> None:
-        if isinstance(statement, ast.Import):
-            for alias in statement.names:
-                module.imported[alias.asname or alias.name] = (alias.name, "")
-        elif isinstance(statement, ast.ImportFrom):
-            source = statement.module or ""
-            for alias in statement.names:
-                whole = f"{source}.{alias.name}"
-                origin = (whole, "") if whole in self.modules else (source, alias.name)
-                module.imported[alias.asname or alias.name] = origin
-        else:
-            for name in bound_names(statement) or [BODY]:
-                module.defined.setdefault(name, []).append(statement)
+    def _visit(self, name: str, ordered: list[Module], seen: set[str]) -> None:
+        """Append a module behind those that it imports."""
+        module = self._modules.get(name)
+        if module is None or name in seen:
+            return
+        seen.add(name)
+        for origin in module.imports:
+            self._visit(origin.module, ordered, seen)
+        ordered.append(module)
 
     def _live(self, root: str) -> set[Binding]:
         """Return the names that are reached from the statements of a module."""
         live: set[Binding] = set()
-        todo = [(root, BODY)]
+        todo = [Binding(root, BODY)]
         while todo:
             binding = todo.pop()
-            module = self.modules.get(binding[0])
-            if binding in live or module is None:
+            if binding in live:
                 continue
             live.add(binding)
-            todo.append((module.name, BODY))
-            name = binding[1]
-            if name in module.imported:
-                source, there = module.imported[name]
-                todo.append((source, there or BODY))
-            for statement in module.defined.get(name, ()):
-                todo += self._references(module, statement)
+            module = self._modules.get(binding.module)
+            if module is None:
+                continue
+            todo.append(Binding(module.name, BODY))
+            for statement in module.body:
+                if binding.name in (bound_names(statement) or [BODY]):
+                    todo += self._references(module, statement)
         return live
 
     def _references(self, module: Module, statement: ast.stmt) -> Iterator[Binding]:
+        if isinstance(statement, ast.Import | ast.ImportFrom):
+            return
         for node in ast.walk(statement):
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
-                yield module.name, node.id
-            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-                source = self.module_of(module.name, node.value.id)
-                if source is not None:
-                    yield source, node.attr
-            elif isinstance(node, ast.ImportFrom) and node is not statement:
-                for alias in node.names:
-                    whole = f"{node.module}.{alias.name}"
-                    known = whole in self.modules
-                    yield (whole, BODY) if known else (node.module or "", alias.name)
+            origin = self.resolved(module, node)
+            if origin is not None:
+                yield origin
 
-    def _pruned(self, module: Module, live: set[Binding]) -> ast.Module:
-        body: list[ast.stmt] = []
-        for statement in module.tree.body:
-            if isinstance(statement, ast.Import | ast.ImportFrom):
-                statement.names = [
-                    alias
-                    for alias in statement.names
-                    if (module.name, alias.asname or alias.name) in live
-                ]
-                if statement.names:
-                    body.append(statement)
-            elif any((module.name, name) in live for name in bound_names(statement) or [BODY]):
-                body.append(statement)
-        return ast.Module(body, [])
+    def resolved(self, module: Module, node: ast.AST) -> Binding | None:
+        """Return what a name, or an attribute of a module, refers to."""
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            return self.origin(module.name, node.id)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            source = self.origin(module.name, node.value.id)
+            if source is not None and source.name == BODY and source.module in self._modules:
+                return self.origin(source.module, node.attr)
+        return None
+
+    def _outside(self, ordered: list[Module], live: set[Binding]) -> set[Binding]:
+        """Return the used names of other modules, which are built into MicroPython."""
+        inside = {module.name for module in ordered}
+        return {binding for binding in live if binding.module not in inside}
+
+    def _names(self, ordered: list[Module], live: set[Binding]) -> dict[Binding, str]:
+        """Return a unique name for each binding, which no function uses for a local."""
+        places = {module.name: place for place, module in enumerate(ordered)}
+        every = [one for one in live if one.name != BODY or one.module not in places]
+        counts = Counter(plain_name(one) for one in every)
+        local = {name for module in ordered for name in local_names(module.body)}
+        names: dict[Binding, str] = {}
+        for binding in sorted(every, key=lambda one: (not self._is_fixed(one), one)):
+            name = plain_name(binding)
+            if self._is_fixed(binding):
+                names[binding] = name
+                continue
+            if binding.module in places and (counts[name] > 1 or name in local):
+                name = f"{name}_{binding.module.rpartition('.')[2]}"
+            taken = set(names.values()) - {name if binding.module not in places else ""}
+            while name in taken or (name in local and binding.module in places):
+                name += "_"
+            names[binding] = name
+        return names
+
+    def _is_fixed(self, binding: Binding) -> bool:
+        """Return whether a name keeps its name: one that a `try` binds."""
+        module = self._modules.get(binding.module)
+        tries = [] if module is None else [one for one in module.body if isinstance(one, ast.Try)]
+        return any(binding.name in bound_names(one) for one in tries)
 
 
-class Inliner(ast.NodeTransformer):
-    """Replaces the uses of constants by their values."""
+class Scoped(ast.NodeTransformer):
+    """Visits the names of a statement that are not local to a function."""
 
     def __init__(self, program: Program, module: Module) -> None:
         self._program = program
@@ -170,84 +187,135 @@ class Inliner(ast.NodeTransformer):
         self._hidden: list[set[str]] = []
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
-        """Enter a function; its own names hide constants of the module."""
-        self._hidden.append(local_names(node))
-        self.generic_visit(node)
+        """Enter a function; its own names hide those of the module."""
+        node.args.defaults = [self.visit(default) for default in node.args.defaults]
+        self._hidden.append(set(local_names([node])) - {node.name})
+        node.body = [self.visit(statement) for statement in node.body]
         self._hidden.pop()
         return node
 
     def visit_Name(self, node: ast.Name) -> ast.AST:  # noqa: N802
-        """Replace the name of a constant."""
-        if isinstance(node.ctx, ast.Load) and not any(node.id in one for one in self._hidden):
-            return self._replaced(node, self._module.name, node.id)
-        return node
+        """Replace a name."""
+        return node if self._is_hidden(node.id) else self._changed(node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:  # noqa: N802
-        """Replace a constant of another module."""
-        if isinstance(node.ctx, ast.Load) and isinstance(node.value, ast.Name):
-            hidden = any(node.value.id in one for one in self._hidden)
-            source = None if hidden else self._program.module_of(self._module.name, node.value.id)
-            if source is not None:
-                return self._replaced(node, source, node.attr)
+        """Replace a name of another module."""
+        if isinstance(node.value, ast.Name) and not self._is_hidden(node.value.id):
+            changed = self._changed(node)
+            if changed is not node:
+                return changed
         return self.generic_visit(node)
 
-    def _replaced(self, node: ast.expr, module: str, name: str) -> ast.expr:
-        value = self._program.constant(module, name)
-        return node if value is None else ast.copy_location(literal(value), node)
+    def _is_hidden(self, name: str) -> bool:
+        return any(name in names for names in self._hidden)
+
+    def _changed(self, node: ast.Name | ast.Attribute) -> ast.expr:
+        raise NotImplementedError
 
 
-class Stripper(ast.NodeTransformer):
-    """Drops annotations, docstrings, `__slots__` and `__all__`, which the board does not use."""
+class Inliner(Scoped):
+    """Replaces the uses of constants by their values."""
+
+    def _changed(self, node: ast.Name | ast.Attribute) -> ast.expr:
+        origin = self._program.resolved(self._module, node)
+        value = None if origin is None else self._program.constant(origin)
+        return node if value is None else literal(value)
+
+
+class Renamer(Scoped):
+    """Replaces names by those that are unique in the linked module."""
+
+    def __init__(self, program: Program, module: Module, names: Mapping[Binding, str]) -> None:
+        super().__init__(program, module)
+        self._names = names
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
-        """Drop the annotations and the docstring of a function."""
-        node.returns = None
-        every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
-        for argument in (*every, node.args.vararg, node.args.kwarg):
-            if argument is not None:
-                argument.annotation = None
-        return self._with_body(node)
+        """Rename a function of the module."""
+        if not self._hidden:
+            node.name = self._names.get(Binding(self._module.name, node.name), node.name)
+        return super().visit_FunctionDef(node)
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
-        """Drop the docstring of a class."""
-        return self._with_body(node)
-
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802
-        """Drop a docstring."""
-        return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:  # noqa: N802
-        """Turn an annotated assignment into a plain one."""
-        if node.value is None:
-            return None
-        return ast.copy_location(ast.Assign([node.target], self.visit(node.value)), node)
-
-    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:  # noqa: N802
-        """Drop `__slots__` and `__all__`."""
-        target = node.targets[0]
-        if isinstance(target, ast.Name) and target.id in ("__slots__", "__all__"):
-            return None
-        return self.generic_visit(node)
-
-    def _with_body(self, node: ast.FunctionDef | ast.ClassDef) -> ast.AST:
-        self.generic_visit(node)
-        node.body = node.body or [ast.Pass()]
+        """Rename a class of the module; its methods keep their names."""
+        node.name = self._names.get(Binding(self._module.name, node.name), node.name)
+        node.bases = [self.visit(base) for base in node.bases]
+        self._hidden.append({one.name for one in node.body if isinstance(one, ast.FunctionDef)})
+        hidden = self._hidden.pop()
+        for statement in node.body:
+            if isinstance(statement, ast.FunctionDef) and statement.name in hidden:
+                self._method(statement)
         return node
 
+    def visit_Try(self, node: ast.Try) -> ast.AST:  # noqa: N802
+        """Keep the names of a statement that replaces a missing module."""
+        return self.generic_visit(node) if self._hidden else node
 
-def without_annotations(tree: ast.Module) -> ast.Module:
-    """Return a module without what the board does not use."""
-    stripped = ast.fix_missing_locations(Stripper().visit(tree))
-    assert isinstance(stripped, ast.Module)
-    return stripped
+    def _method(self, node: ast.FunctionDef) -> None:
+        name = node.name
+        self.visit_FunctionDef(node)
+        node.name = name
+
+    def _changed(self, node: ast.Name | ast.Attribute) -> ast.expr:
+        if isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load):
+            name = self._names.get(Binding(self._module.name, node.id), node.id)
+            return ast.Name(name, node.ctx)
+        origin = self._program.resolved(self._module, node)
+        if origin is None or origin not in self._names:
+            return node
+        return ast.Name(self._names[origin], ast.Load())
 
 
-def text_of(tree: ast.Module) -> str:
-    """Return the source of a module.
+def plain_name(binding: Binding) -> str:
+    """Return the name of a binding, or that of a module itself."""
+    return binding.module if binding.name == BODY else binding.name
+
+
+def import_line(origin: Binding, name: str) -> str:
+    """Return the import of a name that is built into MicroPython."""
+    if origin.name == BODY:
+        return f"import {origin.module} as {name}" if name != origin.module else f"import {name}"
+    suffix = "" if name == origin.name else f" as {name}"
+    return f"from {origin.module} import {origin.name}{suffix}"
+
+
+def bound_names(statement: ast.stmt) -> list[str]:
+    """Return the names that a definition binds; none for other statements."""
+    if isinstance(statement, ast.FunctionDef | ast.ClassDef):
+        return [statement.name]
+    if isinstance(statement, ast.Assign):
+        targets = (node for target in statement.targets for node in ast.walk(target))
+        return [node.id for node in targets if is_stored(node)]
+    if isinstance(statement, ast.Try):
+        every = [*statement.body, *(one for case in statement.handlers for one in case.body)]
+        aliases = [alias for one in every if isinstance(one, ast.ImportFrom) for alias in one.names]
+        names = {name for one in every for name in bound_names(one)}
+        return sorted(names | {alias.asname or alias.name for alias in aliases})
+    return []
+
+
+def local_names(statements: list[ast.stmt]) -> Iterator[str]:
+    """Yield the names that are local to the functions of these statements."""
+    for statement in statements:
+        for function in ast.walk(statement):
+            if isinstance(function, ast.FunctionDef | ast.Lambda | ast.comprehension):
+                for node in ast.walk(function):
+                    if is_stored(node):
+                        yield node.id
+                    elif isinstance(node, ast.arg):
+                        yield node.arg
+
+
+def is_stored(node: ast.AST) -> TypeGuard[ast.Name]:
+    """Return whether a node is a name that is assigned."""
+    return isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)
+
+
+def source_of(statement: ast.stmt) -> str:
+    """Return the source of a statement.
 
     `a, b = (x, y)` is written without parentheses, for which the compiler makes no tuple.
     """
-    lines = ast.unparse(ast.fix_missing_locations(tree)).split("\n")
+    lines = ast.unparse(ast.fix_missing_locations(statement)).split("\n")
     return "\n".join(map(without_parentheses, lines))
 
 
@@ -262,76 +330,3 @@ def without_parentheses(line: str) -> str:
     except SyntaxError:
         return line
     return shorter if same else line
-
-
-def final_names(tree: ast.Module) -> Iterator[str]:
-    """Yield the names of a module that are declared `Final`."""
-    for node in tree.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            if "Final" in ast.unparse(node.annotation):
-                yield node.target.id
-
-
-def bound_names(statement: ast.stmt) -> list[str]:
-    """Return the names that a plain definition binds; none for other statements."""
-    if isinstance(statement, ast.FunctionDef | ast.ClassDef):
-        return [statement.name]
-    if isinstance(statement, ast.Assign):
-        return [
-            node.id
-            for target in statement.targets
-            for node in ast.walk(target)
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
-        ]
-    return []
-
-
-def local_names(function: ast.FunctionDef) -> set[str]:
-    """Return the names that are local to a function."""
-    every = ast.walk(function)
-    stored = {node.id for node in every if isinstance(node, ast.Name) and is_stored(node)}
-    return stored | {node.arg for node in ast.walk(function) if isinstance(node, ast.arg)}
-
-
-def is_stored(node: ast.Name) -> bool:
-    """Return whether a name is assigned."""
-    return not isinstance(node.ctx, ast.Load)
-
-
-def is_literal(value: object) -> bool:
-    """Return whether MicroPython reads the literal of this value exactly and keeps it in flash."""
-    if isinstance(value, bool):
-        return False
-    if isinstance(value, int):
-        return True
-    if isinstance(value, float):
-        return is_short(value)
-    if isinstance(value, str):
-        return value.startswith("<")  # the format of a message
-    return isinstance(value, tuple) and bool(value) and all(type(one) is int for one in value)
-
-
-def is_short(value: float) -> bool:
-    """Return whether a number has so few digits that MicroPython reads it exactly."""
-    if value - value != 0.0:
-        return False
-    _, digits, exponent = Decimal(repr(value)).normalize().as_tuple()
-    assert isinstance(exponent, int)
-    return len(digits) <= MAX_DIGITS and -MAX_EXPONENT <= exponent <= MAX_EXPONENT
-
-
-def literal(value: Constant) -> ast.expr:
-    """Return the expression of a constant."""
-    return ast.parse(repr(value), mode="eval").body
-
-
-def long_floats(trees: Iterable[ast.AST]) -> list[float]:
-    """Return the float literals that MicroPython would not read exactly."""
-    return [
-        node.value
-        for tree in trees
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Constant)
-        and isinstance(node.value, float)
-        and not is_short(node.value)
-    ]
