@@ -8,6 +8,7 @@ changes: the board runs the statements of the sources.
 """
 
 import ast
+import builtins
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -71,7 +72,7 @@ class Program:
             module.body = [Inliner(self, module).visit(statement) for statement in module.body]
         live = self._live(root)
         names = self._names(ordered, live)
-        lines = sorted({import_line(origin, names[origin]) for origin in self._outside(ordered, live)})
+        lines = sorted(import_line(origin, names[origin]) for origin in self._outside(ordered, live))
         for module in ordered:
             for statement in module.body:
                 if isinstance(statement, ast.Import | ast.ImportFrom):
@@ -137,9 +138,14 @@ class Program:
                 yield origin
 
     def resolved(self, module: Module, node: ast.AST) -> Binding | None:
-        """Return what a name, or an attribute of a module, refers to."""
+        """Return what a name, or an attribute of a module, refers to.
+
+        A built-in name counts as imported: as a global of the module it is found at once.
+        """
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
-            return self.origin(module.name, node.id)
+            origin = self.origin(module.name, node.id)
+            is_builtin = origin is None and hasattr(builtins, node.id)
+            return Binding("builtins", node.id) if is_builtin else origin
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             source = self.origin(module.name, node.value.id)
             if source is not None and source.name == BODY and source.module in self._modules:

@@ -56,10 +56,10 @@ def tick(onboard: Onboard) -> None:
     outputs.send_command(onboard, left_mrad_s, right_mrad_s)
     command_clocks = board.clock() - started & CLOCK_MASK
     outputs.send_tick(onboard, chosen)
-    used = gc.mem_alloc()
+    used = board.heap_used()
     outputs.send_report(onboard, command_clocks, used)
     gc.collect()
-    onboard.live = gc.mem_alloc()
+    onboard.live = board.heap_used()
 
 
 def watch(onboard: Onboard, idle_ms: int) -> None:

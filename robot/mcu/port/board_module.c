@@ -1,5 +1,6 @@
 // The module `board`: what the frozen main loop needs of the hardware.
 #include "py/gc.h"
+#include "py/mpstate.h"
 #include "py/binary.h"
 #include "py/objarray.h"
 #include "py/objstr.h"
@@ -47,6 +48,19 @@ static mp_obj_t board_unsent(void) {
     return MP_OBJ_NEW_SMALL_INT(link_counts.unsent & 0x3FFFFFFF);
 }
 static MP_DEFINE_CONST_FUN_OBJ_0(unsent_obj, board_unsent);
+
+// Bytes of the heap in use, counted in the table of blocks: four to a byte, 0 is free.
+static mp_obj_t board_heap_used(void) {
+    const byte *table = MP_STATE_MEM(area).gc_alloc_table_start;
+    uint32_t used = 0;
+    for (uint32_t i = 0; i < MP_STATE_MEM(area).gc_alloc_table_byte_len; i++) {
+        uint32_t four = table[i];
+        four = (four | four >> 1) & 0x55;
+        used += (four + (four >> 2) + (four >> 4) + (four >> 6)) & 7;
+    }
+    return MP_OBJ_NEW_SMALL_INT(used * MICROPY_BYTES_PER_GC_BLOCK);
+}
+static MP_DEFINE_CONST_FUN_OBJ_0(heap_used_obj, board_heap_used);
 
 static mp_obj_t board_stack_peak(void) {
     return MP_OBJ_NEW_SMALL_INT(stack_peak());
@@ -106,6 +120,7 @@ static const mp_rom_map_elem_t board_names[] = {
     {MP_ROM_QSTR(MP_QSTR_skipped), MP_ROM_PTR(&skipped_obj)},
     {MP_ROM_QSTR(MP_QSTR_refused), MP_ROM_PTR(&refused_obj)},
     {MP_ROM_QSTR(MP_QSTR_unsent), MP_ROM_PTR(&unsent_obj)},
+    {MP_ROM_QSTR(MP_QSTR_heap_used), MP_ROM_PTR(&heap_used_obj)},
     {MP_ROM_QSTR(MP_QSTR_stack_peak), MP_ROM_PTR(&stack_peak_obj)},
     {MP_ROM_QSTR(MP_QSTR_stack_bytes), MP_ROM_PTR(&stack_bytes_obj)},
     {MP_ROM_QSTR(MP_QSTR_static_bytes), MP_ROM_PTR(&static_bytes_obj)},

@@ -21,7 +21,10 @@
 
 #define MICROPY_OPT_COMPUTED_GOTO (1)
 #define MICROPY_OPT_LOAD_ATTR_FAST_PATH (1)
-#define MICROPY_OPT_MAP_LOOKUP_CACHE (0) // the cache would take 128 bytes of RAM
+#define MICROPY_OPT_MAP_LOOKUP_CACHE (1)
+#define MICROPY_MODULE_DICT_SIZE (440) // the linked program has about 350 names
+#define MICROPY_ALLOC_GC_STACK_SIZE (192)
+#define MICROPY_GC_STACK_ENTRY_TYPE uint16_t
 
 #define MICROPY_CPYTHON_COMPAT (1)
 #define MICROPY_FULL_CHECKS (1)
