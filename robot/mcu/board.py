@@ -82,7 +82,7 @@ class Board:
 
     @classmethod
     @contextmanager
-    def emulated(cls, image: Path = IMAGE, log: Path | None = None) -> Iterator[Self]:
+    def emulated(cls, image: Path = IMAGE.elf, log: Path | None = None) -> Iterator[Self]:
         """Start the emulator, wait for the board's hello, and refuse another core."""
         with Emulator(image, log=log) as emulator:
             board = cls(emulator.line)

@@ -54,9 +54,9 @@ static mp_obj_t board_heap_used(void) {
     const byte *table = MP_STATE_MEM(area).gc_alloc_table_start;
     uint32_t used = 0;
     for (uint32_t i = 0; i < MP_STATE_MEM(area).gc_alloc_table_byte_len; i++) {
-        uint32_t four = table[i];
-        four = (four | four >> 1) & 0x55;
-        used += (four + (four >> 2) + (four >> 4) + (four >> 6)) & 7;
+        uint32_t bits = (table[i] | table[i] >> 1) & 0x55;
+        bits = (bits & 0x11) + (bits >> 2 & 0x11);
+        used += (bits & 0xF) + (bits >> 4);
     }
     return MP_OBJ_NEW_SMALL_INT(used * MICROPY_BYTES_PER_GC_BLOCK);
 }

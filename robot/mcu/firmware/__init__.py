@@ -1,0 +1,1 @@
+"""Build the firmware from the sources of the core, of its main loop and of MicroPython."""
