@@ -82,10 +82,14 @@ class Emulator:
         assert self._process.stderr is not None
         return self._process.stderr.read().decode(errors="replace").strip()
 
-    def close(self) -> None:
-        """End qemu."""
+    def kill(self) -> None:
+        """End qemu at once, as if the board had lost its power."""
         self._process.kill()
         self._process.wait()
+
+    def close(self) -> None:
+        """End qemu and cut the line."""
+        self.kill()
         self.line.close()
         if self._process.stderr is not None:
             self._process.stderr.close()

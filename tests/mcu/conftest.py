@@ -1,0 +1,32 @@
+"""The firmware, built once, and an emulated board that runs it."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from robot.mcu.board import Board
+from robot.mcu.emulator import QEMU
+from robot.mcu.firmware import toolchain
+from robot.mcu.firmware.build import main
+from robot.mcu.image import IMAGE
+
+
+@pytest.fixture(scope="session")
+def firmware() -> Path:
+    """Build the firmware; skip where its tools are not installed."""
+    missing = toolchain.missing_packages()
+    if shutil.which(QEMU) is None:
+        missing.append("qemu-system-arm")
+    if missing:
+        pytest.skip(f"packages are not installed: {toolchain.advice(missing)}")
+    assert main([]) == 0
+    return IMAGE.elf
+
+
+@pytest.fixture
+def board(firmware: Path) -> Iterator[Board]:
+    """Start a board that has said hello."""
+    with Board.emulated(firmware) as board:
+        yield board

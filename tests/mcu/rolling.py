@@ -1,0 +1,87 @@
+"""Inputs of a board that drives straight on in the open."""
+
+from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, Command, Mode
+from protocol.wire.messages import (
+    CommandRequest,
+    GoalRequest,
+    SonarScan,
+    TickInputs,
+    WheelTicks,
+)
+from robot.core import reasons
+from robot.mcu.board import Board, BoardOutputs
+from robot.telemetry import NEVER
+from runtime.timing import PERIOD_NS
+from runtime.units import NS_PER_MS
+
+TICKS_PER_PERIOD = 60
+
+
+def wheels_at(tick: int) -> WheelTicks:
+    """Return the wheel ticks of a tick."""
+    rolled = TICKS_PER_PERIOD * tick
+    return WheelTicks(
+        time_ns=tick * PERIOD_NS, seq=tick, left=rolled, right=rolled, bumper=0, expired=0
+    )
+
+
+def scan_at(tick: int) -> SonarScan:
+    """Return a scan without echoes."""
+    return SonarScan(
+        time_ns=tick * PERIOD_NS,
+        seq=tick,
+        range_mm=(0,) * 8,
+        ping_age_us=(1000,) * 8,
+        valid=0xFF,
+        echo=0,
+    )
+
+
+def inputs_at(tick: int) -> TickInputs:
+    """Return the other inputs of a tick."""
+    return TickInputs(
+        time_ns=tick * PERIOD_NS,
+        now_ms=tick * PERIOD_NS // NS_PER_MS,
+        tick=tick,
+        wheels_seq=tick,
+        scan_seq=tick,
+        requests=0,
+        scan_age_ms=0,
+        operator_age_ms=NEVER,
+        flags=INPUT_WHEELS | INPUT_SCAN,
+        speed_mm_s=0,
+        yaw_rate_mrad_s=0,
+    )
+
+
+def tick(board: Board, number: int) -> BoardOutputs:
+    """Run one tick with all inputs."""
+    return board.tick(inputs_at(number), wheels_at(number), scan_at(number))
+
+
+def command(number: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
+    """Return a command."""
+    return CommandRequest(request_id=1, param1=param1, param2=param2, command=number)
+
+
+def goal_at(x_mm: int) -> GoalRequest:
+    """Return a goal straight ahead."""
+    return GoalRequest(
+        request_id=2,
+        x_mm=x_mm,
+        y_mm=0,
+        heading_urad=0,
+        heading_free=1,
+        position_tolerance_mm=100,
+        heading_tolerance_urad=100_000,
+        mode=Mode.AUTO,
+    )
+
+
+def drive_off(board: Board) -> int:
+    """Arm, set a goal and run until the wheels turn; return the number of the last tick."""
+    tick(board, 1)
+    assert board.request(command(Command.COMPONENT_ARM_DISARM, 1.0)) == reasons.OK
+    assert board.request(goal_at(50_000)) == reasons.OK
+    assert tick(board, 2).command.left_mrad_s > 0
+    return 2

@@ -1,0 +1,63 @@
+"""A trial with the core on the board gives the trajectory of CPython, to the last bit."""
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from plant.world.file import load
+from robot.core.values import Outputs
+from robot.mcu.board import Board
+from study.trial.board_loop import BoardLoop
+from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Onboard, Plant, Trial, run_trial
+
+pytestmark = pytest.mark.mcu
+
+Step = tuple[int, int, int, float, float, float]
+
+
+class Steps:
+    """Wheel commands and estimated poses, tick by tick."""
+
+    def __init__(self) -> None:
+        self.steps: list[Step] = []
+
+    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+        """Note one tick."""
+        left, right, guard = outputs.left_mrad_s, outputs.right_mrad_s, outputs.guard
+        self.steps.append((left, right, guard, *onboard.state.odometry.pose))
+
+
+@pytest.mark.parametrize("navigator", NAVIGATORS)
+def test_board_drives_as_cpython_to_the_last_bit(navigator: str, board: Board) -> None:
+    assert_equal(Trial(world=load("disc"), navigator=navigator, seed=3), board)
+
+
+def test_board_drives_as_cpython_without_noise(board: Board) -> None:
+    assert_equal(Trial(world=load("paper_fig7"), noise="none"), board)
+
+
+def test_board_keeps_every_bit_of_parameters_and_start(board: Board) -> None:
+    parameters = {"k_rho": 2.9 + 1e-15, "accel_m_s2": 1.0 / 0.7}
+    assert_equal(Trial(world=load("open"), parameters=parameters), board)
+
+
+def test_board_can_be_set_up_again(firmware: Path) -> None:
+    trial = Trial(world=load("open"), navigator=USUAL_NAVIGATOR)
+    with Board.emulated(firmware) as board:
+        first = run_trial(trial, start=partial(BoardLoop, board))
+        board.restart()
+        assert run_trial(trial, start=partial(BoardLoop, board)).digest == first.digest
+
+
+def assert_equal(trial: Trial, board: Board) -> None:
+    """Run a trial in this process and on the board; compare every tick."""
+    ours, theirs = Steps(), Steps()
+    expected = run_trial(trial, ours)
+    found = run_trial(trial, theirs, partial(BoardLoop, board))
+    pairs = enumerate(zip(ours.steps, theirs.steps, strict=False))
+    differing = next(((tick, *pair) for tick, pair in pairs if pair[0] != pair[1]), None)
+    assert differing is None
+    assert len(theirs.steps) == len(ours.steps)
+    assert found.digest == expected.digest
+    assert (found.goal, found.reason) == (expected.goal, expected.reason)
