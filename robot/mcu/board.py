@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from time import monotonic
-from typing import Final, NamedTuple, Self, TypeAlias, TypeVar
+from typing import Final, NamedTuple, Self, TypeAlias, TypeVar, cast
 
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import ResetCause
@@ -102,7 +102,7 @@ class Board:
 
     def wait_for_hello(self) -> BoardHello:
         """Wait until the board says hello; refuse an image of another core."""
-        hello = self._next(BoardHello)
+        hello = self._await(BoardHello)
         self._requests = 0
         self._sent = (-1, -1)
         refuse_other_core(hello)
@@ -137,11 +137,11 @@ class Board:
         """Send a request and return the reason in its answer, 0 if done."""
         self.send(request)
         self._requests += 1
-        answer = self._next(BoardAnswer)
+        answer = self._await(BoardAnswer)
         if answer.request != self._requests:
-            raise BoardError(f"board answered request {answer.request}, not {self._requests}")
+            raise BoardError(f"the board answered request {answer.request}, not {self._requests}")
         if self.state is not None or (isinstance(request, BoardSetup) and not answer.reason):
-            self._next(BoardState)
+            self._await(BoardState)
         return answer.reason
 
     def tick(
@@ -183,35 +183,47 @@ class Board:
         return arrived
 
     def _outputs(self, tick: int) -> BoardOutputs:
-        command, odometry = self._next(WheelCommand), self._next(PlanarOdometry)
-        decision: AvoidanceDecision | None = None
-        first = self._next((AvoidanceDecision, BoardState))
-        if isinstance(first, AvoidanceDecision):
-            decision, first = first, self._next(BoardState)
-        report = self._next(BoardReport)
-        if report.tick != tick:
-            raise BoardError(f"board reported tick {report.tick}, not {tick}")
-        assert isinstance(first, BoardState)
-        return BoardOutputs(command, odometry, decision, first, report)
+        """Return the newest of each output up to the report of a tick."""
+        newest: dict[type[Message], Message] = {}
+        while BoardReport not in newest:
+            message = self._next()
+            if isinstance(message, BoardHello):
+                raise restarted(message)
+            newest[type(message)] = message
+        report = newest[BoardReport]
+        needed = (WheelCommand, PlanarOdometry, BoardState)
+        lost = [kind.__name__ for kind in needed if kind not in newest]
+        if lost or not isinstance(report, BoardReport) or report.tick != tick:
+            raise BoardError(f"outputs of tick {tick} are lost: {', '.join(lost) or 'all'}")
+        decision = newest.get(AvoidanceDecision)
+        return BoardOutputs(
+            cast(WheelCommand, newest[WheelCommand]),
+            cast(PlanarOdometry, newest[PlanarOdometry]),
+            cast(AvoidanceDecision | None, decision),
+            cast(BoardState, newest[BoardState]),
+            report,
+        )
 
     def _do(self, request: Request, what: str) -> None:
         reason = self.request(request)
         if reason:
             raise BoardError(f"the board refuses {what}: {reason_text(reason)}")
 
-    def _next(self, kind: type[Expected] | tuple[type[Expected], ...]) -> Expected:
-        """Return the next message, which must be of this kind."""
+    def _await(self, kind: type[Expected]) -> Expected:
+        """Return the next message of this kind; skip what the board sends of itself."""
+        while True:
+            message = self._next()
+            if isinstance(message, kind):
+                return message
+            if isinstance(message, BoardHello):
+                raise restarted(message)
+
+    def _next(self) -> Message:
         deadline = monotonic() + self._patience_s
         while not self._arrived:
             if not self._receive(deadline):
                 raise BoardError(f"the board is silent: nothing for {self._patience_s:g} s")
-        message = self._arrived.pop(0)
-        if not isinstance(message, kind):
-            if isinstance(message, BoardHello):
-                cause = ResetCause(message.reset_cause).name.lower()
-                raise BoardError(f"the board has restarted (cause: {cause})")
-            raise BoardError(f"the board sent {type(message).__name__} out of order")
-        return message
+        return self._arrived.pop(0)
 
     def _receive(self, deadline: float) -> bool:
         """Wait for bytes; return False if none arrived before the deadline."""
@@ -233,6 +245,12 @@ class Board:
             self._hello = message
         elif isinstance(message, BoardState):
             self.state = message
+
+
+def restarted(hello: BoardHello) -> BoardError:
+    """Return the error of a board that says hello in the middle of its work."""
+    cause = ResetCause(hello.reset_cause).name.lower()
+    return BoardError(f"the board has restarted (cause: {cause})")
 
 
 def differing(params: Params) -> Mapping[str, float]:

@@ -7,8 +7,9 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from time import monotonic
 from types import TracebackType
 from typing import Final, Self
 
@@ -20,19 +21,31 @@ NS_PER_INSTRUCTION_LOG2: Final = 5
 """32 ns: about three cycles an instruction at 96 MHz, so that the board's own clock is realistic."""
 PR_SET_PDEATHSIG: Final = 1
 READ_BYTES: Final = 65_536
+LOOK_S: Final = 0.25
+"""A wait looks this often whether the emulator still runs."""
 
 
 class SerialLine:
-    """A line as two file descriptors, of which one is read and the other one written."""
+    """A line as two file descriptors, of which one is read and the other one written.
 
-    def __init__(self, reads: int, writes: int) -> None:
+    `is_alive` returns whether there is still a board at the other end.
+    """
+
+    def __init__(self, reads: int, writes: int, is_alive: Callable[[], bool]) -> None:
         self._reads, self._writes = reads, writes
+        self._is_alive = is_alive
 
     def read(self, wait_s: float) -> bytes | None:
         """Return the bytes that have arrived; nothing within this time: b"", line cut: None."""
-        if not select.select([self._reads], [], [], max(0.0, wait_s))[0]:
-            return b""
-        return os.read(self._reads, READ_BYTES) or None
+        deadline = monotonic() + wait_s
+        while True:
+            left_s = max(0.0, deadline - monotonic())
+            if select.select([self._reads], [], [], min(left_s, LOOK_S))[0]:
+                return os.read(self._reads, READ_BYTES)
+            if not self._is_alive():
+                return None
+            if left_s == 0.0:
+                return b""
 
     def write(self, data: bytes) -> None:
         """Write bytes; raise OSError if the line is cut."""
@@ -65,8 +78,9 @@ class Emulator:
             stderr=subprocess.PIPE,
             preexec_fn=end_with_parent,
         )
-        # Opened for both directions, so that this does not wait for qemu; see `is_running`.
-        self.line = SerialLine(*(os.open(pipe, os.O_RDWR) for pipe in pipes))
+        # Opened for both directions, so that this does not wait for qemu.
+        reads, writes = (os.open(pipe, os.O_RDWR) for pipe in pipes)
+        self.line = SerialLine(reads, writes, self.is_running)
 
     @property
     def pid(self) -> int:

@@ -15,6 +15,7 @@ def hang(path: Path) -> None:
         line.settimeout(10.0)
         line.connect(str(path))
         ask(line, b"?")
+        ask(line, b"qXfer:features:read:target.xml:0,ffb")  # before it, registers are read-only
         assert ask(line, b"M%x,2:%s" % (place, BRANCH_TO_ITSELF)) == b"OK"
         assert ask(line, b"P%x=%s" % (PROGRAM_COUNTER, place.to_bytes(4, "little").hex().encode()))
         send(line, b"D")

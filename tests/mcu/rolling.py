@@ -19,7 +19,7 @@ TICKS_PER_PERIOD = 60
 
 def wheels_at(tick: int) -> WheelTicks:
     """Return the wheel ticks of a tick."""
-    rolled = TICKS_PER_PERIOD * tick
+    rolled = TICKS_PER_PERIOD * (tick - 1)
     return WheelTicks(
         time_ns=tick * PERIOD_NS, seq=tick, left=rolled, right=rolled, bumper=0, expired=0
     )

@@ -60,4 +60,5 @@ def assert_equal(trial: Trial, board: Board) -> None:
     assert differing is None
     assert len(theirs.steps) == len(ours.steps)
     assert found.digest == expected.digest
-    assert (found.goal, found.reason) == (expected.goal, expected.reason)
+    assert (found.outcome, found.time_s) == (expected.outcome, expected.time_s)
+    assert found.estimated_position_error_m == expected.estimated_position_error_m
