@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits generate-docs clean afresh study
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits generate-docs clean afresh study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -15,6 +15,7 @@ USABLE := $(shell [ -x .venv/bin/python ] && [ "$$(cat $(READY) 2>&1)" = "$(CURD
 help:
 	@echo "make setup   the virtual environment .venv with everything in it"
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
+	echo "make firmware  the control core for an emulated LPC1768, in build/firmware"
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make same-bits  a thousand trials on each Python, processor and library: 0 bits differ"
@@ -94,6 +95,9 @@ study: setup
 		touch $$built
 	fi
 	PYTHONPATH="$(CURDIR)/$(COMPILED)" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
+# Needs packages of Debian, which it names when they are missing.
+firmware: setup
+	@exec "$(BIN)/python" -m robot.mcu.firmware.build $(ARGS)
 
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)

@@ -36,7 +36,12 @@ def pytest_configure(config: pytest.Config) -> None:
 TESTS = Path(__file__).parent
 EXAMPLES = {"brief": 40, "usual": 100, "long": 2000}
 """The examples of a property that sets no number of its own, by the value of `--examples`."""
-FOLDERS_OF = {"stack": ("stack", "bus"), "compose": ("compose",), "interop": ("interop",)}
+FOLDERS_OF = {
+    "stack": ("stack", "bus"),
+    "compose": ("compose",),
+    "interop": ("interop",),
+    "mcu": ("mcu",),
+}
 """A step of the gate collects only these: to collect everything costs more than many a test."""
 
 

@@ -1,12 +1,12 @@
 """`python -m verification.gate`: every check of the project.
 
 There are three phases. The first phase runs static checks and tests that control their time;
-meanwhile it compiles the tests, builds the images for the tests with containers, and installs the
-MAVLink clients. The other phases measure wall time. The second one runs the tests with processes,
-including first drives. No other step runs at the same time, so that robots are not late. The third
-one runs the tests with containers, and at the same time the tests with MAVLink clients, which wait
-for their robot most of the time. Every step is run, so that one call shows all errors. The exit
-code is 1 when a step failed, and the last line names it.
+meanwhile it compiles the tests, builds the images for the tests with containers, installs the
+MAVLink clients, and builds and tests the firmware. The other phases measure wall time. The second
+one runs the tests with processes, including first drives. No other step runs at the same time, so
+that robots are not late. The third one runs the tests with containers, and at the same time the
+tests with MAVLink clients, which wait for their robot most of the time. Every step is run, so that
+one call shows all errors. The exit code is 1 when a step failed, and the last line names it.
 """
 
 import argparse
@@ -33,6 +33,7 @@ REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 WORKERS: Final = 3
 """Of the tests with processes: more would start so many at once that robots miss deadlines. Those
 with containers and with MAVLink clients have one each: a stack of containers keeps a core busy."""
+ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"
 INTEROP: Final = "interop and brief"
 """Real clients on a clean line. `make interop` has the rest."""
 
@@ -55,6 +56,7 @@ def phases(extra: Sequence[str]) -> list[list[Lane]]:
         Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
         Step("images", (*PYTHON, "tests.support.compose.images")),
         Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra)),
+        Step("tests with the firmware", (*PYTEST, "-m", "mcu", *extra, "tests/mcu")),
     ]
     containers = Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))
     clients = Step("tests with MAVLink clients", (*PYTEST, "-m", INTEROP, *extra, "tests/interop"))
@@ -84,7 +86,7 @@ def computing(extra: Sequence[str]) -> list[Step]:
         Step("mutation of the stop", mutation),
         Step(
             "tests",
-            (*PYTEST, *workers, *BRIEF, "-m", "not stack and not compose and not interop", *extra),
+            (*PYTEST, *workers, *BRIEF, "-m", ELSEWHERE, *extra),
         ),
     ]
 

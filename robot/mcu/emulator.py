@@ -18,7 +18,7 @@ from runtime.errors import UserError
 QEMU: Final = "qemu-system-arm"
 MACHINE: Final = "mps2-an385"
 NS_PER_INSTRUCTION_LOG2: Final = 5
-"""32 ns: about three cycles an instruction at 96 MHz, so that the board's own clock is realistic."""
+"""32 ns: three cycles an instruction at 96 MHz, by which the board's own clock is realistic."""
 PR_SET_PDEATHSIG: Final = 1
 READ_BYTES: Final = 65_536
 LOOK_S: Final = 0.25
@@ -113,7 +113,10 @@ class Emulator:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        at: TracebackType | None,
     ) -> None:
         self.close()
 

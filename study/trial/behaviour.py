@@ -5,7 +5,7 @@ from math import pi
 from plant.sim.simulation import Plant
 from robot.core import states
 from robot.core.values import Outputs
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 
 SIDES = (states.PASS_LEFT, states.PASS_RIGHT)
 
@@ -24,14 +24,14 @@ class Behaviour:
 
     def __init__(self) -> None:
         self.plant: Plant | None = None
-        self.onboard: Onboard | None = None
+        self.onboard: CoreLoop | None = None
         self.ticks = self.avoidances = self.side_changes = 0
         self.ticks_of = dict.fromkeys(range(states.GIVE_UP + 1), 0)
         self.clearance_sum_m = self.turned_rad = 0.0
         self._branch = self._side = states.NO_BRANCH
         self._heading_rad = 0.0
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Count one tick."""
         heading_rad, clearance_m = plant.attitude()
         if self.plant is None:

@@ -13,33 +13,31 @@ from protocol.wire.messages import (
 )
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import now_ms_of
-from robot.core.state import State
 from robot.core.values import Outputs, Pose
 from robot.mcu import mirror
 from robot.mcu.board import Board, BoardOutputs
 from robot.telemetry import NEVER
 from runtime.timing import UINT32
-from study.trial.core_loop import SCAN_STALE_MS, WHEELS_STALE_MS
+from study.trial.core_loop import SCAN_STALE_MS, WHEELS_STALE_MS, CoreLoop
 
 
-class BoardLoop:
+class BoardLoop(CoreLoop):
     """Hold the latest sensor samples and a copy of the state of the core on a board.
 
     `outputs` are those of the last tick.
     """
 
+    __slots__ = ("_board", "_newest_scan", "_newest_wheels", "_requests", "_ticks", "outputs")
+
     def __init__(
         self, board: Board, params: Params, start: Pose, totals: tuple[int, int] = (0, 0)
     ) -> None:
-        """Set up the core on the board; the arguments are those of `CoreLoop`."""
-        self.params = params
-        self.state = State(params)
-        self.now_ms = 0
+        """Set up the core on the board; the other arguments are those of `CoreLoop`."""
+        super().__init__(params, start, totals)
         self.outputs: BoardOutputs | None = None
         self._board = board
-        self._wheels: WheelTicks | None = None
-        self._scan: SonarScan | None = None
-        self._wheels_ms = self._scan_ms = 0
+        self._newest_wheels: WheelTicks | None = None
+        self._newest_scan: SonarScan | None = None
         self._ticks = count(1)
         self._requests = count(1)
         board.set_up(params, start, totals)
@@ -48,14 +46,14 @@ class BoardLoop:
         """Run one tick with the samples that arrived for it, None where none arrived."""
         self.now_ms = now_ms = now_ms_of(now_ns)
         if wheels is not None:
-            self._wheels, self._wheels_ms = wheels, now_ms
+            self._newest_wheels, self._wheels_ms = wheels, now_ms
         elif now_ms - self._wheels_ms > WHEELS_STALE_MS:
-            self._wheels = None
+            self._newest_wheels = None
         if scan is not None:
-            self._scan, self._scan_ms = scan, now_ms
+            self._newest_scan, self._scan_ms = scan, now_ms
         elif now_ms - self._scan_ms > SCAN_STALE_MS:
-            self._scan = None
-        wheels, scan = self._wheels, self._scan
+            self._newest_scan = None
+        wheels, scan = self._newest_wheels, self._newest_scan
         inputs = TickInputs(
             time_ns=now_ns,
             now_ms=now_ms,
@@ -84,9 +82,7 @@ class BoardLoop:
         if refusal:
             return refusal
         request_id = next(self._requests)
-        return self._request(
-            GoalRequest(request_id=request_id, mode=Mode.AUTO, **goal._asdict())
-        )
+        return self._request(GoalRequest(request_id=request_id, mode=Mode.AUTO, **goal._asdict()))
 
     def _request(self, request: CommandRequest | GoalRequest) -> int:
         reason = self._board.request(request)

@@ -1,7 +1,5 @@
 """The control core as the robot process runs it, without the process."""
 
-from typing import Protocol
-
 from protocol.topics import SONAR, WHEELS
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
@@ -13,20 +11,6 @@ from runtime.units import NS_PER_MS
 
 WHEELS_STALE_MS = WHEELS.stale_after_ns // NS_PER_MS
 SCAN_STALE_MS = SONAR.stale_after_ns // NS_PER_MS
-
-
-class Onboard(Protocol):
-    """A core that a trial drives: in this process, or on a board."""
-
-    params: Params
-    state: brain.State
-    now_ms: int
-
-    def step(self, now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Outputs:
-        """Run one tick with the samples that arrived for it, None where none arrived."""
-
-    def go(self, goal: WireGoal) -> int:
-        """Arm and drive to the goal without an operator; return the reason of a refusal, or 0."""
 
 
 class CoreLoop:

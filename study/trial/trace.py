@@ -7,7 +7,7 @@ from typing import TextIO
 from plant.sim.simulation import Plant
 from robot.core.values import Decision, Outputs
 from runtime.units import NS_PER_S
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 
 COLUMNS = (
     *("time_s", "true_x_m", "true_y_m", "true_heading_rad", "clearance_m", "contact"),
@@ -31,7 +31,7 @@ class Trace:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow(COLUMNS)
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Write the line of this tick."""
         self._writer.writerow((*_truth(plant), *_estimate(onboard), *_choice(onboard, outputs)))
 
@@ -42,7 +42,7 @@ def _truth(plant: Plant) -> tuple[float, ...]:
     return plant.now_ns / NS_PER_S, *pose, truth.clearance_m, truth.contact
 
 
-def _estimate(onboard: Onboard) -> tuple[float, ...]:
+def _estimate(onboard: CoreLoop) -> tuple[float, ...]:
     odometry, machine = onboard.state.odometry, onboard.state.machine
     covariance = (odometry.pxx, odometry.pxy, odometry.pxh, odometry.pyy, odometry.pyh)
     speeds = (odometry.speed_m_s, odometry.yaw_rate_rad_s)
@@ -51,7 +51,7 @@ def _estimate(onboard: Onboard) -> tuple[float, ...]:
     return *odometry.pose, *speeds, *covariance, *doubts, *states
 
 
-def _choice(onboard: Onboard, outputs: Outputs) -> tuple[float | None, ...]:
+def _choice(onboard: CoreLoop, outputs: Outputs) -> tuple[float | None, ...]:
     """Return decision, guard and wheel speeds; the bearing is empty if nothing was near."""
     decision = outputs.decision or UNDECIDED
     wheels = (outputs.left_mrad_s, outputs.right_mrad_s)

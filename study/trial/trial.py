@@ -21,7 +21,7 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
-from study.trial.core_loop import CoreLoop, Onboard
+from study.trial.core_loop import CoreLoop
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,
@@ -37,8 +37,8 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 # The same world is run many times, and its shortest path costs more than some runs.
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
-Watch: TypeAlias = Callable[[Plant, Onboard, Outputs], None]
-Start: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Onboard]
+Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
+Start: TypeAlias = Callable[[Params, Pose, tuple[int, int]], CoreLoop]
 """Starts a core with parameters, at a pose with its encoder totals."""
 
 
@@ -90,7 +90,7 @@ def run_trial(trial: Trial, watch: Watch | None = None, start: Start = CoreLoop)
 
 
 def drive(
-    plant: Plant, onboard: Onboard, goal: WireGoal, timeout_s: float, watch: Watch | None
+    plant: Plant, onboard: CoreLoop, goal: WireGoal, timeout_s: float, watch: Watch | None
 ) -> int:
     """Step plant and core until the goal has ended or the time is up.
 
@@ -154,7 +154,7 @@ def run_settings_of(trial: Trial, wire_goal: WireGoal) -> RunSettings:
 
 
 def run_end_of(
-    plant: Plant, onboard: Onboard, refusal: int, wall_s: float, begun_ns: int = 0
+    plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
 ) -> RunEnd:
     """Describe the end of a trial for its outcome; `begun_ns` is the plant's time at its start."""
     machine, pose = onboard.state.machine, onboard.state.odometry.pose

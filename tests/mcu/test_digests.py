@@ -5,11 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from plant.sim.simulation import Plant
 from plant.world.file import load
 from robot.core.values import Outputs
 from robot.mcu.board import Board
 from study.trial.board_loop import BoardLoop
-from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Onboard, Plant, Trial, run_trial
+from study.trial.core_loop import CoreLoop
+from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 
 pytestmark = pytest.mark.mcu
 
@@ -22,7 +24,7 @@ class Steps:
     def __init__(self) -> None:
         self.steps: list[Step] = []
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Note one tick."""
         left, right, guard = outputs.left_mrad_s, outputs.right_mrad_s, outputs.guard
         self.steps.append((left, right, guard, *onboard.state.odometry.pose))

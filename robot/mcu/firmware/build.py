@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from robot.mcu.firmware import messages, toolchain
+from robot.mcu.firmware.linker import Binding, Program
 from robot.mcu.image import (
     CORE,
     IMAGE,
@@ -21,7 +22,6 @@ from robot.mcu.image import (
     core_version,
 )
 from runtime.errors import UserError
-from robot.mcu.firmware.linker import Binding, Program
 
 HERE: Final = Path(__file__).resolve().parent
 
@@ -109,7 +109,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             fcntl.flock(lock, fcntl.LOCK_EX)
             for name in names:
                 build(IMAGES[name])
-                print(f"{IMAGES[name].elf.relative_to(ROOT)}: core {core_version()}, {core_hash().hex()[:12]}")
+                elf = IMAGES[name].elf.relative_to(ROOT)
+                print(f"{elf}: core {core_version()}, {core_hash().hex()[:12]}")
     except KeyError as error:
         print(f"make firmware: no variant {error}; known: {', '.join(IMAGES)}", file=sys.stderr)
         return 2

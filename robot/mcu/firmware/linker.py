@@ -51,7 +51,11 @@ class Module:
             if isinstance(statement, ast.ImportFrom):
                 whole = f"{statement.module}.{alias.name}"
                 is_module = whole in modules
-                origin = Binding(whole, BODY) if is_module else Binding(statement.module or "", alias.name)
+                origin = (
+                    Binding(whole, BODY)
+                    if is_module
+                    else Binding(statement.module or "", alias.name)
+                )
             self.imported[alias.asname or alias.name] = origin
             self.imports.append(origin)
 
@@ -72,7 +76,9 @@ class Program:
             module.body = [Inliner(self, module).visit(statement) for statement in module.body]
         live = self._live(root)
         names = self._names(ordered, live)
-        lines = sorted(import_line(origin, names[origin]) for origin in self._outside(ordered, live))
+        lines = sorted(
+            import_line(origin, names[origin]) for origin in self._outside(ordered, live)
+        )
         for module in ordered:
             for statement in module.body:
                 if isinstance(statement, ast.Import | ast.ImportFrom):
@@ -192,7 +198,7 @@ class Scoped(ast.NodeTransformer):
         self._module = module
         self._hidden: list[set[str]] = []
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         """Enter a function; its own names hide those of the module."""
         node.args.defaults = [self.visit(default) for default in node.args.defaults]
         self._hidden.append(set(local_names([node])) - {node.name})
@@ -200,11 +206,11 @@ class Scoped(ast.NodeTransformer):
         self._hidden.pop()
         return node
 
-    def visit_Name(self, node: ast.Name) -> ast.AST:  # noqa: N802
+    def visit_Name(self, node: ast.Name) -> ast.AST:
         """Replace a name."""
         return node if self._is_hidden(node.id) else self._changed(node)
 
-    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:  # noqa: N802
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         """Replace a name of another module."""
         if isinstance(node.value, ast.Name) and not self._is_hidden(node.value.id):
             changed = self._changed(node)
@@ -235,13 +241,13 @@ class Renamer(Scoped):
         super().__init__(program, module)
         self._names = names
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         """Rename a function of the module."""
         if not self._hidden:
             node.name = self._names.get(Binding(self._module.name, node.name), node.name)
         return super().visit_FunctionDef(node)
 
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
         """Rename a class of the module; its methods keep their names."""
         node.name = self._names.get(Binding(self._module.name, node.name), node.name)
         node.bases = [self.visit(base) for base in node.bases]
@@ -252,7 +258,7 @@ class Renamer(Scoped):
                 self._method(statement)
         return node
 
-    def visit_Try(self, node: ast.Try) -> ast.AST:  # noqa: N802
+    def visit_Try(self, node: ast.Try) -> ast.AST:
         """Keep the names of a statement that replaces a missing module."""
         return self.generic_visit(node) if self._hidden else node
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 class Stripper(ast.NodeTransformer):
     """Drops annotations, docstrings, `__slots__` and `__all__`."""
 
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         """Drop the annotations and the docstring of a function."""
         node.returns = None
         every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
@@ -16,21 +16,21 @@ class Stripper(ast.NodeTransformer):
                 argument.annotation = None
         return self._with_body(node)
 
-    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
         """Drop the docstring of a class."""
         return self._with_body(node)
 
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         """Drop a docstring."""
         return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
 
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:  # noqa: N802
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST | None:
         """Turn an annotated assignment into a plain one."""
         if node.value is None:
             return None
         return ast.copy_location(ast.Assign([node.target], self.visit(node.value)), node)
 
-    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:  # noqa: N802
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | None:
         """Drop `__slots__` and `__all__`."""
         target = node.targets[0]
         if isinstance(target, ast.Name) and target.id in ("__slots__", "__all__"):
@@ -53,6 +53,9 @@ def stripped(tree: ast.Module) -> ast.Module:
 def final_names(tree: ast.Module) -> Iterator[str]:
     """Yield the names of a module that are declared `Final`."""
     for node in tree.body:
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            if "Final" in ast.unparse(node.annotation):
-                yield node.target.id
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and "Final" in ast.unparse(node.annotation)
+        ):
+            yield node.target.id

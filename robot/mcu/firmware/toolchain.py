@@ -117,9 +117,7 @@ def isolated(folder: Path, sources: Path) -> Sequence[str]:
 
 def source_of(uri: str, keyring: Path) -> str:
     """Return the entry of the source package's repository."""
-    return (
-        f"Types: deb-src\nURIs: {uri}\nSuites: {SUITE}\nComponents: main\nSigned-By: {keyring}\n"
-    )
+    return f"Types: deb-src\nURIs: {uri}\nSuites: {SUITE}\nComponents: main\nSigned-By: {keyring}\n"
 
 
 def mirror(folder: Path = SOURCES) -> str:
@@ -132,7 +130,9 @@ def mirror(folder: Path = SOURCES) -> str:
             found = MIRROR.search("\n".join([*lines, ""]))
             if found is not None:
                 return found[0]
-    raise UserError(f"no mirror of Debian in {folder}: add one, or put {TARBALL} into build/firmware/source")
+    raise UserError(
+        f"no mirror of Debian in {folder}: add one, or put {TARBALL} into build/firmware/source"
+    )
 
 
 def compiler(tree: Path) -> Path:

@@ -11,7 +11,7 @@ from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
 from robot.core import states
 from robot.core.values import Outputs
-from study.trial.core_loop import Onboard
+from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
 Pose: TypeAlias = tuple[float, float, float]
@@ -66,7 +66,7 @@ class DriveRecorder:
     branches: list[int] = field(default_factory=list)
     covariance: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def __call__(self, plant: Plant, onboard: Onboard, outputs: Outputs) -> None:
+    def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         """Record one tick."""
         truth, odometry = plant.truth(), onboard.state.odometry
         self.true.append((truth.x_m, truth.y_m, truth.heading_rad))

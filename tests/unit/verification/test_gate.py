@@ -54,7 +54,8 @@ def test_every_test_is_in_one_of_the_steps() -> None:
     steps = [words for words in steps if "--collect-only" not in words]
     chosen = [words[words.index("-m", 2) + 1] for words in steps]
     assert chosen == [
-        "not stack and not compose and not interop",
+        "not stack and not compose and not interop and not mcu",
+        "mcu",
         "stack and not compose",
         "compose",
         "interop and brief",

@@ -37,9 +37,7 @@ def send_hello(onboard: Onboard) -> None:
 
 def send_answer(onboard: Onboard, message_id: int, reason: int) -> None:
     """Answer a request."""
-    pack_into(
-        wire.BOARD_ANSWER_FORMAT, board.outbox, 0, onboard.requests, message_id, reason
-    )
+    pack_into(wire.BOARD_ANSWER_FORMAT, board.outbox, 0, onboard.requests, message_id, reason)
     board.send(wire.BOARD_ANSWER_ID, wire.BOARD_ANSWER_SIZE)
 
 

@@ -8,7 +8,7 @@ import outputs
 import wire
 from onboard import Onboard
 
-from robot.core import modes, place, reasons, states
+from robot.core import modes, place, reasons
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import goal_of
 from robot.core.safety.fence import MAX_CORNERS, Fence
