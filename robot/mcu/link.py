@@ -1,9 +1,8 @@
 """Find MAVLink frames in a stream of bytes, without I/O."""
 
 from collections.abc import Iterator
-from typing import Final
 
-from protocol.wire.codec import HEADER_SIZE, LARGEST_FRAME, MAGIC_BYTE, OUTSIDE, decode
+from protocol.wire.codec import HEADER_SIZE, MAGIC_BYTE, OUTSIDE, decode
 from protocol.wire.message import Message
 from runtime.errors import RemoteError
 
@@ -14,6 +13,11 @@ class FrameStream:
     def __init__(self) -> None:
         self._bytes = bytearray()
         self.skipped = 0
+
+    @property
+    def waiting(self) -> int:
+        """Bytes of an incomplete frame."""
+        return len(self._bytes)
 
     def feed(self, received: bytes) -> Iterator[Message]:
         """Yield the messages that these bytes complete."""
@@ -37,7 +41,3 @@ class FrameStream:
     def _skip(self, count: int) -> None:
         self.skipped += count
         del self._bytes[:count]
-
-
-MAX_WAITING: Final = LARGEST_FRAME
-"""A stream never keeps more bytes than one frame."""

@@ -9,7 +9,7 @@ from onboard import Onboard
 
 from robot.core import states
 from robot.core.typing_shim import Final
-from robot.core.values import Outputs
+from robot.core.values import Goal, Outputs
 
 TTL_MS: Final = 150
 NS_PER_CLOCK: Final = 40
@@ -131,11 +131,7 @@ def send_state(onboard: Onboard) -> None:
     """Send the state of the core that the host needs."""
     state, machine = onboard.state, onboard.state.machine
     x_m, y_m, heading_rad = state.odometry.pose
-    goal_x_m = goal_y_m = goal_heading_rad = nan
-    if machine.goal is not None:
-        goal_x_m, goal_y_m, goal_heading_rad, _, _ = machine.goal
-        if goal_heading_rad is None:
-            goal_heading_rad = nan
+    goal_x_m, goal_y_m, goal_heading_rad = goal_pose(machine.goal)
     pack_into(
         wire.BOARD_STATE_FORMAT,
         board.outbox,
@@ -167,6 +163,14 @@ def send_state(onboard: Onboard) -> None:
         flags_of(onboard),
     )
     board.send(wire.BOARD_STATE_ID, wire.BOARD_STATE_SIZE)
+
+
+def goal_pose(goal: "Goal | None") -> "tuple[float, float, float]":
+    """Return place and heading of a goal, with NaN for what it leaves open."""
+    if goal is None:
+        return nan, nan, nan
+    heading_rad = goal.heading_rad
+    return goal.x_m, goal.y_m, nan if heading_rad is None else heading_rad
 
 
 def flags_of(onboard: Onboard) -> int:
