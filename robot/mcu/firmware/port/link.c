@@ -119,6 +119,9 @@ uint32_t link_receive(uint32_t ms) {
         watchdog_clear();
     }
     resumed = clock_now();
+    if (id == TICK_INPUTS_ID) {
+        mark_tick();
+    }
     return id;
 }
 
@@ -139,5 +142,16 @@ bool link_send(uint32_t id, uint32_t size) {
     frame[HEADER + size + 1] = (uint8_t)(sum >> 8);
     bool sent = uart_write(frame, HEADER + size + CHECKSUM);
     link_counts.unsent += !sent;
+    if (id == WHEEL_COMMAND_ID) {
+        mark_command();
+    }
     return sent;
+}
+
+__attribute__((noinline)) void mark_tick(void) {
+    __asm volatile ("");
+}
+
+__attribute__((noinline)) void mark_command(void) {
+    __asm volatile ("nop");
 }
