@@ -96,6 +96,11 @@ class Emulator:
         assert self._process.stderr is not None
         return self._process.stderr.read().decode(errors="replace").strip()
 
+    def terminate(self) -> None:
+        """End qemu in order, so that a plugin writes its results."""
+        self._process.terminate()
+        self._process.wait()
+
     def kill(self) -> None:
         """End qemu at once, as if the board had lost its power."""
         self._process.kill()

@@ -1,0 +1,1 @@
+"""Cost of the control core on the emulated board."""
