@@ -10,10 +10,9 @@ from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.packing import wire_of
-from robot.core import modes, place, reasons, states
+from robot.core import reasons, states
 from robot.core.perception.from_messages import goal_of
-from robot.core.state import State
-from robot.core.values import Pose
+from robot.hosting.core import Core
 from robot.mission.mission import Mission
 
 MAX_OPERATORS: Final = 64
@@ -27,16 +26,16 @@ CommandOrGoal: TypeAlias = CommandRequest | GoalRequest
 
 
 class Commands:
-    """Applies requests to the mode machine of `state` and to the mission.
+    """Applies requests to the core and to the mission.
 
     `goal_id` is the id of the request that set the current goal; goals of a mission have the id of
     the request that started it. `stop_id` is the id of the newest emergency stop, 0 before the
     first. `restarts`: an operator has asked for a restart of the process.
     """
 
-    def __init__(self, state: State, mission: Mission) -> None:
-        self._state = state
-        self._machine = state.machine
+    def __init__(self, core: Core, mission: Mission) -> None:
+        self._core = core
+        self._machine = core.state.machine
         self._mission = mission
         self._answers = AnswerCache()
         self.goal_id = self.stop_id = 0
@@ -84,42 +83,26 @@ class Commands:
             request.position_tolerance_mm,
             request.heading_tolerance_urad,
         )
-        return modes.goto(self._machine, goal, request.mode, now_ms, request.from_robot != 0)
+        from_robot = request.from_robot != 0
+        return self._core.drive_to(goal, request.mode, now_ms, from_robot=from_robot)
 
-    def _arm_disarm(self, request: CommandRequest, now_ms: int) -> int:
-        return modes.arm(self._machine) if request.param1 else modes.disarm(self._machine, now_ms)
-
-    def _set_mode(self, request: CommandRequest, now_ms: int) -> int:
-        return modes.set_mode(self._machine, self._state.trail, int(request.param2), now_ms)
+    def _by_core(self, request: CommandRequest, now_ms: int) -> int:
+        return self._core.command(request, now_ms)
 
     def _pause_continue(self, request: CommandRequest, now_ms: int) -> int:
-        if not request.param1:
-            return modes.hold(self._machine)
-        return self._mission.resume() if self._mission.active else modes.resume(self._machine)
+        if request.param1 and self._mission.active:
+            return self._mission.resume(now_ms)
+        return self._core.command(request, now_ms)
 
-    def _estop(self, _: CommandRequest, now_ms: int) -> int:
-        return modes.estop(self._machine, now_ms)
-
-    def _clear_estop(self, _: CommandRequest, now_ms: int) -> int:
-        return modes.clear_estop(self._machine)
-
-    def _abort(self, _: CommandRequest, now_ms: int) -> int:
+    def _abort(self, request: CommandRequest, now_ms: int) -> int:
         if self._mission.active:
             return self._mission.abort(now_ms)
-        return modes.abort(self._machine, now_ms)
-
-    def _rtl(self, _: CommandRequest, now_ms: int) -> int:
-        return modes.rtl(self._machine, self._state.trail, now_ms)
-
-    def _set_navigator(self, request: CommandRequest, now_ms: int) -> int:
-        side = int(request.param2) or self._machine.side
-        return modes.set_navigator(self._machine, int(request.param1), side)
+        return self._core.command(request, now_ms)
 
     def _set_pose(self, request: CommandRequest, now_ms: int) -> int:
         if self._mission.active:
             return reasons.DRIVING
-        pose = Pose(request.param1, request.param2, request.param3)
-        return place.set_pose(self._state, pose)
+        return self._core.command(request, now_ms)
 
     def _start_mission(self, request: CommandRequest, now_ms: int) -> int:
         return self._mission.start(int(request.param1), now_ms)
@@ -225,17 +208,17 @@ class CommandRow(NamedTuple):
 
 HANDLERS: Final[Mapping[int, CommandRow]] = MappingProxyType(
     {
-        Command.COMPONENT_ARM_DISARM: CommandRow(Commands._arm_disarm, ("param1",)),
-        Command.DO_SET_MODE: CommandRow(Commands._set_mode, ("param2",)),
+        Command.COMPONENT_ARM_DISARM: CommandRow(Commands._by_core, ("param1",)),
+        Command.DO_SET_MODE: CommandRow(Commands._by_core, ("param2",)),
         Command.DO_PAUSE_CONTINUE: CommandRow(Commands._pause_continue, ("param1",)),
-        Command.DO_FLIGHTTERMINATION: CommandRow(Commands._estop),
-        Command.NAV_RETURN_TO_LAUNCH: CommandRow(Commands._rtl),
+        Command.DO_FLIGHTTERMINATION: CommandRow(Commands._by_core),
+        Command.NAV_RETURN_TO_LAUNCH: CommandRow(Commands._by_core),
         Command.MISSION_START: CommandRow(Commands._start_mission, ("param1",)),
         Command.DO_SET_MISSION_CURRENT: CommandRow(Commands._jump, ("param1",)),
         Command.PREFLIGHT_REBOOT_SHUTDOWN: CommandRow(Commands._restart, ("param1",)),
-        Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._set_navigator, ("param1", "param2")),
+        Command.SIDESTEP_SET_NAVIGATOR: CommandRow(Commands._by_core, ("param1", "param2")),
         Command.SIDESTEP_SET_POSE: CommandRow(Commands._set_pose, ("param1", "param2")),
         Command.SIDESTEP_ABORT_GOAL: CommandRow(Commands._abort),
-        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._clear_estop),
+        Command.SIDESTEP_CLEAR_EMERGENCY_STOP: CommandRow(Commands._by_core),
     }
 )

@@ -30,12 +30,14 @@ from protocol.wire.messages import (
 from robot import telemetry
 from robot.change_log import ChangeLog
 from robot.commands import Commands, ack, acknowledge
-from robot.core import brain, reasons, states
+from robot.core import reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
+from robot.hosting.core import Core
+from robot.hosting.in_process import ORIGIN, InProcessCore
 from robot.lease import Lease, needs_no_lease
 from robot.mission.fence_items import FenceItems
 from robot.mission.mission import Mission
@@ -60,7 +62,6 @@ Transfer: Final = (
 MAX_TEXTS: Final = 100  # between two calls of `texts`
 HEARTBEAT_NS: Final = 200_000_000
 SLOW_NS: Final = 500_000_000
-ORIGIN: Final = Pose(0.0, 0.0, 0.0)
 
 
 class Vehicle:
@@ -68,7 +69,8 @@ class Vehicle:
 
     Time is passed in. `configured` bounds the safety parameters; by default the initial parameters
     do. `totals` are the encoder counters at the start pose: a robot whose wheels have turned since
-    does not know its place.
+    does not know its place. `core` runs elsewhere than in this process; it has these parameters and
+    this start.
     """
 
     def __init__(
@@ -78,19 +80,18 @@ class Vehicle:
         start: Pose = ORIGIN,
         configured: Params | None = None,
         totals: tuple[int, int] = (0, 0),
+        core: Core | None = None,
     ) -> None:
-        self.state = State(params)
-        odometry = self.state.odometry
-        odometry.pose = start
-        odometry.left, odometry.right = totals
+        self.core: Core = InProcessCore(params, start, totals) if core is None else core
+        self.state: State = self.core.state
         self.lease = Lease()
         self.teleop = TeleopInput()
-        self.mission = Mission(self.state.machine)
-        self.commands = Commands(self.state, self.mission)
-        self.parameters = ParameterService(params, store, self.state.machine, configured or params)
+        self.mission = Mission(self.core)
+        self.commands = Commands(self.core, self.mission)
+        self.parameters = ParameterService(self.core, store, configured or params)
         self._store = store
         self._mission_store = MissionStore(store.directory)
-        fence = FenceItems(self.state)
+        fence = FenceItems(self.core)
         self._transfers = Transfers(self.mission, fence, self._mission_store)
         self._change_log = ChangeLog(self.state.machine, self.mission)
         self._texts = self._change_log.text(Severity.INFO, "started: disarmed, standing still")
@@ -105,7 +106,7 @@ class Vehicle:
     @property
     def params(self) -> Params:
         """The parameters in force."""
-        return self.parameters.params
+        return self.core.params
 
     @property
     def zone_m(self) -> float:
@@ -198,7 +199,7 @@ class Vehicle:
 
     def restore(self) -> list[Exchange]:
         """Restore the saved fence and mission; call it before the first request."""
-        done = restored(self._mission_store, self._transfers, self.state)
+        done = restored(self._mission_store, self._transfers, self.core)
         for severity, words in done.words:
             self.announce(severity, words)
         self.restored = tuple(words for _, words in done.words)
@@ -210,9 +211,8 @@ class Vehicle:
         An exception of the core leaves the vehicle in FAILSAFE and is raised again.
         """
         self.mission.step(inputs.now_ms)
-        self.state.manual = manual
         try:
-            _, outputs = brain.step(self.state, inputs, self.params, mark)
+            outputs = self.core.step(inputs, mark, manual)
         except Exception:
             failsafe.trip(self.state.machine, reasons.CORE_EXCEPTION, inputs.now_ms)
             raise
@@ -224,17 +224,16 @@ class Vehicle:
 
     def report(self, reason: int) -> None:
         """Report a failsafe reason that only the host can detect; the next step acts on it."""
-        self.state.reported = reason
+        self.core.report(reason)
 
     def stop(self, reason: int, now_ns: int) -> None:
         """Stop an active vehicle for a reason of the host; an earlier failsafe keeps its reason."""
-        if self.state.machine.vehicle == states.ACTIVE:
-            failsafe.trip(self.state.machine, reason, now_ns // NS_PER_MS)
+        self.core.stop(reason, now_ns // NS_PER_MS)
 
     def lose_position(self, now_ns: int) -> None:
         """Stop, because restarted sensors count from another start and the position is lost."""
         self.announce(Severity.ERROR, "position lost: sensor stream restarted")
-        self.state.machine.placed = False
+        self.core.lose_place()
         self.stop(reasons.TICKS_LOST, now_ns)
 
     def announce(self, severity: int, words: str) -> None:

@@ -4,9 +4,9 @@ from typing import Final
 
 from protocol.wire.enums import FRAME_LOCAL_FLU, Command
 from protocol.wire.messages import MissionItemInt
-from robot.core import modes, reasons
+from robot.core import reasons
 from robot.core.safety.fence import MAX_CORNERS, Fence
-from robot.core.state import State
+from robot.hosting.core import Core
 from robot.mission.waypoint import PER_M, tidy
 
 CORNER: Final = Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION
@@ -18,9 +18,9 @@ class FenceItems:
 
     max_items = MAX_CORNERS
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, core: Core) -> None:
         self.items: tuple[MissionItemInt, ...] = ()
-        self._state = state
+        self._core = core
 
     def put(self, items: tuple[MissionItemInt, ...]) -> tuple[int | None, int]:
         """Replace the fence; return the index of a bad item, if any, and a reason, 0 if done."""
@@ -29,7 +29,7 @@ class FenceItems:
             reason = problem_of(item, kind, len(items))
             if reason != reasons.OK:
                 return index, reason
-        refusal = self._set(fence_of(items))
+        refusal = self._core.set_fence(fence_of(items))
         if refusal == reasons.OK:
             self.items = items
         return None, refusal
@@ -37,10 +37,7 @@ class FenceItems:
     def clear(self) -> int:
         """Remove the fence and return a reason, 0 if done."""
         self.items = ()
-        return self._set(None)
-
-    def _set(self, fence: Fence | None) -> int:
-        return modes.set_fence(self._state.machine, fence, self._state.odometry.pose)
+        return self._core.set_fence(None)
 
 
 def problem_of(item: MissionItemInt, kind: int, count: int) -> int:

@@ -1,6 +1,6 @@
 """The mission: drive to one stop after another and wait at each, without an operator.
 
-Sans-I/O. The mission sets one goal at a time in the mode machine and checks it each tick. A goal
+Sans-I/O. The mission sets one goal at a time in the core and checks it each tick. A goal
 that ends before it is reached ends the mission with the same reason.
 
 A mission starts in AUTO and keeps a mode that is chosen later, also over a pause. In GUIDED it
@@ -10,11 +10,10 @@ Only a command leads from GUIDED back to AUTO.
 
 from typing import Final
 
-from protocol.wire.enums import MissionState
-from protocol.wire.messages import MissionItemInt, MissionStatus
-from robot.core import machine as machines
+from protocol.wire.enums import Command, MissionState
+from protocol.wire.messages import CommandRequest, MissionItemInt, MissionStatus
 from robot.core import modes, reasons, states
-from robot.core.machine import Machine
+from robot.hosting.core import Core
 from robot.mission.waypoint import MissionStop, problem_of, stop_of
 from runtime.timing import UINT32
 
@@ -29,13 +28,14 @@ class Mission:
 
     max_items = MAX_ITEMS
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, core: Core) -> None:
         self.items: tuple[MissionItemInt, ...] = ()
         self.number = 0
         self.current = 0
         self.state = MissionState.NONE
         self.reason: int = reasons.OK
-        self._machine = machine
+        self._core = core
+        self._machine = core.state.machine
         self._stops: tuple[MissionStop, ...] = ()
         self._serial = 0  # serial number of the mission's own goal
         self._under_way = False  # whether that goal belongs to the current item
@@ -90,12 +90,12 @@ class Mission:
         if self._machine.mode != states.HOLD:
             return self._set_off(index, self._mode(), now_ms)
         if self._machine.serial == self._serial:
-            machines.end_goal(self._machine, states.ABORTED, reasons.REPLACED, now_ms)
+            self._core.end_goal(reasons.REPLACED, now_ms)
         self.current = index
         self._under_way, self._left_ms = False, None
         return reasons.OK
 
-    def resume(self) -> int:
+    def resume(self, now_ms: int) -> int:
         """Continue after a hold, in the mode before it."""
         machine = self._machine
         if machine.mode != states.HOLD:
@@ -103,12 +103,12 @@ class Mission:
         mode = machine.resume_mode if machine.resume_mode == states.GUIDED else states.AUTO
         refusal = modes.may_drive(machine, mode)
         if refusal == reasons.OK:
-            machine.mode = mode
+            refusal = self._core.command(mode_request(mode), now_ms)
         return refusal
 
     def abort(self, now_ms: int) -> int:
         """Stop; the mission can be started again."""
-        machines.end_goal(self._machine, states.ABORTED, reasons.BY_OPERATOR, now_ms)
+        self._core.end_goal(reasons.BY_OPERATOR, now_ms)
         self._fail(reasons.BY_OPERATOR)
         return reasons.OK
 
@@ -169,7 +169,7 @@ class Mission:
 
     def _set_off(self, index: int, mode: int, now_ms: int) -> int:
         """Set the goal of an item in the machine; a refusal changes nothing."""
-        refusal = modes.goto(self._machine, self._stops[index].goal, mode, now_ms)
+        refusal = self._core.drive_to(self._stops[index].goal, mode, now_ms)
         if refusal == reasons.OK:
             self.current = index
             self.state, self.reason = MissionState.RUNNING, reasons.OK
@@ -202,3 +202,8 @@ class Mission:
         if not self._stops:
             return reasons.NO_MISSION
         return reasons.OK if 0 <= index < len(self._stops) else reasons.MISSION_ITEM_BAD
+
+
+def mode_request(mode: int) -> CommandRequest:
+    """Return the command that changes the mode."""
+    return CommandRequest(request_id=0, param1=0.0, param2=float(mode), command=Command.DO_SET_MODE)

@@ -9,9 +9,9 @@ from typing import NamedTuple, TypeAlias
 from protocol.wire.enums import MissionType, Severity
 from protocol.wire.messages import MissionCount, MissionVerdict
 from protocol.wire.reasons import reason_text
-from robot.core import modes, reasons
+from robot.core import reasons
 from robot.core.safety import fence as fences
-from robot.core.state import State
+from robot.hosting.core import Core
 from robot.mission.persistence import NAMES, Items, MissionStore, UnreadableItemsError
 from robot.mission.transfer import NO_ITEM, Reply, Request, Transfers
 
@@ -25,18 +25,18 @@ class Restored(NamedTuple):
     words: list[tuple[Severity, str]]
 
 
-def restored(kept: MissionStore, transfers: Transfers, state: State) -> Restored:
+def restored(kept: MissionStore, transfers: Transfers, core: Core) -> Restored:
     """Restore fence and mission, in this order."""
     done = Restored([], [])
     for kind in NAMES:
         try:
             items = kept.found(kind)
         except UnreadableItemsError as error:
-            done.words.append((Severity.ERROR, lost(kind, state, str(error))))
+            done.words.append((Severity.ERROR, lost(kind, core, str(error))))
             continue
         if items:
             exchange = replay(transfers, kind, items)
-            done.words.append(outcome(kind, items, exchange[-1][1], state))
+            done.words.append(outcome(kind, items, exchange[-1][1], core))
             done.exchange.extend(exchange)
     return done
 
@@ -52,25 +52,25 @@ def replay(transfers: Transfers, kind: int, items: Items) -> list[Exchange]:
     return exchange
 
 
-def outcome(kind: int, items: Items, answer: Reply, state: State) -> tuple[Severity, str]:
+def outcome(kind: int, items: Items, answer: Reply, core: Core) -> tuple[Severity, str]:
     """Return the severity and text for the result of a replayed upload."""
     why = refusal(answer)
     if why:
-        return Severity.ERROR, lost(kind, state, why)
+        return Severity.ERROR, lost(kind, core, why)
     if kind == MissionType.MISSION:
         count = f"{len(items)} item{'' if len(items) == 1 else 's'}"
         return Severity.INFO, f"mission restored, {count}, not started"
-    fence, pose = state.machine.fence, state.odometry.pose
+    fence, pose = core.state.machine.fence, core.state.odometry.pose
     if fence is not None and not fences.inside(fence, pose.x_m, pose.y_m):
         return Severity.WARNING, "fence restored, robot OUTSIDE of it: lift it to arm"
     return Severity.INFO, "fence restored"
 
 
-def lost(kind: int, state: State, why: str) -> str:
+def lost(kind: int, core: Core, why: str) -> str:
     """Return the text for items that cannot be restored; for a fence, forbid arming."""
     if kind != MissionType.FENCE:
         return f"saved {NAMES[kind]} NOT restored: {why}"
-    modes.lose_fence(state.machine)
+    core.lose_fence()
     return f"saved fence LOST: arming is refused until `fence off` or a new fence: {why}"
 
 

@@ -6,9 +6,9 @@ from typing import Final, TypeAlias
 from protocol.wire.enums import PARAM_TYPE_INT32, PARAM_TYPE_REAL32
 from protocol.wire.messages import CommandAck, ParamRequestRead, ParamSet, ParamValue
 from robot.commands import ack
-from robot.core import modes, reasons, states
-from robot.core.machine import Machine
+from robot.core import reasons, states
 from robot.core.parameters import Params
+from robot.hosting.core import Core
 from robot.parameters.table import (
     SPECS,
     TABLE,
@@ -29,19 +29,22 @@ NO_COMMAND: Final = 0
 
 
 class ParameterService:
-    """The parameters in force, `params`, which are replaced as a whole.
+    """The parameters in force, those of `core`, which are replaced as a whole.
 
     `configured` bounds the safety group; None disables this check.
     """
 
-    def __init__(
-        self, params: Params, store: Store, machine: Machine, configured: Params | None
-    ) -> None:
-        self.params = params
+    def __init__(self, core: Core, store: Store, configured: Params | None) -> None:
         self.configured = configured
+        self._core = core
         self._store = store
-        self._machine = machine
+        self._machine = core.state.machine
         self._text = b""
+
+    @property
+    def params(self) -> Params:
+        """The parameters in force."""
+        return self._core.params
 
     def forget_text(self) -> None:
         """Discard the cached list, because values or saved values have changed."""
@@ -70,7 +73,7 @@ class ParameterService:
             return ack(NO_COMMAND, reasons.UNKNOWN_PARAMETER)
         except OutOfRangeError:
             return ack(NO_COMMAND, reasons.PARAMETER_OUT_OF_RANGE)
-        reason = self._unsafe(request.param_id, value) or self._adopt(params)
+        reason = self._unsafe(request.param_id, value) or self._core.adopt(params)
         if reason != reasons.OK:
             return ack(NO_COMMAND, reason)
         self._store.save(request.param_id, float(getattr(params, request.param_id)))
@@ -85,7 +88,7 @@ class ParameterService:
         if (machine.navigator, machine.side) == (params.navigator, params.side):
             return
         values = {"navigator": float(machine.navigator), "side": float(machine.side)}
-        self.params = with_values(params, values)
+        self._core.adopt(with_values(params, values))
         self.forget_text()
 
     def read(self, request: ParamRequestRead) -> Answer:
@@ -109,17 +112,6 @@ class ParameterService:
             return reasons.NOT_WHILE_ARMED
         if self.configured is not None and is_less_safe(name, value, self.configured):
             return reasons.LESS_SAFE_THAN_CONFIGURED
-        return reasons.OK
-
-    def _adopt(self, params: Params) -> int:
-        """Put parameters into force, unless the mode machine refuses navigator or side."""
-        machine = self._machine
-        if (params.navigator, params.side) != (self.params.navigator, self.params.side):
-            reason = modes.set_navigator(machine, params.navigator, params.side)
-            if reason != reasons.OK:
-                return reason
-        machine.goal_max_m = params.goal_max_m
-        self.params = params
         return reasons.OK
 
     def _value(self, name: str) -> ParamValue:

@@ -14,6 +14,7 @@ from robot.core.geometry import wrap
 from robot.core.machine import goal_is_active
 from robot.core.parameters import Params
 from robot.core.values import Outputs, Pose
+from robot.hosting.in_process import ORIGIN, InProcessCore
 from study.calibration.runs import CCW, CW, SquareRun
 from study.trial.core_loop import CoreLoop
 
@@ -57,7 +58,7 @@ def square(direction: str, plant: Plant, params: Params, side_m: float) -> Squar
     """Drive one square from the present pose, with an odometry that starts at zero."""
     turn = 1.0 if direction == CCW else -1.0
     begun = plant.truth()
-    driver = SquareDriver(plant, CoreLoop(params, Pose(0.0, 0.0, 0.0), totals_of(plant)))
+    driver = SquareDriver(plant, CoreLoop(InProcessCore(params, ORIGIN, totals_of(plant))))
     for k, (x, y) in enumerate(CORNERS):
         driver.go(side_m * x, turn * side_m * y, wrap(turn * radians(90.0) * (k + 1)))
     ended = plant.truth()

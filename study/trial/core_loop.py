@@ -1,36 +1,36 @@
-"""The control core as the robot process runs it, without the process."""
+"""The sensor samples of a control core, and its goal, as the robot process handles them."""
+
+from typing import Final
 
 from protocol.topics import SONAR, WHEELS
+from protocol.wire.enums import Command
 from protocol.wire.goal import WireGoal
-from protocol.wire.messages import SonarScan, WheelTicks
-from robot.core import brain, modes, reasons, states
-from robot.core.parameters import Params
+from protocol.wire.messages import CommandRequest, SonarScan, WheelTicks
+from robot.core import reasons, states
+from robot.core.brain import ignore
 from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
-from robot.core.values import Inputs, Outputs, Pose, Wheels
+from robot.core.values import Inputs, Outputs, Wheels
+from robot.hosting.core import Core
 from runtime.units import NS_PER_MS
 
 WHEELS_STALE_MS = WHEELS.stale_after_ns // NS_PER_MS
 SCAN_STALE_MS = SONAR.stale_after_ns // NS_PER_MS
+ARM: Final = CommandRequest(
+    request_id=0, param1=1.0, param2=0.0, command=Command.COMPONENT_ARM_DISARM
+)
 
 
 class CoreLoop:
-    """Hold the latest sensor samples and the state of the core.
+    """Hold the latest sensor samples for a core.
 
     A sample that is not renewed becomes stale after its topic's time and is then passed as None.
     """
 
-    __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "params", "state")
+    __slots__ = ("_core", "_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "state")
 
-    def __init__(self, params: Params, start: Pose, totals: tuple[int, int] = (0, 0)) -> None:
-        """Create the core; `start` is the pose that the robot is given, in the world frame.
-
-        `totals` are the encoder counters at that pose.
-        """
-        self.params = params
-        self.state = brain.State(params)
-        odometry = self.state.odometry
-        odometry.pose = start
-        odometry.left, odometry.right = totals
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self.state = core.state
         self.now_ms = 0
         self._wheels: Wheels | None = None
         self._scan: SonarScan | None = None
@@ -49,13 +49,11 @@ class CoreLoop:
             self._scan = None
         seen = None if self._scan is None else scan_of(self._scan, now_ms - self._scan_ms)
         inputs = Inputs(now_ms, self._wheels, seen, None)
-        self.state, outputs = brain.step(self.state, inputs, self.params)
-        return outputs
+        return self._core.step(inputs, ignore)
 
     def go(self, goal: WireGoal) -> int:
         """Arm and drive to the goal without an operator; return the reason of a refusal, or 0."""
-        machine = self.state.machine
-        refusal = modes.arm(machine)
+        refusal = self._core.command(ARM, self.now_ms)
         if refusal != reasons.OK:
             return refusal
-        return modes.goto(machine, goal_of(*goal), states.AUTO, self.now_ms)
+        return self._core.drive_to(goal_of(*goal), states.AUTO, self.now_ms)

@@ -23,7 +23,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.packing import wire_of
 from robot import telemetry
-from robot.core import modes, reasons
+from robot.core import reasons
 from robot.core.parameters import Params
 from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
 from robot.core.values import Inputs, Outputs, Pose
@@ -90,7 +90,7 @@ class Reexecution:
         self._vehicle = Vehicle(params, Store(None), start, totals=totals)
         self._vehicle.parameters.configured = None  # refusals that depend on it are skipped
         if recorded.fence_lost:
-            modes.lose_fence(self._vehicle.state.machine)
+            self._vehicle.core.lose_fence()
         self._requests_done = 0
 
     def step(self, inputs: TickInputs) -> Outputs:

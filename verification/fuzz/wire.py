@@ -31,6 +31,7 @@ from protocol.wire.messages import (
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.from_messages import scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Scan, Wheels
+from robot.hosting.in_process import InProcessCore
 from robot.parameters.service import ParameterService
 from robot.storage.files import Store
 from robot.teleop import operator_twist
@@ -181,9 +182,7 @@ def download(data: bytes, _: Path) -> None:
 
 def parameters() -> Sequence[bytes]:
     """Return good parameter lists."""
-    described = ParameterService(
-        DEFAULTS, Store(None), Vehicle(DEFAULTS, Store(None)).state.machine, None
-    )
+    described = ParameterService(InProcessCore(DEFAULTS), Store(None), None)
     return [described.described(), b'[{"name": "side", "value": 1, "default": 1, "unit": ""}]']
 
 

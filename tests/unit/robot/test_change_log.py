@@ -6,14 +6,14 @@ from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import PIECE_BYTES
 from robot.change_log import ChangeLog
-from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
+from robot.hosting.in_process import InProcessCore
 from robot.mission.mission import Mission
 
 
 def news() -> ChangeLog:
-    machine = Machine(DEFAULTS)
-    return ChangeLog(machine, Mission(machine))
+    core = InProcessCore(DEFAULTS)
+    return ChangeLog(core.state.machine, Mission(core))
 
 
 @pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])

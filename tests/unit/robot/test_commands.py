@@ -19,7 +19,7 @@ from robot.commands import (
 )
 from robot.core import states
 from robot.core.parameters import DEFAULTS
-from robot.core.state import State
+from robot.hosting.in_process import InProcessCore
 from robot.mission.mission import Mission
 from tests.support.robot.mission.items import line
 from tests.support.robot.vehicles import goal
@@ -31,11 +31,12 @@ class Robot:
     """Commands, state and mission of an armed robot with fresh sensor data, without a bus."""
 
     def __init__(self) -> None:
-        self.state = State(DEFAULTS)
+        self.core = InProcessCore(DEFAULTS)
+        self.state = self.core.state
         self.machine = self.state.machine
         self.machine.vehicle, self.machine.senses = states.ACTIVE, True
-        self.mission = Mission(self.machine)
-        self.commands = Commands(self.state, self.mission)
+        self.mission = Mission(self.core)
+        self.commands = Commands(self.core, self.mission)
 
     def ask(self, request: CommandRequest | GoalRequest, operator: str = ADA) -> int:
         return self.commands.receive(request, 0, operator).result_param2

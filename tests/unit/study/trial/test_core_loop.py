@@ -4,11 +4,10 @@ from protocol.wire.goal import WireGoal
 from protocol.wire.messages import SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.parameters import DEFAULTS
-from robot.core.values import Pose
+from robot.hosting.in_process import InProcessCore
 from study.trial.core_loop import CoreLoop
 
 PERIOD_NS = 50_000_000
-ORIGIN = Pose(0.0, 0.0, 0.0)
 AHEAD = WireGoal(2000, 0, 0, 1, 50, 52360)
 
 
@@ -28,14 +27,14 @@ def scan(k: int) -> SonarScan:
 
 
 def driving() -> CoreLoop:
-    onboard = CoreLoop(DEFAULTS, ORIGIN)
+    onboard = CoreLoop(InProcessCore(DEFAULTS))
     onboard.step(0, ticks(0), scan(0))
     assert onboard.go(AHEAD) == reasons.OK
     return onboard
 
 
 def test_goal_is_refused_before_the_first_samples() -> None:
-    assert CoreLoop(DEFAULTS, ORIGIN).go(AHEAD) == reasons.NO_SENSES
+    assert CoreLoop(InProcessCore(DEFAULTS)).go(AHEAD) == reasons.NO_SENSES
 
 
 def test_core_drives_after_one_tick_with_samples() -> None:
@@ -66,7 +65,7 @@ def test_lost_scan_stops_the_robot_after_250_ms() -> None:
 
 
 def test_refused_goal_returns_its_reason() -> None:
-    onboard = CoreLoop(DEFAULTS, ORIGIN)
+    onboard = CoreLoop(InProcessCore(DEFAULTS))
     onboard.step(0, ticks(0), scan(0))
     far = AHEAD._replace(x_mm=200_000)
     assert onboard.go(far) == reasons.GOAL_OUT_OF_RANGE

@@ -1,0 +1,57 @@
+"""The control core as its host sees it, wherever it runs."""
+
+from typing import Protocol
+
+from protocol.wire.messages import CommandRequest
+from robot.core.brain import StageHook
+from robot.core.parameters import Params
+from robot.core.safety.fence import Fence
+from robot.core.state import State
+from robot.core.values import Goal, Inputs, Outputs, Twist
+
+
+class Core(Protocol):
+    """A control core that takes one step per tick, and requests in between.
+
+    The host reads `state` and changes it only by these methods. Of the state it reads the machine,
+    the odometry, `goal_distance_m`, `manual` and `slip.share`; a core that runs elsewhere keeps
+    these up to date and nothing else. Methods that return an integer return a reason, 0 if done.
+    """
+
+    @property
+    def state(self) -> State:
+        """The state after the last step or request; always the same object."""
+
+    @property
+    def params(self) -> Params:
+        """The parameters in force."""
+
+    def command(self, request: CommandRequest, now_ms: int) -> int:
+        """Act on a command; the host has checked that its parameters are finite."""
+
+    def drive_to(self, goal: Goal, mode: int, now_ms: int, *, from_robot: bool = False) -> int:
+        """Set a goal; `from_robot`: it was given relative to the robot."""
+
+    def end_goal(self, reason: int, now_ms: int) -> None:
+        """End an active goal as ABORTED."""
+
+    def set_fence(self, fence: Fence | None) -> int:
+        """Replace the fence, or remove it."""
+
+    def lose_fence(self) -> None:
+        """Forbid arming, because a saved fence is lost; call this before the first step."""
+
+    def lose_place(self) -> None:
+        """Note that the pose is no longer valid."""
+
+    def adopt(self, params: Params) -> int:
+        """Put parameters into force, with the navigator and the side that they choose."""
+
+    def report(self, reason: int) -> None:
+        """Report a failsafe reason that only the host can detect; the next step acts on it."""
+
+    def stop(self, reason: int, now_ms: int) -> None:
+        """Stop an active vehicle for a reason of the host; an earlier failsafe keeps its reason."""
+
+    def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
+        """Run one tick; `manual` is the twist that the operator commands in MANUAL."""
