@@ -78,4 +78,8 @@ BOARD_STATE 54125 206 goal_started_ms:Q goal_ended_ms:Q x_m:d y_m:d heading_rad:
 BOARD_REPORT 54126 177 tick:I command_ns:I busy_ns:I heap_live_bytes:I heap_peak_bytes:I
   allocated_bytes:I stack_peak_bytes:I skipped_bytes:I refused:I unsent:I silences:I
 BOARD_RESTART 54127 214 confirmation:I
+BOARD_GOAL 54128 19 now_ms:Q x_m:d y_m:d heading_rad:d position_tolerance_m:d
+  heading_tolerance_rad:d mode:B from_robot:B
+BOARD_COMMAND 54129 240 now_ms:Q param1:f param2:f param3:f command:H
+BOARD_STOP 54130 213 now_ms:Q reason:B extent:B
 """

@@ -102,6 +102,14 @@ class ResetCause(IntEnum):
     EXCEPTION = 5  # Exception in the main loop.
 
 
+class StopExtent(IntEnum):
+    """What a BOARD_STOP ends."""
+
+    VEHICLE = 0  # The drive of an armed robot, by a failsafe.
+    GOAL = 1  # The goal only.
+    PLACE = 2  # The validity of the pose; nothing stops.
+
+
 class MissionType(IntEnum):
     """MAV_MISSION_TYPE: content of a transfer of items."""
 

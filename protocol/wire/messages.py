@@ -8,13 +8,16 @@ from typing import Final
 from protocol.wire.message import Message
 from protocol.wire.messages_board import (
     BoardAnswer,
+    BoardCommand,
     BoardFence,
+    BoardGoal,
     BoardHello,
     BoardParameter,
     BoardReport,
     BoardRestart,
     BoardSetup,
     BoardState,
+    BoardStop,
 )
 from protocol.wire.messages_common import (
     CommandAck,
@@ -67,13 +70,16 @@ __all__ = [
     "MESSAGES",
     "AvoidanceDecision",
     "BoardAnswer",
+    "BoardCommand",
     "BoardFence",
+    "BoardGoal",
     "BoardHello",
     "BoardParameter",
     "BoardReport",
     "BoardRestart",
     "BoardSetup",
     "BoardState",
+    "BoardStop",
     "CommandAck",
     "CommandInt",
     "CommandLong",
@@ -165,4 +171,7 @@ MESSAGES: Final[tuple[type[Message], ...]] = (
     BoardState,
     BoardReport,
     BoardRestart,
+    BoardGoal,
+    BoardCommand,
+    BoardStop,
 )

@@ -47,7 +47,8 @@ class BoardSetup(Message, frozen=True, kw_only=True):
         heading_rad: Start pose. [rad]
         left: Counter of the left encoder at the start pose.
         right: Counter of the right encoder at the start pose.
-        silence_ms: The board stops the wheels without TICK_INPUTS for this time. [ms]
+        silence_ms: The board stops the wheels without TICK_INPUTS for this time; 0: never, for
+            simulated time. [ms]
         fence_lost: 1: a saved fence could not be read, which forbids arming.
     """
 
@@ -95,7 +96,8 @@ class BoardFence(Message, frozen=True, kw_only=True):
 class BoardAnswer(Message, frozen=True, kw_only=True):
     """Board to host: result of a request.
 
-    Requests are BOARD_SETUP, BOARD_PARAMETER, BOARD_FENCE, GOAL_REQUEST and COMMAND_REQUEST.
+    Requests are BOARD_SETUP, BOARD_PARAMETER, BOARD_FENCE, BOARD_GOAL, BOARD_COMMAND and
+    BOARD_STOP.
 
     Attributes:
         request: Counts the requests received since the reset.
@@ -208,3 +210,59 @@ class BoardRestart(Message, frozen=True, kw_only=True):
     """
 
     confirmation: int
+
+
+class BoardGoal(Message, frozen=True, kw_only=True):
+    """Host to board: drive to a pose, at the full precision of the host.
+
+    Attributes:
+        now_ms: Time of the core. [ms]
+        x_m: Goal. [m]
+        y_m: Goal. [m]
+        heading_rad: Final heading; NaN accepts any. [rad]
+        position_tolerance_m: The position is reached within this distance. [m]
+        heading_tolerance_rad: The heading is reached within this angle. [rad]
+        mode: GUIDED (needs an operator) or AUTO. [Mode]
+        from_robot: 1: the goal was given relative to the robot.
+    """
+
+    now_ms: int
+    x_m: float
+    y_m: float
+    heading_rad: float
+    position_tolerance_m: float
+    heading_tolerance_rad: float
+    mode: int
+    from_robot: int
+
+
+class BoardCommand(Message, frozen=True, kw_only=True):
+    """Host to board: a command of an operator.
+
+    Attributes:
+        now_ms: Time of the core. [ms]
+        param1: First parameter of the command.
+        param2: Second parameter of the command.
+        param3: Third parameter of the command.
+        command: Command. [Command]
+    """
+
+    now_ms: int
+    param1: float
+    param2: float
+    param3: float
+    command: int
+
+
+class BoardStop(Message, frozen=True, kw_only=True):
+    """Host to board: stop for a reason of the host.
+
+    Attributes:
+        now_ms: Time of the core. [ms]
+        reason: Reason. [Reason]
+        extent: What ends. [StopExtent]
+    """
+
+    now_ms: int
+    reason: int
+    extent: int

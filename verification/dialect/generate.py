@@ -53,6 +53,7 @@ ENUM_CLASSES: Final = {
     "SIDESTEP_LEASE_ACTION": "LeaseAction",
     "SIDESTEP_MISSION": "MissionState",
     "SIDESTEP_RESET": "ResetCause",
+    "SIDESTEP_STOP_EXTENT": "StopExtent",
     "MAV_MISSION_TYPE": "MissionType",
     "MAV_CMD": "Command",
     "MAV_RESULT": "AckResult",

@@ -11,11 +11,12 @@ TO_BOARD: Final = (
     "SONAR_SCAN",
     "WHEEL_TICKS",
     "TICK_INPUTS",
-    "GOAL_REQUEST",
-    "COMMAND_REQUEST",
     "BOARD_SETUP",
     "BOARD_PARAMETER",
     "BOARD_FENCE",
+    "BOARD_GOAL",
+    "BOARD_COMMAND",
+    "BOARD_STOP",
     "BOARD_RESTART",
 )
 FROM_BOARD: Final = (
@@ -35,6 +36,7 @@ STAMP: Final = "time_ns"
 COPIED: Final = ("TICK_INPUTS", "WHEEL_COMMAND", "PLANAR_ODOMETRY", "AVOIDANCE_DECISION")
 """Messages whose stamp the board only copies, as bytes."""
 CONSTANTS: Final = ("INPUT_", "BOARD_")
+EXTENTS: Final = ("VEHICLE", "GOAL", "PLACE")
 COMMANDS: Final = (
     "DO_FLIGHTTERMINATION",
     "SIDESTEP_CLEAR_EMERGENCY_STOP",
@@ -96,6 +98,8 @@ def constants() -> Iterator[tuple[str, int | str]]:
     for name in sorted(vars(enums)):
         if name.startswith(CONSTANTS):
             yield name, int(getattr(enums, name))
+    for name in EXTENTS:
+        yield f"STOP_{name}", int(enums.StopExtent[name])
     for name in COMMANDS:
         yield name, int(enums.Command[name])
 

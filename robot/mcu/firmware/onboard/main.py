@@ -64,7 +64,7 @@ def tick(onboard: Onboard) -> None:
 
 def watch(onboard: Onboard, idle_ms: int) -> None:
     """Stop the wheels if the host has been silent for too long."""
-    if idle_ms < onboard.silence_ms:
+    if not onboard.silence_ms or idle_ms < onboard.silence_ms:
         return
     if not onboard.silent:
         onboard.silent = True

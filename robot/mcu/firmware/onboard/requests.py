@@ -8,13 +8,14 @@ import outputs
 import wire
 from onboard import Onboard
 
-from robot.core import modes, place, reasons
+from robot.core import machine as machines
+from robot.core import modes, place, reasons, states
 from robot.core.parameters import Params
-from robot.core.perception.from_messages import goal_of
+from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.typing_shim import Final
-from robot.core.values import Pose
+from robot.core.values import Goal, Pose
 
 PER_M: Final = 10_000
 MAX_INTEGER: Final = 0x3FFFFFFF
@@ -29,10 +30,12 @@ def handle(onboard: Onboard, message_id: int) -> None:
         reason = set_up(onboard)
     elif onboard.state is None:
         reason = reasons.NO_SENSES
-    elif message_id == wire.GOAL_REQUEST_ID:
+    elif message_id == wire.BOARD_GOAL_ID:
         reason = go(onboard)
-    elif message_id == wire.COMMAND_REQUEST_ID:
+    elif message_id == wire.BOARD_COMMAND_ID:
         reason = command(onboard)
+    elif message_id == wire.BOARD_STOP_ID:
+        reason = stop(onboard)
     elif message_id == wire.BOARD_FENCE_ID:
         reason = set_fence(onboard)
     else:
@@ -103,18 +106,31 @@ def set_fence(onboard: Onboard) -> int:
 
 def go(onboard: Onboard) -> int:
     """Drive to a goal."""
-    _, x_mm, y_mm, heading_urad, heading_tolerance_urad, tolerance_mm, free, mode, from_robot = (
-        unpack_from(wire.GOAL_REQUEST_FORMAT, board.inbox)
+    now_ms, x_m, y_m, heading_rad, position_m, tolerance_rad, mode, from_robot = unpack_from(
+        wire.BOARD_GOAL_FORMAT, board.inbox
     )
-    goal = goal_of(x_mm, y_mm, heading_urad, free, tolerance_mm, heading_tolerance_urad)
+    heading_rad = None if heading_rad != heading_rad else heading_rad
+    goal = Goal(x_m, y_m, heading_rad, position_m, tolerance_rad)
+    return modes.goto(onboard.state.machine, goal, mode, now_ms, from_robot != 0)
+
+
+def stop(onboard: Onboard) -> int:
+    """Stop for a reason of the host."""
+    now_ms, reason, extent = unpack_from(wire.BOARD_STOP_FORMAT, board.inbox)
     machine = onboard.state.machine
-    return modes.goto(machine, goal, mode, onboard.now_ms, from_robot != 0)
+    if extent == wire.STOP_PLACE:
+        machine.placed = False
+    elif extent == wire.STOP_GOAL:
+        machines.end_goal(machine, states.ABORTED, reason, now_ms)
+    elif machine.vehicle == states.ACTIVE:
+        failsafe.trip(machine, reason, now_ms)
+    return reasons.OK
 
 
 def command(onboard: Onboard) -> int:
     """Execute a command of an operator; missions are the host's."""
-    _, one, two, number, three = unpack_from(wire.COMMAND_REQUEST_FORMAT, board.inbox)
-    state, now_ms = onboard.state, onboard.now_ms
+    now_ms, one, two, three, number = unpack_from(wire.BOARD_COMMAND_FORMAT, board.inbox)
+    state = onboard.state
     machine = state.machine
     if number == wire.DO_FLIGHTTERMINATION:
         return modes.estop(machine, now_ms)
