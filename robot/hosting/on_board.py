@@ -1,0 +1,241 @@
+"""The control core on a board behind a serial line.
+
+The board runs the same core as `InProcessCore`. The host sends it the inputs of each tick and each
+request, and waits for its answer, at most for a limit. A board that is silent, cut off or reset
+raises BoardError, which ends the robot as an exception of the core does.
+"""
+
+from collections.abc import Iterator
+from math import nan
+from typing import Final
+
+from protocol.wire.enums import (
+    INPUT_BUDGET,
+    INPUT_NAME_TAKEN,
+    INPUT_SCAN,
+    INPUT_TELEOP,
+    INPUT_WHEELS,
+    StopExtent,
+)
+from protocol.wire.messages import (
+    BoardCommand,
+    BoardFence,
+    BoardGoal,
+    BoardParameter,
+    BoardReport,
+    BoardStop,
+    CommandRequest,
+    SonarScan,
+    TickInputs,
+    WheelTicks,
+)
+from robot.core import reasons, states
+from robot.core.brain import StageHook, ignore
+from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
+from robot.core.parameters import Params
+from robot.core.safety.fence import MAX_CORNERS, Fence
+from robot.core.state import State
+from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
+from robot.hosting.in_process import ORIGIN
+from robot.mcu import mirror
+from robot.mcu.board import Board, BoardError, Request
+from runtime.timing import UINT32
+from runtime.units import NS_PER_MS
+
+NEVER: Final = 0xFFFFFFFF
+US_PER_MS: Final = 1000
+PER_M: Final = 10_000
+"""Corners of a fence are sent in metres times this factor."""
+
+HOST_FLAGS: Final = {reasons.BUDGET: INPUT_BUDGET, reasons.NAME_TAKEN: INPUT_NAME_TAKEN}
+
+
+class BoardCore:
+    """Implements `Core` by messages to a board.
+
+    `state` is a copy of what the host reads of the core's state: pose and machine are exact, speeds
+    and covariance have single precision, tolerances of the goal are not known. `cost` is the
+    board's report of the last tick, None before the first.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        params: Params,
+        start: Pose = ORIGIN,
+        totals: tuple[int, int] = (0, 0),
+    ) -> None:
+        """Set up the core on the board; the arguments are those of `InProcessCore`."""
+        self.params = params
+        self.state = State(params)
+        self.cost: BoardReport | None = None
+        self._board = board
+        self._start, self._totals = start, totals
+        self._reported = self._ticks = 0
+        self._set_up(fence_lost=False)
+
+    def command(self, request: CommandRequest, now_ms: int) -> int:
+        """Act on a command and return a reason."""
+        return self._ask(
+            BoardCommand(
+                now_ms=now_ms,
+                param1=request.param1,
+                param2=request.param2,
+                param3=request.param3,
+                command=request.command,
+            )
+        )
+
+    def drive_to(self, goal: Goal, mode: int, now_ms: int, *, from_robot: bool = False) -> int:
+        """Set a goal and return a reason."""
+        return self._ask(
+            BoardGoal(
+                now_ms=now_ms,
+                x_m=goal.x_m,
+                y_m=goal.y_m,
+                heading_rad=nan if goal.heading_rad is None else goal.heading_rad,
+                position_tolerance_m=goal.position_tolerance_m,
+                heading_tolerance_rad=goal.heading_tolerance_rad,
+                mode=mode,
+                from_robot=int(from_robot),
+            )
+        )
+
+    def end_goal(self, reason: int, now_ms: int) -> None:
+        """End an active goal as ABORTED."""
+        self._ask(BoardStop(now_ms=now_ms, reason=reason, extent=StopExtent.GOAL))
+
+    def set_fence(self, fence: Fence | None) -> int:
+        """Replace or remove the fence and return a reason."""
+        reason = self._ask(fence_message(fence))
+        if reason == reasons.OK:
+            self.state.machine.fence = fence
+        return reason
+
+    def lose_fence(self) -> None:
+        """Forbid arming, because a saved fence is lost: create the core afresh without it."""
+        self._set_up(fence_lost=True)
+
+    def lose_place(self) -> None:
+        """Note that the pose is no longer valid."""
+        self._ask(BoardStop(now_ms=0, reason=reasons.OK, extent=StopExtent.PLACE))
+
+    def adopt(self, params: Params) -> int:
+        """Put parameters into force, or none of them; return why one does not fit the board."""
+        changed = list(differences(self.params, params))
+        for done, (index, _, value) in enumerate(changed):
+            reason = self._ask(BoardParameter(index=index, value=float(value)))
+            if reason != reasons.OK:
+                for index, before, _ in changed[:done]:
+                    self._ask(BoardParameter(index=index, value=float(before)))
+                return reason
+        self.params = params
+        self.state.machine.goal_max_m = params.goal_max_m
+        return reasons.OK
+
+    def report(self, reason: int) -> None:
+        """Set the failsafe reason that is sent with the next tick."""
+        self._reported = HOST_FLAGS[reason]
+
+    def stop(self, reason: int, now_ms: int) -> None:
+        """Stop an active vehicle."""
+        if self.state.machine.vehicle == states.ACTIVE:
+            self._ask(BoardStop(now_ms=now_ms, reason=reason, extent=StopExtent.VEHICLE))
+
+    def step(
+        self, inputs: Inputs, mark: StageHook = ignore, manual: Twist | None = None
+    ) -> Outputs:
+        """Run one tick on the board."""
+        self._ticks = number = (self._ticks + 1) & UINT32
+        wheels, scan = wheels_message(inputs.wheels, number), scan_message(inputs.scan, number)
+        given = self._tick_inputs(inputs, manual)
+        mark(ODOMETRY)
+        found = self._board.tick(given, wheels, scan)
+        mark(NAVIGATE)
+        if found.decision is None:
+            raise BoardError(f"the core on the board has failed in tick {number}")
+        self._reported = 0
+        self.state.manual = manual
+        self.cost = found.report
+        outputs = mirror.follow(self.state, found)
+        mark(GUARD)
+        return outputs
+
+    def _tick_inputs(self, inputs: Inputs, manual: Twist | None) -> TickInputs:
+        flags, age_ms, scan = self._reported, inputs.operator_age_ms, inputs.scan
+        flags |= INPUT_WHEELS if inputs.wheels is not None else 0
+        flags |= INPUT_SCAN if scan is not None else 0
+        flags |= INPUT_TELEOP if manual is not None else 0
+        speed_m_s, yaw_rate_rad_s = manual or Twist(0.0, 0.0)
+        return TickInputs(
+            time_ns=inputs.now_ms * NS_PER_MS,
+            now_ms=inputs.now_ms,
+            tick=self._ticks,
+            wheels_seq=self._ticks,
+            scan_seq=self._ticks,
+            requests=0,
+            scan_age_ms=0 if scan is None else min(scan.age_ms),
+            operator_age_ms=NEVER if age_ms is None else min(age_ms, NEVER - 1),
+            flags=flags,
+            speed_mm_s=round(1000.0 * speed_m_s),
+            yaw_rate_mrad_s=round(1000.0 * yaw_rate_rad_s),
+        )
+
+    def _set_up(self, *, fence_lost: bool) -> None:
+        self._board.set_up(self.params, self._start, self._totals, fence_lost=fence_lost)
+        self._copy_state()
+
+    def _ask(self, request: Request) -> int:
+        """Send a request, copy the state that it has led to, and return the reason."""
+        reason = self._board.request(request)
+        self._copy_state()
+        return reason
+
+    def _copy_state(self) -> None:
+        if self._board.state is not None:
+            mirror.copy_state(self.state, self._board.state)
+
+
+def differences(before: Params, after: Params) -> Iterator[tuple[int, float, float]]:
+    """Yield index, old and new value of each parameter that differs."""
+    for index, (old, new) in enumerate(zip(before, after, strict=True)):
+        if old != new:
+            yield index, old, new
+
+
+def wheels_message(wheels: Wheels | None, number: int) -> WheelTicks | None:
+    """Return the message of which the core makes the same input."""
+    if wheels is None:
+        return None
+    return WheelTicks(
+        time_ns=wheels.at_ms * NS_PER_MS,
+        seq=number,
+        left=wheels.left,
+        right=wheels.right,
+        bumper=wheels.bumper,
+        expired=0,
+    )
+
+
+def scan_message(scan: Scan | None, number: int) -> SonarScan | None:
+    """Return the message of which the core makes the same input with the age of the tick."""
+    if scan is None:
+        return None
+    since_ms = min(scan.age_ms)
+    return SonarScan(
+        time_ns=0,
+        seq=number,
+        range_mm=scan.range_mm,
+        ping_age_us=tuple([(age_ms - since_ms) * US_PER_MS for age_ms in scan.age_ms]),
+        valid=scan.valid,
+        echo=scan.echo,
+    )
+
+
+def fence_message(fence: Fence | None) -> BoardFence:
+    """Return the message that sets or removes a fence."""
+    xs_m, ys_m, radius_m = fence or ((), (), 0.0)
+    padding = (0,) * (MAX_CORNERS - len(xs_m))
+    x = (*(round(place_m * PER_M) for place_m in xs_m), *padding)
+    y = (*(round(place_m * PER_M) for place_m in ys_m), *padding)
+    return BoardFence(radius_m=radius_m, x=x, y=y, corners=len(xs_m))

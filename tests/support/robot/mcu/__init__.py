@@ -1,0 +1,1 @@
+"""The firmware's main loop on CPython, in place of an emulated board."""

@@ -1,0 +1,45 @@
+"""Start a hosted board: a child process at the other end of a socket."""
+
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from robot.mcu.board import Board
+from tests.support.robot.mcu import hosted_loop
+
+PATIENCE_S = 20.0
+
+
+class Hosted:
+    """A running hosted board; `line` is the host's end of its serial line."""
+
+    def __init__(self, which: str = "") -> None:
+        self.line, theirs = socket.socketpair()
+        words = [sys.executable, "-m", hosted_loop.__name__, str(theirs.fileno()), which]
+        self._process = subprocess.Popen(words, pass_fds=[theirs.fileno()])
+        theirs.close()
+
+    def suspend(self) -> None:
+        """Stop the board without ending it."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def close(self) -> None:
+        """End the board."""
+        self.line.close()
+        self._process.kill()
+        self._process.wait()
+
+
+@contextmanager
+def hosted_board(patience_s: float = PATIENCE_S) -> Iterator[Board]:
+    """Return a board that has said hello."""
+    hosted = Hosted()
+    try:
+        board = Board(hosted.line, patience_s)
+        board.wait_for_hello()
+        yield board
+    finally:
+        hosted.close()
