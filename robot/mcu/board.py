@@ -13,15 +13,16 @@ from protocol.wire.message import Message
 from protocol.wire.messages import (
     AvoidanceDecision,
     BoardAnswer,
+    BoardCommand,
     BoardFence,
+    BoardGoal,
     BoardHello,
     BoardParameter,
     BoardReport,
     BoardRestart,
     BoardSetup,
     BoardState,
-    CommandRequest,
-    GoalRequest,
+    BoardStop,
     PlanarOdometry,
     SonarScan,
     TickInputs,
@@ -36,7 +37,9 @@ from robot.mcu.image import IMAGE, core_hash, core_version
 from robot.mcu.link import FrameStream
 from runtime.errors import RemoteError, UserError
 
-Request: TypeAlias = GoalRequest | CommandRequest | BoardParameter | BoardFence | BoardSetup
+Request: TypeAlias = (
+    BoardGoal | BoardCommand | BoardStop | BoardParameter | BoardFence | BoardSetup
+)
 Expected = TypeVar("Expected", bound=Message)
 
 HOST_SYSTEM: Final = 1
