@@ -5,6 +5,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from math import radians
 from typing import Final, TextIO
 
@@ -21,11 +22,20 @@ from protocol.options import (
     whole,
 )
 from protocol.outcome import Outcome
+from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.trial.trace import Trace
-from study.trial.trial import NAVIGATORS, SIDES, USUAL_NAVIGATOR, Trial, params_of, run_trial
+from study.trial.trial import (
+    NAVIGATORS,
+    SIDES,
+    USUAL_NAVIGATOR,
+    NewCore,
+    Trial,
+    params_of,
+    run_trial,
+)
 
 MAX_DURATION_S: Final = 24 * 3600.0
 FULL_TURN_DEG: Final = 360.0
@@ -60,19 +70,28 @@ def trial(options: argparse.Namespace) -> int:
         at_s=options.at,
         moved=start is not None or goal is not None,
     )
-    outcome = run(job, options.trace)
+    outcome = run_on_board(job, options.trace) if options.mcu else run(job, options.trace)
     print(json.dumps(outcome.as_json()) if options.json else outcome.text())
     return 0 if outcome.reached else 1
 
 
-def run(job: Trial, trace: str | None) -> Outcome:
+def run_on_board(job: Trial, trace: str | None) -> Outcome:
+    """Run a trial with the core on the emulated board; raise UserError if there is none."""
+    from robot.hosting.on_board import BoardCore  # needed only here
+    from robot.mcu.board import Board
+
+    with Board.emulated() as board:
+        return run(job, trace, partial(BoardCore, board))
+
+
+def run(job: Trial, trace: str | None, new_core: NewCore = InProcessCore) -> Outcome:
     """Run a trial and write its trace; raise UserError for a parameter or a file that fails."""
     try:
         params_of(job)  # reject bad parameters before a file is created
         if trace is None:
-            return run_trial(job)
+            return run_trial(job, new_core=new_core)
         with opened_trace(trace) as file:
-            return run_trial(job, Trace(file))
+            return run_trial(job, Trace(file), new_core)
     except (UnknownParameterError, OutOfRangeError) as error:
         raise UserError(f"--param or the world's [robot]: {error}") from None
     except OSError as error:
@@ -150,6 +169,9 @@ def parser() -> argparse.ArgumentParser:
     add_param_option(made)
     made.add_argument(
         "--uncalibrated", action="store_true", help="do not calibrate the robot for the noise"
+    )
+    made.add_argument(
+        "--mcu", action="store_true", help="run the control core on the emulated board"
     )
     made.add_argument("--trace", metavar="FILE", help="write a CSV line per tick; - is stdout")
     made.add_argument("--json", action="store_true", help="print one JSON object")

@@ -17,6 +17,7 @@ from robot.core import reasons, states
 from robot.core.machine import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
+from robot.hosting.core import Core
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
@@ -39,6 +40,8 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
 Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
+NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
+"""Returns a core from parameters, start pose and the encoder counters there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,17 +71,20 @@ class Trial:
         return self.noise or str(self.world.noise.get("level", "default"))
 
 
-def run_trial(trial: Trial, watch: Watch | None = None) -> Outcome:
+def run_trial(
+    trial: Trial, watch: Watch | None = None, new_core: NewCore = InProcessCore
+) -> Outcome:
     """Drive to the world's goal and return the outcome.
 
-    `watch` is called at every tick, after the core and before the plant. Raises
+    `watch` is called at every tick, after the core and before the plant. `new_core` may return a
+    core that runs elsewhere. Raises
     UnknownParameterError or OutOfRangeError for a parameter, ValueError for an invalid seed or
     start.
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
     totals = start_totals(trial.world.robot)
-    onboard = CoreLoop(InProcessCore(params_of(trial), start_of(trial.world), totals))
+    onboard = CoreLoop(new_core(params_of(trial), start_of(trial.world), totals))
     goal = wire_goal_of(trial.world)
     begun_s = perf_counter()
     refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
