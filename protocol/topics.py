@@ -31,6 +31,7 @@ from protocol.wire.messages import (
     Heartbeat,
     LeaseRequest,
     LeaseStatus,
+    McuStatus,
     MissionClearAll,
     MissionCount,
     MissionItemInt,
@@ -144,6 +145,15 @@ CYCLE: Final = Topic(
     stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="cost and lateness of each control cycle",
+)
+MCU: Final = Topic(
+    path="tlm/mcu",
+    messages=(McuStatus,),
+    publisher=Role.ROBOT,
+    rate_hz=20.0,
+    stale_after_ns=250 * NS_PER_MS,
+    priority=Priority.DATA_LOW,
+    doc="cost and memory of the board that runs the control core, if there is one",
 )
 TEXT: Final = Topic(
     path="tlm/text",
@@ -333,6 +343,7 @@ TOPICS: Final[tuple[Topic[Message], ...]] = (
     STATUS,
     DECISION,
     CYCLE,
+    MCU,
     TEXT,
     LEASE,
     MISSION,

@@ -1,8 +1,10 @@
 """The command line of `sidestep run robot`, which runs the control loop of one robot."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from math import radians
 from pathlib import Path
 
@@ -18,6 +20,8 @@ from protocol.topics import robot_name
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
+from robot.hosting.core import NewCore
+from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import adjusted
 from robot.run import Options, run
 from robot.storage.files import Store, own
@@ -45,16 +49,33 @@ def main(argv: Sequence[str]) -> int:
     name = robot_name(arguments.id or settings.robot)
     warning = own(arguments.state, name)
     store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
-    vehicle = vehicle_of(arguments, settings, store)
-    if warning:
-        vehicle.announce(Severity.WARNING, warning)
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
         fifo=arguments.realtime,
         after=arguments.after,
     )
-    return run(vehicle, network, name, options, PreviousRun(store.directory))
+    with core_host(arguments) as new_core:
+        vehicle = vehicle_of(arguments, settings, store, new_core)
+        if warning:
+            vehicle.announce(Severity.WARNING, warning)
+        return run(vehicle, network, name, options, PreviousRun(store.directory))
+
+
+@contextmanager
+def core_host(arguments: argparse.Namespace) -> Iterator[NewCore]:
+    """Yield what creates the core: in this process, or on an emulated board that ends afterwards.
+
+    Raises UserError if there is no emulator, no image, or an image of another core.
+    """
+    if not arguments.mcu:
+        yield InProcessCore
+        return
+    from robot.hosting.on_board import LOCKSTEP, WALL_TIME, BoardCore  # needed only here
+    from robot.mcu.board import Board
+
+    with Board.emulated() as board:
+        yield partial(BoardCore, board, limits=LOCKSTEP if arguments.lockstep else WALL_TIME)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -75,6 +96,9 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--lockstep", action="store_true", help="use simulated time, which the plant provides"
+    )
+    parser.add_argument(
+        "--mcu", action="store_true", help="run the control core on the emulated board"
     )
     parser.add_argument("--realtime", action="store_true", help="schedule the loop SCHED_FIFO")
     parser.add_argument(
@@ -107,7 +131,12 @@ def add_start_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) -> Vehicle:
+def vehicle_of(
+    arguments: argparse.Namespace,
+    settings: Settings,
+    store: Store,
+    new_core: NewCore = InProcessCore,
+) -> Vehicle:
     """Return a vehicle with the parameters of all sources.
 
     Later sources override earlier ones: defaults, configuration file, values saved by an operator,
@@ -119,7 +148,7 @@ def vehicle_of(arguments: argparse.Namespace, settings: Settings, store: Store) 
     params = adjusted(params, dict(arguments.param), "--param")
     x_m, y_m, heading_deg = arguments.start
     start, totals = Pose(x_m, y_m, radians(heading_deg)), tuple(arguments.encoders)
-    vehicle = Vehicle(params, store, start, configured, totals)
+    vehicle = Vehicle(params, store, start, configured, totals, new_core)
     for warning in warnings:
         vehicle.announce(Severity.WARNING, warning)
     return vehicle

@@ -13,6 +13,7 @@ from protocol.topics import (
     HEARTBEAT,
     INPUTS,
     LEASE,
+    MCU,
     MISSION,
     ODOMETRY,
     STATUS,
@@ -43,6 +44,7 @@ class Reports:
         self.status = bus.publisher(STATUS)
         self.decision = bus.publisher(DECISION)
         self.cycle = bus.publisher(CYCLE)
+        self.mcu = bus.publisher(MCU)
         self.inputs = bus.publisher(INPUTS)
         self.lease = bus.publisher(LEASE)
         self.mission = bus.publisher(MISSION)
@@ -83,10 +85,13 @@ class Reports:
         self._commands = (self._commands + 1) & UINT32
 
     def tick(self, vehicle: Vehicle, outputs: Outputs, stamp_ns: int, now_ns: int) -> None:
-        """Publish the pose, the state and the navigation decision."""
+        """Publish the pose, the state, the navigation decision, and the cost on a board."""
         self.odometry.put(telemetry.odometry(vehicle.state, stamp_ns))
         self.state(vehicle, stamp_ns, now_ns)
         self.decision.put(telemetry.decision(outputs, vehicle.zone_m, stamp_ns))
+        board = vehicle.core.board_status(stamp_ns)
+        if board is not None:
+            self.mcu.put(board)
 
     def state(self, vehicle: Vehicle, stamp_ns: int, now_ns: int) -> None:
         """Publish vehicle, mode and goal."""

@@ -36,7 +36,7 @@ from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.state import State
 from robot.core.values import Inputs, Outputs, Pose, Twist
-from robot.hosting.core import Core
+from robot.hosting.core import NewCore
 from robot.hosting.in_process import ORIGIN, InProcessCore
 from robot.lease import Lease, needs_no_lease
 from robot.mission.fence_items import FenceItems
@@ -69,8 +69,7 @@ class Vehicle:
 
     Time is passed in. `configured` bounds the safety parameters; by default the initial parameters
     do. `totals` are the encoder counters at the start pose: a robot whose wheels have turned since
-    does not know its place. `core` runs elsewhere than in this process; it has these parameters and
-    this start.
+    does not know its place. `new_core` may return a core that runs elsewhere than in this process.
     """
 
     def __init__(
@@ -80,9 +79,9 @@ class Vehicle:
         start: Pose = ORIGIN,
         configured: Params | None = None,
         totals: tuple[int, int] = (0, 0),
-        core: Core | None = None,
+        new_core: NewCore = InProcessCore,
     ) -> None:
-        self.core: Core = InProcessCore(params, start, totals) if core is None else core
+        self.core = new_core(params, start, totals)
         self.state: State = self.core.state
         self.lease = Lease()
         self.teleop = TeleopInput()

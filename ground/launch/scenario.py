@@ -62,6 +62,8 @@ class Scenario:
     keep: str | None = None
     locks: str | None = None
     """Folder of the certificates; without one, links are not encrypted."""
+    mcu: bool = False
+    """Whether the control cores run on emulated boards."""
     mavlink: tuple[str, ...] = ()
     """Endpoints of the MAVLink gateway; without one, none is started."""
 
@@ -121,6 +123,7 @@ class RunOptions(Protocol):
     keep: str | None
     locks: str | None
     mavlink: list[str]
+    mcu: bool
 
 
 def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
@@ -151,6 +154,7 @@ def scenario_of(options: RunOptions, facts: dict[str, Any]) -> Scenario:
         keep=options.keep,
         locks=options.locks,
         mavlink=tuple(options.mavlink),
+        mcu=options.mcu,
     )
 
 
@@ -232,6 +236,8 @@ def robot(scenario: Scenario, scenario_robot: ScenarioRobot, endpoint: str) -> l
     ]
     if scenario.lockstep:
         found.append("--lockstep")
+    if scenario.mcu:
+        found.append("--mcu")
     found += ["--start", *start_arguments(*scenario_robot.start)]
     found += totals_arguments(scenario.facts["robot"])
     settings = settings_of(scenario.facts["robot"], scenario.level, calibrated=scenario.calibrated)

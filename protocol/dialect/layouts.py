@@ -65,6 +65,8 @@ TICK_INPUTS 54117 143 time_ns:Q now_ms:Q tick:I wheels_seq:I scan_seq:I requests
   operator_age_ms:I speed_mm_s:h yaw_rate_mrad_s:h flags:B
 GATEWAY_STATUS 54118 56 time_ns:Q sent_bytes_s:I refused:I malformed:I received_hz:H
   lost_permille:H system:B clients:B signing:B owner:B
+MCU_STATUS 54119 114 time_ns:Q tick:I command_us:I busy_us:I budget_us:I ram_bytes:I
+  ram_size_bytes:I skipped_bytes:I emulated:B
 BOARD_HELLO 54120 163 flash_bytes:I static_bytes:I heap_bytes:I stack_bytes:I core_hash:32B
   core_version:24s float_bits:B parameters:B reset_cause:B
 BOARD_SETUP 54121 190 x_m:d y_m:d heading_rad:d left:i right:i silence_ms:H fence_lost:B

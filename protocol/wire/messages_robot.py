@@ -315,3 +315,30 @@ class TickInputs(Message, frozen=True, kw_only=True):
     flags: int
     speed_mm_s: int
     yaw_rate_mrad_s: int
+
+
+class McuStatus(Message, frozen=True, kw_only=True):
+    """The board that runs the control core in place of the robot process: its cost and its memory.
+
+    Attributes:
+        time_ns: Stamp, clock of the robot. [ns]
+        tick: Index of the tick on the board.
+        command_us: Modelled time from the inputs of the tick to its wheel command. [us]
+        busy_us: Modelled time of all work in the tick. [us]
+        budget_us: Control period. [us]
+        ram_bytes: RAM in use at most since the start: static data, heap and stack. [bytes]
+        ram_size_bytes: RAM that the image has for them. [bytes]
+        skipped_bytes: Bytes on the line since the start that belong to no frame, both directions.
+            [bytes]
+        emulated: 1: emulated, and its times are modelled.
+    """
+
+    time_ns: int
+    tick: int
+    command_us: int
+    busy_us: int
+    budget_us: int
+    ram_bytes: int
+    ram_size_bytes: int
+    skipped_bytes: int
+    emulated: int

@@ -1,13 +1,14 @@
 """The control core as its host sees it, wherever it runs."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
 
-from protocol.wire.messages import CommandRequest
+from protocol.wire.messages import CommandRequest, McuStatus
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
 from robot.core.safety.fence import Fence
 from robot.core.state import State
-from robot.core.values import Goal, Inputs, Outputs, Twist
+from robot.core.values import Goal, Inputs, Outputs, Pose, Twist
 
 
 class Core(Protocol):
@@ -53,5 +54,12 @@ class Core(Protocol):
     def stop(self, reason: int, now_ms: int) -> None:
         """Stop an active vehicle for a reason of the host; an earlier failsafe keeps its reason."""
 
+    def board_status(self, time_ns: int) -> McuStatus | None:
+        """Return the cost of the last tick on a board; None for a core that runs on none."""
+
     def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
         """Run one tick; `manual` is the twist that the operator commands in MANUAL."""
+
+
+NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
+"""Returns a core from parameters, start pose and the encoder counters there."""

@@ -98,6 +98,9 @@ class InProcessCore:
         if self.state.machine.vehicle == states.ACTIVE:
             failsafe.trip(self.state.machine, reason, now_ms)
 
+    def board_status(self, time_ns: int) -> None:
+        """Return None: there is no board."""
+
     def step(
         self, inputs: Inputs, mark: StageHook = ignore, manual: Twist | None = None
     ) -> Outputs:

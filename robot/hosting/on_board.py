@@ -7,7 +7,7 @@ raises BoardError, which ends the robot as an exception of the core does.
 
 from collections.abc import Iterator
 from math import nan
-from typing import Final
+from typing import Final, NamedTuple
 
 from protocol.wire.enums import (
     INPUT_BUDGET,
@@ -25,6 +25,7 @@ from protocol.wire.messages import (
     BoardReport,
     BoardStop,
     CommandRequest,
+    McuStatus,
     SonarScan,
     TickInputs,
     WheelTicks,
@@ -39,15 +40,30 @@ from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
 from robot.hosting.in_process import ORIGIN
 from robot.mcu import mirror
 from robot.mcu.board import Board, BoardError, Request
-from runtime.timing import UINT32
+from runtime.timing import PERIOD_NS, UINT32
 from runtime.units import NS_PER_MS
 
 NEVER: Final = 0xFFFFFFFF
 US_PER_MS: Final = 1000
+NS_PER_US: Final = 1000
 PER_M: Final = 10_000
 """Corners of a fence are sent in metres times this factor."""
 
 HOST_FLAGS: Final = {reasons.BUDGET: INPUT_BUDGET, reasons.NAME_TAKEN: INPUT_NAME_TAKEN}
+
+
+class Limits(NamedTuple):
+    """How long the host waits for an answer, and the board for the host; 0 is for ever."""
+
+    answer_s: float
+    silence_ms: int
+
+
+LOCKSTEP: Final = Limits(3.0, 0)
+"""Simulated time pauses meanwhile. The robot's own watchdog would end it after 5 s."""
+
+WALL_TIME: Final = Limits(0.045, 150)
+"""An answer must come within the control period; a later one is a missed deadline."""
 
 
 class BoardCore:
@@ -64,15 +80,19 @@ class BoardCore:
         params: Params,
         start: Pose = ORIGIN,
         totals: tuple[int, int] = (0, 0),
+        *,
+        limits: Limits = LOCKSTEP,
     ) -> None:
-        """Set up the core on the board; the arguments are those of `InProcessCore`."""
+        """Set up the core on the board; the other arguments are those of `InProcessCore`."""
         self.params = params
         self.state = State(params)
         self.cost: BoardReport | None = None
         self._board = board
         self._start, self._totals = start, totals
         self._reported = self._ticks = 0
+        self._limits = limits
         self._set_up(fence_lost=False)
+        board.patience_s = limits.answer_s
 
     def command(self, request: CommandRequest, now_ms: int) -> int:
         """Act on a command and return a reason."""
@@ -142,6 +162,23 @@ class BoardCore:
         if self.state.machine.vehicle == states.ACTIVE:
             self._ask(BoardStop(now_ms=now_ms, reason=reason, extent=StopExtent.VEHICLE))
 
+    def board_status(self, time_ns: int) -> McuStatus | None:
+        """Return the cost of the last tick, or None before the first."""
+        cost, hello = self.cost, self._board.hello
+        if cost is None:
+            return None
+        return McuStatus(
+            time_ns=time_ns,
+            tick=cost.tick,
+            command_us=cost.command_ns // NS_PER_US,
+            busy_us=cost.busy_ns // NS_PER_US,
+            budget_us=PERIOD_NS // NS_PER_US,
+            ram_bytes=hello.static_bytes + cost.heap_peak_bytes + cost.stack_peak_bytes,
+            ram_size_bytes=hello.static_bytes + hello.heap_bytes + hello.stack_bytes,
+            skipped_bytes=cost.skipped_bytes + self._board.skipped_bytes,
+            emulated=1,
+        )
+
     def step(
         self, inputs: Inputs, mark: StageHook = ignore, manual: Twist | None = None
     ) -> Outputs:
@@ -182,7 +219,13 @@ class BoardCore:
         )
 
     def _set_up(self, *, fence_lost: bool) -> None:
-        self._board.set_up(self.params, self._start, self._totals, fence_lost=fence_lost)
+        self._board.set_up(
+            self.params,
+            self._start,
+            self._totals,
+            silence_ms=self._limits.silence_ms,
+            fence_lost=fence_lost,
+        )
         self._copy_state()
 
     def _ask(self, request: Request) -> int:

@@ -74,7 +74,7 @@ class Board:
 
     def __init__(self, line: SerialLine, patience_s: float = PATIENCE_S) -> None:
         self._line = line
-        self._patience_s = patience_s
+        self.patience_s = patience_s
         self._stream = FrameStream()
         self._arrived: list[Message] = []
         self._encoder = Encoder(HOST_SYSTEM, HOST_COMPONENT)
@@ -222,10 +222,10 @@ class Board:
                 raise restarted(message)
 
     def _next(self) -> Message:
-        deadline = monotonic() + self._patience_s
+        deadline = monotonic() + self.patience_s
         while not self._arrived:
             if not self._receive(deadline):
-                raise BoardError(f"the board is silent: nothing for {self._patience_s:g} s")
+                raise BoardError(f"the board is silent: nothing for {self.patience_s:g} s")
         return self._arrived.pop(0)
 
     def _receive(self, deadline: float) -> bool:

@@ -22,6 +22,7 @@ from protocol.options import (
     whole,
 )
 from protocol.outcome import Outcome
+from robot.hosting.core import NewCore
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
@@ -31,7 +32,6 @@ from study.trial.trial import (
     NAVIGATORS,
     SIDES,
     USUAL_NAVIGATOR,
-    NewCore,
     Trial,
     params_of,
     run_trial,

@@ -17,7 +17,7 @@ from robot.core import reasons, states
 from robot.core.machine import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Outputs, Pose
-from robot.hosting.core import Core
+from robot.hosting.core import NewCore
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
@@ -40,8 +40,6 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 shortest_once = lru_cache(maxsize=8)(known_length_m)
 
 Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
-NewCore: TypeAlias = Callable[[Params, Pose, tuple[int, int]], Core]
-"""Returns a core from parameters, start pose and the encoder counters there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

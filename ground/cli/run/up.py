@@ -112,6 +112,8 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     text = "seed of all random numbers (default 0)"
     parser.add_argument("--seed", type=whole(0), default=0, metavar="S", help=text)
     parser.add_argument("--noise", choices=NOISES, help="instead of the world's noise")
+    text = "the control core of each robot runs on an emulated board: see `make firmware`"
+    parser.add_argument("--mcu", action="store_true", help=text)
     text = "robots that are not calibrated for the noise"
     parser.add_argument("--uncalibrated", action="store_true", help=text)
     text = f"limit of simulated time (default {TIMEOUT_S:g})"

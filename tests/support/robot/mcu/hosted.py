@@ -1,5 +1,6 @@
 """Start a hosted board: a child process at the other end of a socket."""
 
+import os
 import signal
 import socket
 import subprocess
@@ -8,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from robot.mcu.board import Board
+from robot.mcu.emulator import SerialLine
 from tests.support.robot.mcu import hosted_loop
 
 PATIENCE_S = 20.0
@@ -17,7 +19,9 @@ class Hosted:
     """A running hosted board; `line` is the host's end of its serial line."""
 
     def __init__(self, which: str = "") -> None:
-        self.line, theirs = socket.socketpair()
+        ours, theirs = socket.socketpair()
+        descriptor = ours.detach()
+        self.line = SerialLine(descriptor, os.dup(descriptor))
         words = [sys.executable, "-m", hosted_loop.__name__, str(theirs.fileno()), which]
         self._process = subprocess.Popen(words, pass_fds=[theirs.fileno()])
         theirs.close()
