@@ -52,7 +52,9 @@ PARAMETERS: Final = tuple(DEFAULTS._fields)
 
 
 class BoardError(RemoteError):
-    """The board is silent, has restarted, or is not the one expected."""
+    """The board is silent or has restarted, or the line to it is cut. Exit code 1."""
+
+    exit_code = 1
 
 
 class BoardMismatchError(UserError):
@@ -81,6 +83,7 @@ class Board:
         self._sent: tuple[int, int] = (-1, -1)
         self._requests = 0
         self._hello: BoardHello | None = None
+        self._is_set_up = False
         self.state: BoardState | None = None
 
     @classmethod
@@ -108,6 +111,7 @@ class Board:
         hello = self._await(BoardHello)
         self._requests = 0
         self._sent = (-1, -1)
+        self._is_set_up = False
         refuse_other_core(hello)
         return hello
 
@@ -120,7 +124,7 @@ class Board:
         silence_ms: int = LOCKSTEP_SILENCE_MS,
         fence_lost: bool = False,
     ) -> None:
-        """Create the core on the board; raise BoardError if it refuses."""
+        """Create the core on the board; raise UserError for a parameter that it refuses."""
         for name, value in differing(params).items():
             self._do(BoardParameter(index=PARAMETERS.index(name), value=value), name)
         x_m, y_m, heading_rad = start
@@ -135,6 +139,7 @@ class Board:
             fence_lost=int(fence_lost),
         )
         self._do(setup, "set-up")
+        self._is_set_up = True
 
     def request(self, request: Request) -> int:
         """Send a request and return the reason in its answer, 0 if done."""
@@ -188,10 +193,9 @@ class Board:
     def _outputs(self, tick: int) -> BoardOutputs:
         """Return the newest of each output up to the report of a tick."""
         newest: dict[type[Message], Message] = {}
+        deadline = monotonic() + self.patience_s
         while BoardReport not in newest:
-            message = self._next()
-            if isinstance(message, BoardHello):
-                raise restarted(message)
+            message = self._next(deadline)
             newest[type(message)] = message
         report = newest[BoardReport]
         needed = (WheelCommand, PlanarOdometry, BoardState)
@@ -210,22 +214,24 @@ class Board:
     def _do(self, request: Request, what: str) -> None:
         reason = self.request(request)
         if reason:
-            raise BoardError(f"the board refuses {what}: {reason_text(reason)}")
+            raise UserError(f"the board refuses {what}: {reason_text(reason)}")
 
     def _await(self, kind: type[Expected]) -> Expected:
         """Return the next message of this kind; skip what the board sends of itself."""
+        deadline = monotonic() + self.patience_s
         while True:
-            message = self._next()
+            message = self._next(deadline)
             if isinstance(message, kind):
                 return message
-            if isinstance(message, BoardHello):
-                raise restarted(message)
 
-    def _next(self) -> Message:
-        deadline = monotonic() + self.patience_s
+    def _next(self, deadline: float) -> Message:
+        """Return the next message; the board repeats its hello until the set-up."""
         while not self._arrived:
             if not self._receive(deadline):
-                raise BoardError(f"the board is silent: nothing for {self.patience_s:g} s")
+                why = f"no answer for {self.patience_s:g} s"
+                raise BoardError(f"the board hangs or its line is stuck: {why}")
+        if self._is_set_up and isinstance(self._arrived[0], BoardHello):
+            raise restarted(self._arrived[0])
         return self._arrived.pop(0)
 
     def _receive(self, deadline: float) -> bool:

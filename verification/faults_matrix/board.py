@@ -1,0 +1,172 @@
+"""An emulated board in the place of the core, and the ways in which a fault matrix breaks it."""
+
+import errno
+import os
+import re
+import signal
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from enum import Enum
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from time import monotonic
+from typing import Final, Self
+
+from protocol.wire.messages import BoardRestart
+from robot.core.parameters import Params
+from robot.core.values import Pose
+from robot.hosting.on_board import BoardCore
+from robot.mcu.board import RESTART, Board
+from robot.mcu.emulator import Emulator, SerialLine
+from robot.mcu.image import IMAGE
+from runtime.errors import RemoteError
+
+MAX_GARBAGE: Final = 40
+DEBUGGER_S: Final = 5.0
+PROGRAM_COUNTER: Final = slice(15 * 8, 16 * 8)
+"""Hexadecimal digits of register 15 among all registers."""
+BRANCH_TO_ITSELF: Final = "fee7"
+PACKET: Final = re.compile(rb"\$([^#]*)#..")
+STOP_REPLY: Final = "T"
+READ_BYTES: Final = 4096
+
+
+class BoardTrouble(Enum):
+    """A fault of a board or of its line."""
+
+    HANG = "its program loops for ever; its watchdog resets it"
+    SUSPEND = "its emulator is suspended"
+    RESET = "it is reset"
+    KILL = "its emulator is killed"
+    CUT = "its line is cut"
+    MUTE = "its line loses all bytes to the host"
+    DEAF = "its line loses all bytes to the board"
+    GARBAGE = "its line carries bytes of no frame between the frames"
+
+
+class FaultyLine(SerialLine):
+    """A serial line that may be broken; `trouble` is None while it is whole."""
+
+    def __init__(self, line: SerialLine, random: Random) -> None:
+        self.trouble: BoardTrouble | None = None
+        self._line, self._random = line, random
+        self._garbage = b""
+
+    def read(self, wait_s: float) -> bytes | None:
+        """Return the bytes that have arrived, as `SerialLine` does."""
+        if self.trouble is BoardTrouble.CUT:
+            return None
+        if self.trouble is not BoardTrouble.MUTE:
+            garbage, self._garbage = self._garbage, b""
+            return garbage or self._line.read(wait_s)
+        until_s = monotonic() + wait_s
+        while (left_s := until_s - monotonic()) > 0.0:
+            self._line.read(left_s)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        """Write bytes, with garbage before them if that is the trouble."""
+        if self.trouble is BoardTrouble.CUT:
+            raise BrokenPipeError(errno.EPIPE, "cut")
+        if self.trouble is BoardTrouble.GARBAGE:
+            self._line.write(self._bytes())
+            self._garbage = self._bytes()
+        if self.trouble is not BoardTrouble.DEAF:
+            self._line.write(data)
+
+    def _bytes(self) -> bytes:
+        return self._random.randbytes(self._random.randrange(MAX_GARBAGE))
+
+    def close(self) -> None:
+        """Close nothing: the line belongs to its emulator."""
+
+
+class BreakableBoard:
+    """Starts an emulated board for each core that is created, and breaks the newest."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = Random(seed)
+        self._scope = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._scope.close()
+
+    def new_core(self, params: Params, start: Pose, totals: tuple[int, int]) -> BoardCore:
+        """Return a core on a new board; the one before is switched off."""
+        self._scope.close()
+        folder = Path(self._scope.enter_context(TemporaryDirectory(prefix="sidestep-debugger-")))
+        self._debugger = folder / "gdb"
+        debugger = f"socket,id=gdb,path={self._debugger},server=on,wait=off"
+        options = ("-chardev", debugger, "-gdb", "chardev:gdb")
+        self._emulator = self._scope.enter_context(Emulator(IMAGE, extra=options))
+        self._line = FaultyLine(self._emulator.line, self._random)
+        self._board = Board(self._line)
+        self._board.wait_for_hello()
+        return BoardCore(self._board, params, start, totals)
+
+    def suffer(self, trouble: BoardTrouble) -> None:
+        """Break the board or its line."""
+        match trouble:
+            case BoardTrouble.HANG:
+                self._hang()
+            case BoardTrouble.SUSPEND:
+                os.kill(self._emulator.pid, signal.SIGSTOP)
+            case BoardTrouble.KILL:
+                os.kill(self._emulator.pid, signal.SIGKILL)
+            case BoardTrouble.RESET:
+                self._board.send(BoardRestart(confirmation=RESTART))
+            case _:
+                self._line.trouble = trouble
+
+    def _hang(self) -> None:
+        """Overwrite the next instruction with a branch to itself, as a debugger can."""
+        with debugging(self._debugger) as ask:
+            counter = int.from_bytes(bytes.fromhex(ask("g")[PROGRAM_COUNTER]), "little")
+            ask(f"M{counter:x},2:{BRANCH_TO_ITSELF}")
+
+
+@contextmanager
+def debugging(path: Path) -> Iterator["Debugger"]:
+    """Halt an emulator by its debugger interface; let it continue afterwards."""
+    with socket.socket(socket.AF_UNIX) as line:
+        line.settimeout(DEBUGGER_S)
+        line.connect(str(path))
+        debugger = Debugger(line)
+        yield debugger
+        debugger.order("D")
+
+
+class Debugger:
+    """The remote protocol of GDB: one packet out, one packet in; stop replies are skipped."""
+
+    def __init__(self, line: socket.socket) -> None:
+        self._line = line
+        self._received = b""
+
+    def __call__(self, packet: str) -> str:
+        """Send a packet and return the contents of the answer."""
+        self.order(packet)
+        while (answer := self._packet()).startswith(STOP_REPLY):
+            pass
+        return answer
+
+    def _packet(self) -> str:
+        """Return the contents of the next packet, and acknowledge it."""
+        while (found := PACKET.search(self._received)) is None:
+            data = self._line.recv(READ_BYTES)
+            if not data:
+                raise RemoteError("the debugger interface of the emulator has closed")
+            self._received += data
+        self._received = self._received[found.end() :]
+        self._line.sendall(b"+")
+        return found[1].decode()
+
+    def order(self, packet: str) -> None:
+        """Send a packet."""
+        body = packet.encode()
+        self._line.sendall(b"$" + body + b"#" + f"{sum(body) & 0xFF:02x}".encode())
