@@ -44,7 +44,7 @@ ROWS = [
 
 def break_core(stack: Stack) -> None:
     assert isinstance(stack, BreakableStack)
-    stack.breaks = True
+    stack.break_core()
 
 
 def lose_time(stack: Stack) -> None:

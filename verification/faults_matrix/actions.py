@@ -101,6 +101,27 @@ class Flood:
     pressed: bool = False
 
 
+class BoardTrouble(Enum):
+    """A fault of the emulated board that runs the control core, or of its serial line."""
+
+    HANG = auto()
+    """Its program loops for ever, until its watchdog resets it."""
+    SUSPEND = auto()
+    """Its emulator is suspended."""
+    RESET = auto()
+    """It is reset."""
+    KILL = auto()
+    """Its emulator is killed."""
+    CUT = auto()
+    """Its line is cut."""
+    MUTE = auto()
+    """Its line loses all bytes to the host."""
+    DEAF = auto()
+    """Its line loses all bytes to the board."""
+    GARBAGE = auto()
+    """Its line carries bytes that belong to no frame, between the frames."""
+
+
 class PlainAct(Enum):
     """A fault without parameters."""
 
@@ -139,5 +160,6 @@ Act: TypeAlias = (
     | FillDisk
     | SlowDisk
     | Flood
+    | BoardTrouble
     | PlainAct
 )

@@ -7,7 +7,6 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from enum import Enum
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -22,6 +21,7 @@ from robot.mcu.board import RESTART, Board
 from robot.mcu.emulator import Emulator, SerialLine
 from robot.mcu.image import IMAGE
 from runtime.errors import RemoteError
+from verification.faults_matrix.actions import BoardTrouble
 
 MAX_GARBAGE: Final = 40
 DEBUGGER_S: Final = 5.0
@@ -31,19 +31,6 @@ BRANCH_TO_ITSELF: Final = "fee7"
 PACKET: Final = re.compile(rb"\$([^#]*)#..")
 STOP_REPLY: Final = "T"
 READ_BYTES: Final = 4096
-
-
-class BoardTrouble(Enum):
-    """A fault of a board or of its line."""
-
-    HANG = "its program loops for ever; its watchdog resets it"
-    SUSPEND = "its emulator is suspended"
-    RESET = "it is reset"
-    KILL = "its emulator is killed"
-    CUT = "its line is cut"
-    MUTE = "its line loses all bytes to the host"
-    DEAF = "its line loses all bytes to the board"
-    GARBAGE = "its line carries bytes of no frame between the frames"
 
 
 class FaultyLine(SerialLine):
@@ -86,8 +73,8 @@ class FaultyLine(SerialLine):
 class BreakableBoard:
     """Starts an emulated board for each core that is created, and breaks the newest."""
 
-    def __init__(self, seed: int) -> None:
-        self._random = Random(seed)
+    def __init__(self, random: Random) -> None:
+        self._random = random
         self._scope = ExitStack()
 
     def __enter__(self) -> Self:

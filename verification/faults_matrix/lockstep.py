@@ -6,7 +6,7 @@ frames. Processes that hang are skipped.
 """
 
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import nullcontext
 from dataclasses import replace
 from random import Random
 from typing import Final
@@ -17,11 +17,14 @@ from protocol.bus.faults.link_faults import LinkFaults
 from protocol.topics import Role
 from protocol.wire.enums import Command
 from protocol.wire.enums import Vehicle as VehicleState
+from robot.hosting.in_process import InProcessCore
+from robot.mcu.board import BoardError
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
+    BoardTrouble,
     BodyFault,
     Cut,
     DelayOperator,
@@ -32,6 +35,7 @@ from verification.faults_matrix.actions import (
     Kill,
     PlainAct,
 )
+from verification.faults_matrix.board import BreakableBoard
 from verification.faults_matrix.intruders import ExtremeSender, second_robot
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import FaultCase, Must, Way
@@ -61,10 +65,18 @@ RECEIVES: Final = {
 
 
 class BreakableInProcess(InProcess):
-    """A stack whose control core can raise an exception, which ends its process."""
+    """A stack whose control core or board can fail, which ends the robot process.
+
+    While `breaks` is set, the next tick of the robot process must fail.
+    """
 
     breaks = False
     extreme_sender: ExtremeSender | None = None
+
+    def break_core(self) -> None:
+        """Let the core raise an exception in its next step."""
+        self.vehicle.state.odometry = None  # type: ignore[assignment]
+        self.breaks = True
 
     def _sense(self) -> None:
         super()._sense()
@@ -77,9 +89,12 @@ class BreakableInProcess(InProcess):
             return
         key = self.key_at_plant
         seen = self._arrivals.count(key)
-        self.vehicle.state.odometry = None  # type: ignore[assignment]
-        with suppress(AttributeError):
+        try:
             self.robot.run(iter((Tick(self._ticks, self.clock.now_ns(), 0, 0),)))
+        except (AttributeError, BoardError):
+            """The core or its board is broken."""
+        else:
+            raise RuntimeError("the robot process has not ended")
         self._arrivals.wait(
             lambda: self._arrivals.count(key) > seen, "the robot's last wheel command"
         )
@@ -94,7 +109,12 @@ class LockstepDrill:
         self._stops = fault.must_stop
         self._random = Random(f"{fault.name} {number}")
         world = world_for(fault.act, "corridor" if self._stops else "box")
-        self.stack = BreakableInProcess(world, noise="default", seed=number, enforced=True)
+        is_on_board = isinstance(fault.act, BoardTrouble)
+        self._board = BreakableBoard(self._random) if is_on_board else None
+        new_core = InProcessCore if self._board is None else self._board.new_core
+        self.stack = BreakableInProcess(
+            world, noise="default", seed=number, enforced=True, new_core=new_core
+        )
         self.stack.clock.advance(BEGIN_NS)
         self._seen: list[Seen] = []
         self._known_s: float | None = None
@@ -104,7 +124,7 @@ class LockstepDrill:
 
     def run(self) -> Repetition:
         """Drive, cause the fault and return the reaction."""
-        with self.stack as stack:
+        with self._board or nullcontext(), self.stack as stack:
             stack.forward(1.0)
             if not self._fault.at_rest:
                 stack.arm()
@@ -187,7 +207,11 @@ class LockstepDrill:
             case JumpClock(seconds):
                 stack.clock.advance(round(seconds * NS_PER_S))
             case PlainAct.RAISE_IN_CORE:
-                stack.breaks = True
+                stack.break_core()
+            case BoardTrouble():
+                assert self._board is not None
+                self._board.suffer(act)
+                stack.breaks = self._stops
             case PlainAct.EMERGENCY_STOP:
                 stack.command(Command.DO_FLIGHTTERMINATION, 1)
             case PlainAct.WRAP_ENCODERS:
@@ -204,6 +228,10 @@ class LockstepDrill:
                     bus.faults.disturb(None)
             case Kill(role):
                 stack.start(role)
+                stack.reconnect()
+            case BoardTrouble():
+                stack.breaks = False
+                stack.start("robot")
                 stack.reconnect()
             case Hang("ground"):
                 stack.operator = True

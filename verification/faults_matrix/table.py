@@ -8,6 +8,7 @@ from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
 from verification.faults_matrix.actions import (
     Act,
+    BoardTrouble,
     BodyFault,
     Cut,
     DelayOperator,
@@ -187,6 +188,16 @@ PROCESSES: Final = (
     dies("control core raises an exception", PlainAct.RAISE_IN_CORE, Reason.CORE_EXCEPTION),
     goes_on("recorder killed", Kill("recorder"), ways=WALL),
 )
+BOARD: Final = (
+    dies("board hangs", BoardTrouble.HANG, ways=LOCKSTEP),
+    dies("board suspended", BoardTrouble.SUSPEND, ways=LOCKSTEP),
+    dies("board reset", BoardTrouble.RESET, ways=LOCKSTEP),
+    dies("emulator of the board killed", BoardTrouble.KILL, ways=LOCKSTEP),
+    dies("line to the board cut", BoardTrouble.CUT, ways=LOCKSTEP),
+    dies("line loses all bytes from the board", BoardTrouble.MUTE, ways=LOCKSTEP),
+    dies("line loses all bytes to the board", BoardTrouble.DEAF, ways=LOCKSTEP),
+    goes_on("garbage on the line of the board", BoardTrouble.GARBAGE, ways=LOCKSTEP),
+)
 LINKS: Final = (
     stops("robot | plant", Cut("robot", "plant"), 0.15, *LOST),
     stops("robot | ground", Cut("robot", "ground"), OPERATOR_S, Reason.OPERATOR_LOST, unseen=True),
@@ -317,6 +328,7 @@ MACHINE: Final = (
 )
 GROUPS: Final = {
     "Processes": PROCESSES,
+    "Control core on an emulated board": BOARD,
     "Networks": LINKS,
     "One way, late and double": ONE_WAY,
     "Hostile": HOSTILE,

@@ -35,6 +35,8 @@ from protocol.wire.enums import Navigator
 from protocol.wire.messages import Statustext
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
+from robot.hosting.core import NewCore
+from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import with_value
 from robot.process import RobotProcess
 from robot.scheduling.cycle_meter import CycleMeter
@@ -97,6 +99,7 @@ class Peers:
         router: bool = False,
         parameters: dict[str, float] | None = None,
         enforced: bool = False,
+        new_core: NewCore = InProcessCore,
     ) -> None:
         self.world = load(world) if isinstance(world, str) else world
         self.operator = self._listening = False
@@ -108,6 +111,7 @@ class Peers:
         self._noise = noise_of(self.world, noise)
         self._seed = seed
         self._enforced = enforced
+        self._new_core = new_core
         self._router = router
         self._prefix = f"test-{uuid4().hex[:8]}"
         self._arrivals = Arrivals()
@@ -143,6 +147,7 @@ class Peers:
             Store(None),
             Pose(start.x_m, start.y_m, start.heading_rad),
             totals=start_totals(self.world.robot),
+            new_core=self._new_core,
         )
         senses = self._senses = Senses(bus, lockstep=True, accept=self.vehicle.lease.allows)
         meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=self._enforced)
