@@ -4,6 +4,7 @@ from math import cos, degrees, hypot, isfinite, sin
 from typing import Final, NamedTuple
 
 from ground.app.panels.aged import aged, live, number, role_of
+from ground.app.panels.board import board_rows
 from ground.app.panels.health import health_rows
 from ground.app.panels.mission import draft_rows, mission_rows
 from ground.app.panels.progress import progress_rows
@@ -112,7 +113,7 @@ def form_for(height: int, place: int, mission: int) -> SideForm:
 
 
 def place_rows(station: Station) -> list[Row]:
-    """Return goal, and pose with its doubt; in a simulation the true error, too."""
+    """Return goal, pose with its doubt, the true error in a simulation, and a board if any."""
     odometry, status = station.seen(ODOMETRY), station.seen(STATUS)
     error_m, remedy = true_error_m(station), station.place_remedy
     rows = [
@@ -123,7 +124,7 @@ def place_rows(station: Station) -> list[Row]:
     if error_m is not None:
         words = f"true error {error_m * MM_PER_M:.0f} mm"
         rows.append(row(head("     "), Span(words, role_of(odometry, "true robot"))))
-    return rows
+    return [*rows, *board_rows(station)]
 
 
 def pose_words(odometry: PlanarOdometry) -> str:

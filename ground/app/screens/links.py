@@ -3,6 +3,7 @@
 from ground.app.lists.link_columns import COLUMNS, LinkRow, link_rows
 from ground.app.lists.table import Table
 from ground.app.panels.aged import MISSING, number, role_of
+from ground.app.panels.board import board_details
 from ground.app.panels.cycle import cycle_rows
 from ground.app.panels.status import stop_role
 from ground.app.playback.app_interface import AppInterface
@@ -36,6 +37,7 @@ class LinksScreen(ListScreen[LinkRow]):
         cycle = cycle_rows(station.seen(CYCLE), station.worst_cycle)
         rejection = rejection_rows(self.chosen)
         link = [*rejection, *process_rows(station), *link_lines(station), *cycle]
+        link += board_details(station)
         about.styles.height = len(link) + 1
         about.show(link)
 

@@ -18,6 +18,7 @@ from protocol.wire.messages import (
     CycleReport,
     GroundTruth,
     Heartbeat,
+    McuStatus,
     NavigatorStatus,
     PlanarOdometry,
     SonarScan,
@@ -125,4 +126,18 @@ def scene() -> MapScene:
         goal=MapTarget(9.0, 7.0, 0.0),
         virtual_goal=(5.4, 2.6),
         hits=((3.33, 2.40),),
+    )
+
+
+def mcu_status() -> McuStatus:
+    return McuStatus(
+        time_ns=0,
+        tick=40,
+        command_us=6_019,
+        busy_us=21_592,
+        budget_us=50_000,
+        ram_bytes=52_244,
+        ram_size_bytes=56_856,
+        skipped_bytes=699,
+        emulated=1,
     )

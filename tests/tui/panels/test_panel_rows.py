@@ -18,11 +18,11 @@ from ground.client.goal import Destination
 from ground.client.status_line import goal_line, metres
 from ground.map.scene import MapTarget
 from ground.station.history.goal_progress import GoalProgress
-from protocol.topics import DECISION, MISSION, ODOMETRY, STATUS, TRUTH
+from protocol.topics import DECISION, MCU, MISSION, ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import MissionState, Vehicle
 from protocol.wire.messages import MissionStatus, PlanarOdometry
 from tests.support.tui.fakes import MS, FakeStation
-from tests.support.tui.underway import drive_messages, driving, status
+from tests.support.tui.underway import drive_messages, driving, mcu_status, status
 
 
 def side_rows(station: FakeStation, height: int = 16, width: int = 33) -> list[Row]:
@@ -47,6 +47,15 @@ def test_missing_values_are_not_zero() -> None:
     text = side(FakeStation())
     assert "0.0" not in text
     assert text.count("--") >= 5
+
+
+def test_board_is_shown_with_time_and_memory_only_if_there_is_one() -> None:
+    station = driving(FakeStation())
+    assert "MCU" not in side(station)
+    station.air.put(MCU, mcu_status(), station.now_ns)
+    assert "MCU (emulated) 6.0 ms  52.2 kB" in side(station)
+    station.clock.advance(3_000 * MS)
+    assert "MCU (emulated) -- 3.0 s" in side(station)
 
 
 def test_dead_sonar_has_its_own_colour_and_differs_from_no_echo() -> None:

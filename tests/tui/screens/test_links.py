@@ -3,14 +3,14 @@
 import pytest
 
 from ground.station.roster import Attention, RosterEntry
-from protocol.topics import GATEWAY, STATUS, Role
+from protocol.topics import GATEWAY, MCU, STATUS, Role
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import GatewayStatus
 from runtime.units import NS_PER_S
 from tests.support.tui.fakes import NOTHING, FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.stopped import stopped_status
-from tests.support.tui.underway import driving
+from tests.support.tui.underway import driving, mcu_status
 
 
 def test_links_show_processes_and_streams() -> None:
@@ -46,6 +46,29 @@ def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
             words = stage.words("about")
             assert "mavlink no data for 12 s: the gateway has ended or hangs" in words
             assert "255 commands" not in words
+
+    play(story)
+
+
+def test_links_show_the_board_that_runs_the_core() -> None:
+    async def story() -> None:
+        async with staged() as stage:
+            await stage.press("5")
+            assert "MCU" not in stage.words("about")
+            stage.station.air.put(MCU, mcu_status(), stage.station.now_ns)
+            await stage.redraw()
+            words = stage.words("about")
+            assert (
+                "MCU (emulated)  command after 6.0 ms, done after 21.6 of 50.0 ms (modelled)"
+                in words
+            )
+            assert "RAM 52.2 of 56.9 kB, 699 bytes skipped" in words
+            assert max(map(len, words.splitlines())) <= 80
+            stage.station.clock.advance(3 * NS_PER_S)
+            await stage.redraw()
+            words = stage.words("about")
+            assert "MCU (emulated)  -- 3.0 s" in words
+            assert "RAM" not in words
 
     play(story)
 
