@@ -30,6 +30,11 @@ class Hosted:
         """Stop the board without ending it."""
         self._process.send_signal(signal.SIGSTOP)
 
+    def kill(self) -> None:
+        """End the board and wait for its end."""
+        self._process.kill()
+        self._process.wait()
+
     def close(self) -> None:
         """End the board."""
         self.line.close()
@@ -38,12 +43,12 @@ class Hosted:
 
 
 @contextmanager
-def hosted_board(patience_s: float = PATIENCE_S) -> Iterator[Board]:
-    """Return a board that has said hello."""
-    hosted = Hosted()
+def hosted_board(patience_s: float = PATIENCE_S, which: str = "") -> Iterator[tuple[Board, Hosted]]:
+    """Return a board that has said hello, and its process."""
+    hosted = Hosted(which)
     try:
         board = Board(hosted.line, patience_s)
         board.wait_for_hello()
-        yield board
+        yield board, hosted
     finally:
         hosted.close()

@@ -4,7 +4,6 @@ It runs the Python sources of the firmware, not its frozen code, and has no limi
 clock is that of this machine.
 """
 
-import gc
 import os
 import runpy
 import socket
@@ -89,7 +88,9 @@ class HostedBoard(ModuleType):
     def _nothing(self) -> int:
         return 0
 
-    busy = refused = unsent = stack_peak = stack_bytes = static_bytes = flash_bytes = _nothing
+    heap_used = busy = refused = unsent = stack_peak = stack_bytes = static_bytes = flash_bytes = (
+        _nothing
+    )
 
 
 def main(descriptor: str, which: str = "", cause: str = "0") -> None:
@@ -100,7 +101,6 @@ def main(descriptor: str, which: str = "", cause: str = "0") -> None:
     sys.modules["board"] = HostedBoard(line, core, int(cause))
     wire = sys.modules["wire"] = ModuleType("wire")
     exec(messages.python_module(), vars(wire))
-    gc.mem_alloc = lambda: 0  # type: ignore[attr-defined]
     sys.path.insert(0, str(ONBOARD))
     try:
         runpy.run_path(str(ONBOARD / "main.py"))

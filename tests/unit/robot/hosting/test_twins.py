@@ -1,0 +1,301 @@
+"""A vehicle with its core on a board does exactly what one with its core in the process does."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from math import inf, nan
+from random import Random
+from typing import Any
+
+import pytest
+
+from plant.model.configuration import noise_of
+from plant.sim.simulation import Plant
+from plant.world.file import load
+from protocol.wire.enums import (
+    FRAME_LOCAL_FLU,
+    PARAM_TYPE_REAL32,
+    Command,
+    MissionType,
+    Mode,
+    Navigator,
+)
+from protocol.wire.limits import MAX_WHEEL_TTL_MS
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandRequest,
+    GoalRequest,
+    MissionClearAll,
+    MissionCount,
+    MissionItemInt,
+    ParamSet,
+    Teleop,
+)
+from protocol.wire.packing import wire_of
+from robot import telemetry
+from robot.core import reasons, states
+from robot.core.brain import ignore
+from robot.core.parameters import DEFAULTS
+from robot.core.perception.from_messages import now_ms_of, scan_of, wheels_of
+from robot.core.values import Inputs, Pose
+from robot.hosting.on_board import BoardCore
+from robot.storage.files import Store
+from robot.teleop import operator_twist
+from robot.vehicle import Vehicle
+from tests.support.robot.mcu.hosted import hosted_board
+
+PARAMS = DEFAULTS._replace(v_max_m_s=0.25, progress_ms=60_000)
+COMMANDS = (
+    (Command.COMPONENT_ARM_DISARM, (1.0, 0.0)),
+    (Command.DO_SET_MODE, (states.MANUAL, states.HOLD, states.AUTO, states.GUIDED, 77)),
+    (Command.DO_PAUSE_CONTINUE, (0.0, 1.0)),
+    (Command.DO_FLIGHTTERMINATION, (1.0,)),
+    (Command.SIDESTEP_CLEAR_EMERGENCY_STOP, (0.0,)),
+    (Command.NAV_RETURN_TO_LAUNCH, (0.0,)),
+    (Command.SIDESTEP_ABORT_GOAL, (0.0,)),
+    (Command.SIDESTEP_SET_NAVIGATOR, tuple(map(float, Navigator))),
+    (Command.MISSION_START, (-1.0, 0.0, 1.0)),
+    (Command.DO_SET_MISSION_CURRENT, (0.0, 1.0, 9.0)),
+    (31_000, (0.0,)),
+)
+
+
+class Twins:
+    """Two vehicles with the same plant; every observation must be the same, to the bit."""
+
+    def __init__(self, new_core: Callable[..., BoardCore], seed: int) -> None:
+        self.random = Random(seed)
+        world = load("box")
+        self.plant = Plant(world, seed, noise_of(world, "default"))
+        start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
+        self.vehicles = (
+            Vehicle(PARAMS, Store(None), start),
+            Vehicle(PARAMS, Store(None), start, new_core=new_core),
+        )
+        self.requests = 0
+
+    @property
+    def now_ns(self) -> int:
+        return self.plant.now_ns
+
+    def same(self, ask: Callable[[Vehicle], Any]) -> Any:
+        """Ask both and require the same answer."""
+        here, board = map(ask, self.vehicles)
+        assert on_the_wire(here) == on_the_wire(board)
+        return here
+
+    def request(self, message: Message) -> Any:
+        answer = self.same(lambda vehicle: vehicle.receive(message, self.now_ns, "ada/1"))
+        self.observe()
+        return answer
+
+    def command(self, command: int, *values: float) -> int:
+        self.requests += 1
+        one, two, three = (*values, 0.0, 0.0, 0.0)[:3]
+        if command == Command.DO_SET_MODE:
+            one, two = 1.0, one
+        request = CommandRequest(
+            request_id=self.requests, param1=one, param2=two, param3=three, command=command
+        )
+        reason: int = self.request(request).result_param2
+        return reason
+
+    def goto(self, x_m: float, y_m: float, mode: int = Mode.AUTO, *, free: int = 1) -> int:
+        self.requests += 1
+        request = GoalRequest(
+            request_id=self.requests,
+            x_mm=round(x_m * 1000),
+            y_mm=round(y_m * 1000),
+            heading_urad=1_234_567,
+            position_tolerance_mm=50,
+            heading_tolerance_urad=52_360,
+            heading_free=free,
+            mode=mode,
+        )
+        reason: int = self.request(request).result_param2
+        return reason
+
+    def set(self, name: str, value: float) -> None:
+        self.request(
+            ParamSet(
+                param_id=name,
+                param_value=value,
+                param_type=PARAM_TYPE_REAL32,
+                target_system=0,
+                target_component=0,
+            )
+        )
+
+    def upload(self, kind: int, *items: MissionItemInt) -> int:
+        self.request(MissionCount(count=len(items), mission_type=kind))
+        for item in items:
+            verdict = self.request(item)
+        reason: int = verdict.reason
+        return reason
+
+    def tick(self, *, wheels: bool = True, scan: bool = True, steered: bool = False) -> None:
+        """Run a tick of the plant and of both vehicles."""
+        self.plant.advance()
+        ticks, echoes = self.plant.senses()
+        now_ms = now_ms_of(self.now_ns)
+        teleop = None
+        if steered:
+            teleop = Teleop(time_ns=0, seq=0, speed_mm_s=150, yaw_rate_mrad_s=-300, ttl_ms=200)
+        inputs = Inputs(
+            now_ms,
+            wheels_of(ticks) if wheels and ticks is not None else None,
+            scan_of(echoes, 7) if scan and echoes is not None else None,
+            0 if self.random.random() < 0.9 else None,
+        )
+        outputs = self.same(lambda one: one.step(inputs, ignore, operator_twist(teleop)))
+        self.same(lambda one: telemetry.odometry(one.state, self.now_ns))
+        self.plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
+        self.observe()
+
+    def observe(self) -> None:
+        """Compare everything that is published."""
+        now_ns, now_ms = self.now_ns, now_ms_of(self.now_ns)
+        self.same(lambda one: telemetry.heartbeat(one.state))
+        self.same(lambda one: telemetry.status(one.state, one.commands.goal_id, now_ns, now_ms))
+        self.same(lambda one: one.mission.status(now_ns))
+        self.same(lambda one: one.texts())
+        self.same(lambda one: one.parameters.described())
+        self.same(lambda one: (one.brakes, one.stopped, one.params, one.state.odometry.pose))
+
+
+def on_the_wire(found: Any) -> Any:
+    """Return messages as bytes, and the decision of a tick with the precision of the wire."""
+    if isinstance(found, Message):
+        return type(found), wire_of(type(found)).pack(found)
+    if isinstance(found, list):
+        return [on_the_wire(one) for one in found]
+    if hasattr(found, "decision"):
+        decided = on_the_wire(telemetry.decision(found, nan, 0))
+        return found.left_mrad_s, found.right_mrad_s, found.guard, decided
+    return found
+
+
+def stop_at(seq: int, x_m: float, y_m: float, deg: float = nan) -> MissionItemInt:
+    return MissionItemInt(
+        param1=0.2, param2=0.05, param3=3.0, param4=deg, x=round(x_m * 10_000),
+        y=round(y_m * 10_000), z=0.0, seq=seq, command=Command.SIDESTEP_NAV_POSE,
+        target_system=0, target_component=0, frame=FRAME_LOCAL_FLU, current=0, autocontinue=1,
+        mission_type=MissionType.MISSION,
+    )  # fmt: skip
+
+
+def corner(seq: int, x_m: float, y_m: float) -> MissionItemInt:
+    return MissionItemInt(
+        param1=4.0, param2=0.0, param3=0.0, param4=0.0, x=round(x_m * 10_000),
+        y=round(y_m * 10_000), z=0.0, seq=seq,
+        command=Command.NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+        target_system=0, target_component=0, frame=FRAME_LOCAL_FLU, current=0, autocontinue=1,
+        mission_type=MissionType.FENCE,
+    )  # fmt: skip
+
+
+SQUARE = (corner(0, 0.0, 0.0), corner(1, 6.0, 0.0), corner(2, 6.0, 4.0), corner(3, 0.0, 4.0))
+
+
+@contextmanager
+def twins(seed: int) -> Iterator[Twins]:
+    with hosted_board() as (board, _):
+        yield Twins(partial(BoardCore, board), seed)
+
+
+def step(both: Twins) -> None:
+    """Take a random step: mostly ticks, else a request or a fault."""
+    random = both.random
+    match random.choices(range(9), (40, 8, 4, 2, 2, 2, 1, 1, 1))[0]:
+        case 0:
+            steered = random.random() < 0.5
+            for _ in range(random.randrange(1, 12)):
+                both.tick(steered=steered)
+        case 1:
+            command, values = random.choice(COMMANDS)
+            both.command(command, random.choice(values))
+        case 2:
+            mode = random.choice((Mode.AUTO, Mode.GUIDED, Mode.MANUAL))
+            both.goto(random.uniform(-1.0, 7.0), random.uniform(0.0, 4.0), mode, free=0)
+        case 3:
+            name = random.choice(("d_obs_m", "side", "navigator", "goal_max_m", "stuck_ms", "x"))
+            both.set(name, random.choice((-1.0, 0.4, 3.0, 9e9)))
+        case 4:
+            both.upload(MissionType.MISSION, stop_at(0, 2.0, 1.0), stop_at(1, 2.5, 3.0, 90.0))
+        case 5:
+            both.command(Command.SIDESTEP_SET_POSE, 1.0, 2.0, random.choice((nan, 0.5)))
+        case 6:
+            both.same(lambda one: one.lose_position(both.now_ns))
+            both.observe()
+        case 7:
+            both.same(lambda one: one.report(reasons.BUDGET))
+            both.tick()
+        case _:
+            both.tick(wheels=random.random() < 0.5, scan=random.random() < 0.5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_drives_are_equal_to_the_bit(seed: int) -> None:
+    with twins(seed) as both:
+        both.tick()
+        for _ in range(30):
+            both.command(Command.COMPONENT_ARM_DISARM, 1.0)
+            for _ in range(6):
+                step(both)
+
+
+def test_fence_is_equal_to_the_bit() -> None:
+    with twins(1) as both:
+        both.tick()
+        assert both.upload(MissionType.FENCE, *SQUARE) == reasons.OK
+        assert both.command(Command.COMPONENT_ARM_DISARM, 1.0) == reasons.OK
+        assert both.goto(7.0, 2.0) == reasons.OUTSIDE_FENCE
+        assert both.goto(4.0, 2.0) == reasons.OK
+        for _ in range(40):
+            both.tick()
+        assert both.command(Command.NAV_RETURN_TO_LAUNCH) == reasons.OK
+        assert both.upload(MissionType.FENCE, *(corner(n, 9.0 + n % 2, n) for n in range(4))) > 0
+        for _ in range(20):
+            both.tick()
+        both.request(MissionClearAll(mission_type=MissionType.FENCE))
+        assert both.goto(7.0, 2.0) == reasons.OK
+
+
+def test_lost_fence_forbids_arming_on_the_board() -> None:
+    with twins(2) as both:
+        both.same(lambda one: one.core.lose_fence())
+        both.observe()
+        both.tick()
+        assert both.command(Command.COMPONENT_ARM_DISARM, 1.0) == reasons.FENCE_UNREADABLE
+
+
+def test_mission_continues_and_jumps_on_the_board() -> None:
+    with twins(3) as both:
+        both.tick()
+        both.upload(MissionType.MISSION, stop_at(0, 1.5, 2.2), stop_at(1, 2.2, 2.9, 90.0))
+        both.command(Command.COMPONENT_ARM_DISARM, 1.0)
+        assert both.command(Command.MISSION_START, -1.0) == reasons.OK
+        for _ in range(30):
+            both.tick()
+        assert both.command(Command.DO_PAUSE_CONTINUE, 0.0) == reasons.OK
+        both.tick()
+        assert both.command(Command.DO_SET_MISSION_CURRENT, 1.0) == reasons.OK
+        both.tick()
+        assert both.command(Command.DO_PAUSE_CONTINUE, 1.0) == reasons.OK
+        for _ in range(300):
+            both.tick()
+        assert both.vehicles[1].mission.current == 1
+        assert both.same(lambda one: one.state.machine.goal_state) in (states.REACHED,)
+
+
+def test_host_stops_the_board_for_a_reason() -> None:
+    with twins(4) as both:
+        both.tick()
+        both.command(Command.COMPONENT_ARM_DISARM, 1.0)
+        both.goto(4.0, 2.0)
+        both.tick()
+        both.same(lambda one: one.stop(reasons.SHUT_DOWN, both.now_ns))
+        both.observe()
+        assert both.vehicles[1].state.machine.vehicle_reason == reasons.SHUT_DOWN
+        assert both.vehicles[1].brakes
+        assert inf > both.vehicles[1].state.goal_distance_m
