@@ -3,6 +3,14 @@
 #include "hardware.h"
 #include "uart.h"
 
+static volatile bool is_waiting;
+
+bool clock_was_waiting(void) {
+    bool was = is_waiting;
+    is_waiting = false;
+    return was;
+}
+
 void clock_start(void) {
     CLOCK_RELOAD = 0xFFFFFFFFu;
     CLOCK_VALUE = 0xFFFFFFFFu;
@@ -25,7 +33,9 @@ void wait_until(uint32_t deadline) {
         ALARM_RELOAD = 0;
         ALARM_VALUE = (uint32_t)left;
         ALARM_CONTROL = TIMER_ENABLE | TIMER_INTERRUPT_ENABLE;
+        is_waiting = true;
         __asm volatile ("wfi" ::: "memory");
+        is_waiting = false;
         ALARM_CONTROL = 0;
         ALARM_INTERRUPT = 1;
     }

@@ -6,7 +6,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 
 from protocol.wire.enums import Command
 from protocol.wire.messages import BoardRestart, CommandRequest
@@ -15,7 +14,6 @@ from robot.core.brain import ignore
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Inputs, Scan, Wheels
 from robot.hosting.on_board import WALL_TIME, BoardCore
-from robot.mcu import emulator
 from robot.mcu.board import RESTART, Board, BoardError, BoardMismatchError
 from robot.mcu.image import core_hash, core_version
 from robot.storage.files import Store
@@ -33,7 +31,7 @@ def driving(patience_s: float = 2.0) -> Iterator[tuple[Vehicle, Board, Hosted]]:
     with hosted_board() as (board, hosted):
         vehicle = Vehicle(DEFAULTS, Store(None), new_core=lambda *given: BoardCore(board, *given))
         tick(vehicle, 1)
-        assert vehicle.receive(ARM, 0).result_param2 == reasons.OK
+        assert vehicle.core.command(ARM, 0) == reasons.OK
         board.patience_s = patience_s
         yield vehicle, board, hosted
 
@@ -93,7 +91,7 @@ def test_failed_board_also_fails_a_request() -> None:
     with driving(patience_s=0.3) as (vehicle, _, hosted):
         hosted.suspend()
         with pytest.raises(BoardError, match="hangs"):
-            vehicle.receive(replace(ARM, request_id=2), 0)
+            vehicle.receive(ARM, 0)
 
 
 def test_late_answer_in_wall_time_is_a_missed_deadline() -> None:
@@ -147,6 +145,6 @@ def test_missing_emulator_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_missing_image_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(emulator.shutil, "which", lambda _: "/usr/bin/qemu")
+    monkeypatch.setattr("robot.mcu.emulator.shutil.which", lambda _: "/usr/bin/qemu")
     with pytest.raises(UserError, match="make firmware"), Board.emulated(tmp_path / "none.elf"):
         pass
