@@ -241,7 +241,7 @@ class Board:
         except OSError as error:
             raise BoardError(f"the line to the board is broken: {error.strerror}") from error
         if received is None:
-            raise BoardError("the line to the board is cut")
+            raise BoardError("the line to the board is cut, or its emulator has ended")
         if not received:
             return False
         for message in self._stream.feed(received):
