@@ -37,9 +37,7 @@ from robot.mcu.image import IMAGE, core_hash, core_version
 from robot.mcu.link import FrameStream
 from runtime.errors import RemoteError, UserError
 
-Request: TypeAlias = (
-    BoardGoal | BoardCommand | BoardStop | BoardParameter | BoardFence | BoardSetup
-)
+Request: TypeAlias = BoardGoal | BoardCommand | BoardStop | BoardParameter | BoardFence | BoardSetup
 Expected = TypeVar("Expected", bound=Message)
 
 HOST_SYSTEM: Final = 1
@@ -108,10 +106,10 @@ class Board:
 
     def wait_for_hello(self) -> BoardHello:
         """Wait until the board says hello; refuse an image of another core."""
+        self._is_set_up = False
         hello = self._await(BoardHello)
         self._requests = 0
         self._sent = (-1, -1)
-        self._is_set_up = False
         refuse_other_core(hello)
         return hello
 

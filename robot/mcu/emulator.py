@@ -41,7 +41,7 @@ class SerialLine:
         while True:
             left_s = max(0.0, deadline - monotonic())
             if select.select([self._reads], [], [], min(left_s, LOOK_S))[0]:
-                return os.read(self._reads, READ_BYTES)
+                return os.read(self._reads, READ_BYTES) or None
             if not self._is_alive():
                 return None
             if left_s == 0.0:

@@ -1,9 +1,11 @@
 """Inputs of a board that drives straight on in the open."""
 
+from math import nan
+
 from protocol.wire.enums import INPUT_SCAN, INPUT_WHEELS, Command, Mode
 from protocol.wire.messages import (
-    CommandRequest,
-    GoalRequest,
+    BoardCommand,
+    BoardGoal,
     SonarScan,
     TickInputs,
     WheelTicks,
@@ -59,22 +61,22 @@ def tick(board: Board, number: int) -> BoardOutputs:
     return board.tick(inputs_at(number), wheels_at(number), scan_at(number))
 
 
-def command(number: Command, param1: float = 0.0, param2: float = 0.0) -> CommandRequest:
+def command(number: Command, param1: float = 0.0, param2: float = 0.0) -> BoardCommand:
     """Return a command."""
-    return CommandRequest(request_id=1, param1=param1, param2=param2, command=number)
+    return BoardCommand(now_ms=0, param1=param1, param2=param2, param3=0.0, command=number)
 
 
-def goal_at(x_mm: int) -> GoalRequest:
+def goal_at(x_mm: int) -> BoardGoal:
     """Return a goal straight ahead."""
-    return GoalRequest(
-        request_id=2,
-        x_mm=x_mm,
-        y_mm=0,
-        heading_urad=0,
-        heading_free=1,
-        position_tolerance_mm=100,
-        heading_tolerance_urad=100_000,
+    return BoardGoal(
+        now_ms=0,
+        x_m=x_mm / 1000.0,
+        y_m=0.0,
+        heading_rad=nan,
+        position_tolerance_m=0.1,
+        heading_tolerance_rad=0.1,
         mode=Mode.AUTO,
+        from_robot=0,
     )
 
 

@@ -8,8 +8,8 @@ import pytest
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from robot.core.values import Outputs
+from robot.hosting.on_board import BoardCore
 from robot.mcu.board import Board
-from study.trial.board_loop import BoardLoop
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, USUAL_NAVIGATOR, Trial, run_trial
 
@@ -47,16 +47,16 @@ def test_board_keeps_every_bit_of_parameters_and_start(board: Board) -> None:
 def test_board_can_be_set_up_again(firmware: Path) -> None:
     trial = Trial(world=load("open"), navigator=USUAL_NAVIGATOR)
     with Board.emulated(firmware) as board:
-        first = run_trial(trial, start=partial(BoardLoop, board))
+        first = run_trial(trial, new_core=partial(BoardCore, board))
         board.restart()
-        assert run_trial(trial, start=partial(BoardLoop, board)).digest == first.digest
+        assert run_trial(trial, new_core=partial(BoardCore, board)).digest == first.digest
 
 
 def assert_equal(trial: Trial, board: Board) -> None:
     """Run a trial in this process and on the board; compare every tick."""
     ours, theirs = Steps(), Steps()
     expected = run_trial(trial, ours)
-    found = run_trial(trial, theirs, partial(BoardLoop, board))
+    found = run_trial(trial, theirs, partial(BoardCore, board))
     pairs = enumerate(zip(ours.steps, theirs.steps, strict=False))
     differing = next(((tick, *pair) for tick, pair in pairs if pair[0] != pair[1]), None)
     assert differing is None

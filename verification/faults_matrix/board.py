@@ -90,7 +90,7 @@ class BreakableBoard:
         self._debugger = folder / "gdb"
         debugger = f"socket,id=gdb,path={self._debugger},server=on,wait=off"
         options = ("-chardev", debugger, "-gdb", "chardev:gdb")
-        self._emulator = self._scope.enter_context(Emulator(IMAGE, extra=options))
+        self._emulator = self._scope.enter_context(Emulator(IMAGE.elf, extra=options))
         self._line = FaultyLine(self._emulator.line, self._random)
         self._board = Board(self._line)
         self._board.wait_for_hello()

@@ -21,10 +21,13 @@ class Hosted:
     def __init__(self, which: str = "") -> None:
         ours, theirs = socket.socketpair()
         descriptor = ours.detach()
-        self.line = SerialLine(descriptor, os.dup(descriptor))
+        self.line = SerialLine(descriptor, os.dup(descriptor), self._is_alive)
         words = [sys.executable, "-m", hosted_loop.__name__, str(theirs.fileno()), which]
         self._process = subprocess.Popen(words, pass_fds=[theirs.fileno()])
         theirs.close()
+
+    def _is_alive(self) -> bool:
+        return self._process.poll() is None
 
     def suspend(self) -> None:
         """Stop the board without ending it."""

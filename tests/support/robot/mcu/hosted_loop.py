@@ -15,7 +15,7 @@ from typing import Final
 
 from protocol.wire.codec import HEADER_SIZE, WIRE_OF_ID, Encoder
 from protocol.wire.message import Message
-from robot.mcu import messages
+from robot.mcu.firmware import messages
 from robot.mcu.image import core_hash, core_version
 from robot.mcu.link import FrameStream
 
