@@ -54,7 +54,7 @@ def fails(vehicle: Vehicle, words: str) -> None:
 def test_board_that_hangs_stops_the_robot_within_the_limit() -> None:
     with driving(patience_s=0.3) as (vehicle, _, hosted):
         hosted.suspend()
-        fails(vehicle, "the board hangs or its line is stuck: nothing arrived for 0.3 s")
+        fails(vehicle, "the board hangs or its line is stuck: no answer for 0.3 s")
 
 
 def test_board_that_ends_stops_the_robot_at_once() -> None:
@@ -97,7 +97,7 @@ def test_failed_board_also_fails_a_request() -> None:
 def test_late_answer_in_wall_time_is_a_missed_deadline() -> None:
     with driving(patience_s=WALL_TIME.answer_s) as (vehicle, _, hosted):
         hosted.suspend()
-        fails(vehicle, "nothing arrived for 0.045 s")
+        fails(vehicle, "no answer for 0.045 s")
 
 
 def test_image_of_another_core_is_refused_by_name_and_hash() -> None:
