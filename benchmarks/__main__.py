@@ -42,8 +42,12 @@ BENCHMARKS = {
         "encode and decode, compared with pymavlink",
     ),
     "lockstep": BenchmarkEntry(
-        "benchmarks.lockstep",
-        "plant, robot and ground over Zenoh at full speed, x real time",
+        "benchmarks.lockstep.main",
+        "plant, robot and ground over Zenoh at full speed, compared with a trial and a ping-pong",
+    ),
+    "breakdown": BenchmarkEntry(
+        "benchmarks.lockstep.breakdown",
+        "where the time of a tick in lockstep goes: stages, CPU time of threads, switches, frames",
     ),
     "latency": BenchmarkEntry(
         "benchmarks.latency",

@@ -47,13 +47,17 @@ class Started:
 
 @contextmanager
 def sidestep(
-    *arguments: str, ready: str, environment: Mapping[str, str] | None = None
+    *arguments: str,
+    ready: str,
+    environment: Mapping[str, str] | None = None,
+    program: Sequence[str] = ("sidestep",),
 ) -> Iterator[Started]:
     """Run `sidestep ...` until the block ends; a line with `ready` reports that it is ready.
 
-    `environment` is added to that of this process.
+    `environment` is added to that of this process. `program`: another module to run in its place,
+    with its first arguments.
     """
-    command = [sys.executable, "-m", "sidestep", *arguments]
+    command = [sys.executable, "-m", *program, *arguments]
     variables = {**os.environ, **(environment or {})}
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=variables) as child:
         started = None

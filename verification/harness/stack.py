@@ -45,13 +45,29 @@ class Run(NamedTuple):
 
 def lockstep_run(file: str, trial: Trial, *, router: bool = False) -> Run:
     """Run a trial over the bus instead of in one process; `file` names the file of its world."""
-    with stack(file, trial, router=router) as bus:
-        return GoalDriver(bus).drive(trial.world)
+    with stack(file, trial, router=router) as processes:
+        return GoalDriver(processes.bus).drive(trial.world)
+
+
+class Processes(NamedTuple):
+    """The running processes of a trial: a bus to them, and their ids by role."""
+
+    bus: Bus
+    pids: dict[str, int]
 
 
 @contextmanager
-def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
-    """Run the processes of a trial and open a bus to them."""
+def stack(
+    file: str,
+    trial: Trial,
+    *,
+    router: bool,
+    program: Callable[[str], tuple[str, ...]] = lambda _: ("sidestep",),
+) -> Iterator[Processes]:
+    """Run the processes of a trial and open a bus to them.
+
+    `program` returns the Python module that runs the verb of a role, with its first arguments.
+    """
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with ExitStack() as processes:
         if router:
@@ -59,11 +75,14 @@ def stack(file: str, trial: Trial, *, router: bool) -> Iterator[Bus]:
                 sidestep("run", "router", "--listen", endpoint, ready="router at")
             )
         dials = "--connect" if router else "--listen"
-        processes.enter_context(sidestep(*robot_words(trial), dials, endpoint, ready="ready"))
-        plant = (*plant_words(file, trial), "--connect", endpoint)
-        processes.enter_context(sidestep(*plant, ready="plant:"))
+        robot = processes.enter_context(
+            sidestep(*robot_words(trial), dials, endpoint, ready="ready", program=program("robot"))
+        )
+        words = (*plant_words(file, trial), "--connect", endpoint)
+        plant = processes.enter_context(sidestep(*words, ready="plant:", program=program("plant")))
         network = Network(mode="client", connect=(endpoint,))
-        yield processes.enter_context(open_bus(network, Role.GROUND, ROBOT))
+        bus = processes.enter_context(open_bus(network, Role.GROUND, ROBOT))
+        yield Processes(bus, {"plant": plant.pid, "robot": robot.pid})
 
 
 def robot_words(trial: Trial) -> Iterator[str]:
@@ -96,13 +115,14 @@ class GoalDriver:
         self._frames: SimpleQueue[bytes] = SimpleQueue()
         bus.stream(STATUS, lambda _key, frame, _ns: self._frames.put(frame))
 
-    def drive(self, world: World) -> Run:
-        """Drive to the goal of a world and return its score."""
+    def drive(self, world: World, started: Callable[[], None] = lambda: None) -> Run:
+        """Drive to the goal of a world and return its score; call `started` at its beginning."""
         goal = wire_goal_of(world)
         self._ask(COMMAND, arm_request)
         self._ask(COMMAND, lambda number: auto_goal_request(number, goal))
         begun_s = perf_counter()
         self._ask(RUN, lambda _: RunRequest(action=RunAction.START, until_ns=0))
+        started()
         ended_ns = self._end_of_goal()
         wall_s = perf_counter() - begun_s
         score = self._bus.ask(RUN, RunRequest(action=RunAction.SCORE, until_ns=ended_ns), 2.0)
