@@ -12,7 +12,8 @@ from typing import Any, Final, TypeAlias
 
 import zenoh
 from zenoh import ext
-from zenoh.handlers import Callback
+
+from protocol.bus.receive_threads import direct
 
 LOG = logging.getLogger(__name__)
 Take: TypeAlias = Callable[[zenoh.Sample], None]
@@ -60,7 +61,7 @@ def fetching_subscriber(session: zenoh.Session, key: str, newest: int, take: Tak
     return ext.declare_advanced_subscriber(
         session,
         key,
-        Callback(late_join.receive, indirect=False),
+        direct(late_join.receive),
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=newest),
         recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
     )
