@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Final
 
 from protocol.bus.bus import Bus
@@ -159,9 +159,11 @@ class RobotProcess:
         self._saved.settle(self._clock.now_ns())
 
     def cycle(self, tick: Tick) -> None:
-        """Run one control period: read, decide, write, measure."""
+        """Run one control period: read, decide, write, measure.
+
+        Work on which the wheel command does not depend comes after it.
+        """
         self._meter.begin(tick)
-        self._bus.keep_serving()
         self._take_stop()
         self._answer()
         now_ns = self._clock.now_ns()
@@ -172,6 +174,8 @@ class RobotProcess:
         outputs = self.vehicle.step(inputs, self._meter.mark, operator_twist(teleop))
         self._write(outputs, tick, now_ns)
         self._publish_inputs(inputs, teleop, tick.index, reported)
+        self._saved.settle(self._clock.now_ns())
+        self._bus.keep_serving()
         self._meter.end()
 
     def idle(self) -> None:
@@ -182,6 +186,7 @@ class RobotProcess:
         now_ns, stamp_ns = self._clock.now_ns(), self._senses.stamp_ns
         if self._take_stop():
             self.reports.state(self.vehicle, stamp_ns, now_ns)
+        self._saved.settle(now_ns)
         self._answer()
         self.reports.events(self.vehicle, stamp_ns, now_ns)
 
@@ -231,14 +236,9 @@ class RobotProcess:
 
     def _answer(self) -> None:
         """Act on at most as many requests as fit into a control period."""
-        self._saved.settle(self._clock.now_ns())
         for queue in (self._requests, self._unprivileged):
-            for _ in range(MAX_ANSWERED):
-                try:
-                    incoming = queue.get_nowait()
-                except Empty:
-                    break
-                self._serve_one(incoming)
+            for _ in range(min(queue.qsize(), MAX_ANSWERED)):
+                self._serve_one(queue.get_nowait())
 
     def _take_stop(self) -> bool:
         """Act on the latched emergency stop and answer its requests; return whether it was set.

@@ -69,9 +69,9 @@ class Process:
     def publish(self) -> None:
         """Publish the data of this tick."""
         self._published_s = monotonic()
-        self.look()
         for link in self.links:
             link.publish(self.plant)
+        self.look()
 
     @property
     def silent(self) -> list[RobotLink]:

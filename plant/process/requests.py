@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Final
 
 from plant.sim.simulation import Plant
@@ -45,11 +45,8 @@ class RequestQueue:
 
     def serve(self, plant: Plant) -> None:
         """Answer the next few requests; further ones wait for the next iteration of the loop."""
-        for _ in range(MAX_ANSWERED):
-            try:
-                robot, asked, request = self._requests.get_nowait()
-            except Empty:
-                return
+        for _ in range(min(self._requests.qsize(), MAX_ANSWERED)):
+            robot, asked, request = self._requests.get_nowait()
             asked.reply(self.answer(plant, robot, request))
         if not self._requests.empty():
             self._nudge()

@@ -144,9 +144,9 @@ class Rig:
         self.bus = ServedBus(self.clock)
         self.vehicle = Vehicle(DEFAULTS, store or Store(None))
         bus = cast(Bus, self.bus)
-        senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
+        self.senses = Senses(bus, lockstep=False, accept=self.vehicle.lease.allows)
         self.meter = CycleMeter(self.clock, period_ns=PERIOD_NS, enforced=enforced)
-        self.process = RobotProcess(self.vehicle, bus, self.clock, senses, self.meter)
+        self.process = RobotProcess(self.vehicle, bus, self.clock, self.senses, self.meter)
         self.nudges = 0
         self.ticks = 0
 

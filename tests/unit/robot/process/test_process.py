@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,6 +42,7 @@ from protocol.wire.reasons import Reason
 from robot.commands import acknowledge
 from robot.core import states
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
+from robot.core.values import Inputs
 from robot.process import SERVICES
 from robot.storage.files import Store
 from runtime.clock import Tick
@@ -169,12 +171,25 @@ def test_inputs_flag_the_present_sensors() -> None:
     assert rig.sent(INPUTS)[-1].flags == INPUT_WHEELS | INPUT_SCAN
 
 
-def test_time_before_the_core_counts_as_reading() -> None:
+def test_time_before_the_core_counts_as_reading(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig().ready()
-    rig.bus.serving_ns = 2 * MS
+    read = rig.senses.read
+
+    def read_slowly(*given: Any) -> Inputs:
+        rig.clock.advance(2 * MS)
+        return read(*given)
+
+    monkeypatch.setattr(rig.senses, "read", read_slowly)
     rig.cycle()
     stages_us = rig.sent(CYCLE)[-1].stage_us
     assert [stages_us[stage] for stage in (READ, ODOMETRY, NAVIGATE, GUARD)] == [2_000, 0, 0, 0]
+
+
+def test_threads_of_the_bus_are_checked_after_the_command() -> None:
+    rig = Rig().ready()
+    rig.bus.serving_ns = 2 * MS
+    rig.cycle()
+    assert rig.sent(CYCLE)[-1].sense_age_us == 0
 
 
 class Slow:
