@@ -1,0 +1,1 @@
+"""How this project tunes Zenoh: threads, full queues, closing of links."""
