@@ -1,7 +1,7 @@
 """The bus of a process: publish, subscribe, serve, query and announce its presence.
 
-Callbacks run in Zenoh's receive thread. A call into Zenoh, or a wait, would block all reception
-there: callbacks only store or enqueue.
+Callbacks run in Zenoh's receive thread. A query or a wait would block all reception there, so they
+only store or enqueue. The exception is the robot's cycle in lockstep, which also publishes there.
 """
 
 import time
