@@ -4,8 +4,10 @@ import argparse
 
 import pytest
 
-from benchmarks import codec, core, digest, jitter, latency, lockstep, mtls, robot, trial
+from benchmarks import codec, core, digest, jitter, latency, mtls, robot, trial
 from benchmarks.__main__ import Benchmark
+from benchmarks.lockstep import breakdown
+from benchmarks.lockstep import main as lockstep
 from verification.flood import main as flood
 from verification.harness.figures import Figure
 
@@ -38,6 +40,15 @@ def test_trial_runs_without_its_peer() -> None:
 def test_lockstep_drives_to_the_end_of_the_goal() -> None:
     found = figures(lockstep, "--worlds", "open", "--repetitions", "1")
     assert found["open, real time"].median > 1
+    assert found["open, tick / (trial's tick + round trip)"].median > 0
+
+
+def test_breakdown_of_a_tick_names_where_its_time_goes() -> None:
+    found = figures(breakdown, "--world", "open", "--repetitions", "1")
+    stages = [found[name].median for name, _ in breakdown.STAGES]
+    assert min(stages) > 0
+    assert found["tick"].median == pytest.approx(sum(stages))
+    assert found["plant: frames put"].median == pytest.approx(4, abs=0.1)
 
 
 def test_latency_sees_an_answer_to_every_tick() -> None:
