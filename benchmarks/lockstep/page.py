@@ -1,13 +1,14 @@
-"""`python -m benchmarks.lockstep.page BEFORE AFTER`: write docs/evidence/lockstep.md.
+"""`python -m benchmarks.lockstep.page --before FILE... --after FILE...`: compare two versions.
 
-BEFORE and AFTER are outputs of `sidestep bench breakdown --json` of two versions. The page compares
-their medians.
+The files are outputs of `sidestep bench breakdown --json`. The page, docs/evidence/lockstep.md,
+shows the medians of all repetitions in them.
 """
 
 import argparse
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any, Final
 
 from verification.harness.figures import digits
@@ -18,13 +19,13 @@ Where the time of a tick goes when plant, robot and ground run as three processe
 Zenoh, before and after it was shortened. Each version was measured by
 
 ```sh
-sidestep bench breakdown --repetitions 7 --json > FILE
+sidestep bench breakdown --json > FILE
 ```
 
-and the page was written by `python -m benchmarks.lockstep.page BEFORE AFTER`. The figures are
-medians of the repetitions, with minimum and maximum. The stages follow one another and add up to
-the tick. The CPU times count all threads, also those that work beside the stages. The note of a
-time costs about 0.3 us; there are about 30 in a tick.
+in turn with the other one; `python -m benchmarks.lockstep.page --before FILE... --after FILE...`
+wrote the page. The figures are medians of all repetitions, with minimum and maximum. The stages
+follow one another and add up to the tick. The CPU times count all threads, also those that work
+beside the stages. The note of a time costs about 0.3 us; there are about 30 in a tick.
 """
 
 CAUSES: Final = """## What was changed
@@ -62,16 +63,26 @@ plant take almost twice as long as in a trial, and each hand-over to a sleeping 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.lockstep.page", description=__doc__)
-    parser.add_argument("before", type=Path)
-    parser.add_argument("after", type=Path)
+    parser.add_argument("--before", type=Path, nargs="+", required=True)
+    parser.add_argument("--after", type=Path, nargs="+", required=True)
     parser.add_argument("--output", type=Path, default=Path("docs/evidence/lockstep.md"))
     options = parser.parse_args(argv)
-    before, after = (
-        json.loads(file.read_text("utf-8")) for file in (options.before, options.after)
-    )
+    before, after = merged(options.before), merged(options.after)
     text = "\n".join((INTRODUCTION, table(before, after), CAUSES))
     options.output.write_text(text, encoding="utf-8")
     return 0
+
+
+def merged(files: Sequence[Path]) -> dict[str, Any]:
+    """Return the first report with the values of all, and the machine of each."""
+    reports: list[dict[str, Any]] = [json.loads(file.read_text("utf-8")) for file in files]
+    found = reports[0]
+    for figure, *others in zip(*(report["figures"] for report in reports), strict=True):
+        for other in others:
+            figure["values"] += other["values"]
+    loads = [report["machine"]["load"] for report in reports]
+    found["machine"]["load"] = ", ".join(loads)
+    return found
 
 
 def table(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
@@ -92,8 +103,8 @@ def table(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
 
 def cell(figure: Mapping[str, Any]) -> str:
     """Return the median of a figure, and its range."""
-    low, high = digits(figure["minimum"]), digits(figure["maximum"])
-    return f"{digits(figure['median'])} ({low} to {high})"
+    values: list[float] = figure["values"]
+    return f"{digits(median(values))} ({digits(min(values))} to {digits(max(values))})"
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
 """The breakdown of a tick in stages, and the page that compares two of them."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 from benchmarks.lockstep.breakdown import STAGES, Cost, Usage, difference, points_ns, stages_us
-from benchmarks.lockstep.page import table
+from benchmarks.lockstep.page import merged, table
 
 TICK_NS = 100_000
 POINTS = [point for _, point in STAGES[:-1]]
@@ -49,12 +51,9 @@ def test_usage_is_the_difference_of_two_readings() -> None:
     assert difference(after, before) == Usage(Cost(45, 10), Cost(10, 1))
 
 
-def report(median: float, *names: str) -> dict[str, Any]:
-    figures = [
-        {"name": name, "unit": "us", "median": median, "minimum": 1.0, "maximum": 9.0}
-        for name in names
-    ]
-    return {"figures": figures, "notes": ["a note"], "machine": {"load": f"{median:g}"}}
+def report(value: float, *names: str) -> dict[str, Any]:
+    figures = [{"name": name, "unit": "us", "values": [1.0, value, 9.0]} for name in names]
+    return {"figures": figures, "notes": ["a note"], "machine": {"load": f"{value:g}"}}
 
 
 def test_page_shows_what_both_reports_have() -> None:
@@ -62,3 +61,12 @@ def test_page_shows_what_both_reports_have() -> None:
     assert "| tick (us) | 4 (1 to 9) | 2 (1 to 9) |" in text
     assert "new" not in text
     assert "- before: load 4\n- after: load 2" in text
+
+
+def test_page_merges_the_repetitions_of_several_files(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("one", "two")]
+    for file, value in zip(files, (4.0, 5.0), strict=True):
+        file.write_text(json.dumps(report(value, "tick")), encoding="utf-8")
+    both = merged(files)
+    assert both["figures"][0]["values"] == [1.0, 4.0, 9.0, 1.0, 5.0, 9.0]
+    assert both["machine"]["load"] == "4, 5"
