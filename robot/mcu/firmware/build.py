@@ -9,16 +9,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from robot.mcu.firmware import messages, toolchain
+from robot.mcu.firmware import literals, messages, toolchain
 from robot.mcu.firmware.linker import Binding, Program
 from robot.mcu.image import (
-    CORE,
     IMAGE,
     IMAGES,
     OUTPUT,
     ROOT,
     Image,
     core_hash,
+    core_sources,
     core_version,
 )
 from runtime.errors import UserError
@@ -26,16 +26,9 @@ from runtime.errors import UserError
 HERE: Final = Path(__file__).resolve().parent
 
 
-def module_name(path: Path, root: Path) -> str:
-    """Return the dotted name of a module."""
-    parts = list(path.relative_to(root).with_suffix("").parts)
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
 def sources() -> dict[str, str]:
     """Return all sources that may be frozen, by module."""
-    paths = {module_name(path, ROOT): path for path in CORE.rglob("*.py")}
-    paths["robot"] = ROOT / "robot" / "__init__.py"
+    paths = dict(core_sources())
     paths |= {path.stem: path for path in (HERE / "onboard").glob("*.py")}
     texts = {name: path.read_text(encoding="utf-8") for name, path in paths.items()}
     return texts | {"wire": messages.python_module()}
@@ -45,7 +38,7 @@ def values(sources: Mapping[str, str]) -> dict[Binding, object]:
     """Return the values of all module-level constants, as CPython computes them."""
     found: dict[Binding, object] = {}
     for name, text in sources.items():
-        if name.startswith("robot"):
+        if "." in name or name == "robot":
             names = vars(importlib.import_module(name))
         else:
             names = dict(constants_of(text))
@@ -97,7 +90,12 @@ def build(image: Image) -> None:
         "FLOAT_BITS": image.float_bits,
     }
     port = str(HERE / "port")
-    toolchain.run(["make", "-C", port, *(f"{name}={value}" for name, value in settings.items())])
+    make = ["make", "-C", port, *(f"{name}={value}" for name, value in settings.items())]
+    frozen = image.folder / "frozen_content.c"
+    toolchain.run([*make, str(frozen)])
+    wanted = literals.floats_in((image.folder / "frozen" / "main.py").read_text(encoding="utf-8"))
+    write(frozen, literals.exact(frozen.read_text(encoding="utf-8"), wanted))
+    toolchain.run(make)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,34 +1,72 @@
-"""Constants that can be written as literals, which MicroPython keeps in flash."""
+"""Constants as literals, which MicroPython keeps in flash, and their exact values.
+
+MicroPython's compiler neither reads nor prints floating-point numbers exactly: the last bits of a
+frozen literal may differ from those in CPython. So the frozen C source is corrected: each number is
+replaced by the literal of the program that it came from.
+"""
 
 import ast
-from decimal import Decimal
+import re
+from bisect import bisect_left
+from collections.abc import Iterable
+from math import inf, isfinite
 from typing import Final
 
-MAX_DIGITS: Final = 15
-MAX_EXPONENT: Final = 22
-"""MicroPython reads a number with so few digits and this decimal exponent exactly."""
+from runtime.errors import LocalError
+
+FROZEN_FLOAT: Final = re.compile(r"(\{\{&mp_type_float\}, \(mp_float_t\))([^}]+)(\})")
+NEAR: Final = 1e-14
+"""Relative difference of a frozen number from its literal: a few units in the last place."""
 
 
 def is_literal(value: object) -> bool:
-    """Return whether MicroPython reads the literal of this value exactly and keeps it in flash."""
+    """Return whether MicroPython keeps the literal of this value in flash."""
     if isinstance(value, bool):
         return False
     if isinstance(value, int | str):
         return True
     if isinstance(value, float):
-        return is_short(value)
-    return isinstance(value, tuple) and bool(value) and all(type(one) is int for one in value)
-
-
-def is_short(value: float) -> bool:
-    """Return whether a number has so few digits that MicroPython reads it exactly."""
-    if value - value != 0.0 or value < 0.0:
-        return False
-    _, digits, exponent = Decimal(repr(value)).normalize().as_tuple()
-    assert isinstance(exponent, int)
-    return len(digits) <= MAX_DIGITS and -MAX_EXPONENT <= exponent <= MAX_EXPONENT
+        return isfinite(value) and value >= 0.0
+    if type(value) is tuple:  # not a named one, whose text is a call
+        return bool(value) and all(is_literal(one) and not isinstance(one, str) for one in value)
+    return False
 
 
 def literal(value: object) -> ast.expr:
     """Return the expression of a constant."""
     return ast.parse(repr(value), mode="eval").body
+
+
+def floats_in(source: str) -> set[float]:
+    """Return the floating-point literals of a program."""
+    nodes = ast.walk(ast.parse(source))
+    return {
+        node.value
+        for node in nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, float)
+    }
+
+
+def exact(frozen: str, wanted: Iterable[float]) -> str:
+    """Return frozen C source in which every number is one of the wanted ones.
+
+    Raises LocalError for a number that is not near exactly one of them.
+    """
+    ordered = sorted(wanted)
+
+    def corrected(found: re.Match[str]) -> str:
+        return f"{found[1]}{nearest(float(found[2]), ordered)!r}{found[3]}"
+
+    return FROZEN_FLOAT.sub(corrected, frozen)
+
+
+def nearest(value: float, ordered: list[float]) -> float:
+    """Return the only one of the ordered numbers that is near a value."""
+    place = bisect_left(ordered, value)
+    around = [-inf, *ordered, inf][max(0, place - 1) : place + 4]
+    near = [one for one in around if one == value or abs(one - value) <= NEAR * abs(value)]
+    if value in near:
+        return value
+    if len(near) != 1:
+        raise LocalError(f"frozen number {value!r} is near {near}, not near one literal")
+    return near[0]
