@@ -9,12 +9,14 @@ import ast
 import re
 from bisect import bisect_left
 from collections.abc import Iterable
-from math import inf, isfinite
+from math import inf
 from typing import Final
 
 from runtime.errors import LocalError
 
 FROZEN_FLOAT: Final = re.compile(r"(\{\{&mp_type_float\}, \(mp_float_t\))([^}]+)(\})")
+MAX_FLOAT: Final = 1e38
+"""The tool that freezes bytecode converts each number to single precision, too."""
 NEAR: Final = 1e-14
 """Relative difference of a frozen number from its literal: a few units in the last place."""
 
@@ -26,9 +28,9 @@ def is_literal(value: object) -> bool:
     if isinstance(value, int | str):
         return True
     if isinstance(value, float):
-        return isfinite(value) and value >= 0.0
+        return 0.0 <= value <= MAX_FLOAT
     if type(value) is tuple:  # not a named one, whose text is a call
-        return bool(value) and all(is_literal(one) and not isinstance(one, str) for one in value)
+        return bool(value) and all(type(one) is int for one in value)
     return False
 
 
