@@ -18,8 +18,8 @@ from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from protocol.wire.messages import BoardHello, BoardReport
 from robot.core.values import Outputs
+from robot.hosting.on_board import BoardCore
 from robot.mcu.image import IMAGE, IMAGES
-from study.trial.board_loop import BoardLoop
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 
@@ -53,12 +53,12 @@ def measure(
     reports: list[BoardReport] = []
 
     def watch(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
-        assert isinstance(onboard, BoardLoop)
-        assert onboard.outputs is not None
-        reports.append(onboard.outputs.report)
+        assert isinstance(onboard.core, BoardCore)
+        assert onboard.core.cost is not None
+        reports.append(onboard.core.cost)
 
     with counted(IMAGES[variant].elf) as found:
-        outcome = run_trial(trial, watch, partial(BoardLoop, found.board))
+        outcome = run_trial(trial, watch, partial(BoardCore, found.board))
         hello = found.board.hello
     equal = outcome.digest == run_trial(trial).digest
     return summary(trial, equal, reports, found), hello

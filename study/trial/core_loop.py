@@ -26,10 +26,10 @@ class CoreLoop:
     A sample that is not renewed becomes stale after its topic's time and is then passed as None.
     """
 
-    __slots__ = ("_core", "_scan", "_scan_ms", "_wheels", "_wheels_ms", "now_ms", "state")
+    __slots__ = ("_scan", "_scan_ms", "_wheels", "_wheels_ms", "core", "now_ms", "state")
 
     def __init__(self, core: Core) -> None:
-        self._core = core
+        self.core = core
         self.state = core.state
         self.now_ms = 0
         self._wheels: Wheels | None = None
@@ -49,11 +49,11 @@ class CoreLoop:
             self._scan = None
         seen = None if self._scan is None else scan_of(self._scan, now_ms - self._scan_ms)
         inputs = Inputs(now_ms, self._wheels, seen, None)
-        return self._core.step(inputs, ignore)
+        return self.core.step(inputs, ignore)
 
     def go(self, goal: WireGoal) -> int:
         """Arm and drive to the goal without an operator; return the reason of a refusal, or 0."""
-        refusal = self._core.command(ARM, self.now_ms)
+        refusal = self.core.command(ARM, self.now_ms)
         if refusal != reasons.OK:
             return refusal
-        return self._core.drive_to(goal_of(*goal), states.AUTO, self.now_ms)
+        return self.core.drive_to(goal_of(*goal), states.AUTO, self.now_ms)

@@ -5,6 +5,7 @@ from enum import Enum, auto
 from typing import TypeAlias
 
 from protocol.bus.faults.link_faults import LinkFaults
+from verification.harness.breakable_board import BoardTrouble as BoardTrouble
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,27 +100,6 @@ class Flood:
 
     kind: str
     pressed: bool = False
-
-
-class BoardTrouble(Enum):
-    """A fault of the emulated board that runs the control core, or of its serial line."""
-
-    HANG = auto()
-    """Its program loops for ever, until its watchdog resets it."""
-    SUSPEND = auto()
-    """Its emulator is suspended."""
-    RESET = auto()
-    """It is reset."""
-    KILL = auto()
-    """Its emulator is killed."""
-    CUT = auto()
-    """Its line is cut."""
-    MUTE = auto()
-    """Its line loses all bytes to the host."""
-    DEAF = auto()
-    """Its line loses all bytes to the board."""
-    GARBAGE = auto()
-    """Its line carries bytes that belong to no frame, between the frames."""
 
 
 class PlainAct(Enum):

@@ -35,11 +35,11 @@ from verification.faults_matrix.actions import (
     Kill,
     PlainAct,
 )
-from verification.faults_matrix.board import BreakableBoard
 from verification.faults_matrix.intruders import ExtremeSender, second_robot
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import FaultCase, Must, Way
 from verification.harness import motion
+from verification.harness.breakable_board import BreakableBoard
 from verification.harness.inprocess import InProcess
 from verification.harness.motion import PERIOD_S, Seen
 
@@ -209,15 +209,18 @@ class LockstepDrill:
             case PlainAct.RAISE_IN_CORE:
                 stack.break_core()
             case BoardTrouble():
-                assert self._board is not None
-                self._board.suffer(act)
-                stack.breaks = self._stops
+                self._break_board(act)
             case PlainAct.EMERGENCY_STOP:
                 stack.command(Command.DO_FLIGHTTERMINATION, 1)
             case PlainAct.WRAP_ENCODERS:
                 """The world starts with counters that are about to wrap."""
             case _:
                 raise NotImplementedError(f"{act} is only possible with real processes")
+
+    def _break_board(self, trouble: BoardTrouble) -> None:
+        assert self._board is not None
+        self._board.suffer(trouble)
+        self.stack.breaks = self._stops
 
     def heal(self, act: Act) -> None:
         """End the fault, if it has an end."""
