@@ -25,6 +25,7 @@ from plant.sim.simulation import SUBSTEP_S, Plant
 from plant.world.file import load
 from robot.core import brain
 from robot.core.values import Outputs
+from robot.hosting.in_process import InProcessCore
 from runtime.calibration import start_totals
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, start_of, wire_goal_of
@@ -69,7 +70,8 @@ def stages(world: World, trial: Trial, ticks: list[Tick]) -> dict[str, Callable[
     seen = [caster.cast(early, late) for early, late in pairs]
 
     def core() -> None:
-        onboard = CoreLoop(params_of(trial), start_of(world), start_totals(world.robot))
+        totals = start_totals(world.robot)
+        onboard = CoreLoop(InProcessCore(params_of(trial), start_of(world), totals))
         for number, tick in enumerate(ticks):
             onboard.step(tick.now_ns, *tick.senses)
             if number == 0:

@@ -80,7 +80,7 @@ def python_module() -> str:
     """Return the module `wire` of the firmware."""
     lines = ['"""Messages of the link, generated from the dialect."""', ""]
     lines += ["from collections import namedtuple", "from struct import unpack_from", ""]
-    lines += ["from robot.core.typing_shim import Final", ""]
+    lines += ["from typing import Final", ""]
     for name, value in constants():
         lines.append(f"{name}: Final = {value!r}")
     for name in READ_WHOLE:

@@ -1,6 +1,7 @@
 """Inputs of a tick from its messages."""
 
 from struct import unpack_from
+from typing import Final
 
 import board
 import wire
@@ -8,7 +9,6 @@ from onboard import Onboard
 
 from robot.core import reasons
 from robot.core.perception.from_messages import scan_of, twist_of, wheels_of
-from robot.core.typing_shim import Final
 from robot.core.values import Inputs
 
 NEVER: Final = 0xFFFFFFFF

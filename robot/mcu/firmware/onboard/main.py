@@ -1,6 +1,7 @@
 """Main loop of the firmware: a tick for each TICK_INPUTS, an answer for each request."""
 
 import gc
+from typing import Final
 
 import board
 import inputs
@@ -11,7 +12,6 @@ from onboard import Onboard
 
 from robot.core import brain, reasons
 from robot.core.safety import failsafe
-from robot.core.typing_shim import Final
 
 HELLO_MS: Final = 1000
 IDLE_MS: Final = 50

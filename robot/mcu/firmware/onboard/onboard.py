@@ -1,7 +1,8 @@
 """State of the firmware besides that of the core."""
 
+from typing import Final
+
 from robot.core.parameters import DEFAULTS
-from robot.core.typing_shim import Final
 
 SILENCE_MS: Final = 150
 

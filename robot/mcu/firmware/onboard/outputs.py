@@ -2,13 +2,13 @@
 
 from math import nan
 from struct import pack_into
+from typing import Final
 
 import board
 import wire
 from onboard import Onboard
 
 from robot.core import states
-from robot.core.typing_shim import Final
 from robot.core.values import Goal, Outputs
 
 TTL_MS: Final = 150

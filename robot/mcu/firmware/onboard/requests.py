@@ -2,6 +2,7 @@
 
 from math import isfinite
 from struct import unpack_from
+from typing import Final
 
 import board
 import outputs
@@ -14,7 +15,6 @@ from robot.core.parameters import Params
 from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
-from robot.core.typing_shim import Final
 from robot.core.values import Goal, Pose
 
 PER_M: Final = 10_000
