@@ -21,6 +21,7 @@ from robot.hosting.in_process import InProcessCore
 from robot.mcu.board import BoardError
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
+from verification.board.breakable_board import BreakableBoard
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
@@ -39,7 +40,6 @@ from verification.faults_matrix.intruders import ExtremeSender, second_robot
 from verification.faults_matrix.results import Repetition, reason_name
 from verification.faults_matrix.table import FaultCase, Must, Way
 from verification.harness import motion
-from verification.harness.breakable_board import BreakableBoard
 from verification.harness.inprocess import InProcess
 from verification.harness.motion import PERIOD_S, Seen
 

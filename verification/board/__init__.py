@@ -1,0 +1,1 @@
+"""An emulated board that a check can break."""
