@@ -41,11 +41,10 @@ from robot.hosting.in_process import ORIGIN
 from robot.mcu import mirror
 from robot.mcu.board import Board, BoardError, Request
 from runtime.timing import PERIOD_NS, UINT32
-from runtime.units import NS_PER_MS
+from runtime.units import NS_PER_MS, NS_PER_US
 
 NEVER: Final = 0xFFFFFFFF
 US_PER_MS: Final = 1000
-NS_PER_US: Final = 1000
 PER_M: Final = 10_000
 """Corners of a fence are sent in metres times this factor."""
 

@@ -17,7 +17,7 @@ from runtime.errors import UserError
 
 QEMU: Final = "qemu-system-arm"
 MACHINE: Final = "mps2-an385"
-NS_PER_INSTRUCTION_LOG2: Final = 5
+INSTRUCTION_SHIFT: Final = 5
 """32 ns: three cycles an instruction at 96 MHz, by which the board's own clock is realistic."""
 PR_SET_PDEATHSIG: Final = 1
 READ_BYTES: Final = 65_536
@@ -133,7 +133,7 @@ def command(image: Path, line: Path, log: Path | None, extra: Sequence[str]) -> 
         *("-machine", MACHINE),
         *("-display", "none"),
         *("-monitor", "none"),
-        *("-icount", f"shift={NS_PER_INSTRUCTION_LOG2}"),
+        *("-icount", f"shift={INSTRUCTION_SHIFT}"),
         *("-kernel", str(image)),
         *("-chardev", f"pipe,id=line,path={line}"),
         *("-serial", "chardev:line"),

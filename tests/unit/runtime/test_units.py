@@ -14,7 +14,9 @@ PACKAGES = [
     "benchmarks",
     "verification",
 ]
-WRITTEN_DOWN = re.compile(r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|[*/] 1e9\b", re.MULTILINE)
+WRITTEN_DOWN = re.compile(
+    r"^(NS_PER_\w+|MS|SECOND)\b.*= *[\d(]|\b[a-z]\w* [*/] 1e9\b", re.MULTILINE
+)
 PORTABLE = "robot/core/"
 """Modules that run alone on a microcontroller."""
 

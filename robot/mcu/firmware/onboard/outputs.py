@@ -12,7 +12,7 @@ from robot.core import states
 from robot.core.values import Goal, Outputs
 
 TTL_MS: Final = 150
-NS_PER_CLOCK: Final = 40
+CLOCK_NS: Final = 40
 CLOCK_MASK: Final = 0x3FFFFFFF
 
 
@@ -192,8 +192,8 @@ def send_report(onboard: Onboard, command_clocks: int, used: int) -> None:
         board.outbox,
         0,
         onboard.tick,
-        command_clocks * NS_PER_CLOCK,
-        busy_clocks(onboard) * NS_PER_CLOCK,
+        command_clocks * CLOCK_NS,
+        busy_clocks(onboard) * CLOCK_NS,
         onboard.live,
         onboard.peak,
         max(used - onboard.live, 0),
