@@ -54,16 +54,7 @@ def test_every_listed_module_is_loaded_compiled(installation: Path) -> None:
 
 
 def test_study_sends_trials_to_compiled_workers(installation: Path, tmp_path: Path) -> None:
-    words = (
-        "study",
-        "--worlds",
-        "box",
-        "--noise",
-        "none",
-        "--no-report",
-        "--output",
-        str(tmp_path),
-    )
+    words = ("study", "--worlds", "box", "--noise", "none", "--no-report", "--output")
     run = run_python(installation, "sidestep.py", *words, str(tmp_path))
     assert run.returncode == 0, run.stderr
     assert "reached" in run.stdout + run.stderr
