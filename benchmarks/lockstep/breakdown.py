@@ -23,6 +23,8 @@ from study.trial.trial import Trial
 from verification.harness.figures import Figure, Report
 from verification.harness.stack import GoalDriver, Run, stack
 
+NS_PER_US: Final = 1000.0
+
 STAGES: Final = (
     ("plant: make and put the sensor frames", f"sent {CLOCK.path}"),
     ("Zenoh: plant to robot", f"arrived {CLOCK.path}"),
@@ -107,7 +109,7 @@ def usage_figures(runs: list[Breakdown]) -> Iterator[Figure]:
             yield Figure(
                 name=f"{name}: CPU, {label}",
                 unit="us/tick",
-                values=tuple(cost.cpu_ns / 1e3 / count for cost, count in pairs),
+                values=tuple(cost.cpu_ns / NS_PER_US / count for cost, count in pairs),
             )
             yield Figure(
                 name=f"{name}: context switches, {label}",
@@ -154,7 +156,7 @@ def stages_us(notes: dict[str, Notes]) -> list[float]:
         found = points_ns([(point, time_ns) for time_ns, point in passed], end_ns)
         if found is not None:
             ends = pairwise([begin_ns, *found])
-            ticks.append([(after - before) / 1e3 for before, after in ends])
+            ticks.append([(after - before) / NS_PER_US for before, after in ends])
     ticks.sort(key=sum)
     middle = ticks[len(ticks) // 4 : 3 * len(ticks) // 4]
     return [mean(column) for column in zip(*middle, strict=True)]

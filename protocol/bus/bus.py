@@ -14,10 +14,12 @@ import zenoh
 
 from protocol.bus.faults.fault_injector import FaultInjector
 from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetched
+from protocol.bus.linger import DelayedClose
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher, await_ready
+from protocol.bus.receive_threads import direct
 from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, payload_bytes
 from protocol.bus.session import bound_endpoints, loss_text, open_session, probed
@@ -25,8 +27,6 @@ from protocol.bus.tls.certificate import holder
 from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.peers import DialledPeers, callers
 from protocol.bus.tls.role_grants import may_fetch, operator_name
-from protocol.bus.tuning.linger import DelayedClose
-from protocol.bus.tuning.receive_threads import direct
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 import zenoh
 from zenoh import ext
 
-from protocol.bus.tuning.receive_threads import direct
+from protocol.bus.receive_threads import direct
 
 LOG = logging.getLogger(__name__)
 Take: TypeAlias = Callable[[zenoh.Sample], None]

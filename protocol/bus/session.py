@@ -12,11 +12,11 @@ from time import monotonic
 
 import zenoh
 
+from protocol.bus.congestion import congestion
 from protocol.bus.network import Hub, Network
+from protocol.bus.receive_threads import use_few_threads
 from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.config import tls_settings
-from protocol.bus.tuning.congestion import congestion
-from protocol.bus.tuning.receive_threads import use_few_threads
 from runtime.errors import (
     EndpointError,
     EndpointInUseError,

@@ -7,8 +7,8 @@ from typing import Any, Final
 import zenoh
 
 from protocol.bus.network import Network
+from protocol.bus.receive_threads import direct
 from protocol.bus.tls.role_grants import impostor
-from protocol.bus.tuning.receive_threads import direct
 from runtime.errors import AccessDeniedError
 
 QUIET_S: Final = 10.0

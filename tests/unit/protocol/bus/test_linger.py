@@ -10,8 +10,8 @@ from resource import RLIMIT_NOFILE, getrlimit, setrlimit
 
 import pytest
 
-from protocol.bus.tuning import linger
-from protocol.bus.tuning.linger import DelayedClose, stop_lingering
+from protocol.bus import linger
+from protocol.bus.linger import DelayedClose, stop_lingering
 from tests.support.until import until
 
 LINGER = struct.pack("ii", 1, 10)

@@ -1,1 +1,0 @@
-"""How this project tunes Zenoh: threads, full queues, closing of links."""
