@@ -11,6 +11,7 @@ from itertools import islice
 from typing import Any, Self, TypeVar
 
 import zenoh
+from zenoh.handlers import Callback
 
 from protocol.bus.faults.fault_injector import FaultInjector
 from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetched
@@ -19,7 +20,6 @@ from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher, await_ready
-from protocol.bus.receive_threads import direct
 from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, payload_bytes
 from protocol.bus.session import bound_endpoints, loss_text, open_session, probed
@@ -260,7 +260,7 @@ class Bus:
             take(ServiceRequest(query, key, service, encoder, queue.send, now_ns()))
 
         served = f"{key}/**" if service.of_operators else key
-        callback = direct(receive)
+        callback = Callback(receive, indirect=False)
         self._declared.append(self._session.declare_queryable(served, callback))
 
     def ask(
@@ -337,7 +337,7 @@ class Bus:
                 tokens.take(token, appeared=sample.kind == zenoh.SampleKind.PUT)
 
         key = f"{self.network.prefix}/*/alive/*/*"
-        callback = direct(forward)
+        callback = Callback(forward, indirect=False)
         watcher = self._session.liveliness().declare_subscriber(key, callback, history=True)
         self._declared.append(watcher)
 
@@ -380,7 +380,7 @@ class Bus:
         receive = self.faults.wrapped(callback)
         if history:
             return fetching_subscriber(self._session, key, history, receive)
-        return self._session.declare_subscriber(key, direct(receive))
+        return self._session.declare_subscriber(key, Callback(receive, indirect=False))
 
 
 def time_answer(question: Message | None, time_ns: int) -> Timesync:

@@ -12,8 +12,7 @@ from typing import Any, Final, TypeAlias
 
 import zenoh
 from zenoh import ext
-
-from protocol.bus.receive_threads import direct
+from zenoh.handlers import Callback
 
 LOG = logging.getLogger(__name__)
 Take: TypeAlias = Callable[[zenoh.Sample], None]
@@ -61,7 +60,7 @@ def fetching_subscriber(session: zenoh.Session, key: str, newest: int, take: Tak
     return ext.declare_advanced_subscriber(
         session,
         key,
-        direct(late_join.receive),
+        Callback(late_join.receive, indirect=False),
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=newest),
         recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
     )

@@ -14,7 +14,6 @@ import zenoh
 
 from protocol.bus.congestion import congestion
 from protocol.bus.network import Hub, Network
-from protocol.bus.receive_threads import use_few_threads
 from protocol.bus.tls.certificate_advice import peer_refusal
 from protocol.bus.tls.config import tls_settings
 from runtime.errors import (
@@ -63,7 +62,6 @@ def open_session(network: Network) -> zenoh.Session:
     Raises EndpointInUseError, NoPeerError, PeerHangsError, AccessDeniedError, EndpointError or
     KeysError. Dials in short turns, because Python handles a signal only between them.
     """
-    use_few_threads()
     deadline_s = monotonic() + network.connect_timeout_s
     while True:
         left_s = deadline_s - monotonic()

@@ -8,6 +8,7 @@ from protocol.wire.goal import WireGoal
 from protocol.wire.messages import CommandRequest, SonarScan, WheelTicks
 from robot.core import reasons, states
 from robot.core.brain import ignore
+from robot.core.parameters import Params
 from robot.core.perception.from_messages import goal_of, now_ms_of, scan_of, wheels_of
 from robot.core.values import Inputs, Outputs, Wheels
 from robot.hosting.core import Core
@@ -35,6 +36,11 @@ class CoreLoop:
         self._wheels: Wheels | None = None
         self._scan: SonarScan | None = None
         self._wheels_ms = self._scan_ms = 0
+
+    @property
+    def params(self) -> Params:
+        """The parameters in force."""
+        return self.core.params
 
     def step(self, now_ns: int, wheels: WheelTicks | None, scan: SonarScan | None) -> Outputs:
         """Run one tick with the samples that arrived for it, None where none arrived."""

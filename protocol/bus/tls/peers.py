@@ -5,9 +5,9 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import zenoh
+from zenoh.handlers import Callback
 
 from protocol.bus.network import Network
-from protocol.bus.receive_threads import direct
 from protocol.bus.tls.role_grants import impostor
 from runtime.errors import AccessDeniedError
 
@@ -25,7 +25,7 @@ def callers(
             link = event.link
             handler(str(link.zid), link.auth_identifier, link.dst)
 
-    callback = direct(forward)
+    callback = Callback(forward, indirect=False)
     return session.info.declare_link_events_listener(callback, history=True)
 
 
@@ -52,7 +52,7 @@ class DialledPeers:
             closing: Any = session
             closing.close()
             raise AccessDeniedError(*next(iter(self._wrong.values())))
-        callback = direct(self._changed)
+        callback = Callback(self._changed, indirect=False)
         self._listener: Any = session.info.declare_link_events_listener(callback, history=True)
 
     @property
