@@ -19,11 +19,10 @@ from typing import Final, NamedTuple
 
 from plant.world.file import load
 from protocol.topics import CLOCK, DRIVE
+from runtime.units import NS_PER_US
 from study.trial.trial import Trial
 from verification.harness.figures import Figure, Report
 from verification.harness.stack import GoalDriver, Run, stack
-
-NS_PER_US: Final = 1000.0
 
 STAGES: Final = (
     ("plant: make and put the sensor frames", f"sent {CLOCK.path}"),

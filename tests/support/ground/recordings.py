@@ -39,7 +39,7 @@ class Recording:
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns
-        zone_m = onboard.zone_m  # type: ignore[attr-defined]
+        zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
         self.put(TRUTH, plant.truth(), now_ns)
         self.put(ODOMETRY, telemetry.odometry(state, now_ns), now_ns)
         self.put(STATUS, telemetry.status(state, 7, now_ns, onboard.now_ms), now_ns)

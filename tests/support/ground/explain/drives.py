@@ -32,7 +32,7 @@ class Recording:
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         state, now_ns = onboard.state, plant.now_ns
-        zone_m = onboard.zone_m  # type: ignore[attr-defined]
+        zone_m = Vehicle.zone_m.fget(onboard)  # type: ignore[attr-defined]
         self._told.append(
             (
                 telemetry.decision(outputs, zone_m, now_ns),
