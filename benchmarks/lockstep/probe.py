@@ -6,13 +6,13 @@ about 0.3 us.
 """
 
 import json
+import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from time import monotonic_ns
 from typing import Any
 
-import sidestep
 from plant.process.loop import Process
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.publisher import Publisher
@@ -57,8 +57,8 @@ def watch_topics(owner: type, name: str, begin: str, end: str) -> None:
     setattr(owner, name, watched)
 
 
-def main(arguments: list[str]) -> int:
-    """Run a verb with time stamps; return its exit code."""
+def main(arguments: list[str]) -> None:
+    """Run a verb with time stamps; raise SystemExit with its exit code."""
     file, *words = arguments
     watch(Process, "publish", "publish", "published")
     watch(Process, "advance", "advance")
@@ -66,11 +66,12 @@ def main(arguments: list[str]) -> int:
     watch(Vehicle, "step", "step", "stepped")
     watch_topics(Publisher, "put_frame", "put", "sent")
     watch_topics(Mailbox, "store", "arrived", "stored")
+    sys.argv = ["sidestep", *words]
     try:
-        return sidestep.main(words)
+        runpy.run_module("sidestep", run_name="__main__")
     finally:
         Path(file).write_text(json.dumps(NOTES), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(sys.argv[1:])
