@@ -150,8 +150,8 @@ MCU: Final = Topic(
     path="tlm/mcu",
     messages=(McuStatus,),
     publisher=Role.ROBOT,
-    rate_hz=0.0,
-    stale_after_ns=0,
+    rate_hz=20.0,
+    stale_after_ns=250 * NS_PER_MS,
     priority=Priority.DATA_LOW,
     doc="cost and memory of the board that runs the control core, if there is one",
 )

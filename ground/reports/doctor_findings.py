@@ -12,7 +12,7 @@ from ground.client.status_line import knows_place
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW, remedy
 from protocol.bus.tls.role_grants import ALL, denial, grant_of
-from protocol.topics import CLOCK, COMMAND, HEARTBEAT, OPERATOR, TELEOP, Role, Topic
+from protocol.topics import CLOCK, COMMAND, HEARTBEAT, MCU, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason, reason_text
@@ -171,8 +171,11 @@ def rejection(stream: Stream) -> Finding:
 
 
 def expected(seen: Observed, topic: Topic[Any]) -> bool:
-    """Return whether a topic must be alive, given the processes that run."""
-    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK):
+    """Return whether a topic must be alive, given the processes that run.
+
+    Only a robot whose core runs on a board publishes MCU.
+    """
+    if not topic.rate_hz or topic in (OPERATOR, TELEOP, CLOCK, MCU):
         return False
     if topic.publisher is Role.PLANT:
         return any(role == Role.PLANT.value for _, role in seen.processes.present)
