@@ -7,7 +7,6 @@ import signal
 import socket
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from enum import Enum, auto
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
@@ -22,6 +21,7 @@ from robot.mcu.board import RESTART, Board
 from robot.mcu.emulator import Emulator, SerialLine
 from robot.mcu.image import IMAGE
 from runtime.errors import RemoteError
+from verification.board.trouble import BoardTrouble
 
 MAX_GARBAGE: Final = 40
 DEBUGGER_S: Final = 5.0
@@ -31,27 +31,6 @@ BRANCH_TO_ITSELF: Final = "fee7"
 PACKET: Final = re.compile(rb"\$([^#]*)#..")
 STOP_REPLY: Final = "T"
 READ_BYTES: Final = 4096
-
-
-class BoardTrouble(Enum):
-    """A fault of the emulated board that runs the control core, or of its serial line."""
-
-    HANG = auto()
-    """Its program loops for ever, until its watchdog resets it."""
-    SUSPEND = auto()
-    """Its emulator is suspended."""
-    RESET = auto()
-    """It is reset."""
-    KILL = auto()
-    """Its emulator is killed."""
-    CUT = auto()
-    """Its line is cut."""
-    MUTE = auto()
-    """Its line loses all bytes to the host."""
-    DEAF = auto()
-    """Its line loses all bytes to the board."""
-    GARBAGE = auto()
-    """Its line carries bytes that belong to no frame, between the frames."""
 
 
 class FaultyLine(SerialLine):

@@ -5,7 +5,7 @@ from enum import Enum, auto
 from typing import TypeAlias
 
 from protocol.bus.faults.link_faults import LinkFaults
-from verification.board.breakable_board import BoardTrouble as BoardTrouble
+from verification.board.trouble import BoardTrouble
 
 
 @dataclass(frozen=True, slots=True)

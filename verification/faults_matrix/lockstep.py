@@ -22,10 +22,10 @@ from robot.mcu.board import BoardError
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
 from verification.board.breakable_board import BreakableBoard
+from verification.board.trouble import BoardTrouble
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
-    BoardTrouble,
     BodyFault,
     Cut,
     DelayOperator,

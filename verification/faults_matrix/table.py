@@ -6,9 +6,9 @@ from typing import Final
 
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
+from verification.board.trouble import BoardTrouble
 from verification.faults_matrix.actions import (
     Act,
-    BoardTrouble,
     BodyFault,
     Cut,
     DelayOperator,
