@@ -1,6 +1,6 @@
 """Copy of the state of the core on a board, for everything on the host that reads the core."""
 
-from math import isnan
+from math import isnan, nan
 
 from protocol.wire.enums import (
     BOARD_FENCE_LOST,
@@ -14,8 +14,6 @@ from robot.core.machine import Machine
 from robot.core.state import State
 from robot.core.values import Decision, Goal, Outputs, Pose, Twist
 from robot.mcu.board import BoardOutputs
-
-INFINITE = float("inf")
 
 
 def follow(state: State, outputs: BoardOutputs) -> Outputs:
@@ -88,7 +86,10 @@ def copy_odometry(state: State, message: PlanarOdometry) -> None:
 
 
 def decision_of(message: AvoidanceDecision) -> Decision | None:
-    """Return the decision in a message, or None if nothing was decided."""
+    """Return the decision in a message, or None if nothing was decided.
+
+    The message has no speed limit: it is nan.
+    """
     if message.branch == states.NO_BRANCH:
         return None
     bearing_rad = message.nearest_bearing_rad
@@ -100,5 +101,5 @@ def decision_of(message: AvoidanceDecision) -> Decision | None:
         message.rotation_rad,
         message.virtual_x_m,
         message.virtual_y_m,
-        INFINITE,
+        nan,
     )

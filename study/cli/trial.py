@@ -95,7 +95,7 @@ def run(job: Trial, trace: str | None, new_core: NewCore = InProcessCore) -> Out
     except (UnknownParameterError, OutOfRangeError) as error:
         raise UserError(f"--param or the world's [robot]: {error}") from None
     except OSError as error:
-        raise UserError(f"--trace {trace}: cannot be opened_trace: {error.strerror}") from None
+        raise UserError(f"--trace {trace}: cannot be opened: {error.strerror}") from None
 
 
 @contextmanager
@@ -173,7 +173,11 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--mcu", action="store_true", help="run the control core on the emulated board"
     )
-    made.add_argument("--trace", metavar="FILE", help="write a CSV line per tick; - is stdout")
+    text = (
+        "write a CSV line per tick; - is stdout. With --mcu, pose and wheel speeds are exact, the"
+        " other values of the robot have single precision, and speed_limit_m_s is not known (nan)"
+    )
+    made.add_argument("--trace", metavar="FILE", help=text)
     made.add_argument("--json", action="store_true", help="print one JSON object")
     return made
 
