@@ -90,7 +90,13 @@ class Board:
         """Start the emulator, wait for the board's hello, and refuse another core."""
         with Emulator(image, log=log) as emulator:
             board = cls(emulator.line)
-            board.wait_for_hello()
+            try:
+                board.wait_for_hello()
+            except BoardError:
+                if why := emulator.failure():
+                    words = f"{image} cannot be run: build it again with `make firmware` ({why})"
+                    raise UserError(words) from None
+                raise
             yield board
 
     @property

@@ -91,10 +91,12 @@ class Emulator:
         """Return whether qemu still runs."""
         return self._process.poll() is None
 
-    def last_words(self) -> str:
-        """Return what an ended qemu has written to its standard error."""
+    def failure(self) -> str:
+        """Return the first line that a qemu wrote before it ended of itself; empty if it runs."""
         assert self._process.stderr is not None
-        return self._process.stderr.read().decode(errors="replace").strip()
+        if self.is_running():
+            return ""
+        return self._process.stderr.read().decode(errors="replace").strip().partition("\n")[0]
 
     def terminate(self) -> None:
         """End qemu in order, so that a plugin writes its results."""

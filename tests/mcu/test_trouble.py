@@ -101,3 +101,17 @@ def test_image_of_another_core_is_refused(firmware: Path, tmp_path: Path) -> Non
 def test_missing_image_is_named(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="make firmware"), Board.emulated(tmp_path / "none.elf"):
         pass
+
+
+def test_damaged_image_is_named_with_the_words_of_the_emulator(
+    firmware: Path, tmp_path: Path
+) -> None:
+    damaged = tmp_path / "firmware.elf"
+    damaged.write_bytes(bytes(firmware.stat().st_size))
+    with (
+        pytest.raises(UserError, match=r"cannot be run: .*`make firmware` \(qemu: ") as refused,
+        Board.emulated(damaged),
+    ):
+        pass
+    assert str(damaged) in str(refused.value)
+    assert refused.value.exit_code == 2
