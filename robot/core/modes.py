@@ -123,10 +123,10 @@ def rtl(machine: Machine, trail: Trail, now_ms: int) -> int:
     refusal = may_drive(machine, states.SMART_RTL)
     if refusal != reasons.OK:
         return refusal
-    if not trail.xs_m:
+    if not trail.count:
         return reasons.NO_TRAIL
     if machine.fence is not None:
-        for i in range(len(trail.xs_m)):
+        for i in range(trail.count):
             if not fences.inside(machine.fence, trail.xs_m[i], trail.ys_m[i]):
                 return reasons.OUTSIDE_FENCE
     start = Goal(trail.xs_m[0], trail.ys_m[0], None, 0.05, pi)

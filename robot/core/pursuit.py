@@ -94,9 +94,12 @@ def next_target(state: State, goal: Goal, now_ms: int) -> Goal:
     trail, pose = state.trail, state.odometry.pose
     if trails.pass_crumb(trail, pose.x_m, pose.y_m):
         progresses.restart(state.progress, pose, now_ms)
-    if len(trail.xs_m) < 2:
+    if trail.count < 2:
         return goal
-    return Goal(trail.xs_m[-1], trail.ys_m[-1], None, trails.PASSED_M, goal.heading_tolerance_rad)
+    last = trail.count - 1
+    return Goal(
+        trail.xs_m[last], trail.ys_m[last], None, trails.PASSED_M, goal.heading_tolerance_rad
+    )
 
 
 def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: Params) -> Twist:

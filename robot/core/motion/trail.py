@@ -9,37 +9,45 @@ PASSED_M: Final = 0.20
 
 
 class Trail:
-    """Points from the start, the newest last; the spacing doubles each time they are thinned."""
+    """Points from the start, the newest last; the spacing doubles each time they are thinned.
 
-    __slots__ = ("spacing_m", "xs_m", "ys_m")
+    The first `count` items of the lists are used. The lists never grow: on a microcontroller the
+    free memory may lack a block for a longer one.
+    """
+
+    __slots__ = ("count", "spacing_m", "xs_m", "ys_m")
 
     def __init__(self) -> None:
-        self.xs_m: list[float] = []
-        self.ys_m: list[float] = []
+        self.count = 0
+        self.xs_m = [0.0] * LIMIT
+        self.ys_m = [0.0] * LIMIT
         self.spacing_m = SPACING_M
 
 
 def drop_crumb(trail: Trail, x_m: float, y_m: float) -> None:
     """Store this place if the newest point is a spacing away."""
-    if trail.xs_m and distance_m(trail, x_m, y_m) < trail.spacing_m:
+    if trail.count and distance_m(trail, x_m, y_m) < trail.spacing_m:
         return
-    if len(trail.xs_m) >= LIMIT:
+    if trail.count >= LIMIT:
         thin(trail)
-    trail.xs_m.append(x_m)
-    trail.ys_m.append(y_m)
+    trail.xs_m[trail.count] = x_m
+    trail.ys_m[trail.count] = y_m
+    trail.count += 1
 
 
 def thin(trail: Trail) -> None:
     """Keep the start and every second point after it."""
-    trail.xs_m = trail.xs_m[::2]
-    trail.ys_m = trail.ys_m[::2]
+    trail.count = (trail.count + 1) // 2
+    for i in range(trail.count):
+        trail.xs_m[i] = trail.xs_m[2 * i]
+        trail.ys_m[i] = trail.ys_m[2 * i]
     trail.spacing_m *= 2.0
 
 
 def distance_m(trail: Trail, x_m: float, y_m: float) -> float:
     """Return the distance to the newest point."""
-    dx_m = x_m - trail.xs_m[-1]
-    dy_m = y_m - trail.ys_m[-1]
+    dx_m = x_m - trail.xs_m[trail.count - 1]
+    dy_m = y_m - trail.ys_m[trail.count - 1]
     return sqrt(dx_m * dx_m + dy_m * dy_m)
 
 
@@ -48,8 +56,7 @@ def pass_crumb(trail: Trail, x_m: float, y_m: float) -> bool:
 
     The start stays.
     """
-    if len(trail.xs_m) < 2 or distance_m(trail, x_m, y_m) > PASSED_M:
+    if trail.count < 2 or distance_m(trail, x_m, y_m) > PASSED_M:
         return False
-    trail.xs_m.pop()
-    trail.ys_m.pop()
+    trail.count -= 1
     return True

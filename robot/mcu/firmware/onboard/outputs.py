@@ -150,7 +150,7 @@ def send_state(onboard: Onboard) -> None:
         machine.serial,
         machine.replaced_serial,
         machine.pursuits,
-        len(state.trail.xs_m),
+        state.trail.count,
         machine.vehicle,
         machine.vehicle_reason,
         machine.mode,

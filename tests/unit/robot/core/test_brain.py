@@ -169,13 +169,13 @@ def test_a_hold_is_not_counted_as_being_stuck() -> None:
 
 def test_the_way_back_follows_the_trail_to_the_start() -> None:
     driven = until_ended(driving())
-    assert len(driven.state.trail.xs_m) > 10
+    assert driven.state.trail.count > 10
     assert modes.rtl(driven.machine, driven.state.trail, driven.now_ms) == reasons.OK
     until_ended(driven)
     assert driven.machine.mode == states.SMART_RTL
     assert driven.machine.goal_state == states.REACHED
     assert abs(driven.state.odometry.pose.x_m) < 0.06
-    assert len(driven.state.trail.xs_m) <= 2
+    assert driven.state.trail.count <= 2
 
 
 def test_only_a_stop_by_command_uses_the_ramp() -> None:

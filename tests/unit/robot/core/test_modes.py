@@ -306,7 +306,7 @@ def test_the_way_back_needs_a_trail_and_an_armed_robot() -> None:
     machine, trail = driven.machine, driven.state.trail
     assert modes.rtl(machine, trail, 0) == reasons.NOT_ARMED
     modes.arm(machine)
-    trail.xs_m.clear()
+    trail.count = 0
     assert modes.rtl(machine, trail, 0) == reasons.NO_TRAIL
     assert modes.set_mode(machine, trail, states.SMART_RTL, 0) == reasons.NO_TRAIL
 
