@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +21,7 @@ def newest_m(trail: Trail) -> float:
 def test_crumbs_are_a_spacing_apart() -> None:
     trail = walked(5.0)
     used_m = trail.xs_m[: trail.count]
-    gaps = [b - a for a, b in zip(used_m, used_m[1:], strict=False)]
+    gaps = [b - a for a, b in pairwise(used_m)]
     assert len(gaps) == 19
     assert all(SPACING_M <= gap < SPACING_M + 0.02 for gap in gaps)
 
