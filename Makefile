@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits generate-docs clean afresh study firmware
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits same-bits-mcu generate-docs clean afresh study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -19,6 +19,7 @@ help:
 	echo "make test    every check: format, lint, types, import contracts, tests"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make same-bits  a thousand trials on each Python, processor and library: 0 bits differ"
+	echo "make same-bits-mcu  every shipped world with every navigator on the emulated board: 0 bits differ"
 	echo "make study   a study with compiled modules; ARGS=\"--quick\" is handed on"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
@@ -127,6 +128,10 @@ mutation: setup
 # About half an hour; ARGS="--python FILE" adds an interpreter, of another C library for instance.
 same-bits: setup
 	@exec "$(BIN)/python" -m verification.same_bits --libraries $(ARGS)
+
+# About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
+same-bits-mcu: firmware
+	@exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
 
 generate: setup
 	@exec "$(BIN)/python" -m verification.dialect.generate
