@@ -1,19 +1,29 @@
 """`python -m verification.same_bits`: run random trials in every variant and compare the digests.
 
 By default the variants of the processor; `--libraries` adds all Pythons and library versions that
-can be had, `--python` other interpreters (one of another C library, for instance). Exits with 1 if
-a digest differs or a variant cannot run.
+can be had, `--compiled` the modules compiled with mypyc, `--python` other interpreters (one of
+another C library, for instance). Exits with 1 if a digest differs or a variant cannot run.
+
+`--page FILE` writes a page, and the same as JSON beside it, after each variant; variants that a
+former run has measured stay there. `--control COMMIT` runs an older commit instead, of which
+differences are expected.
 """
 
 import argparse
 import os
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 
+from verification.harness import machine
+from verification.same_bits.older import unpack
+from verification.same_bits.record import Row, read, write
 from verification.same_bits.trials import Result, result_of
-from verification.same_bits.variants import ROOT, Variant, of_libraries, of_processors
+from verification.same_bits.variants import ROOT, Variant, compiled, of_libraries, of_processors
 
 SECONDS_PER_TRIAL = 30.0
 
@@ -23,24 +33,47 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m verification.same_bits", description=__doc__)
     parser.add_argument("--trials", type=int, default=1000, metavar="N")
     parser.add_argument("--libraries", action="store_true", help="all Pythons and libraries")
+    parser.add_argument("--compiled", action="store_true", help="the compiled modules, too")
     parser.add_argument("--python", nargs="*", default=[], metavar="FILE", help="further Pythons")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="variants at a time")
+    parser.add_argument("--only", default="", metavar="TEXT", help="variants whose name has TEXT")
+    parser.add_argument("--control", metavar="COMMIT", help="run an older commit")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the results to FILE")
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "same-bits")
     options = parser.parse_args(argv)
+    root = unpack(options.control, options.folder / "older") if options.control else ROOT
+    variants = [one for one in variants_of(options) if options.only in one.name]
+    equal = True
+    with ThreadPoolExecutor(options.jobs) as pool:
+        usual = pool.submit(run, Variant("usual", sys.executable), options.trials, root)
+        found = pool.map(lambda one: attempt(one, options.trials, root), variants)
+        ends = Counter(result.outcome for result in usual.result())
+        print(f"{ends.total()} trials in the usual environment; ends: {described(ends)}")
+        for variant, results in zip(variants, found, strict=True):
+            differing = compared(variant, usual.result(), results)
+            equal = equal and differing == []
+            if options.page and differing is not None:
+                keep(options, variant, differing, ends)
+    return 0 if equal else 1
+
+
+def variants_of(options: argparse.Namespace) -> list[Variant]:
+    """Return the variants that the options ask for."""
     variants = [*of_processors(sys.executable), *(Variant(one, one) for one in options.python)]
+    if options.compiled:
+        variants.append(compiled(options.folder / "compiled"))
     if options.libraries:
         variants += of_libraries(options.folder)
-    usual = run(Variant("usual", sys.executable), options.trials)
-    ends = ", ".join(sorted({result.outcome for result in usual}))
-    print(f"{len(usual)} trials in the usual environment; ends: {ends}")
-    return 1 if sum([not compared(variant, usual) for variant in variants]) else 0
+    return variants
 
 
-def run(variant: Variant, trials: int) -> list[Result]:
+def run(variant: Variant, trials: int, root: Path = ROOT) -> list[Result]:
     """Run the trials in a variant; raise RuntimeError with its words if it cannot."""
     child = subprocess.run(
-        [variant.python, "-m", "verification.same_bits.trials", str(trials)],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **variant.environment},
+        # With -P the search path alone decides whether a module is a compiled one.
+        [variant.python, "-P", "-m", "verification.same_bits.trials", str(trials)],
+        cwd=root,
+        env={**os.environ, "PYTHONPATH": str(root), **variant.environment},
         capture_output=True,
         text=True,
         timeout=SECONDS_PER_TRIAL * trials,
@@ -51,24 +84,66 @@ def run(variant: Variant, trials: int) -> list[Result]:
     return [result_of(line) for line in child.stdout.splitlines()]
 
 
-def compared(variant: Variant, usual: Sequence[Result]) -> bool:
-    """Print how many digests differ in a variant, and which; return whether none does."""
+def attempt(variant: Variant, trials: int, root: Path = ROOT) -> list[Result] | str:
+    """Run the trials in a variant; return an error message if it cannot."""
     try:
-        found = run(variant, len(usual))
+        return run(variant, trials, root)
     except (RuntimeError, OSError, subprocess.TimeoutExpired) as error:
-        print(f"cannot run: {error}")
-        return False
+        return str(error)
+
+
+def compared(
+    variant: Variant, usual: Sequence[Result], found: Sequence[Result] | str
+) -> list[str] | None:
+    """Print and return the trials whose digests differ in a variant; None if it could not run."""
+    if isinstance(found, str):
+        print(f"cannot run: {found}", flush=True)
+        return None
     differing = differences(usual, found)
     print(f"{len(differing)} of {len(usual)} differ: {variant.name}", flush=True)
     for name in differing[:5]:
         print(f"    {name}")
-    return not differing
+    return differing
 
 
 def differences(usual: Sequence[Result], found: Sequence[Result]) -> list[str]:
     """Return the settings of trials whose digests differ or are missing."""
     digests = {result.number: result.digest for result in found}
     return [one.settings for one in usual if digests.get(one.number) != one.digest]
+
+
+def keep(
+    options: argparse.Namespace, variant: Variant, differing: list[str], ends: Counter[str]
+) -> None:
+    """Add the result of a variant to the page and to the JSON beside it."""
+    record = read(options.page.with_suffix(".json"))
+    if not options.control:
+        record.machine = ", ".join(f"{k} {v}" for k, v in machine.described(machine.load()).items())
+        record.ends = described(ends)
+    record.add(
+        Row(
+            variant=variant.name,
+            trials=ends.total(),
+            differing=differing,
+            commit=commit(options.control or "HEAD"),
+            date=f"{datetime.now(UTC):%Y-%m-%d}",
+            control=bool(options.control),
+        )
+    )
+    write(record, options.page)
+
+
+def commit(name: str) -> str:
+    """Return the short hash of a commit."""
+    words = ("git", "rev-parse", "--short=8", name)
+    return subprocess.run(
+        words, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.strip()
+
+
+def described(ends: Counter[str]) -> str:
+    """Return how many trials ended in which way."""
+    return ", ".join(f"{count} {outcome}" for outcome, count in ends.most_common())
 
 
 if __name__ == "__main__":

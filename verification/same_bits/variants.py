@@ -87,6 +87,25 @@ def of_libraries(folder: Path) -> list[Variant]:
     return variants
 
 
+def compiled(folder: Path) -> Variant:
+    """Return this Python with the modules that mypyc compiles; raise RuntimeError without them.
+
+    The folder goes before the checkout on the search path.
+    """
+    shutil.rmtree(folder, ignore_errors=True)
+    words = ("pip", "install", "-q", "--no-deps", "--no-build-isolation", "--target", str(folder))
+    run = subprocess.run(
+        [sys.executable, "-m", *words, str(ROOT)],
+        env={**os.environ, "SIDESTEP_COMPILE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if run.returncode or not list(folder.glob("runtime/elementary.*.so")):
+        raise RuntimeError(f"cannot compile: {run.stderr.strip()[-2000:]}")
+    return Variant("compiled modules", sys.executable, {"PYTHONPATH": f"{folder}:{ROOT}"})
+
+
 def requirements(lowest: bool) -> list[str]:
     """Return the requirements of a trial for pip."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]

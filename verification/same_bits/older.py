@@ -1,0 +1,34 @@
+"""An older commit with the trials of this one, as a control."""
+
+import shutil
+import subprocess
+import tarfile
+from io import BytesIO
+from pathlib import Path
+from typing import Final
+
+from verification.same_bits.variants import ROOT
+
+BROUGHT: Final = (
+    "verification/same_bits/__init__.py",
+    "verification/same_bits/trials.py",
+    "plant/model/draws.py",
+)
+"""What the trials need and an older commit lacks. The draws only choose trials there."""
+
+
+def unpack(commit: str, folder: Path) -> Path:
+    """Unpack a commit into a folder with what the trials need; return the folder.
+
+    Raises subprocess.CalledProcessError for an unknown commit.
+    """
+    archive = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True)
+    shutil.rmtree(folder, ignore_errors=True)
+    with tarfile.open(fileobj=BytesIO(archive.stdout)) as tar:
+        tar.extractall(folder, filter="data")
+    for name in BROUGHT:
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if not target.exists():
+            shutil.copyfile(ROOT / name, target)
+    return folder
