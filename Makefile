@@ -125,9 +125,10 @@ rows-table: setup
 mutation: setup
 	@exec "$(BIN)/python" -m verification.mutation $(ARGS)
 
-# About half an hour; ARGS="--python FILE" adds an interpreter, of another C library for instance.
+# About half an hour; ARGS="--python FILE" adds an interpreter, of another C library for instance,
+# and ARGS="--page docs/evidence/same-bits.md" writes the page.
 same-bits: setup
-	@exec "$(BIN)/python" -m verification.same_bits --libraries $(ARGS)
+	@exec "$(BIN)/python" -m verification.same_bits --libraries --compiled $(ARGS)
 
 # About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
 same-bits-mcu: firmware

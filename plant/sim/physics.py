@@ -1,10 +1,11 @@
-"""Collisions in the world. This is the only module that uses pymunk, to find what is near a place.
+"""Collisions of robots with walls, moving obstacles and each other.
 
 Robots are discs that keep their given speed until something stops them, without bouncing and
 friction. Where a robot may touch something, a step is divided into small ones, so that it
 penetrates by less than a millimetre and never passes through.
 
-No number of pymunk reaches a trajectory: it only selects surfaces, with room to spare.
+pymunk only answers one question: which surfaces are near a place? No number that it computes enters
+a trajectory, so the bits of a trajectory do not depend on its version. No other module uses pymunk.
 """
 
 from collections.abc import Iterator, Sequence

@@ -7,6 +7,8 @@ import pytest
 
 from verification.same_bits import __main__ as command
 from verification.same_bits.__main__ import attempt, compared, differences, run
+from verification.same_bits.older import unpack
+from verification.same_bits.record import Record, Row, page_of, read, write
 from verification.same_bits.trials import Result, result_of, trial_of
 from verification.same_bits.variants import Variant, of_processors, requirements
 
@@ -60,6 +62,40 @@ def test_the_command_compares_other_interpreters(
     monkeypatch.setattr(command, "of_processors", lambda _python: [])
     assert command.main(["--trials", "1", "--python", sys.executable]) == 0
     assert f"0 of 1 differ: {sys.executable}" in capsys.readouterr().out
+
+
+def test_the_page_and_its_json_keep_every_variant(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    page = tmp_path / "page.md"
+    arguments = ["--trials", "1", "--page", str(page)]
+    for name in ("first", "second", "first"):
+        variant = Variant(name, sys.executable)
+        monkeypatch.setattr(command, "of_processors", lambda _python, one=variant: [one])
+        assert command.main(arguments) == 0
+    record = read(page.with_suffix(".json"))
+    assert [(row.variant, row.trials, row.differing) for row in record.rows] == [
+        ("second", 1, []),
+        ("first", 1, []),
+    ]
+    assert "0 of 2 digests differ." in page.read_text()
+
+
+def test_the_page_counts_differences_and_keeps_the_control_apart(tmp_path: Path) -> None:
+    record = Record(machine="one", ends="3 reached")
+    record.add(Row("new", 3, ["trial 1"], "abc", "2026-01-01"))
+    record.add(Row("old", 3, ["trial 1", "trial 2"], "def", "2026-01-01", control=True))
+    text = page_of(record)
+    assert "1 of 3 digests differ." in text
+    assert text.index("| new | 3 | 1 |") < text.index("## Control") < text.index("| old | 3 | 2 |")
+    write(record, tmp_path / "page.md")
+    assert read(tmp_path / "page.json") == record
+
+
+def test_an_older_commit_is_unpacked_with_the_trials(tmp_path: Path) -> None:
+    root = unpack("HEAD", tmp_path / "older")
+    assert (root / "verification/same_bits/trials.py").exists()
+    assert len(run(Variant("older", sys.executable), 1, root)) == 1
 
 
 def test_lowest_libraries_are_those_of_the_project() -> None:

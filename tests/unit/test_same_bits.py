@@ -1,4 +1,4 @@
-"""What closes the loop uses only operations whose results are the same on every machine.
+"""The control loop and the simulation use only operations with the same result on every machine.
 
 The C library's elementary functions, numpy's, products of matrices and sums that a library adds up
 in an order of its own may differ in the last bit between machines and versions. The rule holds for

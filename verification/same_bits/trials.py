@@ -1,7 +1,7 @@
 """`python -m verification.same_bits.trials COUNT`: print digests of random trials of the corpus.
 
-Each line has the number of a trial, its digest, its settings and how it ended. It needs only what
-closes the loop: numpy, pymunk and msgspec.
+Each line has the number of a trial, its digest, its settings and how it ended. Other
+libraries than numpy, pymunk, msgspec and fastcrc are not needed.
 """
 
 import sys
