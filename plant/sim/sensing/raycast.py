@@ -30,7 +30,7 @@ RAY_RAD: Final = CONE_RAD / RAYS_PER_SONAR
 ORDER: Final = (0, 2, 4, 6, 1, 3, 5, 7)
 """Sonars in the order of a cast: first the early group, then the late group."""
 
-DRIFT: Final = PoseTolerance(way_m=0.15, turn_rad=radians(25.0))
+DRIFT: Final = PoseTolerance(way_m=0.2, turn_rad=radians(25.0))
 """Motion of the robot after which the surfaces in sight are selected again."""
 
 MAX_WAY_M2: Final = DRIFT.way_m * DRIFT.way_m
@@ -67,6 +67,9 @@ NUMBERED: Final[list[tuple[int, float, float]]] = [(i, *RIGHT_2[i]) for i in ran
 
 Sight: TypeAlias = tuple[float, float, list[SeenDisc], list[SeenEdge]]
 """The axis of a cone in the frame of the robot, and the surfaces that may be in it."""
+
+Cone: TypeAlias = tuple[float, float, float, float, list[float], list[float]]
+"""Origin and axis of a cone; per ray, the largest nearness and the cosine of its incidence."""
 
 
 def ray_bearings_rad() -> tuple[float, ...]:
@@ -219,8 +222,9 @@ def cast_facing(
     for axis_x, axis_y, discs, edges in sights:
         ux, uy = cosine * axis_x - sine * axis_y, sine * axis_x + cosine * axis_y
         nearest, facing = [0.0] * RAYS_PER_SONAR, [0.0] * RAYS_PER_SONAR
-        meet_discs(moving + discs, x_m, y_m, ux, uy, nearest, facing)
-        meet_edges(edges, x_m, y_m, ux, uy, nearest, facing)
+        cone = x_m, y_m, ux, uy, nearest, facing
+        meet_discs(moving + discs, cone)
+        meet_edges(edges, cone)
         echo = 0.0
         for i in range(RAYS_PER_SONAR):
             if facing[i] >= least_cosine and nearest[i] > echo:
@@ -229,16 +233,9 @@ def cast_facing(
     return found
 
 
-def meet_discs(
-    discs: list[SeenDisc],
-    x_m: float,
-    y_m: float,
-    ux: float,
-    uy: float,
-    nearest: list[float],
-    facing: list[float],
-) -> None:
-    """Update, per ray of a cone, the largest nearness and the cosine of its incidence."""
+def meet_discs(discs: list[SeenDisc], cone: Cone) -> None:
+    """Update the rays of a cone that meet a disc."""
+    x_m, y_m, ux, uy, nearest, facing = cone
     all_nearer = min(nearest)
     for least_m, centre_x, centre_y, radius_m, square_m2 in discs:
         if all_nearer * least_m >= 1.0:
@@ -249,6 +246,7 @@ def meet_discs(
         if beyond > 0.0 and beyond * beyond > square_m2 * MISSED:
             continue
         q = dx * dx + dy * dy - square_m2
+        is_nearer = False
         for i, cosine, sine in NUMBERED:
             p = along * cosine + aside * sine
             excess = p * p - q
@@ -256,20 +254,14 @@ def meet_discs(
                 root = sqrt(excess)
                 near = (p + root) / (q if q > TINY else TINY)
                 if near > nearest[i]:
-                    nearest[i], facing[i] = near, root / radius_m
-        all_nearer = min(nearest)
+                    nearest[i], facing[i], is_nearer = near, root / radius_m, True
+        if is_nearer:
+            all_nearer = min(nearest)
 
 
-def meet_edges(
-    edges: list[SeenEdge],
-    x_m: float,
-    y_m: float,
-    ux: float,
-    uy: float,
-    nearest: list[float],
-    facing: list[float],
-) -> None:
-    """Do as `meet_discs`, with edges."""
+def meet_edges(edges: list[SeenEdge], cone: Cone) -> None:
+    """Update the rays of a cone that meet an edge."""
+    x_m, y_m, ux, uy, nearest, facing = cone
     all_nearer = min(nearest)
     for least_m, start_x, start_y, end_x, end_y, length_m in edges:
         if all_nearer * least_m >= 1.0:
@@ -280,11 +272,13 @@ def meet_edges(
             continue
         a_along, a_aside = ax * ux + ay * uy, ay * ux - ax * uy
         b_along, b_aside = bx * ux + by * uy, by * ux - bx * uy
+        is_nearer = False
         for i, cosine, sine in NUMBERED:
             begins = cosine * a_aside - sine * a_along
             ends = sine * b_along - cosine * b_aside
             if begins >= 0.0 and ends >= 0.0:
                 near = (begins + ends) / (n if n > TINY else TINY)
                 if near > nearest[i]:
-                    nearest[i], facing[i] = near, (begins + ends) / length_m
-        all_nearer = min(nearest)
+                    nearest[i], facing[i], is_nearer = near, (begins + ends) / length_m, True
+        if is_nearer:
+            all_nearer = min(nearest)
