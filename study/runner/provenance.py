@@ -16,6 +16,7 @@ TRIAL_SOURCES: Final = (
     "runtime/**/*.toml",
     "study/trial/trial.py",
     "study/trial/core_loop.py",
+    "study/trial/drive.py",
     "study/trial/behaviour.py",
 )
 

@@ -1,10 +1,9 @@
 """Run one trial in this process: plant and core call each other, without a bus."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from time import perf_counter
-from typing import TypeAlias
 
 from plant.model.configuration import noise_of
 from plant.model.types import World
@@ -12,11 +11,9 @@ from plant.placement.shortest_path import known_length_m
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
 from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
-from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from robot.core import reasons, states
-from robot.core.machine import goal_is_active
 from robot.core.parameters import DEFAULTS, Params
-from robot.core.values import Outputs, Pose
+from robot.core.values import Pose
 from robot.hosting.core import NewCore
 from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import with_values
@@ -24,6 +21,7 @@ from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
 from study.trial.core_loop import CoreLoop
+from study.trial.drive import Watch, drive
 
 NAVIGATORS: Mapping[str, int] = {
     "bug": states.BUG,
@@ -38,8 +36,6 @@ SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
 # The same world is run many times, and its shortest path costs more than some runs.
 shortest_once = lru_cache(maxsize=8)(known_length_m)
-
-Watch: TypeAlias = Callable[[Plant, CoreLoop, Outputs], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,28 +85,6 @@ def run_trial(
     wall_s = perf_counter() - begun_s
     ended = run_end_of(plant, onboard, refusal, wall_s, at_ns)
     return evaluated(run_settings_of(trial, goal), ended, plant.score(plant.now_ns))
-
-
-def drive(
-    plant: Plant, onboard: CoreLoop, goal: WireGoal, timeout_s: float, watch: Watch | None
-) -> int:
-    """Step plant and core until the goal has ended or the time is up.
-
-    Return the reason if the goal was refused, else 0.
-    """
-    wheels, scan = plant.senses()
-    outputs = onboard.step(plant.now_ns, wheels, scan)
-    refusal = onboard.go(goal)
-    machine, last_ns = onboard.state.machine, plant.now_ns + round(timeout_s * NS_PER_S)
-    while True:
-        plant.command(0, outputs.left_mrad_s, outputs.right_mrad_s, MAX_WHEEL_TTL_MS)
-        if watch is not None:
-            watch(plant, onboard, outputs)
-        if refusal or not goal_is_active(machine) or plant.now_ns >= last_ns:
-            return refusal
-        plant.advance()
-        wheels, scan = plant.senses()
-        outputs = onboard.step(plant.now_ns, wheels, scan)
 
 
 def params_of(trial: Trial) -> Params:
