@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from robot.mcu.firmware import literals, messages, toolchain
-from robot.mcu.firmware.linker import Binding, Program
+from robot.mcu.firmware import literals, messages, native, toolchain
+from robot.mcu.firmware.linker import NATIVE, Binding, Program
 from robot.mcu.image import (
     IMAGE,
     IMAGES,
@@ -65,6 +65,10 @@ def generate(folder: Path) -> None:
     """Write the linked program with its manifest, and the headers of the port."""
     texts = sources()
     frozen = folder / "frozen"
+    for name, short in NATIVE.items():
+        source = texts.pop(name)
+        functions = native.translated(source, importlib.import_module(name))
+        write(folder / f"{short}.h", functions + native.bindings(source, short))
     write(frozen / "main.py", Program(texts, values(texts)).linked("main"))
     write(folder / "manifest.py", f"freeze({str(frozen)!r})\n")
     hashed = "".join(f"\\x{byte:02x}" for byte in core_hash())

@@ -19,6 +19,8 @@ from robot.mcu.firmware.strip import final_names, stripped
 
 BODY: Final = "<body>"
 """The statements of a module that bind no name."""
+NATIVE: Final = {"runtime.elementary": "elementary"}
+"""Modules that are translated to C, and their names on the board."""
 TUPLE: Final = re.compile(r"(\s*[^=]* = )\((.*)\)")
 
 
@@ -287,7 +289,7 @@ def import_line(origin: Binding, name: str) -> str:
     if origin.name == BODY:
         return f"import {origin.module} as {name}" if name != origin.module else f"import {name}"
     suffix = "" if name == origin.name else f" as {name}"
-    return f"from {origin.module} import {origin.name}{suffix}"
+    return f"from {NATIVE.get(origin.module, origin.module)} import {origin.name}{suffix}"
 
 
 def bound_names(statement: ast.stmt) -> list[str]:

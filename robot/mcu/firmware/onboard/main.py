@@ -76,6 +76,7 @@ def watch(onboard: Onboard, idle_ms: int) -> None:
 
 def run() -> None:
     """Serve the host for ever."""
+    board.settle()
     onboard = Onboard()
     say_hello(onboard)
     idle_ms = 0

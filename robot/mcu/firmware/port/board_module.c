@@ -1,11 +1,10 @@
 // The module `board`: what the frozen main loop needs of the hardware.
-#include "py/gc.h"
-#include "py/mpstate.h"
 #include "py/binary.h"
 #include "py/objarray.h"
 #include "py/objstr.h"
 #include "py/runtime.h"
 #include "clock.h"
+#include "heap.h"
 #include "link.h"
 #include "startup.h"
 #include "uart.h"
@@ -49,18 +48,16 @@ static mp_obj_t board_unsent(void) {
 }
 static MP_DEFINE_CONST_FUN_OBJ_0(unsent_obj, board_unsent);
 
-// Bytes of the heap in use, counted in the table of blocks: four to a byte, 0 is free.
 static mp_obj_t board_heap_used(void) {
-    const byte *table = MP_STATE_MEM(area).gc_alloc_table_start;
-    uint32_t used = 0;
-    for (uint32_t i = 0; i < MP_STATE_MEM(area).gc_alloc_table_byte_len; i++) {
-        uint32_t bits = (table[i] | table[i] >> 1) & 0x55;
-        bits = (bits & 0x11) + (bits >> 2 & 0x11);
-        used += (bits & 0xF) + (bits >> 4);
-    }
-    return MP_OBJ_NEW_SMALL_INT(used * MICROPY_BYTES_PER_GC_BLOCK);
+    return MP_OBJ_NEW_SMALL_INT(heap_used());
 }
 static MP_DEFINE_CONST_FUN_OBJ_0(heap_used_obj, board_heap_used);
+
+static mp_obj_t board_settle(void) {
+    heap_settle();
+    return mp_const_none;
+}
+static MP_DEFINE_CONST_FUN_OBJ_0(settle_obj, board_settle);
 
 static mp_obj_t board_stack_peak(void) {
     return MP_OBJ_NEW_SMALL_INT(stack_peak());
@@ -121,6 +118,7 @@ static const mp_rom_map_elem_t board_names[] = {
     {MP_ROM_QSTR(MP_QSTR_refused), MP_ROM_PTR(&refused_obj)},
     {MP_ROM_QSTR(MP_QSTR_unsent), MP_ROM_PTR(&unsent_obj)},
     {MP_ROM_QSTR(MP_QSTR_heap_used), MP_ROM_PTR(&heap_used_obj)},
+    {MP_ROM_QSTR(MP_QSTR_settle), MP_ROM_PTR(&settle_obj)},
     {MP_ROM_QSTR(MP_QSTR_stack_peak), MP_ROM_PTR(&stack_peak_obj)},
     {MP_ROM_QSTR(MP_QSTR_stack_bytes), MP_ROM_PTR(&stack_bytes_obj)},
     {MP_ROM_QSTR(MP_QSTR_static_bytes), MP_ROM_PTR(&static_bytes_obj)},

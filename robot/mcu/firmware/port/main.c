@@ -6,23 +6,21 @@
 #include "py/mperrno.h"
 #include "py/runtime.h"
 #include "py/stackctrl.h"
-#include "shared/runtime/gchelper.h"
 #include "clock.h"
 #include "hardware.h"
+#include "heap.h"
 #include "startup.h"
 #include "uart.h"
 
 #define STACK_RESERVE 512 // for C functions below the check, and interrupts
 #define WATCHDOG_MS 1000
 
-static char heap[HEAP_BYTES] __attribute__((aligned(16)));
-
 int main(void) {
     clock_start();
     uart_start();
     mp_stack_ctrl_init();
     mp_stack_set_limit(stack_bytes() - STACK_RESERVE);
-    gc_init(heap, heap + sizeof heap);
+    heap_start();
     mp_init();
     watchdog_start(WATCHDOG_MS);
     nlr_buf_t context;
@@ -37,12 +35,6 @@ int main(void) {
         reset_for(memory ? RESET_MEMORY : RESET_EXCEPTION);
     }
     reset_for(RESET_EXCEPTION);
-}
-
-void gc_collect(void) {
-    gc_collect_start();
-    gc_helper_collect_regs_and_stack();
-    gc_collect_end();
 }
 
 void nlr_jump_fail(void *raised) {

@@ -1,0 +1,6 @@
+// The heap of MicroPython, whose first part may be settled: its objects stay for ever.
+#include <stdint.h>
+
+void heap_start(void);
+void heap_settle(void);
+uint32_t heap_used(void);
