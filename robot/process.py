@@ -10,7 +10,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.claim import DuplicateWatch
 from protocol.bus.service import ServiceRequest, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
-from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command
+from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
 from protocol.wire.messages import Teleop
 from robot import telemetry
 from robot.commands import ack, is_clear, is_stop
@@ -138,8 +138,11 @@ class RobotProcess:
                 self.cycle(tick)
                 if self._stopping:
                     break
-        except Exception:
+        except Exception as error:
             reason = reasons.CORE_EXCEPTION
+            self.vehicle.announce(
+                Severity.CRITICAL, f"the control core failed: {summary_of(error)}"
+            )
             raise
         finally:
             self._end(reason, self._clock.now_ns())
@@ -297,3 +300,8 @@ class RobotProcess:
         ):
             return reasons.EMERGENCY_STOPPED
         return reasons.OK
+
+
+def summary_of(error: Exception) -> str:
+    """Return the type of an error and the first line of its text."""
+    return f"{type(error).__name__}: {error}".partition("\n")[0]

@@ -15,7 +15,7 @@ from protocol.bus.network import Network
 from protocol.topics import CLOCK, Role
 from protocol.wire.enums import Severity
 from protocol.wire.messages import SystemTime
-from robot.process import RobotProcess
+from robot.process import RobotProcess, summary_of
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, RehearsingPulse
@@ -88,11 +88,6 @@ def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, aft
         words = f"restarted: the previous run {before}"
         vehicle.announce(Severity.WARNING, words)
         log_line(f"robot {robot}: {words}")
-
-
-def summary_of(error: Exception) -> str:
-    """Return the type of an error and the first line of its text."""
-    return f"{type(error).__name__}: {error}".partition("\n")[0]
 
 
 def log_line(line: str) -> None:

@@ -34,6 +34,7 @@ from robot.core import reasons, states
 from robot.core.brain import StageHook, ignore
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY
 from robot.core.parameters import Params
+from robot.core.safety import failsafe
 from robot.core.safety.fence import MAX_CORNERS, Fence
 from robot.core.state import State
 from robot.core.values import Goal, Inputs, Outputs, Pose, Scan, Twist, Wheels
@@ -157,9 +158,13 @@ class BoardCore:
         self._reported = HOST_FLAGS[reason]
 
     def stop(self, reason: int, now_ms: int) -> None:
-        """Stop an active vehicle."""
-        if self.state.machine.vehicle == states.ACTIVE:
+        """Stop an active vehicle; if the board does not answer, only the copy of its state."""
+        if self.state.machine.vehicle != states.ACTIVE:
+            return
+        try:
             self._ask(BoardStop(now_ms=now_ms, reason=reason, extent=StopExtent.VEHICLE))
+        except BoardError:
+            failsafe.trip(self.state.machine, reason, now_ms)
 
     def board_status(self, time_ns: int) -> McuStatus | None:
         """Return the cost of the last tick, or None before the first."""

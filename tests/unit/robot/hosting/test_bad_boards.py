@@ -94,6 +94,18 @@ def test_failed_board_also_fails_a_request() -> None:
             vehicle.receive(ARM, 0)
 
 
+def test_vehicle_stops_for_a_reason_without_its_board() -> None:
+    with driving(patience_s=0.3) as (vehicle, _, hosted):
+        hosted.kill()
+        vehicle.stop(reasons.CORE_EXCEPTION, 60)
+        machine = vehicle.state.machine
+        assert (machine.vehicle, machine.vehicle_reason) == (
+            states.FAILSAFE,
+            reasons.CORE_EXCEPTION,
+        )
+        assert vehicle.brakes
+
+
 def test_late_answer_in_wall_time_is_a_missed_deadline() -> None:
     with driving(patience_s=WALL_TIME.answer_s) as (vehicle, _, hosted):
         hosted.suspend()

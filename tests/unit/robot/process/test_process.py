@@ -279,12 +279,15 @@ def test_exception_of_the_core_brakes_and_is_raised(
     rig = driving()
 
     def broken(*_: object) -> None:
-        raise ZeroDivisionError
+        raise ZeroDivisionError("a defect\nin two lines")
 
     monkeypatch.setattr(rig.vehicle, "step", broken)
     with pytest.raises(ZeroDivisionError):
         rig.process.run(ticks(rig, 2))
     assert speeds(rig.command) == BRAKE
+    said = "".join(text.text for text in rig.sent(TEXT))
+    assert "the control core failed: ZeroDivisionError: a defect" in said
+    assert "in two lines" not in said
     aborted = (GoalState.ABORTED, Reason.CORE_EXCEPTION)
     assert ended(rig) == (states.FAILSAFE, Reason.CORE_EXCEPTION, *aborted)
 
