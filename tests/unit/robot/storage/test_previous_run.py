@@ -6,7 +6,8 @@ import pytest
 
 from protocol.wire.enums import Severity
 from robot.core.parameters import DEFAULTS
-from robot.run import report_previous_run, summary_of
+from robot.process import summary_of
+from robot.run import report_previous_run
 from robot.storage.files import Store
 from robot.storage.previous_run import (
     FILE_NAME,
