@@ -35,6 +35,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import NoPeerError, RemoteError
+from runtime.units import NS_PER_MS
 from tests.support.until import PATIENCE_S, until
 
 STILL_M_S = 0.001
@@ -177,6 +178,7 @@ class Witness:
         self.unreadable = 0
         self.truths: deque[tuple[GroundTruth, int]] = deque(maxlen=20_000)
         self.statuses: deque[tuple[NavigatorStatus, int]] = deque(maxlen=20_000)
+        self.moving: deque[WheelCommand] = deque(maxlen=20_000)
         self.texts: list[str] = []
         self.report: CycleReport | None = None
         self.speeds: tuple[int, int] | None = None
@@ -207,6 +209,8 @@ class Witness:
             self.report = message
         elif isinstance(message, WheelCommand):
             self.speeds = (message.left_mrad_s, message.right_mrad_s)
+            if any(self.speeds):
+                self.moving.append(message)
 
     @property
     def status(self) -> NavigatorStatus:
@@ -240,12 +244,17 @@ class Witness:
     def standing(self) -> bool:
         return moved_not(self.truth)
 
-    def stopped_at_ns(self, after_ns: int) -> tuple[int, int]:
-        """Stamp of the last truth before a moment, and of the first at rest after it."""
-        before = max(truth.time_ns for truth, at_ns in tuple(self.truths) if at_ns <= after_ns)
-        until(lambda: self.truth.time_ns > before and self.standing(), what="standing")
-        still = [t.time_ns for t, _ in tuple(self.truths) if t.time_ns > before and moved_not(t)]
-        return before, min(still)
+    def rolled_on_ms(self) -> float:
+        """Simulated time from the tick of the last command to move until the first truth at rest.
+
+        Nothing here depends on when this process received them, as it may be late itself.
+        """
+        until(self.standing, what="standing")
+        last = self.moving[-1].sense_seq
+        truths = [truth for truth, _ in tuple(self.truths)]
+        since_ns = max(truth.time_ns for truth in truths if truth.seq == last)
+        still_ns = min(t.time_ns for t in truths if t.time_ns > since_ns and moved_not(t))
+        return (still_ns - since_ns) / NS_PER_MS
 
 
 def arrives(crew: Crew, witness: Witness, *words: str) -> Running:
