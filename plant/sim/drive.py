@@ -73,12 +73,15 @@ class Drive:
     """Two motors with one driver board, their encoders and their motion on the ground."""
 
     __slots__ = (
-        *("_body", "_counted_m", "_expires_ns", "_motors", "_scales"),
-        *("_slip_m", "_slips", "_wanted_m_s", "expired"),
+        *("_brake_m_s2", "_counted_m", "_expires_ns", "_limit_m_s", "_m_per_mrad", "_motors"),
+        *("_scales", "_slip_m", "_slips", "_start_ticks", "_ticks_per_m", "_wanted_m_s", "expired"),
     )
 
     def __init__(self, body: Body, noise: Noise, seed: int, robot: int) -> None:
-        self._body = body
+        self._limit_m_s, self._brake_m_s2 = body.max_speed_m_s, body.brake_m_s2
+        self._m_per_mrad = body.wheel_radius_m / 1000.0
+        self._ticks_per_m = body.ticks_per_m
+        self._start_ticks = (body.left_start_ticks, body.right_start_ticks)
         self._motors = (Motor(body), Motor(body))
         self._wanted_m_s = (0.0, 0.0)
         self._expires_ns = -1
@@ -91,10 +94,10 @@ class Drive:
 
     def command(self, left_mrad_s: int, right_mrad_s: int, ttl_ms: int, now_ns: int) -> None:
         """Set the wheel speeds, within their limit, until the time-to-live expires."""
-        limit_m_s, scale = self._body.max_speed_m_s, self._body.wheel_radius_m / 1000.0
+        limit_m_s, m_per_mrad = self._limit_m_s, self._m_per_mrad
         self._wanted_m_s = (
-            _within(left_mrad_s * scale, limit_m_s),
-            _within(right_mrad_s * scale, limit_m_s),
+            _within(left_mrad_s * m_per_mrad, limit_m_s),
+            _within(right_mrad_s * m_per_mrad, limit_m_s),
         )
         self._expires_ns = now_ns + ttl_ms * NS_PER_MS
         self.expired = False
@@ -107,7 +110,7 @@ class Drive:
             left_m, right_m = left.turn(left_m_s, span_s), right.turn(right_m_s, span_s)
         else:
             self.expired = self._expires_ns >= 0
-            left_m, right_m = (motor.brake(self._body.brake_m_s2, span_s) for motor in self._motors)
+            left_m, right_m = (motor.brake(self._brake_m_s2, span_s) for motor in self._motors)
         if trouble is not NO_TROUBLE:
             left_m, right_m = self._jammed(left_m, right_m, trouble)
         else:
@@ -125,9 +128,9 @@ class Drive:
 
     def ticks(self, jumped_ticks: tuple[int, int] = (0, 0)) -> tuple[int, int]:
         """Return the encoder counters, with faulty jumps added, wrapped to 32 bits."""
-        per_m, body = self._body.ticks_per_m, self._body
-        left = floor(self._counted_m[0] * per_m) + body.left_start_ticks + jumped_ticks[0]
-        right = floor(self._counted_m[1] * per_m) + body.right_start_ticks + jumped_ticks[1]
+        per_m = self._ticks_per_m
+        left = floor(self._counted_m[0] * per_m) + self._start_ticks[0] + jumped_ticks[0]
+        right = floor(self._counted_m[1] * per_m) + self._start_ticks[1] + jumped_ticks[1]
         return _wrapped(left), _wrapped(right)
 
     def _jammed(self, left_m: float, right_m: float, trouble: ActiveFaults) -> tuple[float, float]:

@@ -91,7 +91,7 @@ def _series(coefficients: tuple[float, ...], square: Numbers) -> Numbers:
 class Rows:
     """Endless rows of random numbers of one source."""
 
-    __slots__ = ("_bits", "_left", "_numbers", "_width")
+    __slots__ = ("_at", "_bits", "_block", "_numbers", "_width")
 
     def __init__(
         self, bits: np.random.PCG64, numbers: Callable[[Bits], Numbers], width: int
@@ -99,14 +99,17 @@ class Rows:
         self._bits = bits
         self._numbers = numbers
         self._width = width
-        self._left: list[list[float]] = []
+        self._block: list[float] = []
+        self._at = 0
 
     def next(self) -> list[float]:
         """Return the next row."""
-        if not self._left:
-            block = self._numbers(self._bits.random_raw(BLOCK_ROWS * self._width))
-            self._left = block.reshape(BLOCK_ROWS, self._width).tolist()[::-1]
-        return self._left.pop()
+        at = self._at
+        if at == len(self._block):
+            self._block = self._numbers(self._bits.random_raw(BLOCK_ROWS * self._width)).tolist()
+            at = 0
+        self._at = at + self._width
+        return self._block[at : self._at]
 
 
 def gaussian_rows(seed: int, robot: int, source: str, width: int) -> Rows:

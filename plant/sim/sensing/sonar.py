@@ -3,7 +3,6 @@
 Even sonars ping half a period before the stamp of the scan, odd ones at the stamp.
 """
 
-from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from plant.model.body import Body
@@ -16,6 +15,9 @@ from plant.sim.sensing.surfaces import SONARS
 EARLY_US: Final = 25_000
 PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))
 ALL: Final = (1 << SONARS) - 1
+
+ROUNDING: Final = 1.5 * 2.0**52
+"""A number plus this minus this is rounded as by `round`, which would dominate the ring's cost."""
 
 
 class Reading(NamedTuple):
@@ -46,7 +48,7 @@ class Ring:
         self._fault_chances = uniform_rows(seed, robot, "sonar fault", SONARS)
         self._last = SILENT
 
-    def read(self, nearness: Sequence[float], trouble: SonarFaults | None) -> Reading:
+    def read(self, nearness: list[float], trouble: SonarFaults | None) -> Reading:
         """Return one scan; `nearness` per sonar in the order of `raycast.ORDER`."""
         reading = self._measured(nearness)
         if trouble is not None:
@@ -54,16 +56,18 @@ class Ring:
         self._last = reading
         return reading
 
-    def _measured(self, nearness: Sequence[float]) -> Reading:
+    def _measured(self, nearness: list[float]) -> Reading:
         errors, chances, ghosts = self._errors.next(), self._chances.next(), self._ghosts.next()
         range_mm = [0] * SONARS
         echo = 0
         least_nearness, rim_m, most_m = self._least_nearness, self._rim_m, self._most_m
         least_mm, most_mm, untrue = self._least_mm, self._most_mm, self._untrue
         sigma_m, sigma_ratio = self._sigma_m, self._sigma_ratio
-        for sonar, near in zip(ORDER, nearness, strict=True):
-            if chances[sonar] < untrue:
-                if chances[sonar] < self._lost:
+        for place in range(SONARS):
+            sonar, near = ORDER[place], nearness[place]
+            chance = chances[sonar]
+            if chance < untrue:
+                if chance < self._lost:
                     continue
                 range_m = 1.0 / near - rim_m if near >= least_nearness else most_m
                 range_m = self._least_m + ghosts[sonar] * (range_m - self._least_m)
@@ -73,7 +77,7 @@ class Ring:
             else:
                 continue
             # Comparisons: min() and max() would dominate the cost of the ring.
-            read_mm = round(range_m * 1e3)
+            read_mm = int(range_m * 1e3 + ROUNDING - ROUNDING)
             if read_mm > most_mm:
                 read_mm = most_mm
             range_mm[sonar] = read_mm if read_mm > least_mm else least_mm
