@@ -1,88 +1,65 @@
 """`python -m benchmarks.lockstep.page --before FILE... --after FILE...`: compare two versions.
 
-The files are outputs of `sidestep bench breakdown --json`. The page, docs/evidence/lockstep.md,
-shows the medians of all repetitions in them.
+The files are outputs of `sidestep bench NAME --json`, for one or several benchmarks. This writes
+the tables of docs/evidence/lockstep.md: medians over all repetitions in the files.
 """
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
 from verification.harness.figures import digits
 
-INTRODUCTION: Final = """# A tick in lockstep
+PAGE: Final = Path("docs/evidence/lockstep.md")
+BEGIN: Final = "<!-- begin: benchmarks.lockstep.page -->\n"
+END: Final = "<!-- end: benchmarks.lockstep.page -->\n"
 
-Where the time of a tick goes when plant, robot and ground run as three processes in lockstep over
-Zenoh, before and after it was shortened. Each version was measured by
-
-```sh
-sidestep bench breakdown --json > FILE
-```
-
-in turn with the other one; `python -m benchmarks.lockstep.page --before FILE... --after FILE...`
-wrote the page. The figures are medians of all repetitions, with minimum and maximum. The stages
-follow one another and add up to the tick. The CPU times count all threads, also those that work
-beside the stages. The note of a time costs about 0.3 us; there are about 30 in a tick.
-"""
-
-CAUSES: Final = """## What was changed
-
-The gains are those of alternating runs of two versions, of the median tick unless another measure
-is named.
-
-- A thread of Zenoh keeps its Python state: 16 %. Python created and deleted a state for each
-  callback, which maps and unmaps memory and so interrupts the other processor.
-- One thread of Zenoh polls the sockets and receives: 4 %. Before, one woke another.
-- Threads, saved replies and rejected frames are looked after behind the command: 10 %
-  of the CPU time of robot and plant.
-- In lockstep the receiving thread runs the control cycle: 8 to 14 %. Before, it woke the control
-  thread.
-
-All messages and rates are as before.
-
-## What was tried and not kept
-
-- A wake-up through an event descriptor instead of a lock: no difference.
-- The scheduling class SCHED_BATCH: 15 % less CPU time, but a tick took more than twice as long
-  beside busy processes.
-- One thread that receives and sends: no gain, and a full queue could wait for itself.
-- Plant and robot each on a processor of its own: 14 %, but then the scheduler has no choice.
-- The plant's step in its receiving thread: 6 %. It needs a second structure of the plant's loop.
-- Wheel ticks sent before the sonar is computed: no gain once the receiving thread runs the cycle.
-- Faster encoding and decoding: they take 1 to 2 us per message with warm caches.
-
-What is left above a trial and a bare round trip is mostly Python code with cold caches: core and
-plant take almost twice as long as in a trial, and each hand-over to a sleeping thread takes 20 to
-30 us.
-"""
+Reports = dict[str, dict[str, Any]]
+"""One report of each benchmark, by its name."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the page."""
+    """Rewrite the tables of the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.lockstep.page", description=__doc__)
     parser.add_argument("--before", type=Path, nargs="+", required=True)
     parser.add_argument("--after", type=Path, nargs="+", required=True)
-    parser.add_argument("--output", type=Path, default=Path("docs/evidence/lockstep.md"))
+    parser.add_argument("--page", type=Path, default=PAGE)
     options = parser.parse_args(argv)
     before, after = merged(options.before), merged(options.after)
-    text = "\n".join((INTRODUCTION, table(before, after), CAUSES))
-    options.output.write_text(text, encoding="utf-8")
+    text = options.page.read_text(encoding="utf-8")
+    options.page.write_text(with_tables(text, before, after), encoding="utf-8")
     return 0
 
 
-def merged(files: Sequence[Path]) -> dict[str, Any]:
-    """Return the first report with the values of all, and the machine of each."""
-    reports: list[dict[str, Any]] = [json.loads(file.read_text("utf-8")) for file in files]
-    found = reports[0]
-    for figure, *others in zip(*(report["figures"] for report in reports), strict=True):
-        for other in others:
+def merged(files: Sequence[Path]) -> Reports:
+    """Return the reports, those of one benchmark as one with the values and loads of all."""
+    found: Reports = {}
+    for file in files:
+        report: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        first = found.setdefault(report["benchmark"], report)
+        if first is report:
+            continue
+        for figure, other in zip(first["figures"], report["figures"], strict=True):
             figure["values"] += other["values"]
-    loads = [report["machine"]["load"] for report in reports]
-    found["machine"]["load"] = ", ".join(loads)
+        first["machine"]["load"] += f", {report['machine']['load']}"
     return found
+
+
+def with_tables(page: str, before: Reports, after: Reports) -> str:
+    """Return the page with new tables between its marks."""
+    head, begin, rest = page.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"the page has no {BEGIN.strip()} and {END.strip()}")
+    tables = "\n".join(
+        f"## sidestep bench {name}\n\n{table(before[name], after[name])}"
+        for name in after
+        if name in before
+    )
+    return f"{head}{begin}\n{tables}\n{end}{tail}"
 
 
 def table(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
@@ -94,11 +71,16 @@ def table(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:
         for figure in after["figures"]
         if figure["name"] in former
     ]
-    notes = [f"- {note}" for note in after["notes"]]
+    return "\n".join([*lines, "", *notes_of(before, after), ""])
+
+
+def notes_of(before: Mapping[str, Any], after: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the notes of the report, and the machine of both as list items."""
+    for note in after["notes"]:
+        yield f"- {note}"
     for name, report in (("before", before), ("after", after)):
         machine = ", ".join(f"{key} {value}" for key, value in report["machine"].items())
-        notes.append(f"- {name}: {machine}")
-    return "\n".join([*lines, "", *notes, ""])
+        yield f"- {name}: {machine}"
 
 
 def cell(figure: Mapping[str, Any]) -> str:
