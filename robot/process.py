@@ -1,8 +1,8 @@
 """The robot process: one control cycle per tick, with requests handled in between."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from queue import SimpleQueue
 from typing import Final
 
@@ -28,6 +28,7 @@ from robot.teleop import operator_twist
 from robot.vehicle import Vehicle
 from runtime.clock import Clock, Tick
 from runtime.errors import LocalError
+from runtime.lockstep import LockstepLoop
 
 SERVICES: Final = (COMMAND, PARAMETER, PARAMETERS, LEASE_SERVICE, MISSION_SERVICE)
 MAX_WAITING: Final = 64
@@ -46,7 +47,8 @@ STOPPED: Final = ack(Command.DO_FLIGHTTERMINATION, reasons.OK)
 class RobotProcess:
     """Connects a vehicle to a bus and a clock.
 
-    All work is done in one thread; the threads of the bus only enqueue. An emergency stop has its
+    All work is done in one thread at a time; the threads of the bus only enqueue, except that in
+    lockstep the thread that receives the plant's clock runs the cycles. An emergency stop has its
     own path: a thread of the bus sets a latch, which the loop reads before anything else. `restart`
     ends the loop when an operator asks for a restart; a supervisor then starts the process again.
     """
@@ -132,12 +134,22 @@ class RobotProcess:
 
         Call `finish` afterwards.
         """
-        reason = reasons.SHUT_DOWN
-        try:
+        with self._braked_at_the_end():
             for tick in grid:
                 self.cycle(tick)
                 if self._stopping:
                     break
+
+    def run_lockstep(self, loop: LockstepLoop) -> None:
+        """Run the cycles of a loop until it is stopped; otherwise as `run`."""
+        with self._braked_at_the_end():
+            loop.run(self.cycle)
+
+    @contextmanager
+    def _braked_at_the_end(self) -> Iterator[None]:
+        reason = reasons.SHUT_DOWN
+        try:
+            yield
         except Exception as error:
             reason = reasons.CORE_EXCEPTION
             self.vehicle.announce(

@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from time import time
 from typing import Final
 
@@ -24,7 +25,7 @@ from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
 from runtime.arrivals import Pulse
 from runtime.clock import SLACK, Tick, WallClock, freeze_heap, ticks
-from runtime.lockstep import LockstepClock
+from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.timing import CONTROL_HZ, PERIOD_NS, UINT32
 from runtime.watchdog import Watchdog
 
@@ -57,9 +58,9 @@ def run(
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
         report_previous_run(vehicle, robot, previous, options.after)
-        begin = in_lockstep if options.lockstep else in_wall_time
+        begin = in_lockstep if options.lockstep else by_the_wall_clock
         watchdog = Watchdog(trace=previous.trace)
-        process, grid = begin(vehicle, bus, watchdog.reset, epoch())
+        process, run_loop = begin(vehicle, bus, watchdog)
         apply_options(vehicle, options)
         for words in vehicle.restored:
             log_line(f"robot {robot}: {words}")
@@ -70,7 +71,7 @@ def run(
                 watchdog,
                 audited_connections(bus, lambda line: log_line(f"robot {robot}: {line}")),
             ):
-                process.run(watchdog.reset_by(grid))
+                run_loop()
         except Exception as error:
             end = f"ended by a core exception ({summary_of(error)})"
             raise
@@ -95,9 +96,15 @@ def log_line(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
-def in_wall_time(
-    vehicle: Vehicle, bus: Bus, _idle: Callable[[], None], epoch: int = 0
-) -> tuple[RobotProcess, Iterator[Tick]]:
+def by_the_wall_clock(
+    vehicle: Vehicle, bus: Bus, watchdog: Watchdog
+) -> tuple[RobotProcess, Callable[[], None]]:
+    """Return a process and the function that runs it until it is stopped."""
+    process, grid = in_wall_time(vehicle, bus, epoch())
+    return process, partial(process.run, watchdog.reset_by(grid))
+
+
+def in_wall_time(vehicle: Vehicle, bus: Bus, epoch: int) -> tuple[RobotProcess, Iterator[Tick]]:
     """Return a process and ticks that are phase-locked to arriving scans."""
     clock, pulse = WallClock(), Pulse()
     senses = Senses(bus, lockstep=False, beat=pulse.beat, accept=vehicle.lease.allows)
@@ -110,34 +117,30 @@ def in_wall_time(
 
 
 def in_lockstep(
-    vehicle: Vehicle, bus: Bus, idle: Callable[[], None], epoch: int = 0
-) -> tuple[RobotProcess, Iterator[Tick]]:
-    """Return a process and ticks driven by the plant's clock.
+    vehicle: Vehicle, bus: Bus, watchdog: Watchdog
+) -> tuple[RobotProcess, Callable[[], None]]:
+    """Return a process that the plant's clock drives, and the function that runs it.
 
-    While the clock pauses, requests are answered and `idle` is called.
+    While the clock pauses, requests are answered and the watchdog is reset.
     """
 
-    def between() -> None:
-        idle()
+    def idle() -> None:
+        watchdog.reset()
         process.idle()
 
-    clock = LockstepClock(patience_s=IDLE_S, idle=between)
+    clock = LockstepClock()
+    loop = LockstepLoop(clock, watchdog.reset_by(ticks(clock, CONTROL_HZ)), idle, IDLE_S)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows, clock=clock)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
-
-    def stop() -> None:
-        process.stop()
-        clock.stop()
-
-    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch, stop)
-    process.serve(nudge=clock.nudge)
-    drive_clock(clock, bus)
-    on_signal(stop)
-    return process, ticks(clock, CONTROL_HZ)
+    process = RobotProcess(vehicle, bus, clock, senses, meter, epoch(), loop.stop)
+    process.serve(nudge=loop.nudge)
+    drive_clock(loop, bus)
+    on_signal(loop.stop)
+    return process, partial(process.run_lockstep, loop)
 
 
-def drive_clock(clock: LockstepClock, bus: Bus) -> None:
-    """Advance `clock` by the plant's clock frames.
+def drive_clock(loop: LockstepLoop, bus: Bus) -> None:
+    """Advance the clock of a loop by the plant's clock frames.
 
     Frames that cannot be read are counted; the time then pauses, which is safe.
     """
@@ -149,7 +152,7 @@ def drive_clock(clock: LockstepClock, bus: Bus) -> None:
             return
         stamp_ns = newest[0].time_unix_usec * 1000
         if stamp_ns < MAX_STAMP_NS:
-            clock.advance_to(stamp_ns)
+            loop.advance_to(stamp_ns)
 
     frames = bus.mailbox(CLOCK, notify=take)
     take(0)  # a frame that arrived before the mailbox existed

@@ -1,9 +1,11 @@
 """A clock that advances only with the simulation, so that runs are reproducible bit by bit."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from threading import Lock
 
 from runtime.arrivals import WakeUp
+from runtime.clock import Tick
 from runtime.errors import ClockStoppedError
 from runtime.timing import PERIOD_NS
 
@@ -14,24 +16,12 @@ class LockstepClock:
     After a restart of the plant its stamps begin again, but the time goes on: it is the stamp plus
     `offset_ns`, and `restarts` counts these restarts.
 
-    `advance_to` and `stop` are thread-safe. If no stamp arrives for `patience_s` of wall time, a
-    waiting thread raises ClockStoppedError. With `idle` it calls that instead, and also at each
-    `nudge`, so that it can do other work.
+    It does not wait: a thread that would have to wait for a stamp raises ClockStoppedError.
     """
 
-    def __init__(
-        self,
-        start_ns: int = 0,
-        patience_s: float | None = None,
-        idle: Callable[[], None] | None = None,
-    ) -> None:
+    def __init__(self, start_ns: int = 0) -> None:
         self._time_ns: int | None = None
         self._start_ns = start_ns
-        self._patience_s = patience_s
-        self._idle = idle
-        self._nudged = False
-        self._stopped = False
-        self._change = WakeUp()
         self.offset_ns = self.restarts = 0
 
     def now_ns(self) -> int:
@@ -52,31 +42,85 @@ class LockstepClock:
             time_ns = stamp_ns + self.offset_ns
         if before_ns is None or time_ns > before_ns:
             self._time_ns = time_ns
-            self._change.wake()
-
-    def nudge(self) -> None:
-        """Make the waiting thread call `idle` now, if set."""
-        self._nudged = self._idle is not None
-        self._change.wake()
-
-    def stop(self) -> None:
-        """Stop the time: threads that wait, now or later, raise ClockStoppedError."""
-        self._stopped = True
-        self._change.wake()
 
     def sleep_until(self, deadline_ns: int) -> None:
-        """Wait for a stamp of at least `deadline_ns`; raise ClockStoppedError after `stop`."""
-        while not self._reached(deadline_ns):
-            if self._stopped:
-                raise ClockStoppedError("the clock was stopped")
-            if self._nudged or not self._change.wait(self._patience_s):
-                self._nudged = False
-                self._do_something_else()
+        """Return if a stamp of at least `deadline_ns` has arrived; raise ClockStoppedError."""
+        if not self.reached(deadline_ns):
+            raise ClockStoppedError(f"no stamp of {deadline_ns} ns has arrived")
 
-    def _do_something_else(self) -> None:
-        if self._idle is None:
-            raise ClockStoppedError(f"no sensor frames for {self._patience_s} s")
-        self._idle()
+    def reached(self, time_ns: int) -> bool:
+        """Return whether a stamp of at least `time_ns` has arrived."""
+        return self._time_ns is not None and self._time_ns >= time_ns
 
-    def _reached(self, deadline_ns: int) -> bool:
-        return self._time_ns is not None and self._time_ns >= deadline_ns
+
+class LockstepLoop:
+    """Runs a control cycle in the thread that advances the clock.
+
+    To hand each cycle over to another thread would cost a tenth of the time of a tick. The thread
+    that calls `run` does the work in between: it calls `idle` at each `nudge`, and whenever no
+    cycle has run for `patience_s` of wall time. A lock keeps the two apart.
+    """
+
+    def __init__(
+        self,
+        clock: LockstepClock,
+        grid: Iterator[Tick],
+        idle: Callable[[], None],
+        patience_s: float,
+    ) -> None:
+        """Create the loop; `grid` is that of `clock`."""
+        self._clock = clock
+        self._grid = grid
+        self._idle = idle
+        self._patience_s = patience_s
+        self._due_ns = 0
+        self._cycle: Callable[[Tick], None] | None = None
+        self._error: Exception | None = None
+        self._cycles = 0
+        self._stopped = False
+        self._lock = Lock()
+        self._nudged = WakeUp()
+
+    def advance_to(self, stamp_ns: int) -> None:
+        """Advance the clock and run the cycle that is due; thread-safe."""
+        with self._lock:
+            self._clock.advance_to(stamp_ns)
+            self._run_due()
+
+    def nudge(self) -> None:
+        """Call `idle` soon; returns at once, from any thread."""
+        self._nudged.wake()
+
+    def stop(self) -> None:
+        """End `run`; returns at once, from any thread and from a signal handler."""
+        self._stopped = True
+        self._nudged.wake()
+
+    def run(self, cycle: Callable[[Tick], None]) -> None:
+        """Run cycles until stopped; raise the error of a cycle. No cycle runs after the return."""
+        with self._lock:
+            self._cycle = cycle
+            self._run_due()
+        while not self._stopped:
+            before = self._cycles
+            nudged = self._nudged.wait(self._patience_s)
+            with self._lock:
+                if not self._stopped and (nudged or self._cycles == before):
+                    self._idle()
+        with self._lock:
+            self._cycle = None
+        if self._error is not None:
+            raise self._error
+
+    def _run_due(self) -> None:
+        """Run the cycle if its time has come; keep its error for `run`."""
+        if self._cycle is None or self._stopped or not self._clock.reached(self._due_ns):
+            return
+        try:
+            tick = next(self._grid)
+            self._due_ns = tick.due_ns + PERIOD_NS
+            self._cycles += 1
+            self._cycle(tick)
+        except Exception as error:
+            self._error = error
+            self.stop()

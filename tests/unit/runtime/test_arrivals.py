@@ -11,8 +11,9 @@ import pytest
 
 from plant.process.loop import Wake
 from runtime.arrivals import Pulse, WakeUp
-from runtime.errors import ClockStoppedError
-from runtime.lockstep import LockstepClock
+from runtime.clock import ticks
+from runtime.lockstep import LockstepClock, LockstepLoop
+from runtime.timing import CONTROL_HZ
 from runtime.units import NS_PER_S
 
 WAIT_S = 0.02
@@ -95,13 +96,9 @@ def waits_of_pulse() -> tuple[Callable[[], object], Callable[[], None]]:
 
 
 def waits_of_lockstep() -> tuple[Callable[[], object], Callable[[], None]]:
-    clock = LockstepClock(patience_s=WAIT_S)
-
-    def wait() -> None:
-        with pytest.raises(ClockStoppedError, match="no sensor frames"):
-            clock.sleep_until(1)
-
-    return wait, clock.stop
+    clock = LockstepClock()
+    loop = LockstepLoop(clock, ticks(clock, CONTROL_HZ), lambda: loop.stop(), WAIT_S)
+    return lambda: loop.run(lambda _tick: None), loop.stop
 
 
 def waits_of_plant() -> tuple[Callable[[], object], Callable[[], None]]:

@@ -1,6 +1,5 @@
 """Clocks, and the fixed grid without a pulse."""
 
-import threading
 from itertools import islice, pairwise
 
 import pytest
@@ -87,13 +86,14 @@ def test_lockstep_time_goes_on_after_a_restart_of_the_plant() -> None:
     assert clock.restarts == 1
 
 
-def test_lockstep_waits_for_a_stamp_from_another_thread() -> None:
+def test_lockstep_clock_does_not_wait_for_a_stamp() -> None:
     clock = LockstepClock()
-    feeder = threading.Thread(target=clock.advance_to, args=(50 * MS,))
-    feeder.start()
+    with pytest.raises(ClockStoppedError, match="no stamp of 0 ns"):
+        clock.sleep_until(0)
+    clock.advance_to(50 * MS)
     clock.sleep_until(50 * MS)
-    feeder.join()
-    assert clock.now_ns() == 50 * MS
+    with pytest.raises(ClockStoppedError):
+        clock.sleep_until(50 * MS + 1)
 
 
 def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
@@ -105,26 +105,3 @@ def test_a_lockstep_loop_makes_one_tick_per_stamp() -> None:
         seen.append(next(grid))
     assert [(t.index, t.due_ns, t.late_ns) for t in seen] == [(n, n * 50 * MS, 0) for n in range(4)]
     assert seen[-1].missed == 0
-
-
-def test_waiting_on_a_stopped_lockstep_clock_raises() -> None:
-    clock = LockstepClock()
-    threading.Thread(target=clock.stop).start()
-    with pytest.raises(ClockStoppedError, match="stopped"):
-        clock.sleep_until(50 * MS)
-    with pytest.raises(ClockStoppedError):
-        clock.sleep_until(50 * MS)
-
-
-def test_a_loop_ends_when_its_clock_is_stopped() -> None:
-    clock = LockstepClock()
-    clock.advance_to(0)
-    grid = ticks(clock, 20.0)
-    assert next(grid).index == 0
-    clock.stop()
-    assert list(grid) == []
-
-
-def test_patience_limits_the_wait_for_sensor_frames() -> None:
-    with pytest.raises(ClockStoppedError, match=r"no sensor frames for 0\.01 s"):
-        LockstepClock(patience_s=0.01).sleep_until(0)

@@ -1,77 +1,179 @@
-"""Waiting in lockstep: the waiting thread can do other work while the time pauses."""
+"""Cycles in lockstep run in the thread that advances the clock; other work runs in between."""
 
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import count
 
 import pytest
 
-from runtime.errors import ClockStoppedError
-from runtime.lockstep import LockstepClock
+from runtime.clock import Tick, ticks
+from runtime.lockstep import LockstepClock, LockstepLoop
+from runtime.timing import CONTROL_HZ, PERIOD_NS
+from tests.support.until import until
 
-MS = 1_000_000
-
-
-def test_idle_is_called_after_the_patience() -> None:
-    clock = LockstepClock(patience_s=0.001, idle=lambda: clock.advance_to(50 * MS))
-    clock.sleep_until(50 * MS)
-    assert clock.now_ns() == 50 * MS
+NEVER_S = 60.0
 
 
-def test_nudge_calls_idle_without_advancing_time() -> None:
-    stamps: list[int] = []
+class Room:
+    """A loop whose cycles and idle calls are noted, each with its thread."""
 
-    def idle() -> None:
-        stamps.append(clock.now_ns())
-        clock.advance_to(50 * MS)
+    def __init__(self, patience_s: float = NEVER_S) -> None:
+        self.clock = LockstepClock()
+        self.loop = LockstepLoop(
+            self.clock, ticks(self.clock, CONTROL_HZ), self._note_idle, patience_s
+        )
+        self.cycles: list[tuple[Tick, int]] = []
+        self.idle: list[int] = []
+        self.on_cycle: Callable[[], None] = lambda: None
+        self.on_idle: Callable[[], None] = lambda: None
+        self.error: Exception | None = None
 
-    clock = LockstepClock(idle=idle)
-    nudger = threading.Thread(target=clock.nudge)
-    nudger.start()
-    clock.sleep_until(50 * MS)
-    nudger.join()
-    assert stamps == [0]
+    def run(self) -> None:
+        try:
+            self.loop.run(self._note_cycle)
+        except Exception as error:
+            self.error = error
 
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Run the loop in another thread until the block ends."""
+        runner = threading.Thread(target=self.run)
+        runner.start()
+        self.loop.nudge()
+        until(lambda: self.idle or not runner.is_alive(), what="the loop runs")
+        try:
+            yield
+        finally:
+            self.loop.stop()
+            runner.join()
 
-def test_a_nudge_before_the_wait_is_not_lost() -> None:
-    called: list[str] = []
+    def _note_cycle(self, tick: Tick) -> None:
+        self.cycles.append((tick, threading.get_ident()))
+        self.on_cycle()
 
-    def idle() -> None:
-        called.append("idle")
-        clock.stop()
-
-    clock = LockstepClock(idle=idle)
-    clock.nudge()
-    with pytest.raises(ClockStoppedError):
-        clock.sleep_until(50 * MS)
-    assert called == ["idle"]
-
-
-def test_reached_stamp_has_priority_over_nudge_and_stop() -> None:
-    clock = LockstepClock(idle=lambda: pytest.fail("nothing to wait for"))
-    clock.advance_to(50 * MS)
-    clock.nudge()
-    clock.stop()
-    clock.sleep_until(50 * MS)
-
-
-def test_nudge_without_idle_has_no_effect() -> None:
-    clock = LockstepClock()
-    clock.nudge()
-    threading.Thread(target=clock.advance_to, args=(0,)).start()
-    clock.sleep_until(0)
-    assert clock.now_ns() == 0
+    def _note_idle(self) -> None:
+        self.idle.append(threading.get_ident())
+        self.on_idle()
 
 
-def test_nudges_before_one_wait_count_as_one() -> None:
-    nudges = count(1)
+def test_a_cycle_runs_in_the_thread_that_advances_the_clock() -> None:
+    room = Room()
+    with room.running():
+        room.loop.advance_to(0)
+        room.loop.advance_to(PERIOD_NS)
+    assert [tick.index for tick, _ in room.cycles] == [0, 1]
+    assert {thread for _, thread in room.cycles} == {threading.get_ident()}
+    assert threading.get_ident() not in room.idle
 
-    def idle() -> None:
-        clock.nudge()
-        clock.nudge()
-        if next(nudges) == 1000:
-            clock.advance_to(50 * MS)
 
-    clock = LockstepClock(idle=idle)
-    clock.nudge()
-    clock.sleep_until(50 * MS)
-    assert next(nudges) == 1001
+def test_a_repeated_stamp_runs_no_cycle() -> None:
+    room = Room()
+    with room.running():
+        room.loop.advance_to(0)
+        room.loop.advance_to(0)
+        room.loop.advance_to(PERIOD_NS - 1)
+    assert len(room.cycles) == 1
+
+
+def test_skipped_periods_are_counted_as_missed() -> None:
+    room = Room()
+    with room.running():
+        room.loop.advance_to(0)
+        room.loop.advance_to(3 * PERIOD_NS)
+        room.loop.advance_to(4 * PERIOD_NS)
+    assert [(tick.index, tick.missed) for tick, _ in room.cycles] == [(0, 0), (3, 2), (4, 2)]
+
+
+def test_a_stamp_before_the_run_is_made_up_for() -> None:
+    room = Room()
+    room.loop.advance_to(5 * PERIOD_NS)
+    with room.running():
+        assert [tick.missed for tick, _ in room.cycles] == [0]
+
+
+def test_a_restarted_plant_goes_on_with_the_next_period() -> None:
+    room = Room()
+    with room.running():
+        room.loop.advance_to(7 * PERIOD_NS)
+        room.loop.advance_to(0)
+    assert [tick.missed for tick, _ in room.cycles] == [0, 0]
+    assert room.clock.now_ns() == 8 * PERIOD_NS
+
+
+def test_idle_is_called_while_no_cycle_runs() -> None:
+    room = Room(patience_s=0.001)
+    with room.running():
+        until(lambda: len(room.idle) > 3, what="idle calls")
+    assert not room.cycles
+
+
+def test_nudge_before_the_run_is_not_lost() -> None:
+    room = Room()
+    room.on_idle = room.loop.stop
+    room.loop.nudge()
+    room.run()
+    assert len(room.idle) == 1
+
+
+def test_nudges_before_one_idle_call_count_as_one() -> None:
+    room, left = Room(), count(1)
+
+    def nudge_twice() -> None:
+        room.loop.nudge()
+        room.loop.nudge()
+        if next(left) == 1000:
+            room.loop.stop()
+
+    room.on_idle = nudge_twice
+    room.loop.nudge()
+    room.run()
+    assert len(room.idle) == 1000
+
+
+def test_no_cycle_and_no_idle_call_after_stop() -> None:
+    room = Room()
+    room.loop.stop()
+    room.loop.nudge()
+    room.run()
+    room.loop.advance_to(0)
+    assert (room.cycles, room.idle) == ([], [])
+
+
+def test_an_error_in_a_cycle_ends_the_run_and_is_raised_there() -> None:
+    room = Room()
+
+    def fail() -> None:
+        raise ZeroDivisionError("in the core")
+
+    room.on_cycle = fail
+    with room.running():
+        room.loop.advance_to(0)
+        room.loop.advance_to(PERIOD_NS)
+    assert isinstance(room.error, ZeroDivisionError)
+    assert len(room.cycles) == 1
+
+
+def test_an_idle_call_waits_for_the_cycle_under_way() -> None:
+    room, entered, may_go_on = Room(), threading.Event(), threading.Event()
+
+    def wait() -> None:
+        entered.set()
+        assert may_go_on.wait(10.0)
+
+    with room.running():
+        room.on_cycle = wait
+        before = len(room.idle)
+        advancing = threading.Thread(target=room.loop.advance_to, args=(0,))
+        advancing.start()
+        assert entered.wait(10.0)
+        room.loop.nudge()
+        assert len(room.idle) == before
+        may_go_on.set()
+        advancing.join()
+        until(lambda: len(room.idle) > before, what="the idle call")
+
+
+def test_grid_ends_instead_of_waiting_for_a_stamp() -> None:
+    with pytest.raises(StopIteration):
+        next(ticks(LockstepClock(), CONTROL_HZ))

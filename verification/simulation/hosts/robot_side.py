@@ -114,7 +114,7 @@ class RobotSide:
             vehicle.announce(4, warning)
         bus = self.bus = open_bus(Network(), Role.ROBOT, self.robot, self.host.now_ns)
         claim(bus, [self.robot])
-        process, grid = robot_run.in_wall_time(vehicle, bus, lambda: None, robot_run.epoch())
+        process, grid = robot_run.in_wall_time(vehicle, bus, robot_run.epoch())
         self._observer.restored(vehicle)
         clock: Any = process._clock
         self.clock = clock
