@@ -150,6 +150,8 @@ generate-docs: setup
 	mv docs/evidence/state-diagram.md.new docs/evidence/state-diagram.md
 	"$(BIN)/python" -m verification.mutation --document >docs/evidence/mutants.md.new
 	mv docs/evidence/mutants.md.new docs/evidence/mutants.md
+	"$(BIN)/python" -m benchmarks.board.page >docs/evidence/microcontroller.md.new
+	mv docs/evidence/microcontroller.md.new docs/evidence/microcontroller.md
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build *.egg-info

@@ -33,10 +33,6 @@ BENCHMARKS = {
         "benchmarks.core",
         "CPU time of one step of the control core",
     ),
-    "budget": BenchmarkEntry(
-        "benchmarks.mcu_cost.budget",
-        "modelled cost of one step on the LPC1768: operations x cycles, and memory",
-    ),
     "codec": BenchmarkEntry(
         "benchmarks.codec",
         "encode and decode, compared with pymavlink",

@@ -1,119 +1,175 @@
 """Measure the core on the emulated board: `python -m benchmarks.board.measure`.
 
-Trials drive with every navigator through worlds. Each tick's instructions are counted and its
-cycles modelled by the plugin; the board itself reports heap, allocation and stack.
+Trials drive with every navigator through all worlds, and the scenarios found by `hardest` follow.
+Each tick's instructions are counted and its cycles modelled by the plugin; the board itself reports
+heap, allocation and stack. A drive that was measured with the same image is not repeated. Exits
+with 1 if a trajectory differs from that of the core in this process, or a ceiling is exceeded.
 """
 
 import argparse
-import json
+import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from functools import partial
+from itertools import product
 from pathlib import Path
 from statistics import median
+from time import monotonic
+from typing import Final
 
+from benchmarks.board import hardest
 from benchmarks.board.counted import CountedBoard, counted, milliseconds
+from benchmarks.board.results import COSTS, Build, Cost, Costs, excesses, read, write
+from benchmarks.board.scenarios import Scenario, run_scenario
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
-from protocol.wire.messages import BoardHello, BoardReport
+from protocol.wire.messages import BoardReport
 from robot.core.values import Outputs
+from robot.hosting.in_process import InProcessCore
 from robot.hosting.on_board import BoardCore
-from robot.mcu.image import IMAGE, IMAGES
+from robot.mcu.board import Board
+from robot.mcu.image import IMAGE
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
+from verification.same_bits.board import SHOWN, image_hash
 
-RESULTS = Path(__file__).resolve().parents[2] / "docs" / "evidence" / "microcontroller.json"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
-    """Cost of one trial: times modelled in milliseconds, memory in bytes."""
-
-    navigator: str
-    world: str
-    ticks: int
-    equal: bool
-    instructions: int
-    command_ms: float
-    median_ms: float
-    worst_ms: float
-    cycles_per_instruction: float
-    heap_live: int
-    heap_peak: int
-    allocated: int
-    stack: int
+NOISE: Final = "default"
+SEED: Final = 1
+LIMIT_S: Final = 20.0
 
 
-def measure(
-    navigator: str, world: str, timeout_s: float, variant: str
-) -> tuple[Measured, BoardHello]:
-    """Run one trial on a counted board, and in this process for comparison."""
-    trial = Trial(world=load(world), navigator=navigator, seed=1, timeout_s=timeout_s)
+def measure_drive(
+    world: str, navigator: str, limit_s: float, last_s: float = float("inf")
+) -> Cost | None:
+    """Measure one trial on a board; None if it is too late to start."""
+    if monotonic() > last_s:
+        return None
+    trial = Trial(world=load(world), navigator=navigator, noise=NOISE, seed=SEED, timeout_s=limit_s)
     reports: list[BoardReport] = []
 
     def watch(plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
         assert isinstance(onboard.core, BoardCore)
-        assert onboard.core.cost is not None
-        reports.append(onboard.core.cost)
+        reports.append(report_of(onboard.core))
 
-    with counted(IMAGES[variant].elf) as found:
+    with counted(IMAGE.elf) as found:
         outcome = run_trial(trial, watch, partial(BoardCore, found.board))
-        hello = found.board.hello
     equal = outcome.digest == run_trial(trial).digest
-    return summary(trial, equal, reports, found), hello
+    return summary(navigator, world, equal, reports, found)
+
+
+def measure_scenario(navigator: str, number: int, ticks: int) -> Cost:
+    """Measure one scenario of the search on a board."""
+    scenario = Scenario(navigator, number)
+    ours = InProcessCore(scenario.params())
+    expected = [ours.state.odometry.pose for _ in run_scenario(ours, scenario.body(), ticks)]
+    reports, driven = [], []
+    with counted(IMAGE.elf) as found:
+        core = BoardCore(found.board, scenario.params())
+        for _ in run_scenario(core, scenario.body(), ticks):
+            driven.append(core.state.odometry.pose)
+            reports.append(report_of(core))
+    return summary(navigator, f"search {number}", driven == expected, reports, found)
+
+
+def report_of(core: BoardCore) -> BoardReport:
+    """Return the board's report of the last tick."""
+    assert core.cost is not None
+    return core.cost
 
 
 def summary(
-    trial: Trial, equal: bool, reports: Sequence[BoardReport], found: CountedBoard
-) -> Measured:
-    """Return the figures of a trial; the first tick also sets the core up and is left out."""
+    navigator: str, world: str, equal: bool, reports: Sequence[BoardReport], found: CountedBoard
+) -> Cost:
+    """Return the figures of a drive; the first tick also sets the core up and is left out."""
     ticks = found.ticks[1:]
     cycles = sum(tick.whole_cycles for tick in ticks)
     instructions = sum(tick.whole_instructions for tick in ticks)
-    return Measured(
-        navigator=trial.navigator,
-        world=trial.world.name,
+    return Cost(
+        navigator=navigator,
+        world=world,
         ticks=len(reports),
         equal=equal,
-        instructions=max(tick.whole_instructions for tick in ticks),
-        command_ms=max(milliseconds(tick.command_cycles) for tick in ticks),
-        median_ms=median(milliseconds(tick.whole_cycles) for tick in ticks),
-        worst_ms=max(milliseconds(tick.whole_cycles) for tick in ticks),
-        cycles_per_instruction=cycles / instructions,
+        command_instructions=max(tick.command_instructions for tick in ticks),
+        whole_instructions=max(tick.whole_instructions for tick in ticks),
+        command_ms=round(max(milliseconds(tick.command_cycles) for tick in ticks), 3),
+        median_ms=round(median(milliseconds(tick.whole_cycles) for tick in ticks), 3),
+        whole_ms=round(max(milliseconds(tick.whole_cycles) for tick in ticks), 3),
+        cycles_per_instruction=round(cycles / instructions, 3),
         heap_live=max(report.heap_live_bytes for report in reports),
-        heap_peak=max(report.heap_peak_bytes for report in reports[1:]),
+        heap_peak=max(report.heap_peak_bytes for report in reports),
         allocated=max(report.allocated_bytes for report in reports[1:]),
         stack=reports[-1].stack_peak_bytes,
     )
 
 
+def build() -> Build:
+    """Return what the image says of itself."""
+    with Board.emulated() as board:
+        hello = board.hello
+    return Build(
+        image=image_hash(),
+        core=bytes(hello.core_hash).hex()[:SHOWN],
+        flash=hello.flash_bytes,
+        static=hello.static_bytes,
+        heap=hello.heap_bytes,
+        stack=hello.stack_bytes,
+    )
+
+
+def resumed(path: Path, limit_s: float) -> Costs:
+    """Return the measurements in a file if they are of this image and limit, else empty ones."""
+    made = build()
+    if path.exists():
+        before = read(path)
+        if (before.build.image, before.limit_s) == (made.image, limit_s):
+            return before
+    return Costs(build=made, noise=NOISE, seed=SEED, limit_s=limit_s)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure, write the results and print them; exit code 1 if a trajectory differs."""
+    """Measure what is missing and write the results; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.board.measure", description=__doc__)
-    parser.add_argument("--worlds", default=",".join(shipped()), help="comma-separated names")
-    parser.add_argument("--navigators", default=",".join(NAVIGATORS), help="comma-separated names")
-    parser.add_argument("--timeout", type=float, default=60.0, help="simulated seconds of a trial")
-    parser.add_argument("--variant", choices=IMAGES, default=IMAGE.name)
-    parser.add_argument("--output", type=Path, default=RESULTS)
+    parser.add_argument("--limit", type=float, default=LIMIT_S, help="simulated seconds of a drive")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
+    parser.add_argument("--minutes", type=float, default=1e6, help="start no drive after this time")
+    parser.add_argument("--scenarios", type=int, default=hardest.SCENARIOS, help="to search")
+    parser.add_argument("--output", type=Path, default=COSTS, metavar="FILE")
     options = parser.parse_args(argv)
-    rows: list[Measured] = []
-    for navigator in options.navigators.split(","):
-        for world in options.worlds.split(","):
-            row, hello = measure(navigator, world, options.timeout, options.variant)
-            rows.append(row)
-            print(row, flush=True)
-    image = {
-        "variant": options.variant,
-        "flash": hello.flash_bytes,
-        "static": hello.static_bytes,
-        "heap": hello.heap_bytes,
-        "stack": hello.stack_bytes,
-        "timeout_s": options.timeout,
-    }
-    results = {"image": image, "trials": [asdict(row) for row in rows]}
-    options.output.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
-    return 0 if all(row.equal for row in rows) else 1
+    last_s = monotonic() + 60.0 * options.minutes
+    costs = resumed(options.output, options.limit)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        if not costs.hardest:
+            costs.searched = options.scenarios * hardest.TICKS
+            found = pool.map(partial(hardest.search, count=options.scenarios), NAVIGATORS)
+            picked = [one for scenarios in found for one in scenarios]
+            scenarios = [pool.submit(measure_scenario, *one, hardest.TICKS) for one in picked]
+            keep(costs, costs.hardest, scenarios, options.output)
+        done = {(cost.world, cost.navigator) for cost in costs.drives}
+        todo = [one for one in product(shipped(), NAVIGATORS) if one not in done]
+        drives = [pool.submit(measure_drive, *one, options.limit, last_s) for one in todo]
+        keep(costs, costs.drives, drives, options.output)
+    return judged(costs)
+
+
+def keep(
+    costs: Costs, rows: list[Cost], runs: Sequence["Future[Cost] | Future[Cost | None]"], path: Path
+) -> None:
+    """Write the measurements to a file whenever a run has ended."""
+    for run in as_completed(runs):
+        if (cost := run.result()) is not None:
+            rows.append(cost)
+            write(costs, path)
+            print(cost, flush=True)
+
+
+def judged(costs: Costs) -> int:
+    """Print what differs or exceeds its ceiling; return the exit code."""
+    all_costs = [*costs.drives, *costs.hardest]
+    words = [f"{cost.navigator} in {cost.world} differs" for cost in all_costs if not cost.equal]
+    words += [excess for cost in all_costs for excess in excesses(costs.build, cost)]
+    print("\n".join(words) or "all equal and within their ceilings")
+    return 1 if words else 0
 
 
 if __name__ == "__main__":

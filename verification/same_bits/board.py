@@ -1,8 +1,9 @@
 """`python -m verification.same_bits.board`: compare trials in process and on the emulated board.
 
-Every shipped world is driven with every navigator and noise level, the shortest trials first. The
-results are written after each trial. A trial that has a result of the same image is not repeated,
-so a run can be interrupted and resumed. Exits with 1 if a digest differs or is missing.
+Every shipped world is driven with every navigator and noise level. The results are written after
+each trial. A trial that has a result of the same image is not repeated, so a run can be interrupted
+and resumed. Trials without a result come first, then those that differed, then those of other
+images, the shortest first. Exits with 1 if a digest differs or is missing.
 """
 
 import argparse
@@ -20,7 +21,6 @@ from typing import Final, NamedTuple
 import msgspec
 
 from plant.world.file import load, shipped
-from protocol.outcome import Outcome
 from robot.hosting.on_board import BoardCore
 from robot.mcu.board import Board, BoardError
 from robot.mcu.image import IMAGE, core_hash
@@ -49,7 +49,10 @@ class Drive(NamedTuple):
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """The end of a drive in this process, and the digests of both; an error in place of one."""
+    """The end of a drive in this process, and the digests of both; an error in place of one.
+
+    `image` is the beginning of the SHA-256 of the board's image, `core` that of its core.
+    """
 
     world: str
     navigator: str
@@ -58,6 +61,8 @@ class Compared(msgspec.Struct, frozen=True):
     time_s: float
     digest: str
     on_board: str
+    image: str
+    core: str
 
     @property
     def drive(self) -> Drive:
@@ -71,10 +76,8 @@ class Compared(msgspec.Struct, frozen=True):
 
 
 class Comparison(msgspec.Struct):
-    """All results with one image; `image` and `core` are the beginnings of SHA-256 hashes."""
+    """The newest result of each drive."""
 
-    image: str
-    core: str
     seed: int
     drives: list[Compared]
 
@@ -82,6 +85,20 @@ class Comparison(msgspec.Struct):
         """Return the drives that have no result."""
         done = {one.drive for one in self.drives}
         return [drive for drive in all_drives() if drive not in done]
+
+    def differing(self) -> list[Compared]:
+        """Return the results with two digests."""
+        return [one for one in self.drives if not one.is_equal]
+
+    def todo(self, image: str) -> list[Drive]:
+        """Return the drives without an equal result of an image, in the order of the run."""
+        old = [one for one in self.drives if not one.is_equal or one.image != image]
+        old.sort(key=lambda one: (one.is_equal, one.time_s))
+        return [*self.missing(), *(one.drive for one in old)]
+
+    def put(self, one: Compared) -> None:
+        """Put a result in the place of that of the same drive."""
+        self.drives = [other for other in self.drives if other.drive != one.drive] + [one]
 
 
 def all_drives() -> Iterator[Drive]:
@@ -98,48 +115,44 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--minutes", type=float, default=1e6, help="start no drive after this time")
     options = parser.parse_args(argv)
     last_s = monotonic() + 60.0 * options.minutes
-    found = resumed(options.results)
+    found, image = resumed(options.results), image_hash()
     with ProcessPoolExecutor(options.jobs) as pool:
-        todo = found.missing()
-        expected = dict(zip(todo, pool.map(in_process, todo), strict=True))
-        todo.sort(key=lambda drive: expected[drive].time_s)
-        runs = [pool.submit(compared, drive, expected[drive], last_s) for drive in todo]
+        runs = [pool.submit(compared, drive, image, last_s) for drive in found.todo(image)]
         for run in as_completed(runs):
             if (one := run.result()) is not None:
-                found.drives.append(one)
+                found.put(one)
                 write(options.results, found)
                 state = "equal" if one.is_equal else f"DIFFERS: {one.on_board}"
                 print(f"{one.world} {one.navigator} {one.noise}: {state}", flush=True)
-    differing, missing = sum(not one.is_equal for one in found.drives), len(found.missing())
+    differing, missing = len(found.differing()), len(found.missing())
     print(f"{differing} of {len(found.drives)} differ, {missing} are missing")
     return 1 if differing or missing else 0
 
 
 def resumed(path: Path) -> Comparison:
-    """Return the results in a file if they are of the present image, else empty results."""
+    """Return the results in a file, if there are any."""
+    return read(path) if path.exists() else Comparison(SEED, [])
+
+
+def image_hash() -> str:
+    """Return the beginning of the hash of the image; raise UserError if there is none."""
     if not IMAGE.elf.exists():
         raise UserError(f"no firmware at {IMAGE.elf}: build it with `make firmware`")
-    image = sha256(IMAGE.elf.read_bytes()).hexdigest()[:SHOWN]
-    if path.exists() and (before := read(path)).image == image:
-        return before
-    return Comparison(image, core_hash().hex()[:SHOWN], SEED, [])
+    return sha256(IMAGE.elf.read_bytes()).hexdigest()[:SHOWN]
 
 
-def in_process(drive: Drive) -> Outcome:
-    """Run a drive in this process."""
-    return run_trial(drive.trial())
-
-
-def compared(drive: Drive, expected: Outcome, last_s: float) -> Compared | None:
-    """Run a drive on the board; None if it is too late to start."""
+def compared(drive: Drive, image: str, last_s: float) -> Compared | None:
+    """Run a drive in this process and on the board; None if it is too late to start."""
     if monotonic() > last_s:
         return None
+    expected = run_trial(drive.trial())
     try:
         with Board.emulated() as board:
             digest = run_trial(drive.trial(), new_core=partial(BoardCore, board)).digest
     except BoardError as error:
         digest = str(error)
-    return Compared(*drive, expected.outcome, expected.time_s, expected.digest, digest)
+    core = core_hash().hex()[:SHOWN]
+    return Compared(*drive, expected.outcome, expected.time_s, expected.digest, digest, image, core)
 
 
 def read(path: Path) -> Comparison:

@@ -1,39 +1,37 @@
-"""Synthetic ticks that are expensive for the core: scenarios with places and samples, no drives.
+"""Synthetic ticks that are expensive for the core: bodies with places and samples, no drives.
 
 In half of the scenarios the robot is enclosed in a small irregular room with its goal outside. So
 it follows close walls on all sides. In the other half it is moved externally while every echo
-changes with every tick. In some its trail is full, and it is in a fence that is expensive to check.
-The bound is found by search and not proved.
+changes with every tick. Its fence is expensive to check. The same numbers give the same scenario
+for a core in this process and for one on a board.
 """
 
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
 from random import Random
-from typing import Any, Protocol
+from typing import Final, NamedTuple
 
-from benchmarks.mcu_cost.counted_core import CountedCore
+from robot.core import reasons, states
+from robot.core.brain import ignore
 from robot.core.geometry import BEARINGS
-from robot.core.parameters import Params
-from robot.core.values import SONARS, Goal, Inputs, Scan, Wheels
+from robot.core.machine import goal_is_active
+from robot.core.parameters import DEFAULTS, Params
+from robot.core.safety.fence import MAX_CORNERS, Fence
+from robot.core.values import SONARS, Goal, Inputs, Outputs, Pose, Scan, Wheels
+from robot.hosting.core import Core
+from study.trial.core_loop import ARM
+from study.trial.trial import NAVIGATORS
 
-ALL = 0xFF
-SCENARIOS, TICKS = 12, 200
-PERIOD_MS = 50
-BANDS_MM = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
-ROOMS_M = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
-GOALS_M = (0.4, 0.9, 2.0, 6.0)
-FENCE_M = 1000.0
-MARCH_M = 0.02
-JITTER_MM = 6
-
-
-class Core(Protocol):
-    """The modules of a core by their names."""
-
-    def __getitem__(self, name: str) -> Any: ...
-
-    def clear(self) -> None:
-        """Clear the counts."""
+ALL: Final = 0xFF
+PERIOD_MS: Final = 50
+BANDS_MM: Final = ((60, 150), (60, 300), (100, 750), (250, 700), (250, 1200), (60, 3000))
+ROOMS_M: Final = (0.35, 0.45, 0.6, 0.8, 1.0, 1.3)
+GOALS_M: Final = (0.4, 0.9, 2.0, 6.0)
+FENCE_M: Final = 1000.0
+MARCH_M: Final = 0.02
+JITTER_MM: Final = 6
+ANOTHER_GOAL: Final = 0.01
+"""Probability of a new goal in a tick."""
 
 
 class ScenarioBody:
@@ -53,7 +51,7 @@ class ScenarioBody:
         self.left_m += left_m
         self.right_m += right_m
 
-    def drive(self, outputs: Any) -> None:
+    def drive(self, outputs: Outputs) -> None:
         """Move as commanded for one period."""
         rim_m = self.params.wheel_radius_m * 1e-3 * self.params.period_s
         self.move(outputs.left_mrad_s * rim_m, outputs.right_mrad_s * rim_m)
@@ -81,7 +79,7 @@ class CarriedBody(ScenarioBody):
         self.band_mm = BANDS_MM[number % len(BANDS_MM)]
         self.step_m = random.choice((0.0, 0.004, 0.012)), random.choice((-0.006, 0.0, 0.002, 0.006))
 
-    def drive(self, outputs: Any) -> None:
+    def drive(self, outputs: Outputs) -> None:
         """Move externally for one period."""
         roll_m, turn_m = self.step_m
         self.move(roll_m - turn_m, roll_m + turn_m)
@@ -119,49 +117,49 @@ class EnclosedBody(ScenarioBody):
         return distance_m < self.room_m * (1.0 + bulge)
 
 
-def scenarios(
-    core: CountedCore, params: Params, *, seed: int = 0, count: int = SCENARIOS, ticks: int = TICKS
-) -> Iterator[Any]:
-    """Run the scenarios; yield the state after every driven tick, for its counts to be taken."""
-    random = Random(seed)
-    for number in range(count):
-        state = core["brain"].State(params)
-        state.machine.fence = costly_fence(core)
-        if number % 4 < 2:
-            state.trail.xs_m.extend([50.0] * core["motion.trail"].LIMIT)
-            state.trail.ys_m.extend([50.0] * core["motion.trail"].LIMIT)
-        body = (EnclosedBody if number % 2 else CarriedBody)(params, random, number // 2)
-        yield from run_scenario(core, state, body, ticks)
+class Scenario(NamedTuple):
+    """A navigator, and the number that gives body, samples and goals."""
+
+    navigator: str
+    number: int
+
+    def params(self) -> Params:
+        """Return the parameters of the core."""
+        return DEFAULTS._replace(navigator=NAVIGATORS[self.navigator])
+
+    def body(self) -> ScenarioBody:
+        """Return the body at its start."""
+        kind = EnclosedBody if self.number % 2 else CarriedBody
+        return kind(self.params(), Random(self.number), self.number // 2)
 
 
-def costly_fence(core: Core) -> Any:
-    """Return a comb-shaped fence around the robot; a ray meets nearly all of its sides."""
-    last = core["safety.fence"].MAX_CORNERS - 3
-    comb = [(k - 7.0, -((-1.0) ** k)) for k in range(last + 1)]
-    corners = [*comb, (last - 6.5, -2.0), (-7.5, -2.0)]
-    xs_m, ys_m = (tuple(FENCE_M * corner[axis] for corner in corners) for axis in (0, 1))
-    return core["safety.fence"].Fence(xs_m, ys_m, 0.0)
-
-
-def run_scenario(core: Core, state: Any, body: ScenarioBody, ticks: int = TICKS) -> Iterator[Any]:
-    """Run one scenario; give another goal whenever one has ended."""
-    modes, machine = core["modes"], state.machine
+def run_scenario(core: Core, body: ScenarioBody, ticks: int) -> Iterator[int]:
+    """Run a scenario and yield after each tick; give another goal whenever one has ended."""
+    machine = core.state.machine
+    refusal = core.set_fence(costly_fence())
+    assert refusal == reasons.OK
     for tick in range(ticks):
         now_ms = PERIOD_MS * tick
-        inputs = Inputs(now_ms, body.wheels(now_ms), body.scan(), 0)
-        core.clear()
-        _, outputs = core["brain"].step(state, inputs, body.params)
-        if state.driving:
-            yield state
+        outputs = core.step(Inputs(now_ms, body.wheels(now_ms), body.scan(), 0), ignore)
+        yield tick
         body.drive(outputs)
-        modes.arm(machine)
-        if not core["machine"].goal_is_active(machine) or body.random.random() < 0.01:
-            modes.goto(machine, random_goal(state, body), core["states"].AUTO, now_ms)
+        if machine.vehicle != states.ACTIVE:
+            core.command(ARM, now_ms)
+        if not goal_is_active(machine) or body.random.random() < ANOTHER_GOAL:
+            core.drive_to(random_goal(core.state.odometry.pose, body), states.AUTO, now_ms)
 
 
-def random_goal(state: Any, body: ScenarioBody) -> Goal:
+def costly_fence() -> Fence:
+    """Return a comb-shaped fence around the robot; a ray meets nearly all of its sides."""
+    last = MAX_CORNERS - 3
+    comb = [(k - 7.0, -((-1.0) ** k)) for k in range(last + 1)]
+    corners = [*comb, (last - 6.5, -2.0), (-7.5, -2.0)]
+    xs_m, ys_m = (tuple([FENCE_M * corner[axis] for corner in corners]) for axis in (0, 1))
+    return Fence(xs_m, ys_m, 0.0)
+
+
+def random_goal(pose: Pose, body: ScenarioBody) -> Goal:
     """Return a goal at a random place near the robot."""
     distance_m, at_rad = body.random.choice(GOALS_M), body.random.uniform(-pi, pi)
-    pose = state.odometry.pose
     x_m, y_m = pose.x_m + distance_m * cos(at_rad), pose.y_m + distance_m * sin(at_rad)
     return Goal(x_m, y_m, body.random.uniform(-pi, pi), 0.02, 0.05)

@@ -9,8 +9,9 @@ separately, although two names may share one.
 
 from typing import Any
 
-from benchmarks.mcu_cost.operation_counter import BOX_BYTES, WORD_BYTES, is_long, rounded
-
+BOX_BYTES = 16
+WORD_BYTES = 4
+SMALL_INT = 1 << 30
 MAP_ENTRY_BYTES = 8
 INSTANCE_BYTES = 16
 
@@ -73,3 +74,13 @@ def lengths(thing: Any, seen: set[int] | None = None) -> int:
     seen.add(id(thing))
     own = len(thing) if isinstance(thing, bytearray | list) else 0
     return own + sum(lengths(part, seen) for part in parts(thing))
+
+
+def is_long(value: int) -> bool:
+    """Return whether an int is on the heap."""
+    return not -SMALL_INT <= value < SMALL_INT
+
+
+def rounded(size_bytes: int) -> int:
+    """Return a size in whole blocks of the heap."""
+    return -(-size_bytes // BOX_BYTES) * BOX_BYTES

@@ -1,1 +1,0 @@
-"""Modelled cost of the control core on a microcontroller."""
