@@ -44,9 +44,11 @@ void heap_settle(void) {
 static void mark_from_settled(void) {
     uintptr_t start = (uintptr_t)MP_STATE_MEM(area).gc_pool_start;
     uintptr_t size = (uintptr_t)MP_STATE_MEM(area).gc_pool_end - start;
-    for (void **word = (void **)settled; word < (void **)settled_end; word++) {
-        if ((uintptr_t)*word - start < size) {
-            gc_collect_root(word, 1);
+    for (uintptr_t *words = (uintptr_t *)settled; words < (uintptr_t *)settled_end; words += 4) {
+        uintptr_t a = words[0] - start, b = words[1] - start;
+        uintptr_t c = words[2] - start, d = words[3] - start;
+        if (a < size || b < size || c < size || d < size) {
+            gc_collect_root((void **)words, 4);
         }
     }
 }

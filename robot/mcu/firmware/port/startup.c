@@ -48,6 +48,10 @@ uint32_t stack_bytes(void) {
 
 uint32_t stack_peak(void) {
     const uint32_t *lowest = &_sstack;
+    while (lowest + 4 < &_estack && ((lowest[0] ^ STACK_PATTERN) | (lowest[1] ^ STACK_PATTERN) |
+        (lowest[2] ^ STACK_PATTERN) | (lowest[3] ^ STACK_PATTERN)) == 0) {
+        lowest += 4;
+    }
     while (lowest < &_estack && *lowest == STACK_PATTERN) {
         lowest++;
     }
