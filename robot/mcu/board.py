@@ -6,29 +6,11 @@ from pathlib import Path
 from time import monotonic
 from typing import Final, NamedTuple, Self, TypeAlias, TypeVar, cast
 
+from protocol.wire import messages as wire
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import ResetCause
 from protocol.wire.layout import LAYOUT
 from protocol.wire.message import Message
-from protocol.wire.messages import (
-    AvoidanceDecision,
-    BoardAnswer,
-    BoardCommand,
-    BoardFence,
-    BoardGoal,
-    BoardHello,
-    BoardParameter,
-    BoardReport,
-    BoardRestart,
-    BoardSetup,
-    BoardState,
-    BoardStop,
-    PlanarOdometry,
-    SonarScan,
-    TickInputs,
-    WheelCommand,
-    WheelTicks,
-)
 from protocol.wire.reasons import reason_text
 from robot.core.parameters import DEFAULTS, Params
 from robot.core.values import Pose
@@ -37,7 +19,14 @@ from robot.mcu.image import IMAGE, core_hash, core_version
 from robot.mcu.link import FrameStream
 from runtime.errors import RemoteError, UserError
 
-Request: TypeAlias = BoardGoal | BoardCommand | BoardStop | BoardParameter | BoardFence | BoardSetup
+Request: TypeAlias = (
+    wire.BoardGoal
+    | wire.BoardCommand
+    | wire.BoardStop
+    | wire.BoardParameter
+    | wire.BoardFence
+    | wire.BoardSetup
+)
 Expected = TypeVar("Expected", bound=Message)
 
 HOST_SYSTEM: Final = 1
@@ -62,11 +51,11 @@ class BoardMismatchError(UserError):
 class BoardOutputs(NamedTuple):
     """Outputs of a tick; `decision` is None if the core failed in it."""
 
-    command: WheelCommand
-    odometry: PlanarOdometry
-    decision: AvoidanceDecision | None
-    state: BoardState
-    report: BoardReport
+    command: wire.WheelCommand
+    odometry: wire.PlanarOdometry
+    decision: wire.AvoidanceDecision | None
+    state: wire.BoardState
+    report: wire.BoardReport
 
 
 class Board:
@@ -80,9 +69,9 @@ class Board:
         self._encoder = Encoder(HOST_SYSTEM, HOST_COMPONENT)
         self._sent: tuple[int, int] = (-1, -1)
         self._requests = 0
-        self._hello: BoardHello | None = None
+        self._hello: wire.BoardHello | None = None
         self._is_set_up = False
-        self.state: BoardState | None = None
+        self.state: wire.BoardState | None = None
 
     @classmethod
     @contextmanager
@@ -100,7 +89,7 @@ class Board:
             yield board
 
     @property
-    def hello(self) -> BoardHello:
+    def hello(self) -> wire.BoardHello:
         """The newest BOARD_HELLO."""
         assert self._hello is not None
         return self._hello
@@ -110,10 +99,10 @@ class Board:
         """Bytes received that belong to no frame."""
         return self._stream.skipped
 
-    def wait_for_hello(self) -> BoardHello:
+    def wait_for_hello(self) -> wire.BoardHello:
         """Wait until the board says hello; refuse an image of another core."""
         self._is_set_up = False
-        hello = self._await(BoardHello)
+        hello = self._await(wire.BoardHello)
         self._requests = 0
         self._sent = (-1, -1)
         refuse_other_core(hello)
@@ -130,10 +119,10 @@ class Board:
     ) -> None:
         """Create the core on the board; raise UserError for a parameter that it refuses."""
         for name, value in differing(params).items():
-            self._do(BoardParameter(index=PARAMETERS.index(name), value=value), name)
+            self._do(wire.BoardParameter(index=PARAMETERS.index(name), value=value), name)
         x_m, y_m, heading_rad = start
         left, right = totals
-        setup = BoardSetup(
+        setup = wire.BoardSetup(
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,
@@ -149,15 +138,15 @@ class Board:
         """Send a request and return the reason in its answer, 0 if done."""
         self.send(request)
         self._requests += 1
-        answer = self._await(BoardAnswer)
+        answer = self._await(wire.BoardAnswer)
         if answer.request != self._requests:
             raise BoardError(f"the board answered request {answer.request}, not {self._requests}")
-        if self.state is not None or (isinstance(request, BoardSetup) and not answer.reason):
-            self._await(BoardState)
+        if self.state is not None or (isinstance(request, wire.BoardSetup) and not answer.reason):
+            self._await(wire.BoardState)
         return answer.reason
 
     def tick(
-        self, inputs: TickInputs, wheels: WheelTicks | None, scan: SonarScan | None
+        self, inputs: wire.TickInputs, wheels: wire.WheelTicks | None, scan: wire.SonarScan | None
     ) -> BoardOutputs:
         """Run one tick; a sample that the board already has is not sent again."""
         seen = (-1 if wheels is None else wheels.seq, -1 if scan is None else scan.seq)
@@ -170,9 +159,9 @@ class Board:
         self.send(*fresh, inputs)
         return self._outputs(inputs.tick)
 
-    def restart(self) -> BoardHello:
+    def restart(self) -> wire.BoardHello:
         """Reset the board and wait for its hello."""
-        self.send(BoardRestart(confirmation=RESTART))
+        self.send(wire.BoardRestart(confirmation=RESTART))
         self.state = None
         return self.wait_for_hello()
 
@@ -198,20 +187,20 @@ class Board:
         """Return the newest of each output up to the report of a tick."""
         newest: dict[type[Message], Message] = {}
         deadline = monotonic() + self.patience_s
-        while BoardReport not in newest:
+        while wire.BoardReport not in newest:
             message = self._next(deadline)
             newest[type(message)] = message
-        report = newest[BoardReport]
-        needed = (WheelCommand, PlanarOdometry, BoardState)
+        report = newest[wire.BoardReport]
+        needed = (wire.WheelCommand, wire.PlanarOdometry, wire.BoardState)
         lost = [kind.__name__ for kind in needed if kind not in newest]
-        if lost or not isinstance(report, BoardReport) or report.tick != tick:
+        if lost or not isinstance(report, wire.BoardReport) or report.tick != tick:
             raise BoardError(f"outputs of tick {tick} are lost: {', '.join(lost) or 'all'}")
-        decision = newest.get(AvoidanceDecision)
+        decision = newest.get(wire.AvoidanceDecision)
         return BoardOutputs(
-            cast(WheelCommand, newest[WheelCommand]),
-            cast(PlanarOdometry, newest[PlanarOdometry]),
-            cast(AvoidanceDecision | None, decision),
-            cast(BoardState, newest[BoardState]),
+            cast(wire.WheelCommand, newest[wire.WheelCommand]),
+            cast(wire.PlanarOdometry, newest[wire.PlanarOdometry]),
+            cast(wire.AvoidanceDecision | None, decision),
+            cast(wire.BoardState, newest[wire.BoardState]),
             report,
         )
 
@@ -234,7 +223,7 @@ class Board:
             if not self._receive(deadline):
                 why = f"no answer for {self.patience_s:g} s"
                 raise BoardError(f"the board hangs or its line is stuck: {why}")
-        if self._is_set_up and isinstance(self._arrived[0], BoardHello):
+        if self._is_set_up and isinstance(self._arrived[0], wire.BoardHello):
             raise restarted(self._arrived[0])
         return self._arrived.pop(0)
 
@@ -254,13 +243,13 @@ class Board:
         return True
 
     def _note(self, message: Message) -> None:
-        if isinstance(message, BoardHello):
+        if isinstance(message, wire.BoardHello):
             self._hello = message
-        elif isinstance(message, BoardState):
+        elif isinstance(message, wire.BoardState):
             self.state = message
 
 
-def restarted(hello: BoardHello) -> BoardError:
+def restarted(hello: wire.BoardHello) -> BoardError:
     """Return the error of a board that says hello in the middle of its work."""
     cause = ResetCause(hello.reset_cause).name.lower()
     return BoardError(f"the board has restarted (cause: {cause})")
@@ -272,7 +261,7 @@ def differing(params: Params) -> Mapping[str, float]:
     return {name: float(value) for name, value, default in pairs if value != default}
 
 
-def refuse_other_core(hello: BoardHello) -> None:
+def refuse_other_core(hello: wire.BoardHello) -> None:
     """Raise BoardMismatchError unless the image was built from the core of this tree."""
     ours, theirs = core_hash(), bytes(hello.core_hash)
     if theirs != ours:

@@ -14,8 +14,8 @@ from robot.mcu.board import RESTART, Board, BoardError, BoardMismatchError
 from robot.mcu.emulator import Emulator
 from robot.mcu.image import core_hash
 from runtime.errors import UserError
-from tests.mcu.gdb import hang
 from tests.mcu.rolling import drive_off, tick
+from verification.board.breakable_board import hang
 
 pytestmark = pytest.mark.mcu
 

@@ -100,7 +100,7 @@ class BreakableBoard:
         """Break the board or its line."""
         match trouble:
             case BoardTrouble.HANG:
-                self._hang()
+                hang(self._debugger)
             case BoardTrouble.SUSPEND:
                 os.kill(self._emulator.pid, signal.SIGSTOP)
             case BoardTrouble.KILL:
@@ -110,11 +110,12 @@ class BreakableBoard:
             case _:
                 self._line.trouble = trouble
 
-    def _hang(self) -> None:
-        """Overwrite the next instruction with a branch to itself, as a debugger can."""
-        with debugging(self._debugger) as ask:
-            counter = int.from_bytes(bytes.fromhex(ask("g")[PROGRAM_COUNTER]), "little")
-            ask(f"M{counter:x},2:{BRANCH_TO_ITSELF}")
+
+def hang(path: Path) -> None:
+    """Overwrite the next instruction with a branch to itself, as a debugger can."""
+    with debugging(path) as ask:
+        counter = int.from_bytes(bytes.fromhex(ask("g")[PROGRAM_COUNTER]), "little")
+        ask(f"M{counter:x},2:{BRANCH_TO_ITSELF}")
 
 
 @contextmanager
