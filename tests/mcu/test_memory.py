@@ -10,6 +10,8 @@ from tests.mcu.rolling import drive_off, tick
 pytestmark = pytest.mark.mcu
 
 TICKS = 100
+TRAIL_BYTES = 1024
+"""What the trail of the drive may take in these ticks."""
 
 
 def test_garbage_of_a_tick_is_collected(board: Board) -> None:
@@ -21,7 +23,7 @@ def test_garbage_of_a_tick_is_collected(board: Board) -> None:
         report = tick(board, number).report
         assert report.allocated_bytes > 0
     assert TICKS * report.allocated_bytes > IMAGE.heap_bytes
-    assert report.heap_live_bytes <= first.heap_live_bytes
+    assert report.heap_live_bytes <= first.heap_live_bytes + TRAIL_BYTES
     assert report.heap_peak_bytes <= IMAGE.heap_bytes
 
 

@@ -85,6 +85,9 @@ class HostedBoard(ModuleType):
         """Start afresh, as after a reset from outside."""
         os.execv(sys.executable, [sys.executable, "-m", __spec__.name, *sys.argv[1:2], "", "1"])
 
+    def settle(self) -> None:
+        """Keep what is loaded for ever: Python does so by itself."""
+
     def _nothing(self) -> int:
         return 0
 
