@@ -52,6 +52,7 @@ def main(argv: Sequence[str]) -> int:
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
+        board=arguments.mcu,
         fifo=arguments.realtime,
         after=arguments.after,
     )

@@ -36,10 +36,12 @@ IDLE_S: Final = 0.2
 class Options:
     """Options of the loop: simulated time, frozen heap, real-time scheduling.
 
-    `after` describes how the previous run ended, if the launcher knows.
+    `after` describes how the previous run ended, if the launcher knows. `board`: the core runs on a
+    board, whose answer may take long.
     """
 
     lockstep: bool = False
+    board: bool = False
     freeze: bool = True
     fifo: bool = False
     after: str = ""
@@ -58,7 +60,8 @@ def run(
     with open_bus(network, Role.ROBOT, robot) as bus:
         claim(bus, [robot])
         report_previous_run(vehicle, robot, previous, options.after)
-        begin = in_lockstep if options.lockstep else by_the_wall_clock
+        lockstep = partial(in_lockstep, blocking=options.board)
+        begin = lockstep if options.lockstep else by_the_wall_clock
         watchdog = Watchdog(trace=previous.trace)
         process, run_loop = begin(vehicle, bus, watchdog)
         apply_options(vehicle, options)
@@ -117,11 +120,12 @@ def in_wall_time(vehicle: Vehicle, bus: Bus, epoch: int) -> tuple[RobotProcess, 
 
 
 def in_lockstep(
-    vehicle: Vehicle, bus: Bus, watchdog: Watchdog
+    vehicle: Vehicle, bus: Bus, watchdog: Watchdog, *, blocking: bool = False
 ) -> tuple[RobotProcess, Callable[[], None]]:
     """Return a process that the plant's clock drives, and the function that runs it.
 
-    While the clock pauses, requests are answered and the watchdog is reset.
+    While the clock pauses, requests are answered and the watchdog is reset. `blocking`: a cycle may
+    take longer than a connection waits for a sign of life.
     """
 
     def idle() -> None:
@@ -129,7 +133,8 @@ def in_lockstep(
         process.idle()
 
     clock = LockstepClock()
-    loop = LockstepLoop(clock, watchdog.reset_by(ticks(clock, CONTROL_HZ)), idle, IDLE_S)
+    grid = watchdog.reset_by(ticks(clock, CONTROL_HZ))
+    loop = LockstepLoop(clock, grid, idle, IDLE_S, blocking=blocking)
     senses = Senses(bus, lockstep=True, accept=vehicle.lease.allows, clock=clock)
     meter = CycleMeter(clock, period_ns=PERIOD_NS, enforced=False)
     process = RobotProcess(vehicle, bus, clock, senses, meter, epoch(), loop.stop)

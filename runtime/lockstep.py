@@ -59,6 +59,9 @@ class LockstepLoop:
     To hand each cycle over to another thread would cost a tenth of the time of a tick. The thread
     that calls `run` does the work in between: it calls `idle` at each `nudge`, and whenever no
     cycle has run for `patience_s` of wall time. A lock keeps the two apart.
+
+    Cycles that may block, because the core runs on a board, run in the thread that calls `run`: a
+    thread of the bus that waits loses its connections.
     """
 
     def __init__(
@@ -67,12 +70,15 @@ class LockstepLoop:
         grid: Iterator[Tick],
         idle: Callable[[], None],
         patience_s: float,
+        *,
+        blocking: bool = False,
     ) -> None:
-        """Create the loop; `grid` is that of `clock`."""
+        """Create the loop; `grid` is that of `clock`, and `blocking` tells that cycles may block."""
         self._clock = clock
         self._grid = grid
         self._idle = idle
         self._patience_s = patience_s
+        self._blocking = blocking
         self._due_ns = 0
         self._cycle: Callable[[Tick], None] | None = None
         self._error: Exception | None = None
@@ -82,7 +88,14 @@ class LockstepLoop:
         self._nudged = WakeUp()
 
     def advance_to(self, stamp_ns: int) -> None:
-        """Advance the clock and run the cycle that is due; thread-safe."""
+        """Advance the clock and run the cycle that is due, or have it run; thread-safe.
+
+        One thread at a time may call this.
+        """
+        if self._blocking:
+            self._clock.advance_to(stamp_ns)
+            self._nudged.wake()
+            return
         with self._lock:
             self._clock.advance_to(stamp_ns)
             self._run_due()
@@ -105,6 +118,8 @@ class LockstepLoop:
             before = self._cycles
             nudged = self._nudged.wait(self._patience_s)
             with self._lock:
+                if self._blocking and self._run_due():
+                    continue
                 if not self._stopped and (nudged or self._cycles == before):
                     self._idle()
         with self._lock:
@@ -112,10 +127,10 @@ class LockstepLoop:
         if self._error is not None:
             raise self._error
 
-    def _run_due(self) -> None:
-        """Run the cycle if its time has come; keep its error for `run`."""
+    def _run_due(self) -> bool:
+        """Run the cycle if its time has come, and return whether; keep its error for `run`."""
         if self._cycle is None or self._stopped or not self._clock.reached(self._due_ns):
-            return
+            return False
         try:
             tick = next(self._grid)
             self._due_ns = tick.due_ns + PERIOD_NS
@@ -124,3 +139,4 @@ class LockstepLoop:
         except Exception as error:
             self._error = error
             self.stop()
+        return True

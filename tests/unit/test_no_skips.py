@@ -27,6 +27,12 @@ def run_pytest(pytester: pytest.Pytester, sources: list[str], *options: str) -> 
 
 
 @pytest.fixture(autouse=True)
+def _whole_reasons(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let pytest shorten no line of its summary to the width of a terminal."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture(autouse=True)
 def _kept_profile() -> Iterator[None]:
     """Restore the profile of Hypothesis, which the inner run sets for the whole process."""
     before = settings.get_current_profile_name()

@@ -16,7 +16,7 @@ EARLY_US: Final = 25_000
 PING_AGE_US: Final = tuple(0 if sonar % 2 else EARLY_US for sonar in range(SONARS))
 ALL: Final = (1 << SONARS) - 1
 
-ROUNDING: Final = 1.5 * 2.0**52
+ROUNDING: Final = float(3 * 2**51)
 """A number plus this minus this is rounded as by `round`, which would dominate the ring's cost."""
 
 

@@ -18,10 +18,14 @@ NEVER_S = 60.0
 class Room:
     """A loop whose cycles and idle calls are noted, each with its thread."""
 
-    def __init__(self, patience_s: float = NEVER_S) -> None:
+    def __init__(self, patience_s: float = NEVER_S, *, blocking: bool = False) -> None:
         self.clock = LockstepClock()
         self.loop = LockstepLoop(
-            self.clock, ticks(self.clock, CONTROL_HZ), self._note_idle, patience_s
+            self.clock,
+            ticks(self.clock, CONTROL_HZ),
+            self._note_idle,
+            patience_s,
+            blocking=blocking,
         )
         self.cycles: list[tuple[Tick, int]] = []
         self.idle: list[int] = []
@@ -65,6 +69,40 @@ def test_a_cycle_runs_in_the_thread_that_advances_the_clock() -> None:
     assert [tick.index for tick, _ in room.cycles] == [0, 1]
     assert {thread for _, thread in room.cycles} == {threading.get_ident()}
     assert threading.get_ident() not in room.idle
+
+
+def test_a_cycle_that_blocks_holds_up_neither_the_clock_nor_a_nudge() -> None:
+    room, entered, may_go_on = Room(blocking=True), threading.Event(), threading.Event()
+
+    def wait() -> None:
+        entered.set()
+        assert may_go_on.wait(10.0)
+
+    with room.running():
+        room.on_cycle = wait
+        room.loop.advance_to(0)
+        assert entered.wait(10.0)
+        room.loop.advance_to(PERIOD_NS)
+        room.loop.nudge()
+        assert room.clock.now_ns() == PERIOD_NS
+        assert len(room.cycles) == 1
+        may_go_on.set()
+        until(lambda: len(room.cycles) == 2, what="the next cycle")
+    assert threading.get_ident() not in {thread for _, thread in room.cycles}
+
+
+def test_the_error_of_a_cycle_that_may_block_ends_the_run() -> None:
+    room = Room(blocking=True)
+
+    def fail() -> None:
+        raise ZeroDivisionError("in the core")
+
+    room.on_cycle = fail
+    with room.running():
+        room.loop.advance_to(0)
+        until(lambda: room.error is not None, what="the end of the run")
+    assert isinstance(room.error, ZeroDivisionError)
+    assert len(room.cycles) == 1
 
 
 def test_a_repeated_stamp_runs_no_cycle() -> None:

@@ -7,7 +7,7 @@ import pytest
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
-from robot.core.motion.trail import Trail
+from robot.core.motion.trail import Trail, drop_crumb
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
@@ -26,8 +26,8 @@ def machine(vehicle: int = states.ACTIVE) -> Machine:
 
 def trail(*crumbs_m: tuple[float, float]) -> Trail:
     made = Trail()
-    made.xs_m = [x_m for x_m, _ in crumbs_m]
-    made.ys_m = [y_m for _, y_m in crumbs_m]
+    for x_m, y_m in crumbs_m:
+        drop_crumb(made, x_m, y_m)
     return made
 
 
