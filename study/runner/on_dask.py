@@ -16,6 +16,7 @@ from study.runner.rows import TrialRow
 from study.runner.run_task import StudyContext, failed, row_of
 
 CONNECT_S: Final = 10.0
+FIRST_WORKER_S: Final = 10.0
 REFRESH_S: Final = 1.0
 MAX_WITHOUT_WORKERS_S: Final = 120.0
 AHEAD: Final = 4
@@ -52,7 +53,7 @@ def cluster(address: str) -> Iterator[Any]:
 
 def _check_workers(client: Any, address: str) -> None:
     try:
-        client.wait_for_workers(1, timeout=CONNECT_S)
+        client.wait_for_workers(1, timeout=FIRST_WORKER_S)
     except TimeoutError:
         raise UserError(
             f"--dask {address}: the scheduler has no workers; start some with "

@@ -8,7 +8,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import wait
 from multiprocessing.context import ForkProcess
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import IO, Final, NamedTuple
 
 FORK: Final = get_context("fork")
 EXTRA_CPU_S: Final = 5
@@ -85,9 +85,9 @@ def attempt(one: Attempt) -> None:
     os._exit(PASSED if passed else FAILED)
 
 
-def silence() -> None:
-    """Discard the output of the tests."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for descriptor in (0, 1, 2):
-        os.dup2(nowhere, descriptor)
-    os.close(nowhere)
+def silence(log: IO[bytes] | None = None) -> None:
+    """Discard the output of the tests, or write it to a file."""
+    with open(os.devnull, "r+b", buffering=0) as nowhere:
+        output = nowhere if log is None else log
+        for descriptor, file in enumerate((nowhere, output, output)):
+            os.dup2(file.fileno(), descriptor)

@@ -16,8 +16,9 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
+from tempfile import TemporaryFile
 from types import CodeType, FrameType, FunctionType, ModuleType
-from typing import Any, Final, NamedTuple
+from typing import IO, Any, Final, NamedTuple
 
 import pytest
 from hypothesis import Phase, settings
@@ -53,40 +54,52 @@ class MutationTarget(NamedTuple):
     def run(self, *plugins: object) -> int:
         """Run the tests and return pytest's exit code."""
         arguments = [str(self.root / test) for test in self.tests]
-        return int(pytest.main([*OPTIONS, "--rootdir", str(self.root), *arguments], list(plugins)))
+        options = [*OPTIONS, "--rootdir", str(self.root), *arguments]
+        return int(pytest.main(options, [FailurePrinter(), *plugins]))
 
 
 class BrokenTestsError(Exception):
-    """The tests fail without a mutant, or cannot be collected."""
+    """The tests fail without a mutant, or cannot be collected; `output` tells which, and why."""
 
-    def __init__(self, target: MutationTarget) -> None:
+    def __init__(self, target: MutationTarget, output: str) -> None:
         tests = " ".join(target.tests)
-        super().__init__(f"{target.name}: its tests fail without a mutant: pytest {tests}")
+        words = f"{target.name}: its tests fail without a mutant: pytest {tests}"
+        super().__init__(f"{words}\n{output}".rstrip())
 
 
 def verdicts(target: MutationTarget, mutants: Sequence[Mutant], jobs: int) -> list[MutantVerdict]:
     """Return the verdict on each mutant, in their order."""
     inner = [mutant for mutant in mutants if mutant.function]
     outer = [mutant for mutant in mutants if not mutant.function]
-    receiving, sending = FORK.Pipe(duplex=False)
-    process = FORK.Process(target=collect_and_try, args=(target, inner, jobs, sending))
-    process.start()
-    sending.close()
-    try:
-        tests, found = receiving.recv()
-    except EOFError:
-        raise BrokenTestsError(target) from None
-    finally:
-        process.join()
-    by_mutant = dict(zip(map(id, inner), found, strict=True))
-    file = str(target.path)
-    codes = [unchanged(target), *(mutant.compile(file) for mutant in outer)]
-    tried = [Attempt(partial(import_changed, target, code), tests.cpu_s) for code in codes]
-    control, *found = in_parallel(tried, jobs)
-    if control is not MutantVerdict.SURVIVED:
-        raise BrokenTestsError(target)
+    with TemporaryFile() as log:
+        receiving, sending = FORK.Pipe(duplex=False)
+        process = FORK.Process(target=collect_and_try, args=(target, inner, jobs, sending, log))
+        process.start()
+        sending.close()
+        try:
+            tests, found = receiving.recv()
+        except EOFError:
+            raise BrokenTestsError(target, text_in(log)) from None
+        finally:
+            process.join()
+        by_mutant = dict(zip(map(id, inner), found, strict=True))
+        control = Attempt(partial(import_changed, target, unchanged(target), log), tests.cpu_s)
+        file = str(target.path)
+        tried = [
+            Attempt(partial(import_changed, target, mutant.compile(file)), tests.cpu_s)
+            for mutant in outer
+        ]
+        verdict, *found = in_parallel([control, *tried], jobs)
+        if verdict is not MutantVerdict.SURVIVED:
+            raise BrokenTestsError(target, f"{verdict.value}\n{text_in(log)}")
     by_mutant.update(zip(map(id, outer), found, strict=True))
     return [by_mutant[id(mutant)] for mutant in mutants]
+
+
+def text_in(log: IO[bytes]) -> str:
+    """Return what was written to a file."""
+    log.seek(0)
+    return log.read().decode(errors="replace")
 
 
 def unchanged(target: MutationTarget) -> CodeType:
@@ -96,10 +109,14 @@ def unchanged(target: MutationTarget) -> CodeType:
 
 
 def collect_and_try(
-    target: MutationTarget, mutants: Sequence[Mutant], jobs: int, sending: Connection
+    target: MutationTarget,
+    mutants: Sequence[Mutant],
+    jobs: int,
+    sending: Connection,
+    log: IO[bytes],
 ) -> None:
     """Collect the tests, run them once and then for each mutant; send the results."""
-    silence()
+    silence(log)
     target.run(MutantLoop(target, mutants, jobs, sending))
 
 
@@ -236,10 +253,31 @@ def codes_in(code: CodeType) -> Iterator[CodeType]:
             yield from codes_in(constant)
 
 
-def import_changed(target: MutationTarget, code: CodeType) -> bool:
-    """Run the tests with a module imported from this code; return whether they pass."""
+def import_changed(target: MutationTarget, code: CodeType, log: IO[bytes] | None = None) -> bool:
+    """Run the tests with a module imported from this code; return whether they pass.
+
+    Their output goes to `log`, if there is one.
+    """
+    silence(log)
     sys.meta_path.insert(0, ChangedModuleImporter(target, code))
     return target.run(DerandomizePlugin()) == pytest.ExitCode.OK
+
+
+class FailurePrinter:
+    """A pytest plugin that prints each failure at once: the process may end without a summary."""
+
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Print why tests cannot be collected."""
+        self._print(report)
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Print why a test failed."""
+        self._print(report)
+
+    @staticmethod
+    def _print(report: pytest.CollectReport | pytest.TestReport) -> None:
+        if report.failed:
+            print(f"{report.nodeid}\n{report.longreprtext}", flush=True)
 
 
 class DerandomizePlugin:

@@ -138,7 +138,7 @@ def test_invalid_address_is_reported() -> None:
 
 
 def test_scheduler_without_workers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(on_dask, "CONNECT_S", 1.0)
+    monkeypatch.setattr(on_dask, "FIRST_WORKER_S", 1.0)
     with (
         LocalCluster(n_workers=0, dashboard_address=ANYWHERE) as cluster,
         pytest.raises(UserError, match="has no workers"),

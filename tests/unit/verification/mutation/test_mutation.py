@@ -173,6 +173,7 @@ def test_failing_tests_without_mutant_are_an_error(tmp_path: Path) -> None:
     ended = tried(tmp_path, LAMP.replace("3", "9"))
     assert ended.returncode != 0
     assert "lamp: its tests fail without a mutant: pytest test_lamp.py" in ended.stderr
+    assert "AssertionError" in ended.stderr, "which test failed, and why"
 
 
 def test_verdict_follows_from_the_exit_code() -> None:
