@@ -73,7 +73,7 @@ class LockstepLoop:
         *,
         blocking: bool = False,
     ) -> None:
-        """Create the loop; `grid` is that of `clock`, and `blocking` tells that cycles may block."""
+        """Create the loop; `grid` is that of `clock`, `blocking` says that cycles may block."""
         self._clock = clock
         self._grid = grid
         self._idle = idle
