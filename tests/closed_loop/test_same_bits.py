@@ -92,6 +92,26 @@ def test_the_page_counts_differences_and_keeps_the_control_apart(tmp_path: Path)
     assert read(tmp_path / "page.json") == record
 
 
+def test_values_of_library_functions_are_compared(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    same = Variant("same", sys.executable, {"PYTHONHASHSEED": "4711"})
+    monkeypatch.setattr(command, "of_processors", lambda _python: [same])
+    page = tmp_path / "page.md"
+    assert command.main(["--functions", "--page", str(page)]) == 0
+    (found,) = read(page.with_suffix(".json")).functions
+    assert set(found.differing.values()) == {0}
+    assert "| same | 0 |" in page.read_text()
+
+
+def test_differing_values_are_counted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    printed = {"usual": ["f\t1\t2\t3"], "other": ["f\t1\t0\t0"]}
+    monkeypatch.setattr(command, "output", lambda variant, *_rest: printed[variant.name])
+    page = tmp_path / "page.md"
+    assert command.compare_functions([Variant("other", "python")], page) == 0
+    assert read(page.with_suffix(".json")).functions[0].differing == {"f": 2}
+
+
 def test_an_older_commit_is_unpacked_with_the_trials(tmp_path: Path) -> None:
     root = unpack("HEAD", tmp_path / "older")
     assert (root / "verification/same_bits/trials.py").exists()

@@ -5,8 +5,8 @@ can be had, `--compiled` the modules compiled with mypyc, `--python` other inter
 another C library, for instance). Exits with 1 if a digest differs or a variant cannot run.
 
 `--page FILE` writes a page, and the same as JSON beside it, after each variant; variants that a
-former run has measured stay there. `--control COMMIT` runs an older commit instead, of which
-differences are expected.
+former run has measured stay there. `--control COMMIT` runs an older commit instead, and
+`--functions` compares functions of the libraries instead of trials; there differences are expected.
 """
 
 import argparse
@@ -20,12 +20,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from verification.harness import machine
+from verification.same_bits.functions import VALUES, values_of
 from verification.same_bits.older import unpack
-from verification.same_bits.record import Row, read, write
+from verification.same_bits.record import Functions, Row, read, write
 from verification.same_bits.trials import Result, result_of
 from verification.same_bits.variants import ROOT, Variant, compiled, of_libraries, of_processors
 
 SECONDS_PER_TRIAL = 30.0
+FUNCTIONS_S = 300.0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -38,11 +40,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="variants at a time")
     parser.add_argument("--only", default="", metavar="TEXT", help="variants whose name has TEXT")
     parser.add_argument("--control", metavar="COMMIT", help="run an older commit")
+    parser.add_argument("--functions", action="store_true", help="compare libraries' functions")
     parser.add_argument("--page", type=Path, metavar="FILE", help="write the results to FILE")
     parser.add_argument("--folder", type=Path, default=ROOT / "build" / "same-bits")
     options = parser.parse_args(argv)
     root = unpack(options.control, options.folder / "older") if options.control else ROOT
     variants = [one for one in variants_of(options) if options.only in one.name]
+    if options.functions:
+        return compare_functions(variants, options.page)
     equal = True
     with ThreadPoolExecutor(options.jobs) as pool:
         usual = pool.submit(run, Variant("usual", sys.executable), options.trials, root)
@@ -69,19 +74,44 @@ def variants_of(options: argparse.Namespace) -> list[Variant]:
 
 def run(variant: Variant, trials: int, root: Path = ROOT) -> list[Result]:
     """Run the trials in a variant; raise RuntimeError with its words if it cannot."""
+    words = ("verification.same_bits.trials", str(trials))
+    return [result_of(line) for line in output(variant, words, SECONDS_PER_TRIAL * trials, root)]
+
+
+def compare_functions(variants: Sequence[Variant], page: Path | None) -> int:
+    """Count the values of library functions that differ in each variant; return the exit code."""
+    words = ("verification.same_bits.functions",)
+    usual = output(Variant("usual", sys.executable), words, FUNCTIONS_S)
+    for variant in variants:
+        lines = output(variant, words, FUNCTIONS_S)
+        differing = {}
+        for one, other in zip(map(values_of, usual), map(values_of, lines), strict=True):
+            differing[one[0]] = sum(a != b for a, b in zip(one[1], other[1], strict=True))
+        print(f"{variant.name}: {differing}")
+        if page:
+            record = read(page.with_suffix(".json"))
+            record.add_functions(Functions(variant.name, VALUES, differing))
+            write(record, page)
+    return 0
+
+
+def output(
+    variant: Variant, words: Sequence[str], timeout_s: float, root: Path = ROOT
+) -> list[str]:
+    """Return the lines of a module in a variant; raise RuntimeError with its words if it fails."""
     child = subprocess.run(
         # With -P the search path alone decides whether a module is a compiled one.
-        [variant.python, "-P", "-m", "verification.same_bits.trials", str(trials)],
+        [variant.python, "-P", "-m", *words],
         cwd=root,
         env={**os.environ, "PYTHONPATH": str(root), **variant.environment},
         capture_output=True,
         text=True,
-        timeout=SECONDS_PER_TRIAL * trials,
+        timeout=timeout_s,
         check=False,
     )
     if child.returncode:
         raise RuntimeError(f"{variant.name}: {child.stderr.strip()[-2000:]}")
-    return [result_of(line) for line in child.stdout.splitlines()]
+    return child.stdout.splitlines()
 
 
 def attempt(variant: Variant, trials: int, root: Path = ROOT) -> list[Result] | str:

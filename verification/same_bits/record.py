@@ -22,6 +22,14 @@ class Row(msgspec.Struct, frozen=True):
     """Whether the commit is an older one, whose digests are expected to differ."""
 
 
+class Functions(msgspec.Struct, frozen=True):
+    """How many values of each function of a library differ in one variant."""
+
+    variant: str
+    values: int
+    differing: dict[str, int]
+
+
 class Record(msgspec.Struct):
     """All variants compared so far, and where."""
 
@@ -29,12 +37,20 @@ class Record(msgspec.Struct):
     ends: str = ""
     """How the trials ended, with their numbers."""
     rows: list[Row] = []
+    functions: list[Functions] = []
+    notes: list[str] = []
+    """Remarks written by hand in the JSON file."""
 
     def add(self, row: Row) -> None:
         """Add a row; it replaces the one of the same variant."""
         key = (row.variant, row.control)
         self.rows = [one for one in self.rows if (one.variant, one.control) != key]
         self.rows.append(row)
+
+    def add_functions(self, found: Functions) -> None:
+        """Add what was found of a variant in place of an older result."""
+        self.functions = [one for one in self.functions if one.variant != found.variant]
+        self.functions.append(found)
 
 
 def read(path: Path) -> Record:
@@ -63,16 +79,36 @@ def page_of(record: Record) -> str:
         f" usual environment on the same machine.\n{differing} of {compared} digests differ.",
         f"Machine: {record.machine}. Ends of the trials: {record.ends}.",
         table(rows),
+        *record.notes,
     ]
     if control:
         parts += [
             "## Control",
             "The same comparison at an older commit, which used the C library's functions, numpy's"
-            " generator and pymunk's\nsolver. It shows that these variants can find a difference.",
+            " generator and pymunk's\nsolver. Short trials hide most differences of a last bit: a step is a"
+            " thousand times smaller than the position\nit is added to.",
             table(control),
-            examples(control),
+            *examples(control),
+        ]
+    if record.functions:
+        parts += [
+            "## Functions of libraries",
+            f"Of {record.functions[0].values} values of each function, so many differ from those in"
+            " the usual environment. No result of\na trial depends on them.",
+            table_of_functions(record.functions),
         ]
     return "\n\n".join(parts) + "\n"
+
+
+def table_of_functions(found: Sequence[Functions]) -> str:
+    """Return the table of differing values, one column for each function."""
+    names = list(found[0].differing)
+    head = f"| variant | {' | '.join(names)} |\n|---|{'---|' * len(names)}"
+    lines = (
+        f"| {one.variant} | {' | '.join(str(one.differing[name]) for name in names)} |"
+        for one in found
+    )
+    return "\n".join([head, *lines])
 
 
 def table(rows: Iterable[Row]) -> str:
@@ -84,7 +120,8 @@ def table(rows: Iterable[Row]) -> str:
     return "\n".join([HEAD, *lines])
 
 
-def examples(rows: Sequence[Row]) -> str:
-    """Return some trials that differ."""
+def examples(rows: Sequence[Row]) -> list[str]:
+    """Return a paragraph with some trials that differ, if there are any."""
     found = dict.fromkeys(name for row in rows for name in row.differing[:EXAMPLES])
-    return "Some that differ: " + ", ".join(f"`{name}`" for name in [*found][:EXAMPLES]) + "."
+    names = ", ".join(f"`{name}`" for name in [*found][:EXAMPLES])
+    return [f"Some that differ: {names}."] if names else []
