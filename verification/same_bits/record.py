@@ -85,8 +85,8 @@ def page_of(record: Record) -> str:
         parts += [
             "## Control",
             "The same comparison at an older commit, which used the C library's functions, numpy's"
-            " generator and pymunk's\nsolver. Short trials hide most differences of a last bit: a step"
-            " is a thousand times smaller than the position\nit is added to.",
+            " generator and pymunk's\nsolver. Short trials hide most differences of a last bit: a"
+            " step is a thousand times smaller than the position\nit is added to.",
             table(control),
             *examples(control),
         ]
