@@ -41,6 +41,8 @@ with BUDGET or TICKS_LOST instead of the expected reason.
   `tests/bus/tls/test_impostor.py` covers an impostor at the start. `sidestep bench flood` attacks a
   robot with access control.
 - A robot that hangs with the GIL held, or that was killed, is restarted.
+- In the rows of the emulated board, simulated time pauses while the robot waits for the board, at
+  most 3 s. The times do not contain this wait.
 """
 ROW: Final = re.compile(r"^\| (.+?) \|.*$", re.MULTILINE)
 THEN: Final = re.compile(r"^on (\S+)\n\((.*)\)\.$", re.MULTILINE)
