@@ -53,7 +53,7 @@ HOST_FLAGS: Final = {reasons.BUDGET: INPUT_BUDGET, reasons.NAME_TAKEN: INPUT_NAM
 
 
 class Limits(NamedTuple):
-    """How long the host waits for an answer, and the board for the host; 0 is for ever."""
+    """Longest wait of the host for an answer, and of the board for the host; 0 is for ever."""
 
     answer_s: float
     silence_ms: int

@@ -33,7 +33,8 @@ HOST_SYSTEM: Final = 1
 HOST_COMPONENT: Final = 191
 PATIENCE_S: Final = 10.0
 """Longest wait for an answer: a busy machine emulates slowly."""
-LOCKSTEP_SILENCE_MS: Final = 60_000
+SILENCE_MS: Final = 60_000
+"""The board stops the wheels after this time without a tick, unless the host chooses another."""
 RESTART: Final = LAYOUT["BoardRestart"].number
 PARAMETERS: Final = tuple(DEFAULTS._fields)
 
@@ -76,7 +77,11 @@ class Board:
     @classmethod
     @contextmanager
     def emulated(cls, image: Path = IMAGE.elf, log: Path | None = None) -> Iterator[Self]:
-        """Start the emulator, wait for the board's hello, and refuse another core."""
+        """Start an emulated board and wait for its BOARD_HELLO.
+
+        Raises UserError without an emulator or a usable image, and BoardMismatchError for an image
+        of another core.
+        """
         with Emulator(image, log=log) as emulator:
             board = cls(emulator.line)
             try:
@@ -100,7 +105,7 @@ class Board:
         return self._stream.skipped
 
     def wait_for_hello(self) -> wire.BoardHello:
-        """Wait until the board says hello; refuse an image of another core."""
+        """Wait for BOARD_HELLO; raise BoardMismatchError for an image of another core."""
         self._is_set_up = False
         hello = self._await(wire.BoardHello)
         self._requests = 0
@@ -114,7 +119,7 @@ class Board:
         start: Pose = Pose(0.0, 0.0, 0.0),  # noqa: B008
         totals: tuple[int, int] = (0, 0),
         *,
-        silence_ms: int = LOCKSTEP_SILENCE_MS,
+        silence_ms: int = SILENCE_MS,
         fence_lost: bool = False,
     ) -> None:
         """Create the core on the board; raise UserError for a parameter that it refuses."""
@@ -160,7 +165,7 @@ class Board:
         return self._outputs(inputs.tick)
 
     def restart(self) -> wire.BoardHello:
-        """Reset the board and wait for its hello."""
+        """Reset the board and wait for its BOARD_HELLO."""
         self.send(wire.BoardRestart(confirmation=RESTART))
         self.state = None
         return self.wait_for_hello()
@@ -210,7 +215,7 @@ class Board:
             raise UserError(f"the board refuses {what}: {reason_text(reason)}")
 
     def _await(self, kind: type[Expected]) -> Expected:
-        """Return the next message of this kind; skip what the board sends of itself."""
+        """Return the next message of this kind; skip all others."""
         deadline = monotonic() + self.patience_s
         while True:
             message = self._next(deadline)
@@ -218,7 +223,7 @@ class Board:
                 return message
 
     def _next(self, deadline: float) -> Message:
-        """Return the next message; the board repeats its hello until the set-up."""
+        """Return the next message; a BOARD_HELLO after the set-up raises BoardError."""
         while not self._arrived:
             if not self._receive(deadline):
                 why = f"no answer for {self.patience_s:g} s"
@@ -250,7 +255,7 @@ class Board:
 
 
 def restarted(hello: wire.BoardHello) -> BoardError:
-    """Return the error of a board that says hello in the middle of its work."""
+    """Return the error of a board that sends BOARD_HELLO after its set-up."""
     cause = ResetCause(hello.reset_cause).name.lower()
     return BoardError(f"the board has restarted (cause: {cause})")
 

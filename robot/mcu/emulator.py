@@ -22,13 +22,13 @@ INSTRUCTION_SHIFT: Final = 5
 PR_SET_PDEATHSIG: Final = 1
 READ_BYTES: Final = 65_536
 LOOK_S: Final = 0.25
-"""A wait looks this often whether the emulator still runs."""
+"""Interval at which a wait checks that the emulator still runs."""
 
 
 class SerialLine:
     """A line as two file descriptors, of which one is read and the other one written.
 
-    `is_alive` returns whether there is still a board at the other end.
+    `is_alive` returns whether the board at the other end still runs.
     """
 
     def __init__(self, reads: int, writes: int, is_alive: Callable[[], bool]) -> None:
@@ -92,14 +92,14 @@ class Emulator:
         return self._process.poll() is None
 
     def failure(self) -> str:
-        """Return the first line that a qemu wrote before it ended of itself; empty if it runs."""
+        """Return the first line of the error output of a qemu that has ended; empty if it runs."""
         assert self._process.stderr is not None
         if self.is_running():
             return ""
         return self._process.stderr.read().decode(errors="replace").strip().partition("\n")[0]
 
     def terminate(self) -> None:
-        """End qemu in order, so that a plugin writes its results."""
+        """End qemu normally, so that a plugin writes its results."""
         self._process.terminate()
         self._process.wait()
 
@@ -147,8 +147,3 @@ def command(image: Path, line: Path, log: Path | None, extra: Sequence[str]) -> 
 def end_with_parent() -> None:
     """Let the kernel end this child when its parent ends."""
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
-def is_available() -> bool:
-    """Return whether qemu is installed."""
-    return shutil.which(QEMU, path=os.environ.get("PATH")) is not None

@@ -1,7 +1,7 @@
 """Find MAVLink frames in a stream of bytes, without I/O.
 
-Bytes that belong to no frame are skipped. A start whose rest does not arrive is given up as soon as
-a whole frame follows it, so that a damaged length never blocks the stream.
+Bytes that belong to no frame are skipped. An incomplete frame is skipped as soon as a whole frame
+follows its start, so that a damaged length never blocks the stream.
 """
 
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ class FrameStream:
         self._skip(self._first_unfinished())
 
     def _message_at(self, start: int) -> tuple[Message | None, int]:
-        """Return the message of a frame and its size; None if it is incomplete or none."""
+        """Return the message and the size of a frame; no message if it is incomplete or invalid."""
         size = self._size_at(start)
         if size == 0 or start + size > len(self._bytes):
             return None, size

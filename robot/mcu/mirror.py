@@ -1,4 +1,4 @@
-"""Copy of the state of the core on a board, for everything on the host that reads the core."""
+"""Copy of the state of the core on a board, for the programs on the host that read it."""
 
 from math import isnan, nan
 

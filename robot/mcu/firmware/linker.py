@@ -1,7 +1,7 @@
 """Link Python sources to one module for the firmware; the sources themselves stay as they are.
 
-On the board each module, each import and each name of a module takes RAM, while bytecode and
-literals stay in flash. So all modules are linked to one, in the order of their imports; a name that
+On the board each module, each import and each name of a module takes RAM, while code and literals
+stay in flash. So all modules are linked to one, in the order of their imports; a name that
 is not unique gets the name of its module as a suffix. Constants (`X: Final = 3`) are inlined,
 annotations and docstrings dropped, and definitions that nothing uses left out. Nothing else
 changes: the board runs the statements of the sources.
@@ -71,7 +71,7 @@ class Program:
         self._modules = {name: Module(name, text, sources) for name, text in sources.items()}
 
     def linked(self, root: str) -> str:
-        """Return the source of the module that runs `root` with all that it needs."""
+        """Return the source of one module that contains `root` and everything that it needs."""
         ordered: list[Module] = []
         self._visit(root, ordered, set())
         for module in ordered:
@@ -148,7 +148,7 @@ class Program:
     def resolved(self, module: Module, node: ast.AST) -> Binding | None:
         """Return what a name, or an attribute of a module, refers to.
 
-        A built-in name counts as imported: as a global of the module it is found at once.
+        A built-in name counts as imported, because a global of the module is found faster.
         """
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             origin = self.origin(module.name, node.id)
@@ -186,7 +186,7 @@ class Program:
         return names
 
     def _is_fixed(self, binding: Binding) -> bool:
-        """Return whether a name keeps its name: one that a `try` binds."""
+        """Return whether a name must not be changed, because a `try` binds it."""
         module = self._modules.get(binding.module)
         tries = [] if module is None else [one for one in module.body if isinstance(one, ast.Try)]
         return any(binding.name in bound_names(one) for one in tries)
@@ -327,7 +327,7 @@ def is_stored(node: ast.AST) -> TypeGuard[ast.Name]:
 def source_of(statement: ast.stmt) -> str:
     """Return the source of a statement.
 
-    `a, b = (x, y)` is written without parentheses, for which the compiler makes no tuple.
+    `a, b = (x, y)` is written without parentheses, so that the compiler creates no tuple.
     """
     lines = ast.unparse(ast.fix_missing_locations(statement)).split("\n")
     return "\n".join(map(without_parentheses, lines))

@@ -16,7 +16,7 @@ from runtime.errors import LocalError
 
 FROZEN_FLOAT: Final = re.compile(r"(\{\{&mp_type_float\}, \(mp_float_t\))([^}]+)(\})")
 MAX_FLOAT: Final = 1e38
-"""The tool that freezes bytecode converts each number to single precision, too."""
+"""Largest number that is frozen; the tool converts each one to single precision, too."""
 NEAR: Final = 1e-14
 """Relative difference of a frozen number from its literal: a few units in the last place."""
 
@@ -63,7 +63,7 @@ def exact(frozen: str, wanted: Iterable[float]) -> str:
 
 
 def nearest(value: float, ordered: list[float]) -> float:
-    """Return the only one of the ordered numbers that is near a value."""
+    """Return the only ordered number near a value; raise LocalError unless there is just one."""
     place = bisect_left(ordered, value)
     around = [-inf, *ordered, inf][max(0, place - 1) : place + 4]
     near = [one for one in around if one == value or abs(one - value) <= NEAR * abs(value)]

@@ -1,7 +1,7 @@
 """Translate the functions of a module from Python to C: numbers, tuples, conditions.
 
-The same operations run in the same order, so the results have the same bits. A construct that is
-not known here is refused by its line.
+The same operations run in the same order, so the results have the same bits. A construct without a
+translation raises LocalError with its line.
 """
 
 import ast
@@ -150,7 +150,7 @@ def number(value: float) -> str:
 
 
 class Function:
-    """A function, while it is translated."""
+    """A function during its translation."""
 
     def __init__(
         self,

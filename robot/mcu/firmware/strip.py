@@ -1,4 +1,4 @@
-"""Drop what the board does not use from Python sources: annotations, docstrings, `__slots__`."""
+"""Remove annotations, docstrings and `__slots__`, which the board does not use, from sources."""
 
 import ast
 from collections.abc import Iterator
@@ -44,7 +44,7 @@ class Stripper(ast.NodeTransformer):
 
 
 def stripped(tree: ast.Module) -> ast.Module:
-    """Return a module without what the board does not use."""
+    """Return a module without annotations, docstrings, `__slots__` and `__all__`."""
     result = ast.fix_missing_locations(Stripper().visit(tree))
     assert isinstance(result, ast.Module)
     return result

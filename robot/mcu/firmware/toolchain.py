@@ -1,7 +1,7 @@
 """The tools that the build needs, and the source of MicroPython.
 
-Both are packages of Debian. The source is of a newer release than the tools may be, so apt fetches
-it with a configuration of its own, from the mirror and with the keys that this machine uses.
+Both are packages of Debian. The source may be of a newer release than the tools. So apt fetches it
+with a separate configuration, from the mirror and with the keys of this machine.
 """
 
 import re
@@ -25,7 +25,11 @@ TOOLS: Final = {
     "xz": "xz-utils",
 }
 """Packages of Debian by the command that they contain."""
-NEWLIB: Final = Path("/usr/include/newlib/stdint.h")
+HEADERS: Final = {
+    Path("/usr/include/newlib/stdint.h"): "libnewlib-dev",
+    Path("/usr/include/stdio.h"): "libc6-dev",
+}
+"""Packages of Debian by a header that they contain; gcc only recommends the last one."""
 SUITE: Final = "trixie"
 PACKAGE: Final = "micropython"
 VERSION: Final = "1.25.0"
@@ -38,9 +42,9 @@ TIMEOUT_S: Final = 300.0
 
 
 def missing_packages() -> list[str]:
-    """Return the packages of tools that this machine lacks."""
+    """Return the packages of tools and headers that this machine lacks."""
     missing = [package for tool, package in TOOLS.items() if shutil.which(tool) is None]
-    return missing if NEWLIB.exists() else [*missing, "libnewlib-dev"]
+    return missing + [package for header, package in HEADERS.items() if not header.exists()]
 
 
 def check_tools() -> None:
@@ -103,7 +107,7 @@ def fetch(tarball: Path) -> None:
 
 
 def isolated(folder: Path, sources: Path) -> Sequence[str]:
-    """Return the options by which apt leaves the configuration of the machine alone."""
+    """Return the options with which apt does not use the configuration of this machine."""
     options = {
         "Dir::Etc::SourceList": sources,
         "Dir::Etc::SourceParts": folder / "empty",
@@ -136,7 +140,7 @@ def mirror(folder: Path = SOURCES) -> str:
 
 
 def compiler(tree: Path) -> Path:
-    """Return MicroPython's compiler of bytecode, after building it if necessary."""
+    """Return MicroPython's cross compiler, after building it if necessary."""
     program = tree / "mpy-cross" / "build" / "mpy-cross"
     if not program.exists():
         run(["make", "-C", str(tree / "mpy-cross")])

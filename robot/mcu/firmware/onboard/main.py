@@ -75,7 +75,7 @@ def watch(onboard: Onboard, idle_ms: int) -> None:
 
 
 def run() -> None:
-    """Serve the host for ever."""
+    """Set up the firmware, then process messages for ever."""
     board.settle()
     onboard = Onboard()
     say_hello(onboard)

@@ -17,7 +17,7 @@ CLOCK_MASK: Final = 0x3FFFFFFF
 
 
 def send_hello(onboard: Onboard) -> None:
-    """Send what the host must know before it sets up the core."""
+    """Send BOARD_HELLO: core, memory, parameters and the cause of the reset."""
     pack_into(
         wire.BOARD_HELLO_FORMAT,
         board.outbox,
@@ -93,7 +93,7 @@ def send_odometry(onboard: Onboard) -> None:
 
 
 def send_decision(onboard: Onboard, chosen: Outputs) -> None:
-    """Send why the robot turns; values are NaN where nothing was decided."""
+    """Send AVOIDANCE_DECISION; values are NaN without a decision."""
     machine, params = onboard.state.machine, onboard.params
     zone_m = nan
     if machine.navigator == states.BUG:
@@ -128,7 +128,7 @@ def send_decision(onboard: Onboard, chosen: Outputs) -> None:
 
 
 def send_state(onboard: Onboard) -> None:
-    """Send the state of the core that the host needs."""
+    """Send BOARD_STATE."""
     state, machine = onboard.state, onboard.state.machine
     x_m, y_m, heading_rad = state.odometry.pose
     goal_x_m, goal_y_m, goal_heading_rad = goal_pose(machine.goal)
@@ -166,7 +166,7 @@ def send_state(onboard: Onboard) -> None:
 
 
 def goal_pose(goal: "Goal | None") -> "tuple[float, float, float]":
-    """Return place and heading of a goal, with NaN for what it leaves open."""
+    """Return position and heading of a goal, with NaN for those that it does not have."""
     if goal is None:
         return nan, nan, nan
     heading_rad = goal.heading_rad

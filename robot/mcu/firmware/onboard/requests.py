@@ -22,7 +22,7 @@ MAX_INTEGER: Final = 0x3FFFFFFF
 
 
 def handle(onboard: Onboard, message_id: int) -> None:
-    """Act on a request, answer it, and send the state that it has led to."""
+    """Execute a request, answer it, and send the state after it."""
     onboard.requests = onboard.requests + 1 & MAX_INTEGER
     if message_id == wire.BOARD_PARAMETER_ID:
         reason = set_parameter(onboard)
@@ -128,7 +128,7 @@ def stop(onboard: Onboard) -> int:
 
 
 def command(onboard: Onboard) -> int:
-    """Execute a command of an operator; missions are the host's."""
+    """Execute a command of an operator; missions run on the host."""
     now_ms, one, two, three, number = unpack_from(wire.BOARD_COMMAND_FORMAT, board.inbox)
     state = onboard.state
     machine = state.machine
@@ -156,11 +156,11 @@ def command(onboard: Onboard) -> int:
 
 
 def whole(value: float) -> int:
-    """Return a parameter as an integer; -256, which nothing accepts, if it is none."""
+    """Return a parameter as an integer; -256, which no command accepts, if out of range."""
     return int(value) if -256.0 <= value <= 256.0 else -256
 
 
 def restart() -> None:
-    """Reset the board if the host means it."""
+    """Reset the board if the confirmation of the message is right."""
     if unpack_from(wire.BOARD_RESTART_FORMAT, board.inbox)[0] == wire.BOARD_RESTART_ID:
         board.restart()

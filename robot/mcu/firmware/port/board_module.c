@@ -1,4 +1,4 @@
-// The module `board`: what the frozen main loop needs of the hardware.
+// The module `board`: the hardware, for the frozen main loop.
 #include "py/binary.h"
 #include "py/objarray.h"
 #include "py/objstr.h"

@@ -18,7 +18,7 @@
 #define DEBUG_DATA REGISTER(0x40005000)
 #define DEBUG_CONTROL REGISTER(0x40005008)
 
-// A free-running timer tells the time, a second one ends a wait.
+// A free-running timer is the clock, a second one ends a wait.
 #define CLOCK_CONTROL REGISTER(0x40000000)
 #define CLOCK_VALUE REGISTER(0x40000004)
 #define CLOCK_RELOAD REGISTER(0x40000008)

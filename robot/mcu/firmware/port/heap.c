@@ -1,5 +1,5 @@
-// The heap of MicroPython. What the program has created when it is loaded - functions, classes,
-// constants - stays for ever. It leaves the collected heap: a collection only reads its words.
+// The heap of MicroPython. The functions, classes and constants of the loaded program are never
+// freed. They leave the collected heap: a collection only reads their words.
 #include <string.h>
 #include "py/gc.h"
 #include "py/mpstate.h"
@@ -53,7 +53,7 @@ static void mark_from_settled(void) {
     }
 }
 
-// While the program is loaded, the heap is small and grows by steps, so that what stays lies close.
+// While the program is loaded, the heap grows by small steps: objects that are kept lie together.
 void gc_collect(void) {
     gc_collect_start();
     mark_from_settled();
@@ -84,7 +84,7 @@ static bool is_settled(const void *pointer) {
     return (const uint8_t *)pointer >= settled && (const uint8_t *)pointer < settled_end;
 }
 
-// What is settled can be neither freed nor made larger.
+// A settled object can be neither freed nor made larger.
 void __real_gc_free(void *pointer);
 void __wrap_gc_free(void *pointer) {
     if (!is_settled(pointer)) {

@@ -1,4 +1,4 @@
-// The heap of MicroPython, whose first part may be settled: its objects stay for ever.
+// The heap of MicroPython, whose first part may be settled: its objects are never freed.
 #include <stdint.h>
 
 void heap_start(void);

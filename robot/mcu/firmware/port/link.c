@@ -1,5 +1,5 @@
-// MAVLink 2 frames on the serial line. What is no whole frame of a known message is skipped, byte
-// by byte, so that a frame behind garbage is found.
+// MAVLink 2 frames on the serial line. Bytes that belong to no valid frame of a known message are
+// skipped one by one, so that a frame after garbage is found.
 #define WITH_MESSAGES // the ids, sizes and checksum seeds of the dialect
 #include <string.h>
 #include "clock.h"
@@ -10,7 +10,7 @@
 #define MAGIC 0xFDu
 #define HEADER 10u
 #define CHECKSUM 2u
-#define GAP_MS 20u // a frame that pauses longer is given up
+#define GAP_MS 20u // an incomplete frame is skipped after a longer pause
 #define SYSTEM_ID 1u
 #define COMPONENT_ID 1u
 

@@ -18,7 +18,7 @@ extern struct link_counts link_counts;
 uint32_t link_receive(uint32_t ms); // the id of the next frame, or 0 after this time
 bool link_send(uint32_t id, uint32_t size);
 
-// Empty functions that are called where a measurement from outside looks: a tick begins, its wheel
-// command is on the line. It ends with the next call of `link_receive`.
+// Empty functions whose addresses mark a measurement: a tick begins, its wheel command is sent. The
+// tick ends with the next call of `link_receive`.
 void mark_tick(void);
 void mark_command(void);

@@ -1,4 +1,4 @@
-// Start MicroPython with the heap that the linker left, and run the frozen main loop for ever.
+// Start MicroPython and run the frozen main loop for ever.
 #include "py/builtin.h"
 #include "py/compile.h"
 #include "py/gc.h"

@@ -1,4 +1,4 @@
-// Configuration of MicroPython: frozen bytecode only, no compiler, no files, no terminal.
+// Configuration of MicroPython: frozen code only, no compiler, no files, no terminal.
 #include <stdint.h>
 #include <alloca.h>
 

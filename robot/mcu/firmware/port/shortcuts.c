@@ -1,5 +1,5 @@
-// Shorter ways through MicroPython for what native code does most: names, attributes, floating-point
-// operators, small objects. Everything else takes the ordinary way; the results are the same.
+// Faster implementations of the most frequent operations of native code: names, attributes,
+// floating-point operators, small objects. All others call MicroPython; the results are the same.
 #include <string.h>
 #include "py/gc.h"
 #include "py/mpstate.h"

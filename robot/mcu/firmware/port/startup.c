@@ -58,8 +58,8 @@ uint32_t stack_peak(void) {
     return (uint32_t)((char *)&_estack - (char *)lowest);
 }
 
-// The watchdog interrupts first and resets one period later. A host that does not schedule the
-// emulator for a while lets the time jump while the processor sleeps: that is no hang.
+// The watchdog interrupts first and resets one period later. If the host does not schedule the
+// emulator for a while, the time jumps while the processor sleeps. This is not a hang.
 void NMI_Handler(void) {
     if (clock_was_waiting()) {
         watchdog_clear();

@@ -94,7 +94,7 @@ state, outputs = brain.step(brain.State(DEFAULTS), Inputs(0, None, None, None), 
 import typing
 print(outputs.left_mrad_s, DEFAULTS.track_m, hasattr(typing, "List"))
 """
-SUBSTITUTES = CORE.parent / "mcu" / "frozen"
+SUBSTITUTES = CORE.parent / "mcu" / "firmware" / "onboard"
 WITH_SUBSTITUTE = f"import sys; sys.path.insert(0, {str(SUBSTITUTES)!r})\n"
 
 

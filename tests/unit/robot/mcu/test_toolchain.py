@@ -24,6 +24,16 @@ def test_build_names_the_missing_compiler(
     assert told.count("\n") == 1
 
 
+def test_missing_headers_are_named_by_their_packages(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    headers = {tmp_path / package: package for package in toolchain.HEADERS.values()}
+    monkeypatch.setattr(toolchain, "HEADERS", headers)
+    (tmp_path / "libnewlib-dev").touch()
+    assert "libc6-dev" in toolchain.missing_packages()
+    assert "libnewlib-dev" not in toolchain.missing_packages()
+
+
 def test_unknown_variant_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lpc9"]) == 2
     assert "lpc1768" in capsys.readouterr().err
