@@ -37,7 +37,7 @@ class Options:
     """Options of the loop: simulated time, frozen heap, real-time scheduling.
 
     `after` describes how the previous run ended, if the launcher knows. `board`: the core runs on a
-    board, whose answer may take long.
+    board, so a cycle may block.
     """
 
     lockstep: bool = False
@@ -125,7 +125,7 @@ def in_lockstep(
     """Return a process that the plant's clock drives, and the function that runs it.
 
     While the clock pauses, requests are answered and the watchdog is reset. `blocking`: a cycle may
-    take longer than a connection waits for a sign of life.
+    take longer than the time-out of a connection.
     """
 
     def idle() -> None:

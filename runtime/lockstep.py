@@ -54,11 +54,10 @@ class LockstepClock:
 
 
 class LockstepLoop:
-    """Runs a control cycle in the thread that advances the clock.
+    """Runs control cycles in the thread that advances the clock: to wake another one costs time.
 
-    To hand each cycle over to another thread would cost a tenth of the time of a tick. The thread
-    that calls `run` does the work in between: it calls `idle` at each `nudge`, and whenever no
-    cycle has run for `patience_s` of wall time. A lock keeps the two apart.
+    The thread that calls `run` does the work between the cycles: it calls `idle` at each `nudge`,
+    and whenever no cycle has run for `patience_s` of wall time. A lock separates the two threads.
 
     Cycles that may block, because the core runs on a board, run in the thread that calls `run`: a
     thread of the bus that waits loses its connections.
@@ -73,7 +72,7 @@ class LockstepLoop:
         *,
         blocking: bool = False,
     ) -> None:
-        """Create the loop; `grid` is that of `clock`, `blocking` says that cycles may block."""
+        """Create a loop with the grid of `clock`; `blocking`: cycles may block."""
         self._clock = clock
         self._grid = grid
         self._idle = idle
@@ -88,9 +87,9 @@ class LockstepLoop:
         self._nudged = WakeUp()
 
     def advance_to(self, stamp_ns: int) -> None:
-        """Advance the clock and run the cycle that is due, or have it run; thread-safe.
+        """Advance the clock and run the cycle that is due; if cycles may block, wake `run` for it.
 
-        One thread at a time may call this.
+        Call this from one thread at a time.
         """
         if self._blocking:
             self._clock.advance_to(stamp_ns)
@@ -128,7 +127,7 @@ class LockstepLoop:
             raise self._error
 
     def _run_due(self) -> bool:
-        """Run the cycle if its time has come, and return whether; keep its error for `run`."""
+        """Run the cycle if it is due, and return whether it was; keep its error for `run`."""
         if self._cycle is None or self._stopped or not self._clock.reached(self._due_ns):
             return False
         try:

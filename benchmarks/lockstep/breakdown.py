@@ -206,6 +206,6 @@ def cost_of(task: Path) -> Cost:
 
 
 def difference(after: Usage, before: Usage) -> Usage:
-    """Return what was used in between."""
+    """Return CPU time and context switches between two measurements."""
     pairs = zip(after, before, strict=True)
     return Usage(*(Cost(a.cpu_ns - b.cpu_ns, a.switches - b.switches) for a, b in pairs))

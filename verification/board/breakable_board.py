@@ -21,7 +21,7 @@ from robot.mcu.board import RESTART, Board
 from robot.mcu.emulator import Emulator, SerialLine
 from robot.mcu.image import IMAGE
 from runtime.errors import RemoteError
-from verification.board.trouble import BoardTrouble
+from verification.board.fault import BoardFault
 
 MAX_GARBAGE: Final = 40
 DEBUGGER_S: Final = 5.0
@@ -34,18 +34,18 @@ READ_BYTES: Final = 4096
 
 
 class FaultyLine(SerialLine):
-    """A serial line that may be broken; `trouble` is None while it is whole."""
+    """A serial line that may have a fault; `fault` is None while it is whole."""
 
     def __init__(self, line: SerialLine, random: Random) -> None:
-        self.trouble: BoardTrouble | None = None
+        self.fault: BoardFault | None = None
         self._line, self._random = line, random
         self._garbage = b""
 
     def read(self, wait_s: float) -> bytes | None:
         """Return the bytes that have arrived, as `SerialLine` does."""
-        if self.trouble is BoardTrouble.CUT:
+        if self.fault is BoardFault.CUT:
             return None
-        if self.trouble is not BoardTrouble.MUTE:
+        if self.fault is not BoardFault.OUTPUT_LOST:
             garbage, self._garbage = self._garbage, b""
             return garbage or self._line.read(wait_s)
         until_s = monotonic() + wait_s
@@ -54,13 +54,13 @@ class FaultyLine(SerialLine):
         return b""
 
     def write(self, data: bytes) -> None:
-        """Write bytes, with garbage before them if that is the trouble."""
-        if self.trouble is BoardTrouble.CUT:
+        """Write bytes, with garbage before them if that is the fault."""
+        if self.fault is BoardFault.CUT:
             raise BrokenPipeError(errno.EPIPE, "cut")
-        if self.trouble is BoardTrouble.GARBAGE:
+        if self.fault is BoardFault.GARBAGE:
             self._line.write(self._bytes())
             self._garbage = self._bytes()
-        if self.trouble is not BoardTrouble.DEAF:
+        if self.fault is not BoardFault.INPUT_LOST:
             self._line.write(data)
 
     def _bytes(self) -> bytes:
@@ -71,7 +71,7 @@ class FaultyLine(SerialLine):
 
 
 class BreakableBoard:
-    """Starts an emulated board for each core that is created, and breaks the newest."""
+    """Starts an emulated board for each core that is created; faults concern the newest."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
@@ -96,19 +96,19 @@ class BreakableBoard:
         self._board.wait_for_hello()
         return BoardCore(self._board, params, start, totals)
 
-    def suffer(self, trouble: BoardTrouble) -> None:
-        """Break the board or its line."""
-        match trouble:
-            case BoardTrouble.HANG:
+    def inject(self, fault: BoardFault) -> None:
+        """Inject a fault into the board or its line."""
+        match fault:
+            case BoardFault.HANG:
                 hang(self._debugger)
-            case BoardTrouble.SUSPEND:
+            case BoardFault.SUSPEND:
                 os.kill(self._emulator.pid, signal.SIGSTOP)
-            case BoardTrouble.KILL:
+            case BoardFault.KILL:
                 os.kill(self._emulator.pid, signal.SIGKILL)
-            case BoardTrouble.RESET:
+            case BoardFault.RESET:
                 self._board.send(BoardRestart(confirmation=RESTART))
             case _:
-                self._line.trouble = trouble
+                self._line.fault = fault
 
 
 def hang(path: Path) -> None:

@@ -5,7 +5,7 @@ from enum import Enum, auto
 from typing import TypeAlias
 
 from protocol.bus.faults.link_faults import LinkFaults
-from verification.board.trouble import BoardTrouble
+from verification.board.fault import BoardFault
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +140,6 @@ Act: TypeAlias = (
     | FillDisk
     | SlowDisk
     | Flood
-    | BoardTrouble
+    | BoardFault
     | PlainAct
 )

@@ -22,7 +22,7 @@ from robot.mcu.board import BoardError
 from runtime.clock import Tick
 from runtime.units import NS_PER_S
 from verification.board.breakable_board import BreakableBoard
-from verification.board.trouble import BoardTrouble
+from verification.board.fault import BoardFault
 from verification.faults_matrix import power_cuts
 from verification.faults_matrix.actions import (
     Act,
@@ -109,7 +109,7 @@ class LockstepDrill:
         self._stops = fault.must_stop
         self._random = Random(f"{fault.name} {number}")
         world = world_for(fault.act, "corridor" if self._stops else "box")
-        is_on_board = isinstance(fault.act, BoardTrouble)
+        is_on_board = isinstance(fault.act, BoardFault)
         self._board = BreakableBoard(self._random) if is_on_board else None
         new_core = InProcessCore if self._board is None else self._board.new_core
         self.stack = BreakableInProcess(
@@ -208,7 +208,7 @@ class LockstepDrill:
                 stack.clock.advance(round(seconds * NS_PER_S))
             case PlainAct.RAISE_IN_CORE:
                 stack.break_core()
-            case BoardTrouble():
+            case BoardFault():
                 self._break_board(act)
             case PlainAct.EMERGENCY_STOP:
                 stack.command(Command.DO_FLIGHTTERMINATION, 1)
@@ -217,9 +217,9 @@ class LockstepDrill:
             case _:
                 raise NotImplementedError(f"{act} is only possible with real processes")
 
-    def _break_board(self, trouble: BoardTrouble) -> None:
+    def _break_board(self, fault: BoardFault) -> None:
         assert self._board is not None
-        self._board.suffer(trouble)
+        self._board.inject(fault)
         self.stack.breaks = self._stops
 
     def heal(self, act: Act) -> None:
@@ -232,7 +232,7 @@ class LockstepDrill:
             case Kill(role):
                 stack.start(role)
                 stack.reconnect()
-            case BoardTrouble():
+            case BoardFault():
                 stack.breaks = False
                 stack.start("robot")
                 stack.reconnect()

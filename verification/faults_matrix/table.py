@@ -6,7 +6,7 @@ from typing import Final
 
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.reasons import Reason
-from verification.board.trouble import BoardTrouble
+from verification.board.fault import BoardFault
 from verification.faults_matrix.actions import (
     Act,
     BodyFault,
@@ -189,14 +189,14 @@ PROCESSES: Final = (
     goes_on("recorder killed", Kill("recorder"), ways=WALL),
 )
 BOARD: Final = (
-    dies("board hangs", BoardTrouble.HANG, ways=LOCKSTEP),
-    dies("board suspended", BoardTrouble.SUSPEND, ways=LOCKSTEP),
-    dies("board reset", BoardTrouble.RESET, ways=LOCKSTEP),
-    dies("emulator of the board killed", BoardTrouble.KILL, ways=LOCKSTEP),
-    dies("line to the board cut", BoardTrouble.CUT, ways=LOCKSTEP),
-    dies("line loses all bytes from the board", BoardTrouble.MUTE, ways=LOCKSTEP),
-    dies("line loses all bytes to the board", BoardTrouble.DEAF, ways=LOCKSTEP),
-    goes_on("garbage on the line of the board", BoardTrouble.GARBAGE, ways=LOCKSTEP),
+    dies("board hangs", BoardFault.HANG, ways=LOCKSTEP),
+    dies("board suspended", BoardFault.SUSPEND, ways=LOCKSTEP),
+    dies("board reset", BoardFault.RESET, ways=LOCKSTEP),
+    dies("emulator of the board killed", BoardFault.KILL, ways=LOCKSTEP),
+    dies("line to the board cut", BoardFault.CUT, ways=LOCKSTEP),
+    dies("line loses all bytes from the board", BoardFault.OUTPUT_LOST, ways=LOCKSTEP),
+    dies("line loses all bytes to the board", BoardFault.INPUT_LOST, ways=LOCKSTEP),
+    goes_on("garbage on the line of the board", BoardFault.GARBAGE, ways=LOCKSTEP),
 )
 LINKS: Final = (
     stops("robot | plant", Cut("robot", "plant"), 0.15, *LOST),

@@ -1,1 +1,1 @@
-"""Proof that trajectories are the same to the last bit, whatever computes them."""
+"""Comparison of trajectories, to the last bit, in different environments and on a board."""

@@ -1,7 +1,7 @@
 """`python -m verification.same_bits`: run random trials in every variant and compare the digests.
 
-By default the variants of the processor; `--libraries` adds all Pythons and library versions that
-can be had, `--compiled` the modules compiled with mypyc, `--python` other interpreters (one of
+By default the variants of the processor; `--libraries` adds all available Pythons and library
+versions, `--compiled` the modules compiled with mypyc, `--python` other interpreters (one of
 another C library, for instance). Exits with 1 if a digest differs or a variant cannot run.
 
 `--page FILE` writes a page, and the same as JSON beside it, after each variant; variants that a
@@ -73,7 +73,7 @@ def variants_of(options: argparse.Namespace) -> list[Variant]:
 
 
 def run(variant: Variant, trials: int, root: Path = ROOT) -> list[Result]:
-    """Run the trials in a variant; raise RuntimeError with its words if it cannot."""
+    """Run the trials in a variant; raise RuntimeError with its output if it fails."""
     words = ("verification.same_bits.trials", str(trials))
     return [result_of(line) for line in output(variant, words, SECONDS_PER_TRIAL * trials, root)]
 
@@ -98,7 +98,7 @@ def compare_functions(variants: Sequence[Variant], page: Path | None) -> int:
 def output(
     variant: Variant, words: Sequence[str], timeout_s: float, root: Path = ROOT
 ) -> list[str]:
-    """Return the lines of a module in a variant; raise RuntimeError with its words if it fails."""
+    """Return the lines of a module in a variant; raise RuntimeError with its output if it fails."""
     child = subprocess.run(
         # With -P the search path alone decides whether a module is a compiled one.
         [variant.python, "-P", "-m", *words],

@@ -36,7 +36,7 @@ SHOWN: Final = 12
 
 
 class Drive(NamedTuple):
-    """What is driven."""
+    """World, navigator and noise of a drive."""
 
     world: str
     navigator: str
@@ -49,7 +49,7 @@ class Drive(NamedTuple):
 
 
 class Compared(msgspec.Struct, frozen=True):
-    """The end of a drive in this process, and the digests of both; an error in place of one.
+    """Outcome of a drive in this process, and the digests there and on the board, or an error.
 
     `image` is the beginning of the SHA-256 of the board's image, `core` that of its core.
     """
@@ -66,7 +66,7 @@ class Compared(msgspec.Struct, frozen=True):
 
     @property
     def drive(self) -> Drive:
-        """What was driven."""
+        """World, navigator and noise."""
         return Drive(self.world, self.navigator, self.noise)
 
     @property
@@ -135,7 +135,7 @@ def resumed(path: Path) -> Comparison:
 
 
 def image_hash() -> str:
-    """Return the beginning of the hash of the image; raise UserError if there is none."""
+    """Return the first digits of the hash of the image; raise UserError if there is none."""
     if not IMAGE.elf.exists():
         raise UserError(f"no firmware at {IMAGE.elf}: build it with `make firmware`")
     return sha256(IMAGE.elf.read_bytes()).hexdigest()[:SHOWN]

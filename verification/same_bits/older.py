@@ -14,7 +14,7 @@ BROUGHT: Final = (
     "verification/same_bits/trials.py",
     "plant/model/draws.py",
 )
-"""What the trials need and an older commit lacks. The draws only choose trials there."""
+"""Files that the trials need and an older commit lacks. Draws only choose the trials there."""
 
 
 def unpack(commit: str, folder: Path) -> Path:

@@ -1,4 +1,4 @@
-"""What was compared, as JSON, and the page made from it."""
+"""Results of the comparison, as JSON, and the page made from it."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -11,7 +11,7 @@ HEAD: Final = "| variant | trials | digests that differ | commit | date |\n|---|
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One variant: of so many trials these differ from those in the usual environment."""
+    """One variant: number of trials, and those that differ from the usual environment."""
 
     variant: str
     trials: int
@@ -23,7 +23,7 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Functions(msgspec.Struct, frozen=True):
-    """How many values of each function of a library differ in one variant."""
+    """Number of values that differ in one variant, for each function of a library."""
 
     variant: str
     values: int
@@ -48,7 +48,7 @@ class Record(msgspec.Struct):
         self.rows.append(row)
 
     def add_functions(self, found: Functions) -> None:
-        """Add what was found of a variant in place of an older result."""
+        """Add the result of a variant; it replaces an older one."""
         self.functions = [one for one in self.functions if one.variant != found.variant]
         self.functions.append(found)
 
@@ -93,8 +93,9 @@ def page_of(record: Record) -> str:
     if record.functions:
         parts += [
             "## Functions of libraries",
-            f"Of {record.functions[0].values} values of each function, so many differ from those in"
-            " the usual environment. No result of\na trial depends on them.",
+            f"The table counts the values that differ from those in the usual environment, of"
+            f" {record.functions[0].values} values of each function.\nNo result of a trial depends"
+            " on them.",
             table_of_functions(record.functions),
         ]
     return "\n\n".join(parts) + "\n"

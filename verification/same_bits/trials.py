@@ -19,7 +19,7 @@ WORLDS: Final = 10**6
 
 
 class Result(NamedTuple):
-    """A trial by number, the digest of its trajectory, and what a person wants to know of it."""
+    """A trial by number, the digest of its trajectory, its settings and its outcome."""
 
     number: int
     digest: str
@@ -32,7 +32,7 @@ class Result(NamedTuple):
 
 
 def result_of(line: str) -> Result:
-    """Return the result of a printed line; raise ValueError if it is none."""
+    """Return the result in a printed line; raise ValueError for a malformed line."""
     number, digest, settings, outcome = line.split("\t")
     return Result(int(number), digest, settings, outcome)
 

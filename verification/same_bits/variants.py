@@ -1,4 +1,4 @@
-"""What may compute a trial: environment variables, Pythons and libraries.
+"""Environments that compute trials: environment variables, Pythons and libraries.
 
 The lowest supported libraries are those named in pyproject.toml, the newest those of the package
 index. Each pair of a Python and a set of libraries has a virtual environment of its own.
@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 LIBRARIES: Final = ("numpy", "pymunk", "msgspec", "fastcrc")
-"""What a trial imports of the project's dependencies."""
+"""Dependencies of the project that a trial imports."""
 
 PYTHONS: Final = ("python3.11", "python3.12", "python3.13")
 
@@ -32,7 +32,7 @@ NO_FEATURES_OF_2_0: Final = {
 
 
 class Variant(NamedTuple):
-    """A name, the Python that runs the trials, and the environment variables it is given."""
+    """A name, the Python that runs the trials, and its additional environment variables."""
 
     name: str
     python: str
@@ -40,7 +40,7 @@ class Variant(NamedTuple):
 
 
 def of_processors(python: str) -> list[Variant]:
-    """Return a Python on processors that lack instructions, as far as libraries believe it."""
+    """Return variants of a Python in which libraries do not use some processor features."""
     return [
         Variant("C library without AVX2 and FMA", python, {TUNABLES: PLAIN_C}),
         Variant("C library without AVX, AVX-512 and SSE4", python, {TUNABLES: PLAINER_C}),
@@ -73,7 +73,7 @@ def _numpy_plain(python: str) -> dict[str, str]:
 
 
 def of_libraries(folder: Path) -> list[Variant]:
-    """Return every Python found with the lowest and the newest libraries it can have."""
+    """Return every Python found, with its lowest and with its newest available libraries."""
     variants = []
     for name in PYTHONS:
         python = _of_pyenv(name) or shutil.which(name)
@@ -130,7 +130,7 @@ def _numbers(version: str) -> list[int]:
 
 
 def _environment(python: str, folder: Path, lowest: bool) -> str | None:
-    """Make a virtual environment; return its Python, None if a library is not to be had."""
+    """Create a virtual environment; return its Python, None if a library is not available."""
     made = folder / "bin" / "python"
     wanted = requirements(lowest)
     ready = folder / "ready"

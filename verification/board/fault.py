@@ -3,7 +3,7 @@
 from enum import Enum, auto
 
 
-class BoardTrouble(Enum):
+class BoardFault(Enum):
     """A fault of the emulated board that runs the control core, or of its serial line."""
 
     HANG = auto()
@@ -16,9 +16,9 @@ class BoardTrouble(Enum):
     """Its emulator is killed."""
     CUT = auto()
     """Its line is cut."""
-    MUTE = auto()
+    OUTPUT_LOST = auto()
     """Its line loses all bytes to the host."""
-    DEAF = auto()
+    INPUT_LOST = auto()
     """Its line loses all bytes to the board."""
     GARBAGE = auto()
     """Its line carries bytes that belong to no frame, between the frames."""
