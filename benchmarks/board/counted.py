@@ -38,7 +38,7 @@ class TickCost:
 
 
 class CountedBoard:
-    """A board, and after its end the costs of its ticks."""
+    """A board, and the costs of its ticks, which are there after it has ended."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -47,7 +47,10 @@ class CountedBoard:
 
 @contextmanager
 def counted(image: Path) -> Iterator[CountedBoard]:
-    """Start an emulated board with the plugin; the costs are there after the block."""
+    """Start an emulated board with the plugin; its `ticks` are filled at the end of the block.
+
+    Raises UserError if the plugin does not compile, or without an emulator or an image.
+    """
     build_plugin()
     with TemporaryDirectory(prefix="sidestep-cycles-") as folder:
         out = Path(folder) / "marks"

@@ -5,7 +5,8 @@
 // one more for an address relative to the program counter. Instructions of an IT block count as
 // executed. Flash takes 5 clocks an access of 128 bits, behind the accelerator of the LPC176x
 // (UM10360, chapter 5): 8 lines in least-recently-used order, and the next line is fetched ahead. A
-// data access to flash that misses ends a fetch ahead. qemu itself models no time.
+// data access to flash that misses ends a fetch ahead. The entry and the exit of interrupts are not
+// charged. qemu itself models no time.
 //
 // Arguments: out=FILE, marks=ADDRESS:ADDRESS:... At each execution of the instruction at a marked
 // address a record is written: the number of the mark, all instructions, and all cycles so far.

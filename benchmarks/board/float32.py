@@ -63,7 +63,7 @@ class Steps:
         self.places: list[tuple[float, float]] = []
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
-        """Note one tick."""
+        """Append wheel commands and estimated position of one tick."""
         pose = onboard.state.odometry.pose
         self.commands.append((outputs.left_mrad_s, outputs.right_mrad_s))
         self.places.append((pose.x_m, pose.y_m))
@@ -97,7 +97,7 @@ def compared(world: str, navigator: str, last_s: float) -> Precision | None:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Drive what is missing and write the results."""
+    """Run the trials without a result and write the results."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.board.float32", description=__doc__)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
     parser.add_argument("--minutes", type=float, default=1e6, help="start no drive after this time")

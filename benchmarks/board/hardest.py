@@ -1,8 +1,8 @@
 """Search for expensive ticks of the core, by the bytecodes that CPython executes in it.
 
-The search runs synthetic scenarios in this process, which is cheap, and ranks them by their tick
-with the most bytecodes. What the first ones cost is then measured on the board. The result is the
-worst tick found, not a proof that there is none worse.
+The search runs synthetic scenarios in this process, which is fast, and ranks them by their tick
+with the most bytecodes. The cost of the first ones is then measured on the board. The result is the
+worst tick found, not an upper bound.
 """
 
 import sys
@@ -28,7 +28,7 @@ class BytecodeCounter:
         self.count = 0
 
     def enter(self, frame: FrameType, event: str, argument: Any) -> Any:
-        """Trace a function if it is one of the core; for `sys.settrace`."""
+        """Trace the bytecodes of a function of the core; called by `sys.settrace`."""
         if not frame.f_code.co_filename.startswith(SOURCES):
             return None
         frame.f_trace_opcodes, frame.f_trace_lines = True, False

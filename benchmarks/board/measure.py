@@ -104,7 +104,7 @@ def summary(
 
 
 def build() -> Build:
-    """Return what the image says of itself."""
+    """Return hashes and sizes of the image; the board reports its sizes."""
     with Board.emulated() as board:
         hello = board.hello
     return Build(
@@ -128,7 +128,7 @@ def resumed(path: Path, limit_s: float) -> Costs:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Measure what is missing and write the results; return the exit code."""
+    """Measure the drives without a result and write the results; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.board.measure", description=__doc__)
     parser.add_argument("--limit", type=float, default=LIMIT_S, help="simulated seconds of a drive")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N")
@@ -164,7 +164,7 @@ def keep(
 
 
 def judged(costs: Costs) -> int:
-    """Print what differs or exceeds its ceiling; return the exit code."""
+    """Print the drives that differ and the figures above their ceilings; return the exit code."""
     all_costs = [*costs.drives, *costs.hardest]
     words = [f"{cost.navigator} in {cost.world} differs" for cost in all_costs if not cost.equal]
     words += [excess for cost in all_costs for excess in excesses(costs.build, cost)]

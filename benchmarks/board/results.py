@@ -11,11 +11,11 @@ COSTS: Final = FOLDER / "cost.json"
 
 
 class Cost(msgspec.Struct, frozen=True, kw_only=True):
-    """Cost of one drive or scenario: times modelled in milliseconds, memory in bytes.
+    """Worst ticks of one drive or scenario: times modelled in milliseconds, memory in bytes.
 
-    `command` is the path from the inputs to the wheel command, `whole` everything since the tick
-    before. `heap_peak` and `stack` are the largest since the reset. `equal`: the digest of the
-    drive, or every wheel command of the scenario, is that of the core in this process.
+    `command` is the path from the inputs to the wheel command, `whole` everything since the end of
+    the tick before. `heap_peak` and `stack` are the largest since the reset. `equal`: the digest of
+    the drive, or every estimated pose of the scenario, is that of the core in this process.
     """
 
     navigator: str
@@ -46,7 +46,7 @@ class Build(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Costs(msgspec.Struct):
-    """All measurements with one image; `searched` are ticks that the search looked at."""
+    """All measurements with one image; `searched`: ticks that the search ran for each navigator."""
 
     build: Build
     noise: str
@@ -58,7 +58,7 @@ class Costs(msgspec.Struct):
 
 
 class Ceiling(NamedTuple):
-    """Limits of the worst tick in milliseconds: what is wanted, and what the gate allows."""
+    """Limits of the worst tick in milliseconds: the target, and the ceilings of the gate."""
 
     wanted_ms: float
     command_ms: float
@@ -81,7 +81,7 @@ HEAP_LIVE_BYTES: Final = 30 * 1024
 
 
 def excesses(build: Build, cost: Cost) -> list[str]:
-    """Return what is above its ceiling, in words."""
+    """Return a text about each figure that is above its ceiling."""
     ceiling = CEILINGS[cost.navigator]
     figures = (
         ("command path, ms", cost.command_ms, ceiling.command_ms),
