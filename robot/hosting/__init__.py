@@ -1,1 +1,1 @@
-"""Where the control core runs: in this process, or on a board behind a serial line."""
+"""The control core behind one interface: in this process, or on a board at a serial line."""

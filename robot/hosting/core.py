@@ -1,4 +1,4 @@
-"""The control core as its host sees it, wherever it runs."""
+"""The interface of the control core, in this process or on a board."""
 
 from collections.abc import Callable
 from typing import Protocol, TypeAlias
@@ -28,7 +28,7 @@ class Core(Protocol):
         """The parameters in force."""
 
     def command(self, request: CommandRequest, now_ms: int) -> int:
-        """Act on a command; the host has checked that its parameters are finite."""
+        """Execute a command; the host has checked that its parameters are finite."""
 
     def drive_to(self, goal: Goal, mode: int, now_ms: int, *, from_robot: bool = False) -> int:
         """Set a goal; `from_robot`: it was given relative to the robot."""

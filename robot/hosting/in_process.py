@@ -33,7 +33,7 @@ class InProcessCore:
         odometry.left, odometry.right = totals
 
     def command(self, request: CommandRequest, now_ms: int) -> int:
-        """Act on a command and return a reason."""
+        """Execute a command and return a reason."""
         state, made = self.state, self.state.machine
         match request.command:
             case Command.COMPONENT_ARM_DISARM:

@@ -95,7 +95,7 @@ class BoardCore:
         board.patience_s = limits.answer_s
 
     def command(self, request: CommandRequest, now_ms: int) -> int:
-        """Act on a command and return a reason."""
+        """Execute a command and return a reason."""
         return self._ask(
             BoardCommand(
                 now_ms=now_ms,

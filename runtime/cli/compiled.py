@@ -1,4 +1,4 @@
-"""Which modules of this installation are compiled, and whether they match their sources.
+"""Find the compiled modules of this installation, and compare them with their sources.
 
 `SIDESTEP_COMPILE=1 pip install .` puts compiled modules beside their sources, with a list of both
 (see `hatch_build`). Python prefers a compiled module even if its source has changed since. The

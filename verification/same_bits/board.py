@@ -71,7 +71,7 @@ class Compared(msgspec.Struct, frozen=True):
 
     @property
     def is_equal(self) -> bool:
-        """Whether both digests are the same."""
+        """True if both digests are the same."""
         return self.digest == self.on_board
 
 
