@@ -30,8 +30,9 @@ HEAD = """\
 The unmodified control core runs as firmware on an emulated Cortex-M3 with the flash and the RAM
 of an LPC1768 ([how to run it](../how-to/microcontroller.md)). Emulation shows the results, the
 instructions and the memory. It does not show time: the cycles are modelled at 96 MHz from the
-table of the processor's manual, always its upper figures, with the waiting times of the flash
-(`benchmarks/board/cycles.c`). The model has not been compared with silicon; none was used.
+upper figures in the table of the processor's manual, with the waiting times of the flash. The
+entry and the exit of interrupts, and the transfer of bytes on the serial line, take no modelled
+time (`benchmarks/board/cycles.c`). No silicon was used, so the model has not been compared with it.
 """
 DIGESTS = """
 ## The same trajectory, to the last bit
@@ -39,14 +40,14 @@ DIGESTS = """
 `make same-bits-mcu` drives every shipped world with every navigator, without noise and with the
 default level, in this process and on the board, and compares the digests of the trajectories
 (seed {seed}, time limit as in `sidestep trial`). A result of an older image stays until the drive
-is repeated.
+is repeated. Images and cores are named by the first digits of their SHA-256.
 """
 BUDGET = """
 ## Cost of a tick
 
 `python -m benchmarks.board.measure` counts every instruction. *Command* is the path from the
 inputs of a tick to its wheel command, *whole* everything from the end of one tick to that of the
-next: serial line, core, outputs, garbage collection. Times are milliseconds of the period of 50
+next: frames, core, outputs, garbage collection. Times are milliseconds of the period of 50
 ms. Worlds: all {worlds}, noise `{noise}`, seed {seed}, at most {limit_s:g} s of each drive;
 {drives} of {of} drives measured, {unequal} of them with another digest than in this process.
 Image `{image}` (core `{core}`).
@@ -54,15 +55,17 @@ Image `{image}` (core `{core}`).
 | navigator | drives | command, instr. | ms | whole, median ms | worst, instr. | ms | in |
 |---|---|---|---|---|---|---|---|"""
 WANTED = """
-| navigator | wanted, ms | command, ms | whole, ms | reached | gate: command / whole |
+With the scenarios of the search (below). *Reached*: the whole tick is within the target.
+
+| navigator | target, ms | command, ms | whole, ms | reached | ceilings: command / whole |
 |---|---|---|---|---|---|"""
 MEMORY = """
 ## Memory
 
 Bytes. *Live* is the heap in use after a collection, *peak* the largest use of the heap,
 *allocated* the most in one tick. RAM is static memory, peak and stack. The collector runs after
-each tick, and in a tick only when the heap is full, so the peak depends on the size of the heap;
-what is needed at least is nearer to *live*.
+each tick, and in a tick only when the heap is full, so the peak depends on the size of the heap.
+The RAM that is necessary is between *live* and *peak*, each with static memory and stack.
 
 | navigator | live | peak | allocated in a tick | stack | RAM |
 |---|---|---|---|---|---|"""
@@ -84,8 +87,8 @@ SINGLE = """
 keeps double precision (noise `{noise}`, seed {seed}, at most {limit_s:g} s of each drive).
 {count} of {of} drives are measured. Of these, {same} have the same outcome in both precisions.
 Until the first different wheel command (median: tick {tick:.0f}), the estimated positions are at
-most {apart_mm:.3g} mm apart. After it the drives are different ones: a feedback loop with noise
-does not come back to the same path. The true position error of the drives that reach their goal
+most {apart_mm:.3g} mm apart. After it the two drives differ: a feedback loop with noise does not
+return to the same path. The true position error of the drives that reach their goal
 with both is {double_mm:.1f} mm with double and {single_mm:.1f} mm with single precision
 (medians).
 
@@ -136,7 +139,7 @@ def budget(costs: Costs) -> Iterator[str]:
             f"| {command.command_ms:.1f} | {median(cost.median_ms for cost in drives):.1f} "
             f"| {worst.whole_instructions} | {worst.whole_ms:.1f} | {worst.world} |"
         )
-    yield "\nWith the scenarios of the search (below), against what is wanted:\n" + WANTED
+    yield WANTED
     for navigator, rows in by_navigator([*costs.drives, *costs.hardest]):
         ceiling = CEILINGS[navigator]
         command_ms = max(cost.command_ms for cost in rows)
@@ -147,9 +150,9 @@ def budget(costs: Costs) -> Iterator[str]:
             f"| {reached} | {ceiling.command_ms:g} / {ceiling.whole_ms:g} |"
         )
     yield (
-        "\nWhere *reached* is no, the gate holds today's measurement and not what is wanted. "
-        "`benchmarks/board/results.py` has the ceilings; tests compare these results with them, "
-        "and new measurements of short drives."
+        "\nWhere the target is not reached, the ceilings are above it, near the measured times. "
+        "`benchmarks/board/results.py` has the ceilings. Tests compare them with these results "
+        "and with new measurements of short drives."
     )
 
 
@@ -172,9 +175,9 @@ def memory(costs: Costs) -> Iterator[str]:
         f"\nFlash: {made.flash} of {FLASH_BYTES}. Static RAM besides heap and stack: "
         f"{made.static}; heap {made.heap}, stack {made.stack} by the linker. Ceilings: RAM "
         f"{RAM_BYTES} (most: {largest}), live heap {HEAP_LIVE_BYTES}, stack {STACK_BYTES}. "
-        f"Wanted was RAM of {WANTED_RAM_BYTES}: "
+        f"The target of {WANTED_RAM_BYTES} bytes of RAM is "
         f"{'reached' if largest <= WANTED_RAM_BYTES else 'not reached'}. Static memory, live heap "
-        f"and stack alone come to {live}."
+        f"and stack alone take {live}."
     )
 
 
