@@ -260,7 +260,8 @@ class BoardStop(Message, frozen=True, kw_only=True):
     Attributes:
         now_ms: Time of the core. [ms]
         reason: Reason. [Reason]
-        extent: What ends. [StopExtent]
+        extent: What the stop ends: the drive, the goal only, or the validity of the pose.
+            [StopExtent]
     """
 
     now_ms: int
