@@ -43,6 +43,12 @@ class Stage:
             while not condition():
                 await self.pilot.pause(0.01)
 
+    async def until_shown(self, id: str, text: str) -> None:
+        """Draw until a panel of the screen has this text; a screen may still be opening."""
+        async with asyncio.timeout(PATIENCE_S):
+            while not self.app.screen.query(f"#{id}") or text not in self.words(id):
+                await self.redraw()
+
     async def type(self, text: str) -> None:
         await self.pilot.press(*(NAMES.get(letter, letter) for letter in text))
 

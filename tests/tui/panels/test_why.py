@@ -64,6 +64,7 @@ def test_turns_are_collected_on_other_screens() -> None:
                 (station.now_ns - S + 50 * MS, decided(time_ns=200 * MS, branch=Branch.TO_GOAL))
             )
             await stage.press("1", "e")
-            assert "1.0 s ago: passes on the left -> goes for the goal" in stage.words("why-below")
+            turn = "1.0 s ago: passes on the left -> goes for the goal"
+            await stage.until_shown("why-below", turn)
 
     play(story)
