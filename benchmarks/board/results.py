@@ -66,12 +66,12 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final = {
-    "bug": Ceiling(12.5, 14.0, 22.0),
-    "vgm": Ceiling(12.5, 13.0, 20.0),
-    "vgm_memory": Ceiling(25.0, 22.0, 28.0),
-    "bug1": Ceiling(25.0, 31.0, 36.0),
-    "bug2": Ceiling(25.0, 31.0, 36.0),
-    "distbug": Ceiling(25.0, 31.0, 36.0),
+    "bug": Ceiling(12.5, 10.5, 16.5),
+    "vgm": Ceiling(12.5, 10.0, 16.0),
+    "vgm_memory": Ceiling(25.0, 18.0, 22.5),
+    "bug1": Ceiling(25.0, 22.5, 25.0),
+    "bug2": Ceiling(25.0, 22.5, 25.0),
+    "distbug": Ceiling(25.0, 22.5, 25.0),
 }
 FLASH_BYTES: Final = 512 * 1024
 RAM_BYTES: Final = 64 * 1024
