@@ -78,7 +78,9 @@ def of_the_branch(decision: AvoidanceDecision, status: NavigatorStatus | None) -
     if decision.branch == Branch.ALIGN:
         return f"it is at the goal, whose heading is {side(decision.goal_bearing_rad)}"
     if decision.branch == Branch.GIVE_UP:
-        return "it finds no way to the goal"
+        return "a closed boundary separates it from the goal"
+    if decision.branch == Branch.LOST:
+        return "it finds neither a way to the goal nor a proof that there is none"
     if decision.branch in PASSES:
         return passing(decision) + swinging(decision)
     if decision.branch == Branch.TO_GOAL:

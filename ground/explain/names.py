@@ -15,6 +15,7 @@ BRANCHES: Final[Mapping[int, str]] = MappingProxyType(
         Branch.PASS_RIGHT: "passes on the right",
         Branch.ALIGN: "turns to the final heading",
         Branch.GIVE_UP: "gives up",
+        Branch.LOST: "is lost",
     }
 )
 VEHICLES: Final[Mapping[int, str]] = MappingProxyType(

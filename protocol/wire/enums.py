@@ -60,7 +60,10 @@ class Branch(IntEnum):
     PASS_LEFT = 2  # Obstacle on the right: pass it on the left.
     PASS_RIGHT = 3  # Obstacle on the left: pass it on the right.
     ALIGN = 4  # Turning to the final heading.
-    GIVE_UP = 5  # Drove all the way round: the goal is unreachable.
+    GIVE_UP = 5  # Proved: a closed boundary separates robot and goal.
+    # Neither a way nor a proof that there is none: the doubt about the position is too large, or
+    # the way too long.
+    LOST = 6
 
 
 class RunAction(IntEnum):

@@ -65,6 +65,7 @@ class Reason(IntEnum):
     DISARMED = 65
     SHUT_DOWN = 66
     BY_EMERGENCY_STOP = 67
+    LOST = 68
     OBSTACLE_AHEAD = 80
     SLOWED = 81
     WHEEL_LIMIT = 82
@@ -123,12 +124,13 @@ REASON_TEXTS: Final[dict[int, str]] = {
     43: "the place is unknown, so the fence cannot be checked: set the place or lift the fence",
     60: "has not moved although it tries to",
     61: "has come no closer for too long",
-    62: "went all the way round: unreachable",
+    62: "unreachable: a closed boundary separates robot and goal",
     63: "by the operator",
     64: "replaced by a new goal",
     65: "disarmed by the operator",
     66: "the robot process is shutting down",
     67: "by the emergency stop",
+    68: "lost: found no way to the goal and no proof that there is none",
     80: "guard: obstacle ahead",
     81: "guard: slowed for an obstacle",
     82: "guard: wheel speed limit",

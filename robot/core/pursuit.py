@@ -115,6 +115,9 @@ def travel(state: State, target: Goal, distance_m: float, now_ms: int, params: P
     if decision.branch == states.GIVE_UP:
         machines.end_goal(machine, states.STUCK, reasons.UNREACHABLE, now_ms)
         return HALT
+    if decision.branch == states.LOST:
+        machines.end_goal(machine, states.STUCK, reasons.LOST, now_ms)
+        return HALT
     turn_rad = wrap(decision.goal_bearing_rad + decision.rotation_rad)
     if decision.branch != states.TO_GOAL:
         machine.goal_state = states.AVOIDING

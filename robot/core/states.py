@@ -39,7 +39,10 @@ TO_GOAL: Final = 1  # No obstacle in the avoidance zone: straight to the goal.
 PASS_LEFT: Final = 2  # Obstacle on the right: pass it on the left.
 PASS_RIGHT: Final = 3  # Obstacle on the left: pass it on the right.
 ALIGN: Final = 4  # Turning to the final heading.
-GIVE_UP: Final = 5  # Drove all the way round: the goal is unreachable.
+GIVE_UP: Final = 5  # Proved: a closed boundary separates robot and goal.
+# Neither a way nor a proof that there is none: the doubt about the position is too large, or the
+# way too long.
+LOST: Final = 6
 
 BUMPER_LEFT: Final = 1  # Front left.
 BUMPER_RIGHT: Final = 2  # Front right.

@@ -87,7 +87,7 @@ def row(**changes: Any) -> TrialRow:
 STUCK: dict[str, Any] = {"outcome": "stuck", "reason": "has come no closer for too long"}
 GAVE_UP: dict[str, Any] = {
     "outcome": "stuck",
-    "reason": "went all the way round: unreachable",
+    "reason": "unreachable: a closed boundary separates robot and goal",
     "goal_reason": int(Reason.UNREACHABLE),
 }
 COLLIDED: dict[str, Any] = {"outcome": "collided", "contacts": 1, "own_contacts": 1}

@@ -121,7 +121,8 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(**AT_GOAL, **STILL),
             standing(goal=GoalState.STUCK, goal_reason=Reason.UNREACHABLE),
-            "does not move: it gave the goal up: went all the way round: unreachable",
+            "does not move: it gave the goal up: "
+            "unreachable: a closed boundary separates robot and goal",
         ),
         (
             decided(**AT_GOAL, **STILL),
@@ -136,7 +137,12 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
         (
             decided(branch=Branch.GIVE_UP, **STILL),
             None,
-            "does not move: it finds no way to the goal",
+            "does not move: a closed boundary separates it from the goal",
+        ),
+        (
+            decided(branch=Branch.LOST, **STILL),
+            None,
+            "does not move: it finds neither a way to the goal nor a proof that there is none",
         ),
         (decided(**AT_GOAL, **STILL), None, "does not move: idle"),
         (decided(branch=77, **STRAIGHT), None, "drives straight on at 0.3 m/s: it branch 77"),

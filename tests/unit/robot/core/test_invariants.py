@@ -108,7 +108,7 @@ def test_no_pose_goal_or_ring_breaks_a_navigator(
     goal = Goal(x_m, y_m, None, 0.05, 0.05)
     for pose in poses:
         decision = NAVIGATORS[navigator].step(memory, Pose(*pose), ring, goal, DEFAULTS)
-        assert states.TO_GOAL <= decision.branch <= states.GIVE_UP
+        assert states.TO_GOAL <= decision.branch <= states.LOST
 
 
 @settings(max_examples=30, deadline=None)

@@ -63,7 +63,7 @@ def test_counts_avoidances_and_side_changes(
     assert (watch.avoidances, watch.side_changes) == (avoidances, changes)
 
 
-@given(st.lists(st.sampled_from([None, *range(states.GIVE_UP + 1)])))
+@given(st.lists(st.sampled_from([None, *range(states.LOST + 1)])))
 def test_every_tick_counts_in_exactly_one_branch(
     branches: list[int | None],
 ) -> None:

@@ -267,7 +267,7 @@ def test_any_inputs_give_a_decision_and_constant_memory(
             rings.update(seen, scan, now_ms, DEFAULTS)
             decision = step(memory, pose, seen, goal)
             assert 0.0 <= decision.speed_limit_m_s <= DEFAULTS.v_max_m_s
-            assert states.TO_GOAL <= decision.branch <= states.GIVE_UP
+            assert states.TO_GOAL <= decision.branch <= states.LOST
             assert -pi <= decision.rotation_rad <= pi
     assert size(memory) == held
 
