@@ -79,6 +79,8 @@ def begin(state: State, now_ms: int) -> None:
     if state.pursuits != machine.pursuits:
         state.pursuits = machine.pursuits
         state.memory = registry.new_memory(machine.navigator, machine.side)
+        if hasattr(state.memory, "proof"):
+            state.memory.proof.odometry = state.odometry
         state.arrived = False
         state.crowded = 0
         state.driving = False

@@ -1,7 +1,9 @@
 """Follow an obstacle on a latched side, by its stored echoes.
 
-A closed loop either separates robot and goal, or encircles an island. If the way only leads away
-from the goal, the other side is tried.
+A closed lap along a boundary without gaps either proves that the boundary separates robot and goal,
+or shows an island. A loop along a boundary with gaps proves nothing: the other side is tried with
+smaller margins, and after several such loops the robot is lost. If the way only leads away from the
+goal, the other side is tried, too.
 """
 
 from math import inf
@@ -10,8 +12,11 @@ from typing import Final
 from robot.core import states
 from robot.core.navigators import open_headings
 from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.memory import chain as chains
 from robot.core.navigators.memory import loops
+from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.loops import Loops
+from robot.core.navigators.memory.proof import Proof
 from robot.core.navigators.open_headings import Sectors
 from robot.core.perception import echoes as echo_memory
 from robot.core.perception.echoes import (
@@ -24,6 +29,7 @@ from robot.core.perception.echoes import (
     Echoes,
 )
 from robot.core.perception.flank_walker import FlankWalker
+from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
 from runtime.elementary import atan2
 
@@ -39,10 +45,12 @@ AGAIN_CM: Final = 30  # a new hit this near to the last leave keeps the side
 PATIENCE_CM: Final = 150  # distance on a side that leads away; doubles per island
 AWAY: Final = 1.15  # leads away: beyond this factor of the hit's distance, plus AWAY_M
 AWAY_M: Final = 0.2
-ISLANDS: Final = 10  # gives up after more islands
+ISLANDS: Final = 10  # lost after more islands
+ABOUT: Final = 1251  # 110 degrees: a larger turn is made away from the boundary
+STRAIGHT: Final = 170  # brads, 15 degrees: heading error at which a proof may begin
+MARK_AFTER: Final = 2  # points of the way before a proof begins
+MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
 SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
-ABOUT: Final = 1365  # 120 degrees: a larger turn is a reversal
-LONG_CM: Final = 1200  # a longer doubtful loop needs one more proof
 
 
 class Memory:
@@ -51,9 +59,11 @@ class Memory:
     `anchor` is the place of the followed echo. `best_m` is the shortest distance to the goal so
     far, `left_m` that at the last leave, `hit_m` the distance at the last hit. `failed_leaves`
     counts leaves without progress. `aside` is the side of the last small detour, kept for
-    `aside_ticks` choices. `heading` is the last choice, `rotation` its angle from the goal's
-    direction. `still` counts the choices at one place. `phase` selects the work of a tick; `before`
-    is the pose one tick ago.
+    `aside_ticks` choices. `sound` is set while the boundary has had no gap since the side was
+    latched; `open_loops` counts the loops along boundaries with gaps. `given_up` is set by a proof,
+    `lost` if there is neither a way nor a proof. `heading` is the last choice, `rotation` its angle
+    from the goal's direction. `still` counts the choices at one place. `phase` selects the work of
+    a tick; `before` is the pose one tick ago.
     """
 
     __slots__ = (
@@ -63,7 +73,6 @@ class Memory:
         "aside_ticks",
         "before",
         "best_m",
-        "doubtful",
         "ease_mm",
         "echoes",
         "failed_leaves",
@@ -79,13 +88,16 @@ class Memory:
         "left_x_cm",
         "left_y_cm",
         "loops",
+        "lost",
+        "open_loops",
         "phase",
-        "proofs",
+        "proof",
         "reversed",
         "rotation",
         "sectors",
         "shut",
         "side",
+        "sound",
         "still",
         "still_x_mm",
         "still_y_mm",
@@ -95,6 +107,7 @@ class Memory:
         self.echoes = Echoes()
         self.sectors = Sectors()
         self.loops = Loops()
+        self.proof = Proof()
         self.flank_walker = FlankWalker()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
@@ -105,19 +118,20 @@ class Memory:
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0
         self.still = self.still_x_mm = self.still_y_mm = 0
-        self.following = self.given_up = self.doubtful = self.reversed = False
+        self.following = self.given_up = self.lost = self.sound = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
-        self.failed_leaves = self.islands = self.proofs = self.shut = self.ease_mm = 0
+        self.failed_leaves = self.islands = self.open_loops = self.shut = self.ease_mm = 0
 
 
 def begin(memory: Memory) -> None:
     """Reset for a new goal; the echoes stay valid."""
     memory.best_m = memory.left_m = memory.hit_m = inf
-    memory.following = memory.given_up = memory.doubtful = memory.reversed = False
-    memory.proofs = memory.rotation = 0
+    memory.following = memory.given_up = memory.lost = memory.sound = memory.reversed = False
+    memory.open_loops = memory.rotation = 0
     memory.failed_leaves = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)
+    proofs.void(memory.proof)
 
 
 def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
@@ -141,8 +155,15 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.failed_leaves > 0
-    memory.doubtful = False
+    restart(memory)
     memory.heading = to_goal + memory.side * (left if memory.side == states.LEFT else right)
+
+
+def restart(memory: Memory) -> None:
+    """Start the way, and with the next choice the proof, on another side or boundary."""
+    loops.restart(memory.loops)
+    proofs.void(memory.proof)
+    memory.sound = True
 
 
 def hold(memory: Memory, sector: int) -> None:
@@ -169,18 +190,50 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
     memory.shut = 0
     memory.heading = start + memory.side * turn
     off = (memory.heading - heading + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-    if not -ABOUT < off < ABOUT:
-        memory.doubtful = True
+    if off * memory.side < -ABOUT:
+        # Turn away from the boundary: so the sonars of the followed flank sweep over it.
+        memory.heading = heading + memory.side * QUARTER
     if -SHARP < off < SHARP:
         # On a sharp turn the point is kept: the sonars may still see a way past it.
         hold(memory, memory.sectors.closing)
-    if loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading):
+    closed = loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading)
+    found = prove(memory, pose, off)
+    if found == proofs.SEPARATED:
+        memory.given_up = True
+    elif found == proofs.DOUBTED:
+        memory.lost = True
+    elif found == proofs.AROUND:
+        leave_island(memory)
+    elif closed:
         close_loop(memory)
     elif is_astray(memory, distance_m):
         memory.reversed = True
-        memory.doubtful = False
         memory.side = -memory.side
-        loops.restart(memory.loops)
+        restart(memory)
+
+
+def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Continue the chain of the proof by the scan of this tick."""
+    proof = memory.proof
+    chains.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
+    if proof.whole:
+        proofs.seal(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
+        if not proof.whole:
+            memory.sound = False
+
+
+def prove(memory: Memory, pose: Pose, off: int) -> int:
+    """Continue the proof by one choice, or begin it here; return what it proves.
+
+    It begins where the robot drives along the boundary, not where it still turns at the hit.
+    """
+    proof = memory.proof
+    if not proof.whole:
+        if -STRAIGHT < off < STRAIGHT and memory.loops.count >= MARK_AFTER:
+            proofs.mark(proof, pose, memory.side, memory.goal_x_m, memory.goal_y_m)
+        return proofs.OPEN
+    proofs.advance(proof, pose, memory.goal_x_m, memory.goal_y_m)
+    return proofs.verdict(proof)
 
 
 def open_turn(memory: Memory, start: int, heading: int) -> int:
@@ -235,32 +288,35 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
 
 
 def close_loop(memory: Memory) -> None:
-    """Handle a closed loop.
+    """Handle a closed loop without a proof: an island, or a boundary with gaps.
 
-    If the loop does not separate robot and goal it was an island: head for the goal again. If it
-    does, it proves that there is no way, unless the robot reversed on it, as in a dead end. Then
-    the other direction is tried.
+    While the boundary has had no gap, the proof will close as well, so one loop is ignored. Else
+    the other direction is tried with smaller margins, which may find the way through a gap.
     """
     way = memory.loops
-    doubtful, needed = memory.doubtful, 2
-    if doubtful and loops.walked_cm(way) > LONG_CM:
-        needed = 3
+    if memory.sound:
+        memory.sound = False
+        loops.restart(way)
+        return
     island = loops.turns_left(way) != (memory.side == states.LEFT)
     inside = loops.encloses(way, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
-    loops.restart(way)
-    memory.doubtful = False
     if island != inside:
-        memory.islands += 1
-        memory.best_m = memory.left_m = inf
-        memory.following = False
-        memory.given_up = memory.islands > ISLANDS
+        leave_island(memory)
         return
-    memory.proofs += 1 if doubtful else 2
-    if memory.proofs >= needed:
-        memory.given_up = True
-    else:
-        memory.side = -memory.side
-        memory.ease_mm = EASE_MM
+    restart(memory)
+    memory.open_loops += 1
+    memory.lost = memory.open_loops >= MAX_LOOPS
+    memory.side = -memory.side
+    memory.ease_mm = EASE_MM
+
+
+def leave_island(memory: Memory) -> None:
+    """Head for the goal again, from a boundary that does not separate it from the robot."""
+    restart(memory)
+    memory.islands += 1
+    memory.best_m = memory.left_m = inf
+    memory.following = False
+    memory.lost = memory.islands > ISLANDS
 
 
 def is_held(memory: Memory) -> bool:

@@ -16,6 +16,7 @@ from robot.core.geometry import whole_cos_sin, wrap
 from robot.core.motion import pace
 from robot.core.navigators import open_headings, vgm_following
 from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
 from robot.core.perception import echo_decay
@@ -58,6 +59,8 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         forget(memory)
     radius_mm = int(1000.0 * params.radius_m)
     memory.phase = (memory.phase + 1) % PHASES
+    if memory.following:
+        vgm_following.watch_boundary(memory, pose, ring, radius_mm)
     if memory.phase == RECORD:
         echo_memory.record(memory.echoes, memory.before or pose, pose, ring, radius_mm)
     elif memory.phase == MEASURE:
@@ -94,6 +97,7 @@ def forget(memory: Memory) -> None:
     """Stop following and drop all echoes: the followed object was a pedestrian."""
     memory.following = False
     echo_memory.clear(memory.echoes)
+    proofs.void(memory.proof)
     memory.sectors.count = 0
 
 
@@ -236,6 +240,8 @@ def decision(
     branch: int = states.TO_GOAL
     if memory.given_up:
         branch = states.GIVE_UP
+    elif memory.lost:
+        branch = states.LOST
     elif memory.following:
         branch = states.PASS_LEFT if memory.side == states.LEFT else states.PASS_RIGHT
     elif rotation != 0:

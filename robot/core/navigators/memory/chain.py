@@ -1,0 +1,184 @@
+"""A chain of echoes along a boundary, through which the robot cannot pass.
+
+An echo at some range shows that a surface touches the arc of its cone at that distance, but not
+where. Two arcs are linked if every point of one is nearer to every point of the other than the
+robot is wide: wherever the two surfaces touch their arcs, the robot does not fit between them.
+Millimetres in the odometry frame; an arc is stored by its two ends.
+"""
+
+from math import pi
+from typing import Final
+
+from robot.core import states
+from robot.core.geometry import whole_cos_sin, wrap
+from robot.core.perception.echoes import NOTHING
+from robot.core.perception.sonar_ring import Ring
+from robot.core.values import EVERY, SONARS, Pose
+from runtime.elementary import cos, sin
+
+TAIL: Final = SONARS
+LEAD: Final = SONARS + 1
+"""Indices of the two ends of the chain, after the arcs of the newest scan.
+
+Of the linked arcs of a scan, TAIL is the one nearest to the followed flank and LEAD the last one in
+the direction of following. While the robot turns in a corner, LEAD is already past the corner.
+"""
+REACH_M: Final = 0.40  # arcs of farther echoes are too long for a link
+JUMP_MM: Final = 80  # an echo counts if it agrees this well with one of the last scan
+BEHIND_MM: Final = 400
+SLACK_MM: Final = 10  # for errors of range and odometry
+EDGES: Final = tuple(
+    [
+        (int(1024 * cos(b)), int(1024 * sin(b)))
+        for b in [(k - 4) * pi / 8.0 for k in range(SONARS + 1)]
+    ]
+)
+"""Directions of the edges of the cones in the robot's frame, scaled to 1024."""
+FROM_RIGHT: Final = EVERY
+FROM_LEFT: Final = tuple(range(SONARS - 1, -1, -1))
+
+
+class Chain:
+    """The ends of the arcs of the newest scan, and of both ends of the chain.
+
+    `range_mm` and `before_mm` are the ranges of this and of the last scan, or NOTHING, with a
+    NOTHING before and after them. `seen` has a bit for each usable arc.
+    """
+
+    __slots__ = ("before_mm", "left_x_mm", "left_y_mm", "range_mm", "seen", "x_mm", "y_mm")
+
+    def __init__(self) -> None:
+        self.x_mm, self.y_mm = [0] * (SONARS + 2), [0] * (SONARS + 2)
+        self.left_x_mm, self.left_y_mm = [0] * (SONARS + 2), [0] * (SONARS + 2)
+        self.range_mm, self.before_mm = [NOTHING] * (SONARS + 2), [NOTHING] * (SONARS + 2)
+        self.seen = 0
+
+
+def look(chain: Chain, ring: Ring, before: Pose, pose: Pose, radius_mm: int) -> None:
+    """Compute the arcs of a scan.
+
+    The odd sonars were pinged now, the even ones halfway from the pose `before`, one tick ago.
+    """
+    chain.before_mm, chain.range_mm = chain.range_mm, chain.before_mm
+    chain.seen = 0
+    look_from(chain, 1, ring, pose, radius_mm)
+    turned_rad = wrap(pose.heading_rad - before.heading_rad)
+    x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
+    halfway = Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
+    look_from(chain, 0, ring, halfway, radius_mm)
+
+
+def look_from(chain: Chain, first: int, ring: Ring, pose: Pose, radius_mm: int) -> None:
+    """Compute the arcs of every second sonar, pinged at this pose.
+
+    An echo counts if this sonar or one beside it had a similar one in the last scan, so that no
+    single false echo makes a link.
+    """
+    cosine, sine = whole_cos_sin(pose.heading_rad)
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    for i in range(first, SONARS, 2):
+        range_m = ring.range_m[i]
+        if range_m is None or range_m >= REACH_M:
+            chain.range_mm[i + 1] = NOTHING
+            continue
+        range_mm = int(1000.0 * range_m)
+        chain.range_mm[i + 1] = range_mm
+        if not is_confirmed(chain.before_mm, i, range_mm):
+            continue
+        chain.seen |= 1 << i
+        away_mm = range_mm + radius_mm
+        ahead, aside = EDGES[i]
+        chain.x_mm[i] = x_mm + (away_mm * (cosine * ahead - sine * aside >> 10) >> 10)
+        chain.y_mm[i] = y_mm + (away_mm * (sine * ahead + cosine * aside >> 10) >> 10)
+        ahead, aside = EDGES[i + 1]
+        chain.left_x_mm[i] = x_mm + (away_mm * (cosine * ahead - sine * aside >> 10) >> 10)
+        chain.left_y_mm[i] = y_mm + (away_mm * (sine * ahead + cosine * aside >> 10) >> 10)
+
+
+def is_confirmed(before_mm: "list[int]", sonar: int, range_mm: int) -> bool:
+    """Return whether this sonar or one beside it had a similar range in the last scan."""
+    for k in (sonar, sonar + 1, sonar + 2):
+        if before_mm[k] != NOTHING and -JUMP_MM < range_mm - before_mm[k] < JUMP_MM:
+            return True
+    return False
+
+
+def begin(chain: Chain, side: int) -> bool:
+    """Begin the chain at the followed flank; return False if there is no echo."""
+    for i in FROM_RIGHT if side == states.LEFT else FROM_LEFT:
+        if chain.seen >> i & 1:
+            take(chain, TAIL, i)
+            take(chain, LEAD, i)
+            return True
+    return False
+
+
+def extend(chain: Chain, x_mm: int, y_mm: int, side: int, radius_mm: int) -> bool:
+    """Continue the chain over the linked arcs of the scan; return False if there is none.
+
+    LEAD stays where it is while no arc of the scan is linked to it, unless the robot at `x_mm` and
+    `y_mm` has left it behind.
+    """
+    width_mm = 2 * radius_mm - SLACK_MM
+    width_mm2 = width_mm * width_mm
+    ahead = spread(chain, linked(chain, LEAD, width_mm2), width_mm2)
+    reached = ahead | spread(chain, linked(chain, TAIL, width_mm2), width_mm2)
+    if reached == 0:
+        return False
+    tail = lead = NOTHING
+    for i in FROM_RIGHT if side == states.LEFT else FROM_LEFT:
+        if reached >> i & 1:
+            tail = i if tail == NOTHING else tail
+            lead = i
+    take(chain, TAIL, tail)
+    dx_mm, dy_mm = chain.x_mm[LEAD] - x_mm, chain.y_mm[LEAD] - y_mm
+    if ahead or dx_mm * dx_mm + dy_mm * dy_mm > BEHIND_MM * BEHIND_MM:
+        take(chain, LEAD, lead)
+    return True
+
+
+def linked(chain: Chain, end: int, width_mm2: int) -> int:
+    """Return the arcs of the scan that are linked to an end of the chain."""
+    found = 0
+    for i in EVERY:
+        if chain.seen >> i & 1 and is_linked(chain, end, i, width_mm2):
+            found |= 1 << i
+    return found
+
+
+def spread(chain: Chain, reached: int, width_mm2: int) -> int:
+    """Return the arcs that are reached from the given ones by links between neighbours."""
+    before = 0
+    while before != reached:
+        before = reached
+        for i in EVERY:
+            if (chain.seen & ~reached) >> i & 1:
+                for k in (i - 1, i + 1, i - 2, i + 2):
+                    if 0 <= k < SONARS and reached >> k & 1 and is_linked(chain, k, i, width_mm2):
+                        reached |= 1 << i
+                        break
+    return reached
+
+
+def take(chain: Chain, end: int, i: int) -> None:
+    """Make an arc of the scan an end of the chain."""
+    chain.x_mm[end], chain.y_mm[end] = chain.x_mm[i], chain.y_mm[i]
+    chain.left_x_mm[end], chain.left_y_mm[end] = chain.left_x_mm[i], chain.left_y_mm[i]
+
+
+def middle(chain: Chain) -> tuple[int, int]:
+    """Return the middle of the chain's end at the followed flank."""
+    x_mm = chain.x_mm[TAIL] + chain.left_x_mm[TAIL] >> 1
+    return x_mm, chain.y_mm[TAIL] + chain.left_y_mm[TAIL] >> 1
+
+
+def is_linked(chain: Chain, i: int, k: int, width_mm2: int) -> bool:
+    """Return whether the robot does not fit between the surfaces of two arcs."""
+    x1, y1, x2, y2 = chain.x_mm[i], chain.y_mm[i], chain.left_x_mm[i], chain.left_y_mm[i]
+    x3, y3, x4, y4 = chain.x_mm[k], chain.y_mm[k], chain.left_x_mm[k], chain.left_y_mm[k]
+    return (
+        (x1 - x3) * (x1 - x3) + (y1 - y3) * (y1 - y3) < width_mm2
+        and (x1 - x4) * (x1 - x4) + (y1 - y4) * (y1 - y4) < width_mm2
+        and (x2 - x3) * (x2 - x3) + (y2 - y3) * (y2 - y3) < width_mm2
+        and (x2 - x4) * (x2 - x4) + (y2 - y4) * (y2 - y4) < width_mm2
+    )

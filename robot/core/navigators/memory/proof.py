@@ -1,0 +1,191 @@
+"""Prove by a lap along a boundary that it separates robot and goal.
+
+A proof needs three facts about the way since a mark on the boundary:
+
+- A chain of echoes through which the robot cannot pass (`chain`) leads along the boundary and back
+  to its beginning: the robot is at the mark again, within the doubt that its odometry has collected
+  since the mark, and has turned once round.
+- The closed chain winds round the goal otherwise than round the mark, so it separates them.
+- There is room for the doubt: at no place of the lap could the true goal lie on the robot's side.
+
+Integers: millimetres, and brads (4096 to the circle).
+"""
+
+from math import inf, sqrt
+from typing import Final
+
+from robot.core.navigators.memory import chain as chains
+from robot.core.navigators.memory.chain import TAIL, Chain
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
+from robot.core.perception.odometry import Odometry
+from robot.core.values import Pose
+from runtime.elementary import coarse_atan2
+
+OPEN: Final = 0
+"""The lap is not closed."""
+SEPARATED: Final = 1
+"""Proved: the boundary separates robot and goal."""
+DOUBTED: Final = 2
+"""The boundary separates robot and the estimated goal; the true goal may be on this side."""
+AROUND: Final = 3
+"""The lap is closed, and does not separate robot and goal."""
+
+LAG_MM: Final = 500  # the chain is broken if its end is farther away
+LEAST_MM: Final = 500  # length of the shortest lap
+SAME_MM: Final = 120  # at the mark without doubt; parallel ways of a lap are farther apart
+SIGMAS: Final = 4.0
+BESIDE_M: Final = 0.12  # from the rim to the boundary, at most
+ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
+BESIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
+PAST_MM: Final = 300  # the chain must continue this far past the mark
+NEVER: Final = -1
+
+
+class Proof:
+    """A lap along a boundary since the mark.
+
+    `whole` is set while the chain has no gap, `sealed` while it reaches the newest scan. `way_mm`
+    is the length of the lap, `turned` its net turn. `wound` and `ringed` are the net turns of the
+    lines from the goal and from the mark to the end of the chain.
+    `closed_mm` is the length at which the mark was reached again, or NEVER. `room_m` is the least
+    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
+    mark and the variance of its position. `odometry` is the estimate with its covariance.
+    """
+
+    __slots__ = (
+        "at_goal",
+        "at_mark",
+        "chain",
+        "closed_mm",
+        "heading",
+        "mark_m2",
+        "mark_x_mm",
+        "mark_y_mm",
+        "odometry",
+        "ringed",
+        "room_m",
+        "sealed",
+        "turned",
+        "way_mm",
+        "whole",
+        "wound",
+        "x_mm",
+        "y_mm",
+    )
+
+    def __init__(self) -> None:
+        self.odometry = Odometry()
+        self.chain = Chain()
+        self.whole = self.sealed = False
+        self.x_mm = self.y_mm = self.heading = self.at_goal = self.at_mark = 0
+        self.mark_x_mm = self.mark_y_mm = 0
+        self.way_mm = self.turned = self.wound = self.ringed = 0
+        self.closed_mm: int = NEVER
+        self.mark_m2 = 0.0
+        self.room_m = inf
+
+
+def void(proof: Proof) -> None:
+    """Drop the lap: the robot does not follow a boundary, or another one."""
+    proof.whole = False
+
+
+def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) -> None:
+    """Begin a lap here, if there is an echo at which its chain can begin."""
+    odometry = proof.odometry
+    proof.whole = chains.begin(proof.chain, side)
+    proof.mark_x_mm = proof.x_mm = int(1000.0 * pose.x_m)
+    proof.mark_y_mm = proof.y_mm = int(1000.0 * pose.y_m)
+    proof.heading = int(BRADS * pose.heading_rad)
+    proof.mark_m2 = odometry.pxx + odometry.pyy
+    proof.closed_mm = NEVER
+    proof.room_m = inf
+    wind(proof, goal_x_m, goal_y_m)
+    proof.way_mm = proof.turned = proof.wound = proof.ringed = 0
+
+
+def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
+    """Add the way since the last call: its length, its turn, and the room for the doubt."""
+    x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    heading = int(BRADS * pose.heading_rad)
+    dx_mm, dy_mm = x_mm - proof.x_mm, y_mm - proof.y_mm
+    proof.turned += turn(proof.heading, heading)
+    proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
+    proof.x_mm, proof.y_mm, proof.heading = x_mm, y_mm, heading
+    away_x_m, away_y_m = pose.x_m - goal_x_m, pose.y_m - goal_y_m
+    room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BESIDE_M
+    if room_m < proof.room_m:
+        room_m -= SIGMAS * doubt_m(proof.odometry)
+        if room_m < proof.room_m:
+            proof.room_m = room_m
+
+
+def wind(proof: Proof, goal_x_m: float, goal_y_m: float) -> None:
+    """Add the turns of the lines from the goal and from the mark to the end of the chain."""
+    x_mm, y_mm = chains.middle(proof.chain)
+    at_goal = int(BRADS * coarse_atan2(y_mm - 1000.0 * goal_y_m, x_mm - 1000.0 * goal_x_m))
+    at_mark = int(BRADS * coarse_atan2(y_mm - proof.mark_y_mm, x_mm - proof.mark_x_mm))
+    proof.wound += turn(proof.at_goal, at_goal)
+    proof.ringed += turn(proof.at_mark, at_mark)
+    proof.at_goal, proof.at_mark = at_goal, at_mark
+
+
+def turn(before: int, now: int) -> int:
+    """Return the turn between two directions in brads, by the shorter way."""
+    return (now - before + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+
+
+def doubt_m(odometry: Odometry) -> float:
+    """Return the standard deviation of the position in its most uncertain direction."""
+    half_m2 = 0.5 * (odometry.pxx - odometry.pyy)
+    mean_m2, across_m2 = 0.5 * (odometry.pxx + odometry.pyy), odometry.pxy
+    return sqrt(mean_m2 + sqrt(half_m2 * half_m2 + across_m2 * across_m2))
+
+
+def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: float) -> None:
+    """Continue the chain by the newest scan; the proof is void if the chain stays behind."""
+    chain = proof.chain
+    proof.sealed = chains.extend(chain, proof.x_mm, proof.y_mm, side, radius_mm)
+    if proof.sealed:
+        wind(proof, goal_x_m, goal_y_m)
+        return
+    dx_mm, dy_mm = proof.x_mm - chain.x_mm[TAIL], proof.y_mm - chain.y_mm[TAIL]
+    if dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
+        void(proof)
+
+
+def verdict(proof: Proof) -> int:
+    """Return what the lap proves; OPEN until it is closed."""
+    if not (proof.whole and proof.sealed) or proof.way_mm < LEAST_MM:
+        return OPEN
+    if proof.closed_mm == NEVER:
+        if is_at_mark(proof):
+            proof.closed_mm = proof.way_mm
+        return OPEN
+    if proof.way_mm < proof.closed_mm + PAST_MM:
+        return OPEN
+    if rounds(proof.wound) == rounds(proof.ringed):
+        return AROUND
+    return SEPARATED if proof.room_m > 0.0 else DOUBTED
+
+
+def rounds(turned: int) -> int:
+    """Return the number of whole turns nearest to a turn in brads."""
+    return (turned + HALF_CIRCLE) // CIRCLE
+
+
+def is_at_mark(proof: Proof) -> bool:
+    """Return whether the robot has turned once round, and robot and chain may be at the mark."""
+    once = proof.turned if proof.turned > 0 else -proof.turned
+    if not CIRCLE - ONCE < once < CIRCLE + ONCE:
+        return False
+    off = turn(0, proof.ringed)
+    if not -BESIDE < off < BESIDE:
+        return False
+    odometry = proof.odometry
+    gained_m2 = odometry.pxx + odometry.pyy - proof.mark_m2
+    if gained_m2 < 0.0:
+        gained_m2 = 0.0
+    dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
+    within_mm = SAME_MM + int(1000.0 * SIGMAS * sqrt(gained_m2))
+    return dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
