@@ -35,6 +35,10 @@ from runtime.elementary import atan2
 
 STEP_M: Final = 0.10
 """Following ends only where the remaining distance becomes shorter than ever by this much."""
+FAR_M: Final = 3.0
+ROOM_PER_BRAD: Final = 1.0 / 800.0  # metres of room that make up for one brad of rotation
+RIGHT_SONARS: Final = (0, 1, 2, 3)
+LEFT_SONARS: Final = (4, 5, 6, 7)
 SOFT: Final = 455  # brads, 40 degrees: largest detour for a wide margin
 SHARP: Final = 796  # 70 degrees: on a sharper turn the followed point is kept
 WIDE_TURN: Final = 400  # 35 degrees: before a larger turn, gaps without a margin are tried
@@ -134,8 +138,8 @@ def begin(memory: Memory) -> None:
     proofs.void(memory.proof)
 
 
-def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
-    """Latch the side of the smaller rotation, unless it was tried at this place before."""
+def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -> None:
+    """Latch the side with more room and the smaller rotation, unless it was tried here before."""
     sectors = memory.sectors
     memory.following = True
     memory.shut = 0
@@ -150,13 +154,24 @@ def hit(memory: Memory, x_cm: int, y_cm: int, to_goal: int, distance_m: float) -
             return
     left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
-    wanted = states.LEFT if left <= right else states.RIGHT
+    more = ROOM_PER_BRAD * (right - left) + room_m(ring, LEFT_SONARS) - room_m(ring, RIGHT_SONARS)
+    wanted = states.LEFT if more >= 0.0 else states.RIGHT
     memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.failed_leaves > 0
     restart(memory)
     memory.heading = to_goal + memory.side * (left if memory.side == states.LEFT else right)
+
+
+def room_m(ring: Ring, sonars: "tuple[int, ...]") -> float:
+    """Return the sum of the ranges of some sonars, each at most FAR_M; a missing one adds none."""
+    room_m = 0.0
+    for i in sonars:
+        range_m = ring.range_m[i]
+        if range_m is not None:
+            room_m += range_m if range_m < FAR_M else FAR_M
+    return room_m
 
 
 def restart(memory: Memory) -> None:
@@ -276,13 +291,15 @@ def shut_in(memory: Memory, heading: int) -> None:
 
 
 def is_astray(memory: Memory, distance_m: float) -> bool:
-    """Return whether a long way on this side has only led away from the goal.
+    """Return whether a long straight way on this side has only led away from the goal.
 
-    The other side is then tried, once for each obstacle.
+    The other side is then tried, once for each obstacle. Within a bend the way out of a trap leads
+    away at first, too.
     """
     return (
         not memory.reversed
         and loops.walked_cm(memory.loops) >= PATIENCE_CM << memory.islands
+        and loops.is_straight(memory.loops)
         and distance_m > AWAY * memory.hit_m + AWAY_M
     )
 

@@ -145,7 +145,7 @@ def choose(
         else:
             vgm_following.follow(memory, pose, distance_m)
     elif closes(memory, pose, to_goal, distance_m, params):
-        vgm_following.hit(memory, x_cm, y_cm, to_goal, distance_m)
+        vgm_following.hit(memory, ring, x_cm, y_cm, to_goal, distance_m)
 
 
 def closes(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:

@@ -14,6 +14,7 @@ CRUMBS: Final = 96
 SPACING_CM: Final = 25
 LEAST_AWAY: Final = 5
 """Minimum number of points between a place and its second visit."""
+STRAIGHT: Final = 97  # percent of the way that the ends of a straight one are apart
 IN_A_ROW: Final = 3
 STEPS: Final = 16
 """Headings of points are stored as bytes, 256 to the circle: this many brads each."""
@@ -62,6 +63,16 @@ def restart(loops: Loops) -> None:
 def walked_cm(loops: Loops) -> int:
     """Return the approximate length of the way since `restart`."""
     return loops.count * loops.spacing_cm
+
+
+def is_straight(loops: Loops) -> bool:
+    """Return whether the way since `restart` is a straight line."""
+    last = loops.count - 1
+    if last < 1:
+        return False
+    dx_cm, dy_cm = loops.x_cm[last] - loops.x_cm[0], loops.y_cm[last] - loops.y_cm[0]
+    way_cm = last * loops.spacing_cm * STRAIGHT // 100
+    return dx_cm * dx_cm + dy_cm * dy_cm >= way_cm * way_cm
 
 
 def side_at(loops: Loops, x_cm: int, y_cm: int, side: int) -> int:

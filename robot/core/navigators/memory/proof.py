@@ -34,9 +34,9 @@ LAG_MM: Final = 500  # the chain is broken if its end is farther away
 LEAST_MM: Final = 500  # length of the shortest lap
 SAME_MM: Final = 120  # at the mark without doubt; parallel ways of a lap are farther apart
 SIGMAS: Final = 4.0
-BESIDE_M: Final = 0.12  # from the rim to the boundary, at most
+BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
 ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
-BESIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
+SAME_SIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
 PAST_MM: Final = 300  # the chain must continue this far past the mark
 NEVER: Final = -1
 
@@ -113,11 +113,10 @@ def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
     proof.x_mm, proof.y_mm, proof.heading = x_mm, y_mm, heading
     away_x_m, away_y_m = pose.x_m - goal_x_m, pose.y_m - goal_y_m
-    room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BESIDE_M
+    room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BOUNDARY_M
+    room_m -= SIGMAS * doubt_m(proof.odometry)
     if room_m < proof.room_m:
-        room_m -= SIGMAS * doubt_m(proof.odometry)
-        if room_m < proof.room_m:
-            proof.room_m = room_m
+        proof.room_m = room_m
 
 
 def wind(proof: Proof, goal_x_m: float, goal_y_m: float) -> None:
@@ -180,7 +179,7 @@ def is_at_mark(proof: Proof) -> bool:
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
         return False
     off = turn(0, proof.ringed)
-    if not -BESIDE < off < BESIDE:
+    if not -SAME_SIDE < off < SAME_SIDE:
         return False
     odometry = proof.odometry
     gained_m2 = odometry.pxx + odometry.pyy - proof.mark_m2
