@@ -4,7 +4,7 @@ from typing import Final
 
 from study.report.comparisons import LEVEL, Comparison, comparisons
 from study.report.page import Paragraph, Section
-from study.report.paper.targets import MET, MISSED, StudyTarget
+from study.report.paper.target import MET, MISSED, StudyTarget
 from study.report.summary import Summary
 from study.report.trials import Trials
 from study.report.words import count, percent, probability, share

@@ -23,10 +23,11 @@ class TrialRow:
     counts how often avoiding began. `side_changes` counts changes between passing on the left and
     on the right. Heading for the goal between two avoidances on the same side is no change.
 
-    `doubt_m` is the longer half axis of the 95 % ellipse of the final estimate. `top_speed_m_s` is
-    the robot's own. `lap_m` is the length of the boundary between the robot and an unreachable
-    goal, None where there is a way. `spl` and `published_score` are of `study.runner.scores`; an
-    arrival with a contact counts as none. None: no way to the goal.
+    `doubt_m` is the longer half axis of the confidence ellipse of the final estimate.
+    `top_speed_m_s` is the robot's own. `lap_m` is the length of the boundary between the robot and
+    an unreachable goal, None where there is a way. `thinnest_wall_m` is None in a world without
+    walls on its floor. `spl` and `published_score` are those of `study.runner.scores`, None without
+    a way to the goal; an arrival with a contact counts as none.
     """
 
     study: str
@@ -52,6 +53,7 @@ class TrialRow:
     shortest_path_m: float | None
     reachable: bool | None
     lap_m: float | None
+    thinnest_wall_m: float | None
     top_speed_m_s: float
     spl: float | None
     published_score: float | None
@@ -103,7 +105,7 @@ COLUMNS: Final = tuple(field.name for field in fields(TrialRow))
 
 ADDED: Final[Mapping[str, float | None]] = MappingProxyType(
     {
-        **dict.fromkeys(("lap_m", "spl", "published_score")),
+        **dict.fromkeys(("lap_m", "thinnest_wall_m", "spl", "published_score")),
         **dict.fromkeys(("top_speed_m_s", "doubt_m"), nan),
     }
 )

@@ -9,7 +9,7 @@ from time import perf_counter, thread_time
 from types import MappingProxyType
 from typing import Any, Final
 
-from plant.model.types import World
+from plant.model.types import Polyline, World
 from protocol.outcome import Outcome
 from robot.core import states
 from study.runner.lap import lap_m
@@ -118,11 +118,18 @@ def _request_values(task: TrialTask, context: StudyContext) -> dict[str, Any]:
         "family": world.family,
         "shortest_path_m": world.shortest_path_m,
         "reachable": world.reachable,
+        "thinnest_wall_m": thinnest_wall_m(world),
         "commit": code.commit,
         "dirty": code.dirty,
         "version": code.version,
         **machine()._asdict(),
     }
+
+
+def thinnest_wall_m(world: World) -> float | None:
+    """Return the thickness of the thinnest wall in metres; None without a wall on the floor."""
+    walls = (one for one in world.obstacles if isinstance(one, Polyline))
+    return min((wall.thickness_m for wall in walls), default=None)
 
 
 def _outcome_values(outcome: Outcome) -> dict[str, Any]:

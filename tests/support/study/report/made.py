@@ -38,6 +38,7 @@ USUAL: dict[str, Any] = {
     "shortest_path_m": 5.0,
     "reachable": True,
     "lap_m": None,
+    "thinnest_wall_m": None,
     "top_speed_m_s": 0.3,
     "position_error_m": 0.05,
     "heading_error_rad": 0.02,

@@ -22,7 +22,7 @@ def test_only_optional_values_are_nullable() -> None:
     nullable = {field.name for field in SCHEMA if field.nullable}
     assert nullable == {
         *("shortest_path_m", "reachable", "heading_error_rad"),
-        *("lap_m", "spl", "published_score"),
+        *("lap_m", "thinnest_wall_m", "spl", "published_score"),
     }
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.model.types import Polyline
+from plant.model.types import WALL_THICKNESS_M, Polyline
 from protocol.doubt import doubt_m
 from protocol.wire.enums import GoalState
 from robot.core import states
@@ -59,6 +59,7 @@ def test_row_of_an_unreachable_goal_has_a_lap_and_no_score() -> None:
     assert row.lap_m == lap_m(world)
     assert row.lap_m is not None
     assert (row.spl, row.published_score) == (None, None)
+    assert row.thinnest_wall_m == WALL_THICKNESS_M
 
 
 def test_ticks_are_split_by_branch() -> None:
