@@ -80,10 +80,10 @@ def given_up_table(trials: Trials) -> PageTable:
     caption = (
         "Goals given up. `unreachable` claims a proof, `lost` is neither a way nor a proof, "
         "`stuck` cannot move or comes no closer. Called unreachable: in worlds with a path, with "
-        f"the exact one-sided bound of {CONFIDENT} (Clopper and Pearson). Doubt: the longer half axis of the "
-        "robot's own ellipse when it was lost, median. Seconds, and laps: over the recognised; one "
-        "lap is the boundary that shuts the goal off, driven round once at top speed. The way to "
-        "that boundary is not in it."
+        f"the exact one-sided bound of {CONFIDENT} (Clopper and Pearson). Doubt: the longer half "
+        "axis of the robot's own ellipse when it was lost, median. Seconds, and laps: over the "
+        "recognised; one lap is the boundary that shuts the goal off, driven round once at top "
+        "speed. The way to that boundary is not in it."
     )
     return PageTable(caption, head, rows, names=2)
 

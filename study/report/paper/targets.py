@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from study.report.groups import CORPUS, in_group
+from study.report.groups import BOUND, CORPUS, in_group
 from study.report.page import PageCell, PageTable
 from study.report.paper.apart_targets import apart_targets, arrivals
 from study.report.paper.target import (
@@ -27,9 +27,6 @@ from study.report.words import number, percent
 from study.statistics.intervals import CONFIDENT, Share, quantile
 
 OWN: Final = "vgm_memory"
-BOUND: Final = "oracle_grid"
-"""The navigator with unlimited memory and the same senses, if the study ran it."""
-
 ARRIVALS: Final = {"none": 0.999, "default": 0.997, "lossy": 0.993, "harsh": 0.97}
 ERRORS: Final = (("none", 0.06, 1.0), ("default", 0.30, 0.98))
 ELLIPSE: Final = (0.93, 0.97)
