@@ -33,6 +33,10 @@ proof. `stuck`: it could not move, or came no closer.
 """
 
 
+WIDEST: Final = max(map(len, OUTCOMES))
+"""Characters of the longest outcome, for columns."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSettings:
     """Settings of a run: the goal in world coordinates, and as sent to the robot."""
