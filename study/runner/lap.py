@@ -88,7 +88,7 @@ class Grid:
         np.minimum(part, away_m, out=part)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=512)
 def lap_m(world: World) -> float | None:
     """Return the length of the closed boundary that separates the start from the goal, in metres.
 
