@@ -26,6 +26,8 @@ from study.report.trials import NOISES, Flags, Trials
 from study.report.words import number, percent
 from study.statistics.intervals import CONFIDENT, Share, quantile
 
+__all__ = ["MET", "MISSED", "OWN", "UNMEASURED", "StudyTarget", "target_table", "targets"]
+
 OWN: Final = "vgm_memory"
 ARRIVALS: Final = {"none": 0.999, "default": 0.997, "lossy": 0.993, "harsh": 0.97}
 ERRORS: Final = (("none", 0.06, 1.0), ("default", 0.30, 0.98))
