@@ -2,20 +2,39 @@
 
 from dataclasses import asdict, dataclass
 from math import degrees, pi, remainder
+from typing import Final
 
+from protocol.doubt import doubt_words
 from protocol.wire.enums import GoalState
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
-from protocol.wire.reasons import reason_text
+from protocol.wire.reasons import Reason, reason_text
 from runtime.elementary import hypot
 
-ENDS = {
+ENDS: Final = {
     GoalState.REACHED: "reached",
     GoalState.STUCK: "stuck",
     GoalState.ABORTED: "aborted",
     GoalState.REFUSED: "aborted",
 }
-OUTCOMES = ("reached", "collided", "stuck", "timeout", "aborted")
+UNREACHABLE: Final = "unreachable"
+LOST: Final = "lost"
+CLAIMS: Final = {Reason.UNREACHABLE: UNREACHABLE, Reason.LOST: LOST}
+"""Reasons for which a robot gave a goal up although it could move, and their outcomes."""
+
+OUTCOMES: Final = (
+    *("reached", "collided", UNREACHABLE, LOST),
+    *("stuck", "timeout", "aborted"),
+)
+"""Outcomes of a run.
+
+`unreachable`: the robot proved that no way leads to the goal. `lost`: it found neither a way nor a
+proof. `stuck`: it could not move, or came no closer.
+"""
+
+
+WIDEST: Final = max(map(len, OUTCOMES))
+"""Characters of the longest outcome, for columns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +55,10 @@ class RunSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEnd:
-    """End of a run as the robot reported it, with its estimated position."""
+    """End of a run as the robot reported it, with its estimated position.
+
+    `doubt_m` is the longer half axis of the 95 % ellipse of that position, None where unknown.
+    """
 
     goal_state: int
     goal_reason: int
@@ -45,6 +67,7 @@ class RunEnd:
     estimate_y_m: float
     wall_s: float
     missed_ticks: int = 0
+    doubt_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +77,8 @@ class Outcome:
     `estimated_position_error_m` is the error of the robot's estimate against the goal it received.
     `contacts` counts every contact; `own_contacts` those that began while the robot itself moved
     towards the obstacle, so that a stopped robot would have avoided them. `wall_s` is the duration
-    of the drive loop; `digest` is a SHA-256 over the trajectory, equal for equal runs.
+    of the drive loop; `digest` is a SHA-256 over the trajectory, equal for equal runs. `doubt_m` is
+    the longer half axis of the 95 % ellipse of the estimate at the end, None where unknown.
     """
 
     world: str
@@ -76,6 +100,7 @@ class Outcome:
     ticks: int
     missed_ticks: int
     digest: str
+    doubt_m: float | None = None
 
     @property
     def reached(self) -> bool:
@@ -114,12 +139,12 @@ class Outcome:
         if self.reached:
             return f"reached the goal of {self.world} with {self.navigator} in {self.time_s:.1f} s"
         place = f"{self.world} with {self.navigator} after {self.time_s:.1f} s"
-        return f"{self.outcome} in {place}: {self.reason}"
+        return f"{self.outcome} in {place}: {detail_of(self.outcome, self.reason)}"
 
 
 def evaluated(asked: RunSettings, ended: RunEnd, score: RunScore) -> Outcome:
     """Combine the plant's score and the end reported by the robot into an outcome."""
-    outcome, reason = end_of(score, ended.goal_state, ended.goal_reason, asked.timeout_s)
+    outcome, reason = end_of(score, ended, asked.timeout_s)
     heading_rad = asked.goal_heading_rad
     turned_rad = None if heading_rad is None else remainder(score.heading_rad - heading_rad, 2 * pi)
     return Outcome(
@@ -145,23 +170,48 @@ def evaluated(asked: RunSettings, ended: RunEnd, score: RunScore) -> Outcome:
         ticks=score.ticks,
         missed_ticks=ended.missed_ticks,
         digest=bytes(score.digest).hex(),
+        doubt_m=ended.doubt_m,
     )
 
 
-def end_of(score: RunScore, goal_state: int, goal_reason: int, timeout_s: float) -> tuple[str, str]:
+def end_of(score: RunScore, ended: RunEnd, timeout_s: float) -> tuple[str, str]:
     """Return outcome and reason of a run.
 
     A run with a contact caused by the robot is a collision, wherever it ended. A run in which only
     other objects moved into the robot ends as its goal did: a robot cannot evade everything.
     """
-    end = ENDS.get(GoalState(goal_state))
+    end, why = goal_end(ended.goal_state, ended.goal_reason), reason_of(ended)
     if score.own_contacts:
-        rest = f"; {reason_text(goal_reason)}" if goal_reason else f"; {end}" if end else ""
+        rest = f"; {why}" if ended.goal_reason else f"; {end}" if end else ""
         return "collided", f"touched something {_times(score.contacts)}{rest}"
     rest = f"; was touched {_times(score.contacts)}" if score.contacts else ""
     if end is None:
         return "timeout", f"not there after {timeout_s:g} s{rest}"
-    return end, f"{reason_text(goal_reason)}{rest}"
+    return end, f"{why}{rest}"
+
+
+def goal_end(goal_state: int, goal_reason: int) -> str | None:
+    """Return how a goal ended, as an outcome; None while the robot drives to it.
+
+    An unknown state has not ended.
+    """
+    if goal_state == GoalState.STUCK:
+        claim = next((claim for reason, claim in CLAIMS.items() if reason == goal_reason), None)
+        return claim or ENDS[GoalState.STUCK]
+    return next((end for state, end in ENDS.items() if state == goal_state), None)
+
+
+def reason_of(ended: RunEnd) -> str:
+    """Return the reason of an end; that of a lost robot names the doubt about its position."""
+    words = reason_text(ended.goal_reason)
+    if goal_end(ended.goal_state, ended.goal_reason) != LOST:
+        return words
+    return f"{words}; {doubt_words(ended.doubt_m)}"
+
+
+def detail_of(outcome: str, reason: str) -> str:
+    """Return a reason without the outcome that it begins with, to be printed after the outcome."""
+    return reason.removeprefix(f"{outcome}: ")
 
 
 def _times(count: int) -> str:

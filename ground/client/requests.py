@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Final, Generic, TypeAlias, TypeVar
 
 from ground.client.results import Accepted, Answer, Refused
-from protocol.wire.enums import AckResult, Command, GoalState
+from protocol.outcome import goal_end
+from protocol.wire.enums import AckResult, Command
 from protocol.wire.message import Message
 from protocol.wire.messages import (
     CommandAck,
@@ -171,7 +172,7 @@ def command_of(request: Request) -> int:
 
 @dataclass(frozen=True, slots=True)
 class GoalEnd:
-    """The end of a goal: reached, stuck, aborted or timeout.
+    """The end of a goal: reached, unreachable, lost, stuck, aborted or timeout.
 
     `abort`: the robot may still be driving, so send it an abort.
     """
@@ -179,14 +180,6 @@ class GoalEnd:
     outcome: str
     reason: str
     abort: bool = False
-
-
-ENDS: Final = {
-    GoalState.REACHED: "reached",
-    GoalState.STUCK: "stuck",
-    GoalState.ABORTED: "aborted",
-    GoalState.REFUSED: "aborted",
-}
 
 
 class HeartbeatTimer:
@@ -271,8 +264,7 @@ class GoalWatch:
 
 
 def _end_in(status: NavigatorStatus) -> GoalEnd | None:
-    known = status.goal in GoalState.__members__.values()
-    outcome = ENDS.get(GoalState(status.goal)) if known else None
+    outcome = goal_end(status.goal, status.goal_reason)
     if outcome is None:
         return None
     reason = status.goal_reason

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeVar
 from ground.client.telemetry import Age, Telemetry
 from ground.text.state_roles import present_reason
 from ground.text.status_parts import Part
+from protocol.outcome import goal_end
 from protocol.topics import CYCLE, DECISION, HEARTBEAT, ODOMETRY, STATUS, Topic
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.message import Message
@@ -93,7 +94,8 @@ def doing(status: NavigatorStatus) -> str:
         return name_of(Vehicle, status.vehicle).lower().replace("_", " ")
     if status.mode in (Mode.HOLD, Mode.MANUAL):
         return Mode(status.mode).name.lower()
-    return name_of(GoalState, status.goal).lower()
+    given_up = goal_end(status.goal, status.goal_reason) if status.goal == GoalState.STUCK else ""
+    return given_up or name_of(GoalState, status.goal).lower()
 
 
 def driven(status: NavigatorStatus) -> str:

@@ -12,6 +12,7 @@ from ground.ghost.predicted_path import FAILED, PredictedPath
 from ground.ghost.recorded_ghost import changed, goal_of, side_of
 from ground.map.scene import GhostTrail
 from ground.station.station import Station
+from protocol.outcome import detail_of
 from protocol.topics import ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState, Severity
 from protocol.wire.messages import GroundTruth, PlanarOdometry
@@ -104,4 +105,6 @@ def result_line(course: PredictedPath) -> str:
     words = course.outcome
     if course.time_s is not None and course.length_m is not None:
         words += f" after {course.time_s:.1f} s and {course.length_m:.2f} m"
-    return words if course.reason in ("ok", "") else f"{words}: {course.reason}"
+    if course.reason in ("ok", ""):
+        return words
+    return f"{words}: {detail_of(course.outcome, course.reason)}"

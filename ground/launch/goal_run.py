@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from math import nan
 from typing import Final
 
 from ground.client.goal import goal_request
@@ -16,6 +17,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.launch.scenario import Scenario, ScenarioRobot
 from ground.launch.supervisor import VoidRun
 from ground.text.status_parts import Part
+from protocol.doubt import doubt_of
 from protocol.outcome import Outcome, RunEnd, evaluated
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
@@ -232,26 +234,27 @@ class GoalRun:
         score = self._ask_plant(RunRequest(until_ns=until_ns, action=RunAction.SCORE))
         if not isinstance(score, RunScore):
             raise NoOutcomeError("the plant did not return a score")
-        x_m, y_m = self._estimated_position(until_ns)
+        pose = self._estimate(until_ns)
         cycle = self.telemetry.latest(CYCLE)
         account = RunEnd(
             goal_state=status.goal,
             goal_reason=status.goal_reason,
             time_s=(until_ns - status.goal_started_ns) / NS_PER_S,
-            estimate_x_m=x_m,
-            estimate_y_m=y_m,
+            estimate_x_m=nan if pose is None else pose.x_m,
+            estimate_y_m=nan if pose is None else pose.y_m,
             wall_s=wall_s,
             missed_ticks=0 if cycle is None else cycle[0].missed,
+            doubt_m=None if pose is None else doubt_of(pose),
         )
         return evaluated(self._scenario.asked(self._goal), account, score)
 
-    def _estimated_position(self, at_ns: int) -> tuple[float, float]:
-        """Return the robot's estimated position in m at that stamp, or the nearest one received."""
-        nearest = (float("nan"), float("nan"))
+    def _estimate(self, at_ns: int) -> PlanarOdometry | None:
+        """Return the robot's pose at that stamp, or the nearest one received."""
+        nearest = None
         for frame in reversed(tuple(self._poses)):
             message = decode(frame).message
             if isinstance(message, PlanarOdometry):
-                nearest = (message.x_m, message.y_m)
+                nearest = message
                 if message.time_ns <= at_ns:
                     break
         return nearest

@@ -26,6 +26,8 @@ MARKS: Final = {
     "dead sonar": ("×", "X"),
     "reached": ("✓", "="),
     "collided": ("✕", "x"),
+    "unreachable": ("∅", "0"),
+    "ghost lost": ("¿", "&"),
     "stuck": ("■", "#"),
     "ended": ("□", "~"),
     "bar left": ("├", "|"),

@@ -12,7 +12,14 @@ from ground.map.view import Point
 
 EDGE_SPACING: Final = 3
 HEADING_DOTS: Final = 9.0
-MARKED_OUTCOMES: Final = ("reached", "collided", "stuck")
+MARKED_OUTCOMES: Final = {
+    "reached": "reached",
+    "collided": "collided",
+    "stuck": "stuck",
+    "unreachable": "unreachable",
+    "lost": "ghost lost",  # `lost` is the mark of a robot without a place
+}
+"""The marks of the outcomes of ghosts; other outcomes have the mark `ended`."""
 
 
 def draw_walls(pen: Pen, scene: MapScene) -> None:
@@ -46,7 +53,7 @@ def draw_ghosts(pen: Pen, scene: MapScene) -> None:
         pen.path(ghost.path_m, "ghost")
         if ghost.path_m:
             label = " ".join(word for word in (ghost.label, ghost.outcome) if word)
-            end = ghost.outcome if ghost.outcome in MARKED_OUTCOMES else "ended"
+            end = MARKED_OUTCOMES.get(ghost.outcome, "ended")
             pen.mark(ghost.path_m[-1], end, "ghost", label)
 
 

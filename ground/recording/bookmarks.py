@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 
 from ground.recording.log_index import LogIndex
 from ground.text.statustext import StatustextAssembler
+from protocol.outcome import detail_of, goal_end
 from protocol.topics import MARK, STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.message import Message
@@ -58,4 +59,8 @@ def outcome(status: NavigatorStatus) -> str:
         name = GoalState(status.goal).name
     except ValueError:
         name = f"goal state {status.goal}"
-    return f"{name}: {reason_text(status.goal_reason)}" if status.goal_reason else name
+    reason = reason_text(status.goal_reason)
+    if status.goal == GoalState.STUCK:
+        end = goal_end(status.goal, status.goal_reason) or name
+        name, reason = end.upper(), detail_of(end, reason)
+    return f"{name}: {reason}" if status.goal_reason else name

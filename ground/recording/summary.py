@@ -13,7 +13,7 @@ from ground.recording.mcap.reader import McapFile
 from ground.recording.retention import size_of
 from ground.recording.tlog import TlogReader
 from ground.recording.world_metadata import facts_of
-from protocol.outcome import ENDS
+from protocol.outcome import goal_end
 from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, Navigator
 from protocol.wire.messages import NavigatorStatus
@@ -106,6 +106,7 @@ def navigator_of(status: NavigatorStatus) -> str:
 
 def outcome_of(status: NavigatorStatus) -> str:
     """Return how the last goal ended; a goal that has not ended is `driving`."""
-    if status.goal in ENDS:
-        return ENDS[GoalState(status.goal)]
+    end = goal_end(status.goal, status.goal_reason)
+    if end is not None:
+        return end
     return NO_GOAL if status.goal == GoalState.NONE else DRIVING

@@ -1,6 +1,8 @@
 """Build the page of the report from a table of trials."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
 
 import pyarrow as pa
 
@@ -17,6 +19,8 @@ from study.report.charts.distributions import (
 from study.report.charts.gallery import PER_NAVIGATOR, WorldOf, gallery, selected_failures
 from study.report.comparisons import comparison_table, comparisons
 from study.report.families import family_table
+from study.report.given_up import given_up_table
+from study.report.groups import CORPUS, CROWDS, GRIDS, NOTES, THIN, apart_of, in_group, main_of
 from study.report.how_run import how_run
 from study.report.page import Block, Paragraph, ReportPage, Section
 from study.report.paper.runs import PaperRuns
@@ -48,10 +52,11 @@ class ReportRequest:
 def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
     """Return the page of a study."""
     every = trials_of(table)
-    trials = distinct(every)
-    size, *origin = how_run(every, len(trials), request.command)
-    found, wanted = (summaries(trials), targets(trials)) if len(trials) else ([], [])
-    if not len(trials):
+    whole = distinct(every)
+    size, *origin = how_run(every, len(whole), request.command)
+    trials, apart = main_of(whole), apart_of(whole)
+    found, wanted = (summaries(trials), targets(whole)) if len(whole) else ([], [])
+    if not len(whole):
         nothing = Paragraph("**There is no trial in this study**, so there is nothing to compare.")
         return ReportPage(TITLE, (nothing,), (paper_section(trials, request.runs),))
     sections = (
@@ -59,22 +64,28 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
         _summary(trials, found),
         Section("Figures to reach", (target_table(wanted),)),
         _families(trials),
+        *((_apart(apart),) if apart else ()),
         _comparisons(trials),
         Section("Final pose", (error_figure(trials), error_table(trials))),
         Section("Path length", (ratio_figure(trials),)),
         Section("Decisions and behaviour", behaviour_blocks(trials)),
         paper_section(trials, request.runs),
-        gallery(selected_failures(table, trials, request.failures), request.world_of, request.jobs),
+        _failures(table, in_group(whole, *SHOWN_FAILURES), request),
         Section("Definitions", (Paragraph(READING), Paragraph(SEEDS))),
         Section("How it was run", tuple(origin)),
     )
     return ReportPage(TITLE, (size,), sections)
 
 
+SHOWN_FAILURES: Final = (CORPUS, GRIDS, THIN, CROWDS)
+"""Failures in adversarial worlds are the rule, and their pages show them."""
+
+
 READING = (
     "A trial is a success when the robot reached the goal by its own estimate and touched nothing, "
     "including obstacles that moved into it; where there is no path to the goal, when it reported "
-    "so. `stuck`, `timeout`, `collided`, `aborted` and failed trials are not successes. The true "
+    "so. `lost`, `stuck`, `timeout`, `collided`, `aborted` and failed trials are not successes. "
+    "`unreachable` claims a proof, `lost` claims nothing, `stuck` cannot move. The true "
     "error is the true distance from the goal, which depends on drift more than on the navigator. "
     "The shortest path is that of a disc of the robot's radius in a known map."
 )
@@ -86,7 +97,30 @@ SEEDS = (
 
 def _summary(trials: Trials, found: list[Summary]) -> Section:
     figures: tuple[Block, ...] = (success_figure(found), main_table(found), more_table(found))
-    return Section("Summary", (*figures, ends_figure(trials)))
+    return Section("Summary", (*figures, given_up_table(trials), ends_figure(trials)))
+
+
+def _apart(apart: Mapping[str, Trials]) -> Section:
+    """Return the section of the groups of worlds that are not of the corpus."""
+    parts = tuple(
+        Section(
+            group[0].upper() + group[1:],
+            (
+                Paragraph(NOTES[group]),
+                main_table(summaries(trials)),
+                given_up_table(trials),
+                *(family_table(trials, noise) for noise in trials.values("noise")),
+            ),
+        )
+        for group, trials in apart.items()
+    )
+    words = "These worlds are not in the tables above, nor in the comparisons and figures below."
+    return Section("Worlds apart from the corpus", (Paragraph(words),), parts)
+
+
+def _failures(table: pa.Table, trials: Trials, request: ReportRequest) -> Section:
+    failures = selected_failures(table, trials, request.failures)
+    return gallery(failures, request.world_of, request.jobs)
 
 
 def _families(trials: Trials) -> Section:

@@ -7,15 +7,18 @@ from typing import Final
 
 import numpy as np
 
+from protocol.outcome import LOST
 from study.report.page import PageTable
 from study.report.trials import Trials
 from study.report.words import DASH, count, number, percent, share
-from study.statistics.intervals import CONFIDENT, Floats, Share, quantile
+from study.runner.scores import FULL_SCORE
+from study.statistics.intervals import CONFIDENT, Floats, Share, mean, quantile
 
 HEAD: Final = (
     *("navigator", "noise", "worlds", "trials", "success %", "touched something %"),
     *("true error m, median / 95th", "in own ellipse %", "path / shortest, median (90th)"),
-    *("unreachable recognised %", "wrongly called %"),
+    *("unreachable recognised %", "wrongly called %", "lost %", "stuck %"),
+    *("SPL", "published score"),
 )
 
 
@@ -24,7 +27,8 @@ class Summary:
     """One navigator at one noise level.
 
     `success` and the following are over worlds with a path to the goal, `recognised` over those
-    without. `wronged` counts goals wrongly called unreachable.
+    without. `wronged` counts goals wrongly called unreachable; `lost` and `stuck` goals that could
+    be reached. `spl` and `score` are means over the same worlds.
     """
 
     label: str
@@ -45,6 +49,10 @@ class Summary:
     recognised: Share
     recognised_s: float
     wronged: Share
+    lost: Share
+    stuck: Share
+    spl: float
+    score: float
 
 
 def summaries(trials: Trials) -> list[Summary]:
@@ -84,6 +92,10 @@ def summary(trials: Trials, label: str, noise: str) -> Summary:
         recognised=Share(len(recognised), len(unreachable)),
         recognised_s=quantile(recognised.numbers("time_s"), 0.5),
         wronged=Share(reachable.count(reachable.gave_up), len(reachable)),
+        lost=Share(reachable.count(reachable.has(outcome=LOST)), len(reachable)),
+        stuck=Share(reachable.count(reachable.has(outcome="stuck")), len(reachable)),
+        spl=mean(reachable.numbers("spl")),
+        score=mean(reachable.numbers("published_score")),
     )
 
 
@@ -101,7 +113,8 @@ def cells(found: Summary) -> tuple[str, ...]:
         percent(found.inside.rate),
         f"{number(found.ratio[0])} ({number(found.ratio[1])})",
         f"{percent(unreachable.rate)} of {unreachable.of}" if unreachable.of else DASH,
-        percent(wronged.rate, 2),
+        *(percent(one.rate, 2) for one in (wronged, found.lost, found.stuck)),
+        *(number(found.spl, 3), number(found.score, 3)),
     )
 
 
@@ -138,7 +151,10 @@ def main_table(found: Iterable[Summary]) -> PageTable:
         "Success: reached the goal by its own estimate and touched nothing, in worlds with a path; "
         f"in brackets the Wilson interval of {CONFIDENT}. Error, ellipse and path ratio are over "
         "these arrivals. Recognised: reported `unreachable` where there is no path; wrongly "
-        "called: where there is one."
+        "called: where there is one. Lost and stuck: where there is a path. SPL: mean of success x "
+        "shortest path / path. Published score: mean of success x optimal time / time, with the "
+        f"time at least 2 and at most 8 times the optimal one, so at most {FULL_SCORE:g}; the "
+        "optimal time is that of the shortest path at the robot's own top speed."
     )
     return PageTable(caption, HEAD, tuple(cells(one) for one in found), names=2)
 

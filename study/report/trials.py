@@ -13,6 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from plant.model.noise import LEVELS
+from protocol.outcome import UNREACHABLE
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 from study.runner.rows import COLUMNS, FAILED, SCHEMA
@@ -23,7 +24,8 @@ Flags = NDArray[np.bool_]
 Texts = NDArray[np.str_]
 
 NOISES: Final = tuple(LEVELS)
-UNREACHABLE: Final = "unreachable"
+SHUT: Final = "unreachable"
+"""The family of worlds whose goals cannot be reached."""
 VARIANTS: Final = ("side", "parameters", "calibrated")
 """Columns that distinguish trials of one navigator where a study varied them."""
 
@@ -65,6 +67,10 @@ class Trials:
         """Return the rows that have these values."""
         return self.where(self.has(**wanted))
 
+    def paired_with(self, other: "Trials") -> "Trials":
+        """Return the rows whose world, noise and seed are those of a row of `other`."""
+        return self.where(np.isin(self.texts("pair"), other.texts("pair")))
+
     def values(self, name: str) -> list[str]:
         """Return each value of a column once, in the report's order."""
         known = {"noise": NOISES, "navigator": tuple(NAVIGATORS)}.get(name, ())
@@ -81,7 +87,7 @@ class Trials:
     def possible(self) -> Flags:
         """Rows of worlds with a path to the goal, or not known to have none."""
         known_shut: Flags = self.numbers("reachable") == 0.0
-        return ~(known_shut | self.has(family=UNREACHABLE))
+        return ~(known_shut | self.has(family=SHUT))
 
     @cached_property
     def arrived(self) -> Flags:
@@ -97,8 +103,8 @@ class Trials:
 
     @cached_property
     def recognised(self) -> Flags:
-        """Rows that ended stuck with that report."""
-        return self.has(outcome="stuck") & self.gave_up
+        """Rows that ended with that report and without a contact of their own."""
+        return self.has(outcome=UNREACHABLE)
 
     @cached_property
     def success(self) -> Flags:
@@ -113,6 +119,18 @@ class Trials:
         ratio = np.full(len(self), np.nan)
         np.divide(self.numbers("path_m"), shortest_m, out=ratio, where=usable)
         return ratio
+
+    @cached_property
+    def laps(self) -> Floats:
+        """Time over that of one lap at the robot's top speed, around what shuts the goal off.
+
+        NaN where there is a way, or where the lap is not known.
+        """
+        lap_m = self.numbers("lap_m")
+        laps = np.full(len(self), np.nan)
+        way_m = self.numbers("time_s") * self.numbers("top_speed_m_s")
+        np.divide(way_m, lap_m, out=laps, where=lap_m > 0.0)
+        return laps
 
     @cached_property
     def inside(self) -> Flags:
@@ -134,6 +152,7 @@ def trials_of(table: pa.Table) -> Trials:
             "wrote it: run the study again"
         )
     columns = {name: _column(table.column(name).cast(SCHEMA.field(name).type)) for name in COLUMNS}
+    columns["outcome"] = _outcomes(columns)
     columns["family"] = np.where(columns["family"] == "", "other", columns["family"])
     columns["label"] = _labels(columns)
     columns["place"] = np.arange(table.num_rows, dtype=np.float64)
@@ -148,6 +167,15 @@ def _column(values: Any) -> Any:
         [np.nan if value is None else float(value) for value in values.to_pylist()],
         dtype=np.float64,
     )
+
+
+def _outcomes(columns: Mapping[str, Any]) -> Texts:
+    """Return the outcomes; earlier versions called a goal without a way `stuck`, too."""
+    claimed = columns["goal_reason"] == float(Reason.UNREACHABLE)
+    found: Texts = np.where(
+        (columns["outcome"] == "stuck") & claimed, UNREACHABLE, columns["outcome"]
+    )
+    return found
 
 
 def _joined(columns: Mapping[str, Any], names: Sequence[str]) -> Texts:

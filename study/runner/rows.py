@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from math import nan
 from types import MappingProxyType, UnionType
 from typing import Any, Final, get_args, get_type_hints
 
@@ -21,6 +22,12 @@ class TrialRow:
     `mahalanobis2` is the squared true position error under the estimated covariance. `avoidances`
     counts how often avoiding began. `side_changes` counts changes between passing on the left and
     on the right. Heading for the goal between two avoidances on the same side is no change.
+
+    `doubt_m` is the longer half axis of the confidence ellipse of the final estimate.
+    `top_speed_m_s` is the robot's own. `lap_m` is the length of the boundary between the robot and
+    an unreachable goal, None where there is a way. `thinnest_wall_m` is None in a world without
+    walls on its floor. `spl` and `published_score` are those of `study.runner.scores`, None without
+    a way to the goal; an arrival with a contact counts as none.
     """
 
     study: str
@@ -45,6 +52,11 @@ class TrialRow:
     path_m: float
     shortest_path_m: float | None
     reachable: bool | None
+    lap_m: float | None
+    thinnest_wall_m: float | None
+    top_speed_m_s: float
+    spl: float | None
+    published_score: float | None
     position_error_m: float
     heading_error_rad: float | None
     estimated_position_error_m: float
@@ -68,6 +80,7 @@ class TrialRow:
     cov_yy_m2: float
     cov_hh_rad2: float
     mahalanobis2: float
+    doubt_m: float
 
     turned_rad: float
     side_changes: int
@@ -89,6 +102,14 @@ class TrialRow:
 
 
 COLUMNS: Final = tuple(field.name for field in fields(TrialRow))
+
+ADDED: Final[Mapping[str, float | None]] = MappingProxyType(
+    {
+        **dict.fromkeys(("lap_m", "thinnest_wall_m", "spl", "published_score")),
+        **dict.fromkeys(("top_speed_m_s", "doubt_m"), nan),
+    }
+)
+"""Columns that results of earlier versions lack, with the value of their rows."""
 
 _ARROW: Final[Mapping[type, Any]] = MappingProxyType(
     {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
@@ -115,6 +136,20 @@ def table_of(rows: list[TrialRow]) -> pa.Table:
         if not field.nullable and None in columns[field.name]:
             raise ValueError(f"{field.name}: a row without a value")
     return pa.table(columns, schema=SCHEMA)
+
+
+def with_added(table: pa.Table) -> pa.Table:
+    """Return a table of an earlier version with the columns that were added since, in order.
+
+    A table that lacks other columns, or has others, is returned as it is.
+    """
+    missing = [name for name in COLUMNS if name not in table.column_names]
+    if not set(missing) <= set(ADDED) or not set(table.column_names) <= set(COLUMNS):
+        return table
+    for name in missing:
+        values = pa.array([ADDED[name]] * table.num_rows, SCHEMA.field(name).type)
+        table = table.append_column(SCHEMA.field(name), values)
+    return table.select(list(COLUMNS)) if missing else table
 
 
 def rows_of(table: pa.Table) -> list[TrialRow]:

@@ -9,14 +9,16 @@ from time import perf_counter, thread_time
 from types import MappingProxyType
 from typing import Any, Final
 
-from plant.model.types import World
+from plant.model.types import Polyline, World
 from protocol.outcome import Outcome
 from robot.core import states
+from study.runner.lap import lap_m
 from study.runner.plan import TrialTask
 from study.runner.provenance import CodeVersion, machine
 from study.runner.rows import COLUMNS, FAILED, TrialRow
+from study.runner.scores import published_score, spl
 from study.trial.behaviour import Behaviour
-from study.trial.trial import Trial, run_trial
+from study.trial.trial import Trial, params_of, run_trial
 
 TASK_COLUMNS: Final = tuple(field.name for field in fields(TrialTask) if field.name in COLUMNS)
 MEASURED: Final = (
@@ -33,6 +35,12 @@ NO_OUTCOME: Final[Mapping[str, Any]] = MappingProxyType(
     }
 )
 """Values of a trial without an outcome."""
+
+
+NO_SCORES: Final[Mapping[str, Any]] = MappingProxyType(
+    {**dict.fromkeys(("top_speed_m_s", "spl", "published_score"), nan), "lap_m": None}
+)
+"""Scores of a trial without an outcome."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,13 +71,16 @@ def row_of(task: TrialTask, context: StudyContext) -> TrialRow:
     watch, started_utc = Behaviour(), _now_utc()
     wall_s, cpu_s = perf_counter(), thread_time()
     try:
-        outcome = run_trial(trial_of(task, context.worlds[task.place]), watch)
+        trial = trial_of(task, context.worlds[task.place])
+        outcome = run_trial(trial, watch)
+        wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
+        scores = _scores(outcome, trial)
     except Exception as error:
         return failed(task, context, f"{type(error).__name__}: {error}", started_utc)
-    wall_s, cpu_s = perf_counter() - wall_s, thread_time() - cpu_s
     return TrialRow(
         **_request_values(task, context),
         **_outcome_values(outcome),
+        **scores,
         **_final_values(outcome, watch),
         **_behaviour_values(watch),
         wall_s=wall_s,
@@ -86,6 +97,7 @@ def failed(
     return TrialRow(
         **_request_values(task, context),
         **NO_OUTCOME,
+        **NO_SCORES,
         **_final_values(None, empty),
         **_behaviour_values(empty),
         outcome=FAILED,
@@ -106,11 +118,18 @@ def _request_values(task: TrialTask, context: StudyContext) -> dict[str, Any]:
         "family": world.family,
         "shortest_path_m": world.shortest_path_m,
         "reachable": world.reachable,
+        "thinnest_wall_m": thinnest_wall_m(world),
         "commit": code.commit,
         "dirty": code.dirty,
         "version": code.version,
         **machine()._asdict(),
     }
+
+
+def thinnest_wall_m(world: World) -> float | None:
+    """Return the thickness of the thinnest wall in metres; None without a wall on the floor."""
+    walls = (one for one in world.obstacles if isinstance(one, Polyline))
+    return min((wall.thickness_m for wall in walls), default=None)
 
 
 def _outcome_values(outcome: Outcome) -> dict[str, Any]:
@@ -119,12 +138,24 @@ def _outcome_values(outcome: Outcome) -> dict[str, Any]:
     return {name: getattr(outcome, name) for name in names}
 
 
+def _scores(outcome: Outcome, trial: Trial) -> dict[str, Any]:
+    """Return the scores of a trial, and what they are computed from."""
+    arrived = outcome.reached and not outcome.contacts
+    speed_m_s, shortest_m = params_of(trial).v_max_m_s, outcome.shortest_path_m
+    return {
+        "top_speed_m_s": speed_m_s,
+        "lap_m": lap_m(trial.world) if trial.world.reachable is False else None,
+        "spl": spl(arrived, outcome.path_m, shortest_m),
+        "published_score": published_score(arrived, outcome.time_s, shortest_m, speed_m_s),
+    }
+
+
 def _final_values(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
     """Return final state, true and estimated pose with covariance."""
     plant, onboard = watch.plant, watch.onboard
     if outcome is None or plant is None or onboard is None:
         names = ("true_x_m", "true_y_m", "true_heading_rad", "x_m", "y_m", "heading_rad")
-        spreads = ("cov_xx_m2", "cov_xy_m2", "cov_yy_m2", "cov_hh_rad2", "mahalanobis2")
+        spreads = ("cov_xx_m2", "cov_xy_m2", "cov_yy_m2", "cov_hh_rad2", "mahalanobis2", "doubt_m")
         return {"goal_state": 0, "goal_reason": 0, **dict.fromkeys((*names, *spreads), nan)}
     truth, odometry = plant.truth(), onboard.state.odometry
     pose, machine_state = odometry.pose, onboard.state.machine
@@ -144,6 +175,7 @@ def _final_values(outcome: Outcome | None, watch: Behaviour) -> dict[str, Any]:
         "cov_yy_m2": odometry.pyy,
         "cov_hh_rad2": odometry.phh,
         "mahalanobis2": mahalanobis2(off_x_m, off_y_m, spread),
+        "doubt_m": nan if outcome.doubt_m is None else outcome.doubt_m,
     }
 
 

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from runtime.atomic_file import sync_folder
 from runtime.errors import UserError
-from study.runner.rows import SCHEMA, TrialRow, table_of
+from study.runner.rows import SCHEMA, TrialRow, table_of, with_added
 
 RESULTS: Final = "results.parquet"
 SHARDS: Final = "shards"
@@ -72,8 +72,11 @@ def files_of(directory: Path) -> list[Path]:
 
 
 def _table(file: Path) -> pa.Table:
-    """Read a file; raise ArrowException for no Parquet file or other columns."""
-    table = pq.read_table(file, partitioning=None)
+    """Read a file of this or an earlier version.
+
+    Raises ArrowException for no Parquet file or other columns.
+    """
+    table = with_added(pq.read_table(file, partitioning=None))
     if table.schema.names != SCHEMA.names:
         odd = set(table.schema.names) ^ set(SCHEMA.names)
         raise pa.ArrowInvalid(f"other columns than this version writes: {', '.join(sorted(odd))}")

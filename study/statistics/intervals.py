@@ -30,6 +30,9 @@ EXACT_RANKS: Final = 40
 """Up to this number of pairs the signed-rank test enumerates all sign patterns."""
 
 
+BISECTIONS: Final = 60
+
+
 class Interval(NamedTuple):
     """Lower and upper bound."""
 
@@ -54,6 +57,11 @@ class Share:
         """Wilson's interval."""
         return wilson(self.count, self.of)
 
+    @property
+    def most(self) -> float:
+        """The exact one-sided upper bound."""
+        return upper_bound(self.count, self.of)
+
 
 def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
     """Return the score interval of a proportion (Wilson 1927); (0, 1) of nothing."""
@@ -65,6 +73,34 @@ def wilson(count: int, of: int, confidence: float = CONFIDENCE) -> Interval:
     half = z / (1.0 + weight) * sqrt(rate * (1.0 - rate) / of + weight / (4.0 * of))
     low = 0.0 if count == 0 else max(0.0, middle - half)
     return Interval(low, 1.0 if count == of else min(1.0, middle + half))
+
+
+def upper_bound(count: int, of: int, confidence: float = CONFIDENCE) -> float:
+    """Return the exact one-sided upper bound of a proportion (Clopper and Pearson 1934).
+
+    With this confidence the true rate is not larger. Without events it is 1 - (1 - confidence) to
+    the power of 1 / of; 1 of nothing.
+    """
+    if count >= of:
+        return 1.0
+    # The terms far below the count vanish, as the rate is at least count / of.
+    least = max(0, count - 20 - int(12.0 * sqrt(count)))
+    low, high = count / of, 1.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2.0
+        below = sum(_binomial(k, of, middle) for k in range(least, count + 1))
+        low, high = (middle, high) if below > 1.0 - confidence else (low, middle)
+    return high
+
+
+def mean_interval(values: Sequence[float] | Floats, confidence: float = CONFIDENCE) -> Interval:
+    """Return the interval of a mean by the normal approximation; unbounded below two values."""
+    found = _finite(values)
+    if len(found) < 2:
+        return Interval(-inf, inf)
+    half = NormalDist().inv_cdf(0.5 + confidence / 2.0) * float(found.std(ddof=1))
+    half /= sqrt(len(found))
+    return Interval(float(found.mean()) - half, float(found.mean()) + half)
 
 
 def binomial_two_sided(count: int, of: int) -> float:
@@ -137,6 +173,12 @@ def quantile(values: Sequence[float] | Floats, at: float) -> float:
     """Return the quantile, interpolated between neighbours; NaN of nothing."""
     found = _finite(values)
     return float(np.quantile(found, at)) if len(found) else nan
+
+
+def mean(values: Sequence[float] | Floats) -> float:
+    """Return the mean of the known values; NaN of nothing."""
+    found = _finite(values)
+    return float(found.mean()) if len(found) else nan
 
 
 def quantile_interval(

@@ -9,6 +9,7 @@ from plant.model.configuration import noise_of
 from plant.model.types import World
 from plant.placement.shortest_path import known_length_m
 from plant.sim.simulation import Plant
+from protocol.doubt import doubt_m
 from protocol.outcome import Outcome, RunEnd, RunSettings, evaluated
 from protocol.wire.goal import WireGoal, rounded_heading_rad, wire_goal
 from robot.core import reasons, states
@@ -133,13 +134,14 @@ def run_end_of(
     plant: Plant, onboard: CoreLoop, refusal: int, wall_s: float, begun_ns: int = 0
 ) -> RunEnd:
     """Describe the end of a trial for its outcome; `begun_ns` is the plant's time at its start."""
-    machine, pose = onboard.state.machine, onboard.state.odometry.pose
+    machine, odometry = onboard.state.machine, onboard.state.odometry
     refused = refusal != reasons.OK
     return RunEnd(
         goal_state=states.REFUSED if refused else machine.goal_state,
         goal_reason=refusal if refused else machine.goal_reason,
         time_s=(plant.now_ns - begun_ns) / NS_PER_S,
-        estimate_x_m=pose.x_m,
-        estimate_y_m=pose.y_m,
+        estimate_x_m=odometry.pose.x_m,
+        estimate_y_m=odometry.pose.y_m,
         wall_s=wall_s,
+        doubt_m=doubt_m(odometry.pxx, odometry.pxy, odometry.pyy),
     )

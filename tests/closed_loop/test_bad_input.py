@@ -14,6 +14,7 @@ from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
 
 TIMEOUT_S = 300.0
+GIVEN_UP = ("unreachable", "lost", "stuck")
 BLOCK = Polygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))
 every_navigator = pytest.mark.parametrize("navigator", NAVIGATORS)
 
@@ -41,14 +42,16 @@ def ends(
 @every_navigator
 def test_a_goal_inside_an_obstacle_is_given_up(navigator: str) -> None:
     outcome = ends(room(BLOCK, goal=(2.8, 2.0)), navigator)
-    assert (outcome.outcome, outcome.own_contacts) == ("stuck", 0)
+    assert outcome.outcome in GIVEN_UP
+    assert outcome.own_contacts == 0
     assert outcome.reason != "ok"
 
 
 @every_navigator
 def test_a_goal_behind_the_outer_wall_is_given_up(navigator: str) -> None:
     outcome = ends(room(goal=(5.6, 2.0)), navigator)
-    assert (outcome.outcome, outcome.own_contacts) == ("stuck", 0)
+    assert outcome.outcome in GIVEN_UP
+    assert outcome.own_contacts == 0
 
 
 @every_navigator
@@ -84,7 +87,7 @@ def test_a_robot_that_starts_in_contact_does_not_push(navigator: str, heading_de
     outcome = ends(replace(world, start=start), navigator)
     grazes = navigator == "vgm" and heading_deg <= 60
     assert outcome.own_contacts == 0 or grazes
-    assert outcome.outcome in ("reached", "stuck", "aborted") or grazes
+    assert outcome.outcome in ("reached", *GIVEN_UP, "aborted") or grazes
     assert outcome.outcome == "reached" or outcome.reason != "ok"
 
 

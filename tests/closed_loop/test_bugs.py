@@ -46,7 +46,7 @@ def test_obstacles_are_passed_on_either_side(side: str, navigator: str) -> None:
 def test_a_goal_without_a_way_to_it_is_unreachable(index: int, navigator: str) -> None:
     world = generate("unreachable", index, 1)
     outcome = run_trial(Trial(world=world, navigator=navigator, noise="none", timeout_s=600.0))
-    assert outcome.outcome == "stuck"
+    assert outcome.outcome == "unreachable"
     assert outcome.reason == reason_text(Reason.UNREACHABLE)
     assert outcome.contacts == 0
 

@@ -25,4 +25,4 @@ def test_the_box_is_passed_by_both_navigators(navigator: str, side: str, noise: 
 @pytest.mark.parametrize("noise", ["none", "default"])
 def test_where_nothing_is_wrong_no_failsafe_trips(world: str, navigator: str, noise: str) -> None:
     trial = Trial(world=load(world), navigator=navigator, noise=noise, timeout_s=60.0)
-    assert run_trial(trial).outcome in ("reached", "stuck", "timeout")
+    assert run_trial(trial).outcome in ("reached", "unreachable", "lost", "stuck", "timeout")

@@ -67,7 +67,7 @@ def test_reachable_goals_are_reached_and_others_given_up(
         return
     assert outcome.contacts == 0
     if world.reachable is False:
-        assert outcome.outcome == "stuck"
+        assert outcome.outcome == "unreachable"
         assert outcome.reason == reason_text(Reason.UNREACHABLE)
     else:
         assert outcome.outcome == "reached"

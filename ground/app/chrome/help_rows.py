@@ -39,6 +39,8 @@ MEANINGS: Final[Mapping[str, str]] = MappingProxyType(
         "lost": "the place of the robot is unknown",
         "reached": "a ghost: ended at the goal",
         "collided": "a ghost: collided",
+        "unreachable": "a ghost: it proved that no way leads to the goal",
+        "ghost lost": "a ghost: lost, with neither a way nor a proof",
         "stuck": "a ghost: stuck",
         "ended": "a ghost: ended otherwise",
         "bar left": "the scale: this length in metres",

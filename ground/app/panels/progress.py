@@ -7,20 +7,18 @@ from ground.app.widgets.bars import bar
 from ground.app.widgets.rows import Row, Span, faint, head, row, width_of
 from ground.client.telemetry import AgedMessage
 from ground.station.station import Station
-from protocol.topics import MISSION, STATUS
+from protocol.doubt import doubt_of, doubt_words
+from protocol.outcome import LOST, goal_end
+from protocol.topics import MISSION, ODOMETRY, STATUS
 from protocol.wire.enums import GoalState, MissionState
-from protocol.wire.messages import MissionStatus, NavigatorStatus
+from protocol.wire.messages import MissionStatus, NavigatorStatus, PlanarOdometry
 from runtime.units import NS_PER_S
 
 LEAST_BAR: Final = 8
 FULL: Final = 40
 """From so many columns on, the time driven is named."""
 UNDER_WAY: Final = (MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED)
-ENDED: Final = {
-    GoalState.REACHED: "reached in",
-    GoalState.STUCK: "given up after",
-    GoalState.ABORTED: "aborted after",
-}
+ENDED: Final = (GoalState.REACHED, GoalState.STUCK, GoalState.ABORTED)
 
 
 def progress_rows(station: Station, width: int) -> list[Row]:
@@ -44,9 +42,9 @@ def way_spans(station: Station, status: NavigatorStatus, seen: AgedMessage, widt
     """Return distance, time driven and time left; the outcome when the goal has ended."""
     role = role_of(seen)
     driven = f"{driven_s(status):.1f} s"
-    for ended, words in ENDED.items():
-        if status.goal == ended:
-            return row(Span(f"{number(status.goal_distance_m)} m  {words} {driven}", role))
+    if status.goal in ENDED:
+        words = f"{end_words(status)} {driven}{doubt_after(station, status)}"
+        return row(Span(f"{number(status.goal_distance_m)} m  {words}", role))
     left_s = station.progress.left_s
     left = MISSING if left_s is None else f"~{left_s:.0f}"
     return row(
@@ -54,6 +52,20 @@ def way_spans(station: Station, status: NavigatorStatus, seen: AgedMessage, widt
         Span(f"{driven:>7} {'driven ' if width >= FULL else ''}", role_of(seen, "faint")),
         Span(f"{left:>4} s left", role),
     )
+
+
+def end_words(status: NavigatorStatus) -> str:
+    """Return how the goal ended, as the beginning of a duration."""
+    end = goal_end(status.goal, status.goal_reason)
+    return "reached in" if end == "reached" else f"{end} after"
+
+
+def doubt_after(station: Station, status: NavigatorStatus) -> str:
+    """Return the doubt about the position of a robot that is lost, else an empty text."""
+    pose: PlanarOdometry | None = live(station.seen(ODOMETRY))
+    if goal_end(status.goal, status.goal_reason) != LOST:
+        return ""
+    return f", {doubt_words(None if pose is None else doubt_of(pose))}"
 
 
 def bar_row(share: float | None, after: Row, width: int, role: str) -> Row:

@@ -19,6 +19,7 @@ from ground.recording.bookmarks import Mark
 from ground.recording.catalogue import UNFINISHED, newest_first, recordings_in
 from ground.recording.summary import Summary, summary_of
 from ground.user.folders import recordings_folder
+from protocol.outcome import WIDEST
 from runtime.errors import UserError
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ def newest_recordings() -> list[Summary]:
 def in_one_line(one: Summary) -> str:
     """Return time, world, outcome and length of a recording, and its file."""
     length = "--" if one.length_s is None else f"{one.length_s:.0f} s"
-    facts = f"{one.world or '--':<12} {one.outcome or '--':<8} {length:>6}"
+    facts = f"{one.world or '--':<12} {one.outcome or '--':<{WIDEST}} {length:>6}"
     running = f"  {UNFINISHED}" if one.is_running else ""
     return f"{one.began.astimezone():%m-%d %H:%M:%S}  {facts}  {one.path.name}{running}"
 

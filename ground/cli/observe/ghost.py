@@ -22,6 +22,7 @@ from ground.reports.explain import instant_ns
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from protocol.options import finite, whole
+from protocol.outcome import WIDEST, detail_of
 from protocol.wire.messages import NavigatorStatus
 from runtime.clock import Clock, WallClock
 from runtime.errors import UserError
@@ -204,5 +205,5 @@ def row(path: PredictedPath) -> str:
     """Format outcome, time, length and reason of a path."""
     time_s = UNKNOWN if path.time_s is None else f"{path.time_s:.1f} s"
     length_m = UNKNOWN if path.length_m is None else f"{path.length_m:.2f} m"
-    why = "" if path.reason == "ok" else path.reason
-    return f"{path.outcome:<9} {time_s:>8} {length_m:>9}  {why}"
+    why = "" if path.reason == "ok" else detail_of(path.outcome, path.reason)
+    return f"{path.outcome:<{WIDEST}} {time_s:>8} {length_m:>9}  {why}"

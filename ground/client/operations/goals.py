@@ -12,6 +12,8 @@ from ground.client.requests import BEAT_NS, CommandExchange, GoalEnd, GoalWatch
 from ground.client.results import Accepted, Refused
 from ground.client.status_line import goal_line, knows_place
 from ground.client.telemetry import Telemetry
+from protocol.doubt import doubt_of, doubt_words
+from protocol.outcome import LOST, detail_of
 from protocol.topics import COMMAND, DECISION, ODOMETRY, STATUS
 from protocol.wire.enums import Command, Mode
 from protocol.wire.messages import GoalRequest
@@ -26,9 +28,10 @@ POSE_NS: Final = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class GoalEnded:
-    """The end of a goal: `outcome` is reached, stuck, aborted or timeout.
+    """The end of a goal: `outcome` is reached, unreachable, lost, stuck, aborted or timeout.
 
     `distance_m` is the remaining distance to the goal, None without a status from the robot.
+    `doubt_m` is the longer half axis of the confidence ellipse of the position, None if unknown.
     `wall_s` is the time since the operation began, by this machine's clock.
     """
 
@@ -36,6 +39,7 @@ class GoalEnded:
     reason: str
     distance_m: float | None
     wall_s: float
+    doubt_m: float | None = None
 
     @property
     def ok(self) -> bool:
@@ -45,7 +49,9 @@ class GoalEnded:
     @property
     def text(self) -> str:
         """Outcome, reason and duration."""
-        detail = "" if self.reason == self.outcome else f": {self.reason}"
+        detail = "" if self.reason == self.outcome else f": {detail_of(self.outcome, self.reason)}"
+        if self.outcome == LOST:
+            detail += f"; {doubt_words(self.doubt_m)}"
         return f"{self.outcome}{detail} after {self.wall_s:.1f} s"
 
     def as_json(self, verb: str, robot: str) -> dict[str, object]:
@@ -57,6 +63,7 @@ class GoalEnded:
             "outcome": self.outcome,
             "reason": self.reason,
             "distance_m": self.distance_m,
+            "doubt_m": self.doubt_m,
             "wall_s": round(self.wall_s, 3),
         }
 
@@ -183,7 +190,9 @@ class _Drive:
         wall_s = (self._link.clock.now_ns() - started_ns) / NS_PER_S
         newest = self._telemetry.latest(STATUS)
         distance_m = None if newest is None else newest[0].goal_distance_m
-        return GoalEnded(end.outcome, end.reason, distance_m, wall_s)
+        pose = self._telemetry.latest(ODOMETRY)
+        doubt_m = None if pose is None else doubt_of(pose[0])
+        return GoalEnded(end.outcome, end.reason, distance_m, wall_s, doubt_m)
 
 
 def send_goal(

@@ -76,6 +76,7 @@ RESULTS: Final = MappingProxyType(
         Reason.DISARMED: FAILED,
         Reason.SHUT_DOWN: FAILED,
         Reason.BY_EMERGENCY_STOP: FAILED,
+        Reason.LOST: FAILED,
         Reason.OBSTACLE_AHEAD: FAILED,
         Reason.SLOWED: FAILED,
         Reason.WHEEL_LIMIT: FAILED,

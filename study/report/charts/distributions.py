@@ -16,6 +16,8 @@ from study.statistics.intervals import CONFIDENT, Floats, Share, quantile
 ENDS: Final = {
     "reached": "o-reached",
     "collided": "o-collided",
+    "unreachable": "o-unreachable",
+    "lost": "o-lost",
     "stuck": "o-stuck",
     "timeout": "o-timeout",
     "aborted": "o-aborted",

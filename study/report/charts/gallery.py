@@ -122,7 +122,8 @@ LEGEND: Final = (
     "turn, the least noise and the shortest drive first. Coloured: the true path; dotted: the "
     f"estimated path, ending in its {CONFIDENT} ellipse; small dot: start; ring: goal, with its "
     "heading if one is required. The path ends in a disc if the goal was reached, a square if the "
-    "robot was stuck, a triangle after a timeout, a cross after a contact. Moving obstacles are "
+    "robot was stuck, a bar if it called the goal unreachable, a rhombus if it was lost, a "
+    "triangle after a timeout, a cross after a contact. Moving obstacles are "
     "drawn at their start, with their path."
 )
 

@@ -74,6 +74,7 @@ DRAWING_RULES: Final = (
     ".drawing .whisker{stroke-width:2}.drawing .thin{stroke-width:1.4;fill:none}"
     ".drawing .o-reached{fill:var(--vgm_memory)}.drawing .o-collided{fill:var(--bug)}"
     ".drawing .o-stuck{fill:var(--distbug)}.drawing .o-timeout{fill:var(--vgm)}"
+    ".drawing .o-unreachable{fill:var(--bug2)}.drawing .o-lost{fill:var(--bug1)}"
     ".drawing .o-aborted{fill:var(--other)}.drawing .o-goal{fill:var(--bug2)}"
     ".drawing .o-left{fill:var(--bug1)}.drawing .o-right{fill:var(--distbug)}"
     ".drawing .o-align{fill:var(--vgm)}.drawing .o-other{fill:var(--other)}" + _NAVIGATORS

@@ -9,6 +9,7 @@ import numpy as np
 
 from plant.model.configuration import body_of
 from plant.model.types import Circle, Point, Polygon, Polyline, World
+from protocol.outcome import LOST, UNREACHABLE
 from study.report.charts.drives import DrivenTrial, Pose
 from study.report.charts.style import colour, dashed
 from study.report.charts.svg import Dot, SvgDrawing
@@ -119,7 +120,11 @@ class WorldMap:
 
 
 def end_mark(drawing: SvgDrawing, at: Dot, outcome: str, kind: str) -> None:
-    """Draw a disc (reached), cross (collided), square (stuck) or triangle (timeout, failure)."""
+    """Draw the mark of an outcome.
+
+    Disc: reached; cross: collided; square: stuck; bar: unreachable; rhombus: lost; triangle:
+    others.
+    """
     x, y = at
     if outcome == "reached":
         drawing.circle(at, MARK, kind)
@@ -128,6 +133,10 @@ def end_mark(drawing: SvgDrawing, at: Dot, outcome: str, kind: str) -> None:
         drawing.line((x - MARK, y + MARK), (x + MARK, y - MARK), "cross")
     elif outcome == "stuck":
         drawing.rectangle((x - MARK, y - MARK), 2 * MARK, 2 * MARK, kind)
+    elif outcome == UNREACHABLE:
+        drawing.rectangle((x - MARK, y - MARK / 2), 2 * MARK, MARK, kind)
+    elif outcome == LOST:
+        drawing.polygon(((x, y - MARK), (x + MARK, y), (x, y + MARK), (x - MARK, y)), kind)
     else:
         tip = ((x, y - MARK - 1), (x - MARK, y + MARK - 1), (x + MARK, y + MARK - 1))
         drawing.polygon(tip, kind)

@@ -12,6 +12,7 @@ import pyarrow as pa
 
 from runtime.errors import UserError
 from study.report.build import ReportRequest, page_of
+from study.report.groups import apart_of, main_of
 from study.report.output.html import html
 from study.report.output.markdown import markdown
 from study.report.page import figures_of, numbered
@@ -36,7 +37,7 @@ def write(table: pa.Table, directory: Path, request: ReportRequest | None = None
         "report.html": html(page),
         "report.md": markdown(page, FIGURES),
         SUMMARY: json.dumps(summary, indent=1, ensure_ascii=False) + "\n",
-        "summary.csv": _csv([numbers(one) for one in summaries(distinct(trials_of(table)))]),
+        "summary.csv": _csv([numbers(one) for one in summaries(_corpus_of(table))]),
     }
     for figure in figures_of(page.sections):
         texts[f"{FIGURES}/{figure.name}.svg"] = figure.drawing.alone()
@@ -53,19 +54,29 @@ def write(table: pa.Table, directory: Path, request: ReportRequest | None = None
 
 
 def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
-    """Return the summary that is committed, from which the README is generated."""
+    """Return the summary that is committed, from which the README is generated.
+
+    Its rows and counts are of the corpus; other groups of worlds are in `rows_apart`.
+    """
     every = trials_of(table)
-    trials = distinct(every)
+    whole, counted = distinct(every), main_of(every)
+    trials = main_of(whole)
+    apart = apart_of(whole)
     return {
         "command": request.command,
         "commits": [commit for commit in every.values("commit") if commit],
-        "trials": len(every),
-        "worlds": len(set(every.texts("world_digest").tolist())),
-        "families": len(every.values("family")),
+        "trials": len(counted),
+        "worlds": len(set(counted.texts("world_digest").tolist())),
+        "families": len(counted.values("family")),
         "rows": as_json(summaries(trials)),
-        "figures_to_reach": _targets(trials),
+        "rows_apart": {group: as_json(summaries(some)) for group, some in apart.items()},
+        "figures_to_reach": _targets(whole),
         "claims": [_claim(claim) for claim in claims(trials, request.runs)],
     }
+
+
+def _corpus_of(table: pa.Table) -> Trials:
+    return main_of(distinct(trials_of(table)))
 
 
 def _claim(claim: Claim) -> dict[str, str]:

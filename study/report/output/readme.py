@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from runtime.errors import UserError
+from study.report.groups import BOUND
 from study.report.output.markdown import table_lines
 from study.report.page import PageTable
 from study.report.summary import HEAD
@@ -37,7 +38,8 @@ def lines_of(rows: Rows) -> str:
         *(f"{name}, {usual}" for name in REST),
     )
     body = []
-    for label in dict.fromkeys(str(row[NAVIGATOR]) for row in rows):
+    labels = dict.fromkeys(str(row[NAVIGATOR]) for row in rows)
+    for label in (one for one in labels if one != BOUND):
         at = {row[NOISE]: row for row in rows if row[NAVIGATOR] == label}
         successes = [str(at[noise][SUCCESS]) if noise in at else DASH for noise in noises]
         rest = [str(at[usual][name]) if usual in at else DASH for name in REST]

@@ -1,6 +1,7 @@
 """`goto` over a real bus: it arms, waits, reports the result, and leaves no goal behind."""
 
 import json
+import re
 from math import pi
 from typing import Any
 
@@ -90,6 +91,16 @@ def test_goto_ends_with_1_and_the_reason_when_stuck(robot: PlayedRobot, say: Say
     found = json.loads(out)
     assert code == 1
     assert (found["outcome"], found["reason"]) == ("stuck", "has come no closer for too long")
+
+
+def test_goto_shows_the_doubt_of_a_lost_robot(robot: PlayedRobot, say: Say) -> None:
+    def get_lost() -> None:
+        robot.goal, robot.goal_reason = GoalState.STUCK, Reason.LOST
+
+    robot.after_goal = get_lost
+    code, out, _ = say("goto", "1", "2")
+    assert code == 1
+    assert re.match(r"lost: found no way .*; position doubt (\d\.\d\d m|unknown) after ", out)
 
 
 def test_goto_aborts_when_its_time_is_up(robot: PlayedRobot, say: Say) -> None:

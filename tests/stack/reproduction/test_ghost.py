@@ -11,6 +11,7 @@ import pytest
 
 from ground.app.playback.player import Player
 from ground.ghost.ghost_thread import GhostRunner
+from protocol.outcome import OUTCOMES
 from protocol.topics import Role
 from runtime.clock import ManualClock
 from tests.support.stack.processes import Crew, Witness, departs
@@ -63,7 +64,7 @@ def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording:
     until(over, 30.0)
     player.seek(1.0)
     (trail,) = ghost_runner.trails()
-    assert trail.outcome in ("reached", "collided", "stuck", "aborted")
+    assert trail.outcome in OUTCOMES
     assert len(trail.path_m) > 20
     assert len(player.station.scene().obstacles) > 0
 

@@ -19,8 +19,9 @@ from ground.client.status_line import goal_line, metres
 from ground.map.scene import MapTarget
 from ground.station.history.goal_progress import GoalProgress
 from protocol.topics import DECISION, MCU, MISSION, ODOMETRY, STATUS, TRUTH
-from protocol.wire.enums import MissionState, Vehicle
+from protocol.wire.enums import GoalState, MissionState, Vehicle
 from protocol.wire.messages import MissionStatus, PlanarOdometry
+from protocol.wire.reasons import Reason
 from tests.support.tui.fakes import MS, FakeStation
 from tests.support.tui.underway import drive_messages, driving, mcu_status, status
 
@@ -105,6 +106,23 @@ def test_progress_shows_times_and_never_invents_them() -> None:
     text = side(station)
     assert "-- s left" in text
     assert "-- %" in text
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        (Reason.UNREACHABLE, "unreachable after 8.9 s"),
+        (Reason.LOST, "lost after 8.9 s, position doubt 0."),
+        (Reason.BLOCKED, "stuck after 8.9 s"),
+    ],
+)
+def test_progress_names_the_end_of_a_goal(reason: Reason, words: str) -> None:
+    station = driving(FakeStation())
+    ended = replace(status(station.now_ns), goal=GoalState.STUCK, goal_reason=reason)
+    station.air.put(STATUS, ended, station.now_ns)
+    text = words_of(progress_rows(station, 60)[0])
+    assert words in text
+    assert ("doubt" in text) == (reason == Reason.LOST)
 
 
 def test_true_error_is_shown_in_a_simulation_only() -> None:

@@ -2,15 +2,25 @@
 
 import json
 import re
+from dataclasses import replace
 from math import pi
 
 import pytest
 
-from protocol.outcome import OUTCOMES, Outcome, RunEnd, RunSettings, end_of, evaluated
+from protocol.outcome import (
+    OUTCOMES,
+    Outcome,
+    RunEnd,
+    RunSettings,
+    detail_of,
+    end_of,
+    evaluated,
+    goal_end,
+)
 from protocol.wire.enums import GoalState
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 
 KEYS = [
     "world",
@@ -32,6 +42,7 @@ KEYS = [
     "ticks",
     "missed_ticks",
     "digest",
+    "doubt_m",
 ]
 
 
@@ -50,6 +61,18 @@ def touches(contacts: int, own_contacts: int) -> RunScore:
     )
 
 
+def end(state: int, reason: int = 0, doubt_m: float | None = None) -> RunEnd:
+    return RunEnd(
+        goal_state=state,
+        goal_reason=reason,
+        time_s=20.0,
+        estimate_x_m=5.03,
+        estimate_y_m=2.04,
+        wall_s=0.05,
+        doubt_m=doubt_m,
+    )
+
+
 def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0) -> Outcome:
     asked = RunSettings(
         world="box",
@@ -63,14 +86,7 @@ def run(heading_rad: float | None = pi, contacts: int = 0, own_contacts: int = 0
         shortest_path_m=4.4,
         timeout_s=60.0,
     )
-    ended = RunEnd(
-        goal_state=GoalState.REACHED,
-        goal_reason=0,
-        time_s=20.0,
-        estimate_x_m=5.03,
-        estimate_y_m=2.04,
-        wall_s=0.05,
-    )
+    ended = end(GoalState.REACHED, doubt_m=0.12)
     return evaluated(asked, ended, touches(contacts, own_contacts))
 
 
@@ -113,35 +129,63 @@ def test_being_run_into_counts_as_contact_not_collision() -> None:
     outcome = run(contacts=2)
     assert (outcome.outcome, outcome.contacts, outcome.own_contacts) == ("reached", 2, 0)
     assert outcome.reason == "ok; was touched 2 times"
-    bumped = end_of(touches(1, 0), GoalState.ABORTED, Reason.BUMPER, 60.0)
+    bumped = end_of(touches(1, 0), end(GoalState.ABORTED, Reason.BUMPER), 60.0)
     assert bumped == ("aborted", "bumper contact; was touched once")
-    late = end_of(touches(1, 0), GoalState.DRIVING, Reason.NONE, 60.0)
+    late = end_of(touches(1, 0), end(GoalState.DRIVING), 60.0)
     assert late == ("timeout", "not there after 60 s; was touched once")
 
 
 @pytest.mark.parametrize(
-    ("state", "reason", "end", "words"),
+    ("state", "reason", "outcome", "words"),
     [
         (GoalState.REACHED, Reason.NONE, "reached", "ok"),
         (GoalState.STUCK, Reason.BLOCKED, "stuck", "has not moved although it tries to"),
+        (GoalState.STUCK, Reason.NO_PROGRESS, "stuck", "has come no closer for too long"),
+        (GoalState.STUCK, Reason.UNREACHABLE, "unreachable", reason_text(Reason.UNREACHABLE)),
         (GoalState.ABORTED, Reason.SCAN_LOST, "aborted", "no fresh sonar scan for 250 ms"),
         (GoalState.AVOIDING, Reason.NONE, "timeout", "not there after 60 s"),
         (GoalState.REFUSED, Reason.NOT_ARMED, "aborted", "not armed: arm first"),
     ],
 )
 def test_each_end_state_has_an_outcome_and_a_reason(
-    state: GoalState, reason: Reason, end: str, words: str
+    state: GoalState, reason: Reason, outcome: str, words: str
 ) -> None:
-    assert end_of(touches(0, 0), state, reason, 60.0) == (end, words)
+    assert end_of(touches(0, 0), end(state, reason), 60.0) == (outcome, words)
+    assert goal_end(state, reason) in (outcome, None)
 
 
-def test_any_state_gives_one_of_five_outcomes() -> None:
-    ends = {end_of(touches(1, own), state, 0, 1.0)[0] for state in GoalState for own in (0, 1)}
+@pytest.mark.parametrize(("doubt_m", "words"), [(0.424, "0.42 m"), (None, "unknown")])
+def test_lost_outcome_ends_with_the_doubt(doubt_m: float | None, words: str) -> None:
+    outcome, reason = end_of(touches(0, 0), end(GoalState.STUCK, Reason.LOST, doubt_m), 60.0)
+    assert outcome == "lost"
+    assert reason == f"{reason_text(Reason.LOST)}; position doubt {words}"
+
+
+def test_headline_names_the_outcome_once() -> None:
+    assert detail_of("lost", "lost: found no way") == "found no way"
+    assert detail_of("stuck", "has not moved") == "has not moved"
+    found = replace(run(), outcome="unreachable", reason=reason_text(Reason.UNREACHABLE))
+    assert found.text().splitlines()[0].count("unreachable") == 1
+
+
+def test_only_a_stuck_goal_makes_a_claim() -> None:
+    states = [state for state in GoalState if goal_end(state, Reason.LOST) == "lost"]
+    assert states == [GoalState.STUCK]
+    assert goal_end(99, Reason.LOST) is None
+
+
+def test_any_state_gives_one_of_the_outcomes() -> None:
+    ends = {
+        end_of(touches(1, own), end(state, reason), 1.0)[0]
+        for state in GoalState
+        for reason in Reason
+        for own in (0, 1)
+    }
     assert ends == set(OUTCOMES)
 
 
 def test_bump_that_stopped_the_robot_names_both_causes() -> None:
-    assert end_of(touches(1, 1), GoalState.ABORTED, Reason.BUMPER, 60.0) == (
+    assert end_of(touches(1, 1), end(GoalState.ABORTED, Reason.BUMPER), 60.0) == (
         "collided",
         "touched something once; bumper contact",
     )

@@ -13,6 +13,7 @@ from protocol.wire.reasons import Reason
 from study.report.charts.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
 from study.runner.rows import SCHEMA, TrialRow, table_of
+from study.runner.scores import published_score, spl
 from study.trial.trial import Trial
 from tests.support.study.made import floor
 
@@ -36,6 +37,9 @@ USUAL: dict[str, Any] = {
     "path_m": 5.5,
     "shortest_path_m": 5.0,
     "reachable": True,
+    "lap_m": None,
+    "thinnest_wall_m": None,
+    "top_speed_m_s": 0.3,
     "position_error_m": 0.05,
     "heading_error_rad": 0.02,
     "estimated_position_error_m": 0.04,
@@ -57,6 +61,7 @@ USUAL: dict[str, Any] = {
     "cov_yy_m2": 0.01,
     "cov_hh_rad2": 0.001,
     "mahalanobis2": 1.0,
+    "doubt_m": 0.2,
     "turned_rad": 3.0,
     "side_changes": 0,
     "avoidances": 1,
@@ -81,12 +86,17 @@ def row(**changes: Any) -> TrialRow:
     fields = {**USUAL, **changes}
     mark = sha256(repr(sorted(fields.items())).encode()).hexdigest()
     fields.setdefault("world_digest", sha256(fields["world"].encode()).hexdigest())
+    arrived = fields["outcome"] == "reached" and not fields["contacts"]
+    shortest_m = fields["shortest_path_m"]
+    fields.setdefault("spl", spl(arrived, fields["path_m"], shortest_m))
+    scored = published_score(arrived, fields["time_s"], shortest_m, fields["top_speed_m_s"])
+    fields.setdefault("published_score", scored)
     return TrialRow(**{"trial_id": mark[:32], "digest": mark, **fields})
 
 
 STUCK: dict[str, Any] = {"outcome": "stuck", "reason": "has come no closer for too long"}
 GAVE_UP: dict[str, Any] = {
-    "outcome": "stuck",
+    "outcome": "unreachable",
     "reason": "unreachable: a closed boundary separates robot and goal",
     "goal_reason": int(Reason.UNREACHABLE),
 }
@@ -97,6 +107,13 @@ SHUT: dict[str, Any] = {
     "reachable": False,
     "world_source": "corpus:unreachable:1:0",
     "shortest_path_m": None,
+    "lap_m": 12.0,
+}
+LOST: dict[str, Any] = {
+    "outcome": "lost",
+    "reason": "lost: found no way; position doubt 0.42 m",
+    "goal_reason": int(Reason.LOST),
+    "doubt_m": 0.42,
 }
 
 
@@ -130,7 +147,7 @@ def study(
 
 def without_values(table: pa.Table) -> pa.Table:
     """Return the table with nulls or NaN wherever the schema allows."""
-    nulls = {"shortest_path_m", "reachable", "heading_error_rad"}
+    nulls = {field.name for field in SCHEMA if field.nullable}
     columns = {}
     for field in SCHEMA:
         values = table.column(field.name)

@@ -21,7 +21,7 @@ from ground.client.requests import (
 from ground.client.results import Accepted, Refused
 from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
-from protocol.wire.reasons import Reason
+from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
 
 MS = 1_000_000
@@ -178,6 +178,11 @@ def test_the_heart_keeps_pace_with_simulated_time() -> None:
     [
         (GoalState.REACHED, Reason.NONE, GoalEnd("reached", "reached")),
         (GoalState.STUCK, Reason.NO_PROGRESS, GoalEnd("stuck", "has come no closer for too long")),
+        (
+            *(GoalState.STUCK, Reason.UNREACHABLE),
+            GoalEnd("unreachable", reason_text(Reason.UNREACHABLE)),
+        ),
+        (GoalState.STUCK, Reason.LOST, GoalEnd("lost", reason_text(Reason.LOST))),
         (GoalState.ABORTED, Reason.BUMPER, GoalEnd("aborted", "bumper contact")),
         (GoalState.REFUSED, Reason.NOT_ARMED, GoalEnd("aborted", "not armed: arm first")),
     ],

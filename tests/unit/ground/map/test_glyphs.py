@@ -5,6 +5,8 @@ from unicodedata import east_asian_width
 import pytest
 
 from ground.map.glyphs import DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, stroke
+from ground.map.static_layers import MARKED_OUTCOMES
+from protocol.outcome import OUTCOMES
 
 EVERY = bytes(range(256))
 
@@ -70,3 +72,9 @@ def test_marks_take_one_cell_also_in_ascii() -> None:
 
 def test_headings_and_pointers_differ() -> None:
     assert not set(HEADINGS[0]) & set(POINTERS[0])
+
+
+def test_each_outcome_of_a_claim_has_its_own_mark() -> None:
+    marks = [MARKS[name] for name in MARKED_OUTCOMES.values()]
+    assert {"unreachable", "lost", "stuck"} <= set(MARKED_OUTCOMES) <= set(OUTCOMES)
+    assert len({rich for rich, _ in marks}) == len({plain for _, plain in marks}) == len(marks)

@@ -15,7 +15,7 @@ from study.report.output.readme import BEGIN, END, block, lines_of, update, with
 from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.words import interval, number, percent, probability, share
 from study.statistics.intervals import Interval, Share
-from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, row, study, trials
+from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, row, study, trials
 
 ROOT = Path(__file__).parents[4]
 SUMMARY = ROOT / "docs" / "evidence" / "study" / "summary.json"
@@ -26,6 +26,19 @@ def test_success_counts_worlds_with_a_path() -> None:
     assert (found.success, found.recognised) == (Share(1, 3), Share(1, 1))
     assert (found.wronged, found.touched) == (Share(1, 3), Share(1, 4))
     assert (found.contacts, found.own_contacts, found.worlds) == (1, 1, 2)
+
+
+def test_lost_and_stuck_are_counted_where_there_is_a_path() -> None:
+    ends = row(**LOST), row(**STUCK), row(**{**SHUT, **LOST})
+    (found,) = summaries(trials(row(), row(seed=1), *ends))
+    assert (found.lost, found.stuck) == (Share(1, 4), Share(1, 4))
+    assert found.recognised == Share(0, 1)
+
+
+def test_scores_are_means_over_worlds_with_a_path() -> None:
+    (found,) = summaries(trials(row(), row(**STUCK), row(**{**SHUT, **GAVE_UP})))
+    assert found.spl == pytest.approx(0.5 * 5.0 / 5.5)
+    assert found.score == pytest.approx(0.25)
 
 
 def test_summary_has_a_row_per_navigator_and_noise() -> None:

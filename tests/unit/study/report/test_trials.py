@@ -30,6 +30,13 @@ def test_success_without_a_path_is_to_report_it() -> None:
     assert found.success.tolist() == [False, False, True]
 
 
+def test_older_results_called_an_unreachable_goal_stuck() -> None:
+    older = row(**{**SHUT, **GAVE_UP, "outcome": "stuck"})
+    found = trials(older, row(**SHUT, **STUCK))
+    assert found.texts("outcome").tolist() == ["unreachable", "stuck"]
+    assert found.recognised.tolist() == [True, False]
+
+
 def test_unknown_reachability_counts_as_reachable() -> None:
     assert trials(row(reachable=None, shortest_path_m=None)).possible.tolist() == [True]
 

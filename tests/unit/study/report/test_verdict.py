@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 from study.report.comparisons import comparisons
+from study.report.output.readme import lines_of
 from study.report.page import Paragraph
 from study.report.paper.targets import targets
-from study.report.summary import summaries
+from study.report.summary import as_json, summaries
 from study.report.trials import Trials, trials_of
 from study.report.verdict import in_words, reached, verdict
 from tests.support.study.report.made import study
@@ -24,6 +25,12 @@ def test_the_best_navigator_is_named_with_its_share_at_the_usual_noise() -> None
     assert first.startswith(f"**{best.label} arrives most often**: ")
     assert "`default` noise" in first
     assert f" of {best.success.of} trials" in first.replace("%", "").replace("  ", " ")
+
+
+def test_bound_is_neither_the_best_navigator_nor_in_the_readme() -> None:
+    trials = trials_of(study(("bug", "oracle_grid")))
+    assert sentences(trials)[0].startswith("**bug arrives most often**")
+    assert "oracle_grid" not in lines_of(as_json(summaries(trials)))
 
 
 def test_noise_that_was_not_run_is_not_judged() -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.rows import COLUMNS, SCHEMA, TrialRow, rows_of, table_of
+from study.runner.rows import ADDED, COLUMNS, SCHEMA, TrialRow, rows_of, table_of, with_added
 from tests.support.study.made import rows
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
@@ -20,7 +20,25 @@ def test_columns_are_the_fields_in_order() -> None:
 
 def test_only_optional_values_are_nullable() -> None:
     nullable = {field.name for field in SCHEMA if field.nullable}
-    assert nullable == {"shortest_path_m", "reachable", "heading_error_rad"}
+    assert nullable == {
+        *("shortest_path_m", "reachable", "heading_error_rad"),
+        *("lap_m", "thinnest_wall_m", "spl", "published_score"),
+    }
+
+
+def test_columns_added_later_have_a_value_for_older_tables() -> None:
+    table = table_of(rows(2))
+    older = table.drop_columns(list(ADDED))
+    assert with_added(older).schema.names == SCHEMA.names
+    (first, _) = rows_of(with_added(older))
+    assert (first.lap_m, first.spl) == (None, None)
+    assert isnan(first.doubt_m)
+    assert with_added(table) is table
+
+
+def test_table_that_lacks_other_columns_is_left_as_it_is() -> None:
+    broken = table_of(rows(1)).drop_columns(["seed", "doubt_m"])
+    assert with_added(broken) is broken
 
 
 @given(

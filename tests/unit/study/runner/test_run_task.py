@@ -8,11 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from plant.model.types import WALL_THICKNESS_M, Polyline
+from protocol.doubt import doubt_m
 from protocol.wire.enums import GoalState
 from robot.core import states
+from robot.core.parameters import DEFAULTS
+from study.runner.lap import lap_m
 from study.runner.provenance import machine
 from study.runner.rows import FAILED, rows_of, table_of
 from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
+from study.runner.scores import published_score
 from study.trial.trial import run_trial
 from tests.support.study.made import CODE, boxed, context_of, floor, tasks
 from tests.support.study.trouble import faulty
@@ -34,6 +39,27 @@ def test_row_holds_the_values_of_the_outcome() -> None:
     assert row.position_error_m == pytest.approx(
         ((row.true_x_m - world.goal.x_m) ** 2 + (row.true_y_m - world.goal.y_m) ** 2) ** 0.5
     )
+
+
+def test_row_holds_scores_doubt_and_top_speed() -> None:
+    world = boxed()
+    row = row_of(tasks(world, noise=("default",))[0], context_of(world))
+    assert (row.top_speed_m_s, row.lap_m) == (DEFAULTS.v_max_m_s, None)
+    assert row.spl == pytest.approx(2.4 / row.path_m)
+    assert row.published_score == pytest.approx(
+        published_score(True, row.time_s, 2.4, row.top_speed_m_s)
+    )
+    assert row.doubt_m == doubt_m(row.cov_xx_m2, row.cov_xy_m2, row.cov_yy_m2)
+
+
+def test_row_of_an_unreachable_goal_has_a_lap_and_no_score() -> None:
+    ring = Polyline(((1.9, 0.6), (2.7, 0.6), (2.7, 1.4), (1.9, 1.4), (1.9, 0.6)))
+    world = replace(floor(far_m=1.3), obstacles=(ring,), reachable=False, shortest_path_m=None)
+    row = row_of(tasks(world)[0], context_of(world))
+    assert row.lap_m == lap_m(world)
+    assert row.lap_m is not None
+    assert (row.spl, row.published_score) == (None, None)
+    assert row.thinnest_wall_m == WALL_THICKNESS_M
 
 
 def test_ticks_are_split_by_branch() -> None:

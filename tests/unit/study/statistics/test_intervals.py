@@ -11,14 +11,18 @@ from hypothesis import strategies as st
 from study.statistics import intervals
 from study.statistics.intervals import (
     CHI2_2,
+    OUTSIDE,
     Interval,
     Share,
     binomial_two_sided,
     holm,
     mcnemar,
+    mean,
+    mean_interval,
     quantile,
     quantile_interval,
     signed_rank,
+    upper_bound,
     wilson,
 )
 
@@ -36,6 +40,33 @@ NUMBERS = st.floats(-1e6, 1e6) | st.sampled_from([nan, inf, -inf, 0.0])
 )
 def test_wilson_agrees_with_newcombe_1998(count: int, of: int, low: float, high: float) -> None:
     assert wilson(count, of) == pytest.approx((low, high), abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("count", "of", "high"),
+    [(81, 263, 0.3676), (15, 148, 0.1617), (0, 20, 0.1684), (1, 29, 0.1776)],
+)
+def test_exact_bound_agrees_with_newcombe_1998(count: int, of: int, high: float) -> None:
+    assert upper_bound(count, of, 0.975) == pytest.approx(high, abs=5e-5)
+
+
+def test_bound_without_events_shrinks_with_the_trials() -> None:
+    assert upper_bound(0, 29_956) == pytest.approx(1.0 - OUTSIDE ** (1 / 29_956), rel=1e-9)
+    assert (upper_bound(0, 0), upper_bound(3, 3)) == (1.0, 1.0)
+    assert Share(0, 29_956).most < 1e-4 < Share(0, 29_955).most
+
+
+@given(st.integers(1, 2000), st.data())
+def test_bound_is_above_the_share_and_grows(of: int, data: st.DataObject) -> None:
+    count = data.draw(st.integers(0, of - 1))
+    assert count / of < upper_bound(count, of) <= upper_bound(count + 1, of)
+
+
+def test_mean_has_an_interval_from_two_values_on() -> None:
+    assert mean([1.0, nan, 3.0]) == 2.0
+    assert mean_interval([1.0, 3.0]) == pytest.approx((2.0 - 1.96, 2.0 + 1.96), abs=1e-3)
+    assert isnan(mean([]))
+    assert mean_interval([1.0]) == (-inf, inf)
 
 
 def test_share_of_nothing_has_the_full_interval() -> None:

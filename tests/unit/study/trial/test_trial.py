@@ -93,10 +93,11 @@ def test_timeout_is_an_outcome_with_reason() -> None:
     assert (outcome.time_s, outcome.ticks) == (1.0, 20)
 
 
-def test_goal_behind_a_wall_ends_stuck_with_reason() -> None:
+def test_goal_behind_a_wall_ends_unreachable_with_reason() -> None:
     trial = Trial(world=WALLED_IN, noise="none", parameters={"progress_ms": 5000})
     outcome = run_trial(trial)
-    assert outcome.outcome == "stuck"
+    assert outcome.outcome == "unreachable"
+    assert outcome.doubt_m is not None
     assert outcome.reason != "ok"
     assert outcome.shortest_path_m is None
 

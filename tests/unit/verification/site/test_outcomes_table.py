@@ -27,7 +27,7 @@ def test_failure_has_a_reason_and_no_path_ratio() -> None:
     (line,) = [line for line in text.splitlines() if line.startswith("| open")]
     assert "| stuck | blocked |" in line
     assert "| - |" in line
-    assert "| bug, left | none | 5 | 0 | 2 | 3 | 0 | 0 |" in text
+    assert "| bug, left | none | 5 | 0 | 2 | 0 | 0 | 3 | 0 | 0 |" in text
 
 
 def test_main_writes_the_given_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -99,12 +99,16 @@ def test_every_kind_of_world_can_be_drawn(name: str) -> None:
 
 
 def test_outcomes_have_different_end_marks() -> None:
-    ends = {}
-    for outcome in ("reached", "collided", "stuck", "timeout"):
-        drawing = SvgDrawing(20, 20, outcome)
+    ends, marks = {}, set()
+    for outcome in ("reached", "collided", "stuck", "unreachable", "lost", "timeout"):
+        drawing = SvgDrawing(20, 20, "an end")
         end_mark(drawing, (10, 10), outcome, "mark")
         ends[outcome] = shapes(drawing)[-1]
-    assert ends == {"reached": "circle", "collided": "line", "stuck": "rect", "timeout": "polygon"}
+        marks.add(drawing.alone())
+    assert ends["reached"] == "circle"
+    assert ends["stuck"] == ends["unreachable"] == "rect"
+    assert ends["timeout"] == ends["lost"] == "polygon"
+    assert len(marks) == len(ends)
 
 
 def test_charts_without_data_are_valid() -> None:

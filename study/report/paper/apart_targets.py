@@ -1,0 +1,122 @@
+"""Targets in worlds apart from the corpus: grid maps, thin walls, crowds, adversarial worlds."""
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import Final
+
+import numpy as np
+
+from study.report.groups import ADVERSARIAL, CORPUS, CROWDS, GRIDS, THIN, in_group
+from study.report.paper.target import (
+    StudyTarget,
+    at_least,
+    bounded,
+    elsewhere,
+    mean_at_least,
+    of_share,
+    rarer_than,
+    unmeasured,
+)
+from study.report.trials import Trials
+from study.statistics.intervals import Share
+
+GRID_RATES: Final = {"none": 1.0, "default": 0.99}
+WRONGED_PER: Final = 0.1
+WRONGED_BOUND_PER: Final = 1.0
+"""Goals wrongly called unreachable per 10,000 reachable trials, and the bound of that rate."""
+
+ADVERSARIAL_WRONGED_PER: Final = 10.0
+THIN_RATE: Final = 0.98
+MM_PER_M: Final = 1000.0
+CROWD: Final = "crowd"
+"""The family of people up to 0.2 m/s; faster ones have no target."""
+
+CROWD_OWN: Final = 0.005
+CLUTTERED: Final = ("barn", "cylinder")
+"""Prefixes of the families of imported maps with cylinders."""
+
+FORESTS: Final = "forest"
+SCORE: Final = 0.48
+CROWD_PAGE: Final = "docs/evidence/people.md"
+BOARD_PAGE: Final = "docs/evidence/microcontroller.md"
+
+
+def apart_targets(own: Trials) -> Iterator[StudyTarget]:
+    """Yield the targets that are not of the corpus alone; `own` are trials of the own navigator."""
+    yield from grid_targets(in_group(own, GRIDS))
+    yield wronged_target(in_group(own, CORPUS, GRIDS))
+    yield adversarial_target(in_group(own, ADVERSARIAL))
+    yield from thin_targets(in_group(own, THIN))
+    yield from crowd_targets(in_group(own, CROWDS))
+    yield from score_targets(own)
+    yield elsewhere("modelled worst step, of the period", "all", "≤ 50 %", BOARD_PAGE)
+    yield elsewhere("memory of the navigator", "all", "≤ 4 KB", BOARD_PAGE)
+
+
+def arrivals(trials: Trials) -> Share:
+    """Return the share that arrived without a contact, of those with a path to the goal."""
+    reachable = trials.where(trials.possible)
+    return Share(reachable.count(reachable.arrived), len(reachable))
+
+
+def wronged(trials: Trials) -> Share:
+    """Return the share called unreachable, of those with a path to the goal."""
+    reachable = trials.where(trials.possible)
+    return Share(reachable.count(reachable.gave_up), len(reachable))
+
+
+def grid_targets(grids: Trials) -> Iterator[StudyTarget]:
+    """Yield the arrivals on grid maps."""
+    for noise, rate in GRID_RATES.items():
+        what = "arrives in grid mazes, rooms and random maps"
+        yield at_least(what, noise, arrivals(grids.of(noise=noise)), rate)
+
+
+def wronged_target(trials: Trials) -> StudyTarget:
+    """Return the target for wrong claims at all noise levels together."""
+    what = "reachable goals called unreachable, corpus and grid maps, per 10,000"
+    return bounded(what, "all", wronged(trials), WRONGED_PER, WRONGED_BOUND_PER)
+
+
+def adversarial_target(trials: Trials) -> StudyTarget:
+    """Return the target for wrong claims in worlds made to fool the navigator."""
+    what = "reachable goals called unreachable, adversarial worlds, per 10,000"
+    return rarer_than(what, "none", wronged(trials.of(noise="none")), ADVERSARIAL_WRONGED_PER)
+
+
+def thin_targets(thin: Trials) -> Iterator[StudyTarget]:
+    """Yield the arrivals among thin walls, over all and for each thickness."""
+    trials, what = thin.of(noise="lossy"), "arrives among thin walls, touches nothing"
+    yield at_least(what, "lossy", arrivals(trials), THIN_RATE)
+    walls_m = trials.numbers("thinnest_wall_m")
+    for wall_m in sorted({value for value in walls_m.tolist() if isfinite(value)}):
+        some = trials.where(walls_m == wall_m)
+        words = f"arrives among walls of {MM_PER_M * wall_m:g} mm, touches nothing"
+        yield at_least(words, "lossy", arrivals(some), THIN_RATE)
+
+
+def crowd_targets(crowds: Trials) -> Iterator[StudyTarget]:
+    """Yield the contacts among people who are not faster than 0.2 m/s."""
+    slow, what = crowds.of(family=CROWD), "crowds: trials with a contact by its own motion"
+    wanted = f"≤ {100 * CROWD_OWN:g} %"
+    for noise in slow.values("noise"):
+        some = slow.of(noise=noise)
+        found = Share(some.count(some.numbers("own_contacts") > 0.0), len(some))
+        yield of_share(what, noise, wanted, found, found.rate <= CROWD_OWN)
+    if not len(slow):
+        yield unmeasured(what, "all", wanted)
+    half = "≤ half of the standing robot's"
+    yield elsewhere("crowds: trials with any contact", "all", half, CROWD_PAGE)
+
+
+def score_targets(own: Trials) -> Iterator[StudyTarget]:
+    """Yield the published score, for imported maps and for the forests of the corpus."""
+    families = own.texts("family")
+    for prefixes, where in ((CLUTTERED, "maps of cylinders"), ((FORESTS,), "forests")):
+        chosen = np.array([name.startswith(prefixes) for name in families.tolist()], dtype=np.bool_)
+        some = own.where(chosen)
+        what = f"published score (at most 0.5), {where}, mean"
+        for noise in some.values("noise"):
+            yield mean_at_least(what, noise, some.of(noise=noise).numbers("published_score"), SCORE)
+        if not len(some):
+            yield unmeasured(what, "all", f"≥ {SCORE:g}")

@@ -1,0 +1,37 @@
+"""Recordings name how a goal was given up: unreachable, lost or stuck."""
+
+import pytest
+
+from ground.recording.bookmarks import outcome
+from ground.recording.summary import outcome_of
+from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
+from protocol.wire.messages import NavigatorStatus
+from protocol.wire.reasons import Reason
+
+
+def status(goal: int, reason: int = Reason.NONE) -> NavigatorStatus:
+    return NavigatorStatus(
+        time_ns=0, goal_started_ns=0, goal_ended_ns=0, goal_id=7, goal_x_m=1.0, goal_y_m=2.0,
+        goal_heading_rad=0.0, goal_distance_m=3.0, vehicle=Vehicle.ACTIVE, mode=Mode.AUTO,
+        goal=goal, vehicle_reason=0, goal_reason=reason, navigator=Navigator.VGM, side=1,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("reason", "end", "mark"),
+    [
+        (Reason.UNREACHABLE, "unreachable", "UNREACHABLE: a closed boundary"),
+        (Reason.LOST, "lost", "LOST: found no way"),
+        (Reason.BLOCKED, "stuck", "STUCK: has not moved"),
+    ],
+)
+def test_goal_given_up_is_named_by_its_reason(reason: Reason, end: str, mark: str) -> None:
+    ended = status(GoalState.STUCK, reason)
+    assert outcome_of(ended) == end
+    assert outcome(ended).startswith(mark)
+
+
+def test_other_goal_states_keep_their_names() -> None:
+    assert outcome(status(GoalState.REACHED)) == "REACHED"
+    assert outcome(status(99, Reason.BUMPER)) == "goal state 99: bumper contact"
+    assert outcome_of(status(GoalState.DRIVING)) == "driving"
