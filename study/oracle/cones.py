@@ -14,7 +14,6 @@ from runtime.elementary import Q1, Q2, Q3, Q4, Q5
 
 Ints: TypeAlias = NDArray[np.int64]
 Shorts: TypeAlias = NDArray[np.int16]
-Floats: TypeAlias = NDArray[np.float64]
 
 CELL_MM: Final = 20
 REACH_MM: Final = 1500
@@ -32,18 +31,17 @@ CONE: Final = 256
 class Cones(NamedTuple):
     """Cells by bearing, three times round; `first[b + CIRCLE]` is the first one from bearing b.
 
-    `x` and `y` are offsets in cells, `distance_mm` is from the robot's centre.
+    `offset` is that of the index, and `distance_mm` is from the robot's centre.
     """
 
-    x: Ints
-    y: Ints
+    offset: Ints
     distance_mm: Shorts
     first: list[int]
 
 
-@lru_cache(maxsize=SHARES * SHARES)
-def cones_of(share_x: int, share_y: int) -> Cones:
-    """Return the cells around a robot in one of the parts of its cell."""
+@lru_cache(maxsize=4 * SHARES * SHARES)
+def cones_of(share_x: int, share_y: int, width: int) -> Cones:
+    """Return the cells around a robot in one of the parts of its cell, in rows of `width`."""
     reach = REACH_MM // CELL_MM
     side = np.arange(-reach, reach + 1)
     x, y = (each.ravel() for each in np.meshgrid(side, side))
@@ -58,8 +56,8 @@ def cones_of(share_x: int, share_y: int) -> Cones:
     bearing = bearing[order]
     thrice = np.concatenate([bearing - CIRCLE, bearing, bearing + CIRCLE])
     first = np.searchsorted(thrice, np.arange(-CIRCLE, 2 * CIRCLE))
-    found = (np.concatenate([each[order]] * 3) for each in (x, y, distance_mm))
-    return Cones(*found, first.tolist())
+    offset, away_mm = (y * width + x)[order], distance_mm[order]
+    return Cones(np.concatenate([offset] * 3), np.concatenate([away_mm] * 3), first.tolist())
 
 
 def brads(x_mm: Ints, y_mm: Ints) -> Ints:

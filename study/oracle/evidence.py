@@ -65,7 +65,7 @@ class Evidence:
         return (y_mm // CELL_MM - self.low) * self.width + x_mm // CELL_MM - self.left
 
 
-def limits_of(ring: Ring, radius_mm: int) -> tuple[Ints, Ints]:
+def limits_of(ring: Ring, radius_mm: int) -> tuple[Shorts, Shorts]:
     """Return for each sonar the distance of its echo from the centre, and up to where it is free.
 
     Without a measurement both are negative; without an echo the first is beyond REACH_MM.
@@ -81,7 +81,7 @@ def limits_of(ring: Ring, radius_mm: int) -> tuple[Ints, Ints]:
             range_mm = int(1000.0 * range_m)
             echo_mm[i] = range_mm + radius_mm
             free_mm[i] = echo_mm[i] - SLACK_MM - range_mm // SLACK_SHARE
-    return np.array(echo_mm), np.array(free_mm)
+    return np.array(echo_mm, dtype=np.int16), np.array(free_mm, dtype=np.int16)
 
 
 def update(
@@ -92,14 +92,14 @@ def update(
     Return the cells whose score may have changed much, each once, and their scores before.
     """
     part_mm = CELL_MM // SHARES
-    cones = cones_of(x_mm % CELL_MM // part_mm, y_mm % CELL_MM // part_mm)
+    parts = x_mm % CELL_MM // part_mm, y_mm % CELL_MM // part_mm
+    cones = cones_of(*parts, evidence.width)
     right = heading % CIRCLE - QUARTER + CIRCLE
     edges = [cones.first[right + CONE * i] for i in range(SONARS + 1)]
     low, high = edges[0], edges[SONARS]
     lengths = [edges[i + 1] - edges[i] for i in EVERY]
     echo_mm, free_mm = limits_of(ring, radius_mm)
-    at = evidence.index(x_mm, y_mm)
-    cells = cones.y[low:high] * evidence.width + (cones.x[low:high] + at)
+    cells = cones.offset[low:high] + evidence.index(x_mm, y_mm)
     away_mm = cones.distance_mm[low:high]
     is_free = away_mm < np.repeat(free_mm, lengths)
     on_arc = np.flatnonzero(np.abs(away_mm - np.repeat(echo_mm, lengths)) <= BAND_MM)

@@ -7,11 +7,9 @@ from typing import Final
 
 from robot.core.navigators.registry import NAVIGATORS, Navigator
 from study.oracle import oracle_grid
+from study.oracle.names import ORACLE_GRID
 
-ORACLE_GRID: Final = 1001
-"""Its number: not of the dialect, so that no robot and no message has it."""
-
-STUDY_ONLY: Final[Mapping[int, Navigator]] = MappingProxyType(
+STUDY_NAVIGATORS: Final[Mapping[int, Navigator]] = MappingProxyType(
     {ORACLE_GRID: Navigator(oracle_grid.Memory, oracle_grid.step, True)}
 )
 
@@ -19,10 +17,10 @@ STUDY_ONLY: Final[Mapping[int, Navigator]] = MappingProxyType(
 @contextmanager
 def registered(number: int) -> Iterator[None]:
     """Register a navigator if it is for studies only, and remove it afterwards."""
-    if number not in STUDY_ONLY or number in NAVIGATORS:
+    if number not in STUDY_NAVIGATORS or number in NAVIGATORS:
         yield
         return
-    NAVIGATORS[number] = STUDY_ONLY[number]
+    NAVIGATORS[number] = STUDY_NAVIGATORS[number]
     try:
         yield
     finally:

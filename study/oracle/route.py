@@ -5,16 +5,21 @@ from typing import Final
 
 STRAIGHT: Final = 5
 DIAGONAL: Final = 7
-INDEX_BITS: Final = 20
-COST_BITS: Final = 30
-FARTHEST: Final = 1 << COST_BITS
+INDEX_BITS: Final = 24
+FARTHEST: Final = 1 << 40
+DONE: Final = 256
+AHEAD: Final = 257
+"""Weights of the cost so far and of that ahead: of equal sums the one nearer to the end is first.
+
+So a route may cost 1/256 more than the cheapest one.
+"""
 
 
 def search(cost: bytearray, width: int, start: int, end: int, least: int) -> list[int]:
     """Return the cells of the cheapest route with both ends; empty if there is none.
 
     A step costs its length times `cost` of the cell it enters, which is at least `least`; 0 is
-    blocked. The cells of the rim must be blocked. The number of cells must be below 2^20.
+    blocked. The cells of the rim must be blocked. The number of cells must be below 2^24.
     """
     end_x, end_y = end % width, end // width
     best = [FARTHEST] * len(cost)
@@ -51,12 +56,8 @@ def search(cost: bytearray, width: int, start: int, end: int, least: int) -> lis
                 if dy < 0:
                     dy = -dy
                 rest = STRAIGHT * dx + 2 * dy if dx > dy else STRAIGHT * dy + 2 * dx
-                # Of equal sums the one nearer to the end comes first.
-                total = through + rest * least
-                heappush(
-                    waiting,
-                    (((total << COST_BITS) + (FARTHEST - through)) << INDEX_BITS) + there,
-                )
+                total = DONE * through + AHEAD * rest * least
+                heappush(waiting, (total << INDEX_BITS) + there)
     return []
 
 

@@ -23,7 +23,7 @@ MARGIN: Final = (REACH_MM + CLOSE_MM) // SIDE_MM + 2
 """Cells around the robot that an update may change."""
 
 FREE: Final = 4
-CLOSE: Final = 3
+CLOSE: Final = 4
 DOUBTFUL: Final = 12
 """Cost of a free cell; additional costs near an obstacle, and near one that may be there."""
 

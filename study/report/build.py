@@ -6,6 +6,7 @@ import pyarrow as pa
 
 from plant.model.types import World
 from runtime.errors import UserError
+from study.report.bounds import bounds_section
 from study.report.charts.distributions import (
     behaviour_blocks,
     ends_figure,
@@ -62,6 +63,7 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
         _comparisons(trials),
         Section("Final pose", (error_figure(trials), error_table(trials))),
         Section("Path length", (ratio_figure(trials),)),
+        *_bounds(trials),
         Section("Decisions and behaviour", behaviour_blocks(trials)),
         paper_section(trials, request.runs),
         gallery(selected_failures(table, trials, request.failures), request.world_of, request.jobs),
@@ -92,6 +94,11 @@ def _summary(trials: Trials, found: list[Summary]) -> Section:
 def _families(trials: Trials) -> Section:
     tables = tuple(family_table(trials, noise) for noise in trials.values("noise"))
     return Section("Families of worlds", tables)
+
+
+def _bounds(trials: Trials) -> tuple[Section, ...]:
+    section = bounds_section(trials)
+    return () if section is None else (section,)
 
 
 def _comparisons(trials: Trials) -> Section:

@@ -20,7 +20,8 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
-from study.oracle.registration import ORACLE_GRID, registered
+from study.oracle.names import STUDY_ONLY
+from study.oracle.registration import registered
 from study.trial.core_loop import CoreLoop
 from study.trial.drive import Watch, drive
 
@@ -32,10 +33,8 @@ NAVIGATORS: Mapping[str, int] = {
     "distbug": states.DISTBUG,
     "vgm_memory": states.VGM_MEMORY,
 }
-STUDY_ONLY: Mapping[str, int] = {"oracle_grid": ORACLE_GRID}
-"""Navigators with means that a robot does not have: bounds for a comparison."""
-
 ALL_NAVIGATORS: Mapping[str, int] = {**NAVIGATORS, **STUDY_ONLY}
+"""Those of the robot, and those for studies only."""
 USUAL_NAVIGATOR = next(name for name in NAVIGATORS if NAVIGATORS[name] == DEFAULTS.navigator)
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
