@@ -14,7 +14,7 @@ import numpy as np
 from study.report.page import Block, PageCell, PageTable, Paragraph, Section
 from study.report.paper.targets import MET, MISSED, OWN, UNMEASURED
 from study.report.trials import Flags, Trials
-from study.report.words import count, interval, number, percent
+from study.report.words import DASH, count, interval, number, percent
 from study.statistics.intervals import (
     Floats,
     Interval,
@@ -141,7 +141,8 @@ TONES: Final = {MET: "good", MISSED: "bad"}
 
 def way_table(trials: Trials, noise: str) -> PageTable:
     """Return where the way goes, family by family."""
-    rows = tuple(_way_row(name, some) for name, some in _families(trials))
+    reachable = trials.where(trials.possible)
+    rows = tuple(_way_row(name, some) for name, some in _families(reachable))
     caption = (
         f"Noise `{noise}`: way over the shortest path, median and 90th percentile, of pairs in "
         f"which both arrive; own way over that of `{PLANNER}`, median with interval and worst; "
@@ -156,7 +157,6 @@ def _way_row(family: str, trials: Trials) -> tuple[str, ...]:
     ways = ways_of(trials)
     (own, planner), (own_90, planner_90) = ways.at(MEDIAN), ways.at(NINETIETH)
     excess = ways.excess
-    some = trials.where(trials.possible)
     return (
         family,
         count(len(ways.own)),
@@ -164,8 +164,8 @@ def _way_row(family: str, trials: Trials) -> tuple[str, ...]:
         f"{number(planner)} / {number(planner_90)}",
         _with(quantile(excess, MEDIAN), quantile_interval(excess, MEDIAN)),
         number(quantile(excess, 1.0)),
-        _both(some, lambda one: percent(_to_goal(one), 0)),
-        _both(some, lambda one: number(_mean(one.numbers("side_changes")), 1)),
+        _both(trials, lambda one: percent(_to_goal(one), 0)),
+        _both(trials, lambda one: number(_mean(one.numbers("side_changes")), 1)),
     )
 
 
@@ -223,4 +223,5 @@ def _both(trials: Trials, text: Callable[[Trials], str]) -> str:
 
 
 def _with(value: float, span: Interval) -> str:
-    return f"{number(value)} {interval(span)}"
+    text = interval(span)
+    return number(value) if text == DASH else f"{number(value)} {text}"
