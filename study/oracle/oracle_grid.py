@@ -11,6 +11,7 @@ from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.motion import pace
 from robot.core.parameters import Params
+from robot.core.perception import closing_speed
 from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
@@ -191,6 +192,7 @@ def decision(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params)
     if off_rad != 0.0:
         gamma_rad = wrap(away_from_flank(ring, alpha_rad + gamma_rad + off_rad) - alpha_rad)
     speed_m_s = pace.speed(ring, FREE_MM, wrap(alpha_rad + gamma_rad), params)
+    speed_m_s = closing_speed.limit_m_s(ring, speed_m_s)
     if memory.hopeless:
         speed_m_s = 0.0
     cosine, sine = cos_sin(gamma_rad)

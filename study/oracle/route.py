@@ -6,6 +6,7 @@ from typing import Final
 STRAIGHT: Final = 5
 DIAGONAL: Final = 7
 INDEX_BITS: Final = 24
+INDEX: Final = (1 << INDEX_BITS) - 1
 FARTHEST: Final = 1 << 40
 DONE: Final = 256
 AHEAD: Final = 257
@@ -21,20 +22,14 @@ def search(cost: bytearray, width: int, start: int, end: int, least: int) -> lis
     A step costs its length times `cost` of the cell it enters, which is at least `least`; 0 is
     blocked. The cells of the rim must be blocked. The number of cells must be below 2^24.
     """
-    end_x, end_y = end % width, end // width
-    best = [FARTHEST] * len(cost)
-    before = [0] * len(cost)
+    columns, rows = away(width, end % width), away(len(cost) // width, end // width)
+    steps = steps_of(width)
+    best, before = [FARTHEST] * len(cost), [0] * len(cost)
     done = bytearray(len(cost))
-    steps = (
-        *((1, STRAIGHT), (-1, STRAIGHT), (width, STRAIGHT), (-width, STRAIGHT)),
-        *((width + 1, DIAGONAL), (width - 1, DIAGONAL)),
-        *((1 - width, DIAGONAL), (-1 - width, DIAGONAL)),
-    )
     best[start] = 0
     waiting = [start]
-    mask = (1 << INDEX_BITS) - 1
     while waiting:
-        here = heappop(waiting) & mask
+        here = heappop(waiting) & INDEX
         if done[here]:
             continue
         done[here] = 1
@@ -44,21 +39,29 @@ def search(cost: bytearray, width: int, start: int, end: int, least: int) -> lis
         for step, length in steps:
             there = here + step
             each = cost[there]
-            if each == 0 or done[there]:
-                continue
             through = gone + length * each
-            if through < best[there]:
-                best[there] = through
-                before[there] = here
-                dx, dy = there % width - end_x, there // width - end_y
-                if dx < 0:
-                    dx = -dx
-                if dy < 0:
-                    dy = -dy
-                rest = STRAIGHT * dx + 2 * dy if dx > dy else STRAIGHT * dy + 2 * dx
-                total = DONE * through + AHEAD * rest * least
-                heappush(waiting, (total << INDEX_BITS) + there)
+            if each == 0 or through >= best[there]:
+                continue
+            best[there], before[there] = through, here
+            dx, dy = columns[there % width], rows[there // width]
+            rest = STRAIGHT * dx + 2 * dy if dx > dy else STRAIGHT * dy + 2 * dx
+            total = DONE * through + AHEAD * rest * least
+            heappush(waiting, (total << INDEX_BITS) + there)
     return []
+
+
+def away(count: int, end: int) -> list[int]:
+    """Return how far each column or row is from that of the end."""
+    return [abs(place - end) for place in range(count)]
+
+
+def steps_of(width: int) -> tuple[tuple[int, int], ...]:
+    """Return the steps to the eight neighbours in rows of `width`, each with its length."""
+    return (
+        *((1, STRAIGHT), (-1, STRAIGHT), (width, STRAIGHT), (-width, STRAIGHT)),
+        *((width + 1, DIAGONAL), (width - 1, DIAGONAL)),
+        *((1 - width, DIAGONAL), (-1 - width, DIAGONAL)),
+    )
 
 
 def way_of(before: list[int], start: int, end: int) -> list[int]:
