@@ -90,8 +90,7 @@ def target_on(grid: GridMap, route: Route, at: int, x_mm: int, y_mm: int) -> tup
     """Return the farthest place of the route to which the straight line costs no more."""
     last = len(route.cells) - 1
     to = min(at + SIGHTS[-1] - 1, last)
-    for sight in SIGHTS:
-        place = min(at + sight, last)
+    for place in dict.fromkeys(min(at + sight, last) for sight in SIGHTS):
         line = grid.line_cost(x_mm, y_mm, int(route.x_mm[place]), int(route.y_mm[place]))
         along = int(route.cost[place] - route.cost[at])
         if 0 < line * 100 <= EQUAL * along + FREE * STRAIGHT * 100:

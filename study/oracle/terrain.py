@@ -91,11 +91,11 @@ def add(
     y, x = np.divmod(cells, fine_width)
     at = y // PART * width + x // PART
     part = y % PART * PART + x % PART
-    for each in range(PART * PART):
-        chosen = at[part == each]
-        if len(chosen):
-            offsets = disc(radius_mm, each % PART, each // PART, width)
-            np.add.at(counts, (chosen[:, None] + offsets).ravel(), sign)
+    near = [
+        (at[part == each][:, None] + disc(radius_mm, each % PART, each // PART, width)).ravel()
+        for each in range(PART * PART)
+    ]
+    np.add.at(counts, np.concatenate(near), sign)
 
 
 def price(terrain: Terrain, column: int, row: int, margin: int = MARGIN) -> None:
