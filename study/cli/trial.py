@@ -27,9 +27,10 @@ from robot.hosting.in_process import InProcessCore
 from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
+from study.oracle.names import STUDY_ONLY
 from study.trial.trace import Trace
 from study.trial.trial import (
-    NAVIGATORS,
+    ALL_NAVIGATORS,
     SIDES,
     USUAL_NAVIGATOR,
     Trial,
@@ -76,7 +77,14 @@ def trial(options: argparse.Namespace) -> int:
 
 
 def run_on_board(job: Trial, trace: str | None) -> Outcome:
-    """Run a trial with the core on the emulated board; raise UserError if there is none."""
+    """Run a trial with the core on the emulated board.
+
+    Raises UserError if there is no emulator, or if the navigator is for studies only.
+    """
+    if job.navigator in STUDY_ONLY:
+        raise UserError(
+            f"--mcu: the navigator {job.navigator} is for studies only, not for a robot"
+        )
     from robot.hosting.on_board import BoardCore  # needed only here
     from robot.mcu.board import Board
 
@@ -151,7 +159,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--world", required=True, help="name of a shipped world, or a .toml file")
     made.add_argument(
         "--navigator",
-        choices=NAVIGATORS,
+        choices=ALL_NAVIGATORS,
         default=USUAL_NAVIGATOR,
         help=f"(default {USUAL_NAVIGATOR})",
     )

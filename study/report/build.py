@@ -8,6 +8,7 @@ import pyarrow as pa
 
 from plant.model.types import World
 from runtime.errors import UserError
+from study.report.bounds import bounds_section
 from study.report.charts.distributions import (
     behaviour_blocks,
     ends_figure,
@@ -68,6 +69,7 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
         _comparisons(trials),
         Section("Final pose", (error_figure(trials), error_table(trials))),
         Section("Path length", (ratio_figure(trials),)),
+        *_bounds(trials),
         Section("Decisions and behaviour", behaviour_blocks(trials)),
         paper_section(trials, request.runs),
         _failures(table, in_group(whole, *SHOWN_FAILURES), request),
@@ -126,6 +128,11 @@ def _failures(table: pa.Table, trials: Trials, request: ReportRequest) -> Sectio
 def _families(trials: Trials) -> Section:
     tables = tuple(family_table(trials, noise) for noise in trials.values("noise"))
     return Section("Families of worlds", tables)
+
+
+def _bounds(trials: Trials) -> tuple[Section, ...]:
+    section = bounds_section(trials)
+    return () if section is None else (section,)
 
 
 def _comparisons(trials: Trials) -> Section:

@@ -18,7 +18,7 @@ from protocol.wire.reasons import Reason
 from runtime.errors import UserError
 from study.runner.rows import COLUMNS, FAILED, SCHEMA
 from study.statistics.intervals import CHI2_2, Floats
-from study.trial.trial import NAVIGATORS
+from study.trial.trial import ALL_NAVIGATORS
 
 Flags = NDArray[np.bool_]
 Texts = NDArray[np.str_]
@@ -73,14 +73,14 @@ class Trials:
 
     def values(self, name: str) -> list[str]:
         """Return each value of a column once, in the report's order."""
-        known = {"noise": NOISES, "navigator": tuple(NAVIGATORS)}.get(name, ())
+        known = {"noise": NOISES, "navigator": tuple(ALL_NAVIGATORS)}.get(name, ())
         found = set(self.texts(name).tolist())
         return [each for each in known if each in found] + sorted(found - set(known))
 
     def labels(self) -> list[str]:
         """Return the navigators, distinguished by side or parameters where these were varied."""
         navigators = dict(zip(self.texts("label"), self.texts("navigator"), strict=True))
-        order = {name: place for place, name in enumerate(NAVIGATORS)}
+        order = {name: place for place, name in enumerate(ALL_NAVIGATORS)}
         return sorted(navigators, key=lambda one: (order.get(navigators[one], len(order)), one))
 
     @cached_property

@@ -12,7 +12,7 @@ from plant.model.noise import LEVELS
 from plant.model.types import World
 from runtime.errors import UserError
 from study.runner.sources import ListedWorld, unknown
-from study.trial.trial import NAVIGATORS, SIDES
+from study.trial.trial import ALL_NAVIGATORS, SIDES
 
 SEED_STRIDE: Final = 1000
 MIN_TIMEOUT_S: Final = 120.0
@@ -124,8 +124,8 @@ def time_for(world: World) -> float:
 def navigator_of(text: str) -> str:
     """Return NAME or NAME:SIDE as NAME:SIDE; raise UserError for an unknown one."""
     name, _, side = text.partition(":")
-    if name not in NAVIGATORS:
-        raise UserError(f"--navigators: {unknown('navigator', name, NAVIGATORS)}")
+    if name not in ALL_NAVIGATORS:
+        raise UserError(f"--navigators: {unknown('navigator', name, ALL_NAVIGATORS)}")
     if side and side not in SIDES:
         raise UserError(f"--navigators {text}: {unknown('side', side, SIDES)}")
     return f"{name}:{side or 'left'}"

@@ -21,6 +21,8 @@ from robot.parameters.table import with_values
 from runtime.calibration import settings_of, start_totals
 from runtime.timing import CONTROL_HZ, PERIOD_NS
 from runtime.units import NS_PER_S
+from study.oracle.names import STUDY_ONLY
+from study.oracle.registration import registered
 from study.trial.core_loop import CoreLoop
 from study.trial.drive import Watch, drive
 
@@ -32,6 +34,8 @@ NAVIGATORS: Mapping[str, int] = {
     "distbug": states.DISTBUG,
     "vgm_memory": states.VGM_MEMORY,
 }
+ALL_NAVIGATORS: Mapping[str, int] = {**NAVIGATORS, **STUDY_ONLY}
+"""Those of the robot, and those for studies only."""
 USUAL_NAVIGATOR = next(name for name in NAVIGATORS if NAVIGATORS[name] == DEFAULTS.navigator)
 SIDES: Mapping[str, int] = {"left": states.LEFT, "right": states.RIGHT}
 
@@ -78,19 +82,20 @@ def run_trial(
     """
     noise, at_ns = noise_of(trial.world, trial.noise), round(trial.at_s * CONTROL_HZ) * PERIOD_NS
     plant = Plant(trial.world, trial.seed, noise, at_ns=at_ns)
-    totals = start_totals(trial.world.robot)
-    onboard = CoreLoop(new_core(params_of(trial), start_of(trial.world), totals))
+    totals, params = start_totals(trial.world.robot), params_of(trial)
     goal = wire_goal_of(trial.world)
-    begun_s = perf_counter()
-    refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
-    wall_s = perf_counter() - begun_s
+    with registered(params.navigator):
+        onboard = CoreLoop(new_core(params, start_of(trial.world), totals))
+        begun_s = perf_counter()
+        refusal = drive(plant, onboard, goal, trial.timeout_s, watch)
+        wall_s = perf_counter() - begun_s
     ended = run_end_of(plant, onboard, refusal, wall_s, at_ns)
     return evaluated(run_settings_of(trial, goal), ended, plant.score(plant.now_ns))
 
 
 def params_of(trial: Trial) -> Params:
     """Merge the parameters: defaults, calibration, robot of the world, those of the trial."""
-    params = DEFAULTS._replace(navigator=NAVIGATORS[trial.navigator], side=SIDES[trial.side])
+    params = DEFAULTS._replace(navigator=ALL_NAVIGATORS[trial.navigator], side=SIDES[trial.side])
     values = settings_of(trial.world.robot, trial.level, calibrated=trial.calibrated)
     return with_values(params, {**values, **trial.parameters})
 

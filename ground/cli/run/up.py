@@ -49,6 +49,7 @@ from protocol.topics import Role
 from runtime.clock import Clock, WallClock
 from runtime.errors import NoPeerError, RemoteError
 from runtime.units import NS_PER_S
+from study.oracle.names import STUDY_ONLY
 
 TIMEOUT_S: Final = 300.0
 NOISES: Final = ("none", "default", "lossy", "harsh")
@@ -82,6 +83,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_json(parser)
 
 
+def navigator_of(name: str) -> str:
+    """Return the name of a navigator; raise ArgumentTypeError for one without a robot."""
+    if name in STUDY_ONLY:
+        raise argparse.ArgumentTypeError(
+            f"{name} is for studies only and no robot has it; use `sidestep trial` or"
+            " `sidestep study`"
+        )
+    return name
+
+
 def add_scenario(parser: argparse.ArgumentParser) -> None:
     """Declare the options of the world, the robots, their goals and the simulation."""
     parser.add_argument(
@@ -89,6 +100,7 @@ def add_scenario(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--navigator",
+        type=navigator_of,
         choices=list(NAVIGATORS),
         default=USUAL_NAVIGATOR,
         help=f"(default {USUAL_NAVIGATOR})",

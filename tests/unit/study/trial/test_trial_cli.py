@@ -110,6 +110,15 @@ def test_world_errors_are_passed_on(tmp_path: Path) -> None:
         main(["--world", str(path)])
 
 
+def test_board_has_no_navigator_for_studies_only(near: str) -> None:
+    with pytest.raises(UserError, match="oracle_grid is for studies only"):
+        main(["--world", near, "--navigator", "oracle_grid", "--mcu"])
+
+
+def test_navigator_for_studies_only_drives_a_trial(near: str) -> None:
+    assert main(["--world", near, "--navigator", "oracle_grid", "--noise", "none"]) == 0
+
+
 def test_refusal_is_one_line_and_exit_code_2(near: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert sidestep(["trial", "--world", "nowhere"]) == 2
     assert sidestep(["trial", "--world", near, "--param", "v_maxx=1"]) == 2

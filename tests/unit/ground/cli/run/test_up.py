@@ -42,6 +42,12 @@ def waited(scenario: Scenario, logs: list[Path], at_s: float, recordings: list[P
     return clock.now_ns() / 1e9
 
 
+def test_navigator_for_studies_only_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(["up", "--navigator", "oracle_grid"])
+    assert "oracle_grid is for studies only and no robot has it" in capsys.readouterr().err
+
+
 def test_the_drive_begins_when_the_first_frame_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,0 +1,1 @@
+"""Navigators for studies only: bounds with means that the robot does not have."""
