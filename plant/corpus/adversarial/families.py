@@ -11,7 +11,6 @@ from typing import Final
 
 from plant.corpus.adversarial import enclosures, passages, scenes
 from plant.corpus.adversarial.axes import Adversary, Axis, Values
-from plant.corpus.draft import Draft
 from plant.model.body import Body
 from plant.model.configuration import body_of
 from plant.model.draws import Draws
@@ -74,32 +73,32 @@ def world_of(
         family=family,
         family_seed=seed,
     )
-    return measured(world) if _stands(draft, radius_m) else None
+    return measured(world)
 
 
 def measured(world: World) -> World | None:
     """Return the world with its shortest path; None if larger or smaller robots fare otherwise.
 
-    The world must have room for the robot at both ends.
+    None, too, if a robot MARGIN_M larger has no room at start or goal.
     """
-    length_m = shortest_path_m(replace(world, reachable=None, shortest_path_m=None))
+    radius_m = body_of(world).radius_m
+    if not _has_room(world, radius_m + MARGIN_M):
+        return None
+    length_m = shortest_path_m(world)
     reachable = length_m is not None
-    radius_m = body_of(world).radius_m + (MARGIN_M if reachable else -MARGIN_M)
-    other = replace(world, robot={**world.robot, "radius_m": radius_m})
+    other_m = radius_m + (MARGIN_M if reachable else -MARGIN_M)
+    other = replace(world, robot={**world.robot, "radius_m": other_m})
     if (shortest_path_m(other) is not None) != reachable:
         return None
     rounded_m = None if length_m is None else round(length_m, 3)
     return replace(world, shortest_path_m=rounded_m, reachable=reachable)
 
 
-def _stands(draft: Draft, radius_m: float) -> bool:
-    """Return whether a robot MARGIN_M larger has room at start and goal."""
+def _has_room(world: World, radius_m: float) -> bool:
+    """Return whether a robot of this radius has room at start and goal."""
     report = Report("", {})
-    floor = Floor(draft.size_m, True, radius_m + MARGIN_M, dict(enumerate(draft.obstacles)))
-    start, goal = draft.start, draft.goal
-    check_places(
-        report, floor, Start(x_m=start[0], y_m=start[1]), GoalPose(x_m=goal[0], y_m=goal[1])
-    )
+    floor = Floor(world.size_m, world.walls, radius_m, dict(enumerate(world.obstacles)))
+    check_places(report, floor, world.start, world.goal)
     return not report.problems
 
 
