@@ -19,7 +19,6 @@ from study.falsify.directory import (
     save_finding,
     save_index,
 )
-from study.falsify.evaluate import Subject
 from study.falsify.finding import Finding, finding_of, picture
 from study.falsify.properties import time_limit_s
 from study.falsify.shrink import shrunk, walls_in
@@ -149,15 +148,15 @@ class Search:
                 progress.classes[name].seen += 1
                 continue
             progress.classes[name] = ClassRecord(climb=found.number)
-            self._submit(executor, name, shrink, self.settings.subject, violation)
+            self._submit(executor, name, shrink, self.settings, violation)
 
 
-def shrink(subject: Subject, violation: Violation) -> Shrunk:
+def shrink(settings: SearchSettings, violation: Violation) -> Shrunk:
     """Shrink a violation to a finding with its picture."""
     name = violation.failure_class
-    smallest, trials = shrunk(subject, violation)
+    smallest, trials = shrunk(settings, violation)
     limit_s = time_limit_s(smallest.world)
-    finding = finding_of(subject, violation.letter, smallest, limit_s, name)
+    finding = finding_of(settings.subject, violation.letter, smallest, limit_s, name)
     return Shrunk(
         failure_class=name,
         finding=finding,
@@ -170,7 +169,7 @@ def shrink(subject: Subject, violation: Violation) -> Shrunk:
 def shrink_again(settings: SearchSettings, number: int, name: str) -> Shrunk:
     """Repeat a climb and shrink its violation of a class."""
     violations = climb(settings, number).violations
-    return shrink(settings.subject, next(one for one in violations if one.failure_class == name))
+    return shrink(settings, next(one for one in violations if one.failure_class == name))
 
 
 def _result(future: "Future[Any]") -> Any:

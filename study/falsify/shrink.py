@@ -10,14 +10,15 @@ from dataclasses import replace
 from math import radians
 from typing import Final, TypeVar
 
+from plant.corpus.adversarial.axes import Axis
 from plant.corpus.adversarial.families import measured
 from plant.model.errors import WorldError
 from plant.model.types import Circle, Obstacle, Polyline, World
 from plant.world.file import loads
 from plant.world.to_toml import dumps
 from study.falsify import space
-from study.falsify.climb import Violation
-from study.falsify.evaluate import Subject, evaluate
+from study.falsify.climb import SearchSettings, Violation
+from study.falsify.evaluate import evaluate
 from study.falsify.properties import Evaluation
 from study.falsify.rounding import roundings
 from study.falsify.space import Candidate
@@ -43,8 +44,10 @@ One = TypeVar("One")
 class Shrinker:
     """Shrink one violation; `best` is the smallest evaluation so far."""
 
-    def __init__(self, subject: Subject, violation: Violation, most: int = MAX_TRIALS) -> None:
-        self.subject = subject
+    def __init__(
+        self, settings: SearchSettings, violation: Violation, most: int = MAX_TRIALS
+    ) -> None:
+        self.subject, self.varied = settings.subject, settings.varied
         self.letter = violation.letter
         self.kind = violation.evaluation.kind
         self.candidate = violation.candidate
@@ -82,9 +85,11 @@ class Shrinker:
 
     def _simplify_values(self) -> None:
         """Try simple values of the parameters, one after the other."""
-        for name in sorted(self.candidate.values):
-            for value in simple_values(name, self.candidate.values[name]):
-                other = Candidate(self.candidate.family, {**self.candidate.values, name: value})
+        for axis in space.axes_of(self.candidate.family, self.varied):
+            for value in simple_values(axis, self.candidate.values[axis.name]):
+                other = Candidate(
+                    self.candidate.family, {**self.candidate.values, axis.name: value}
+                )
                 first = self.best.world
                 world = space.built(other, first.name, first.family_seed or 0)
                 if world is not None and self.accept(world, round(other.values["seed"])):
@@ -148,16 +153,16 @@ def checked(text: str) -> World | None:
         return None
 
 
-def simple_values(name: str, value: float) -> Iterator[float]:
-    """Yield values that are simpler than a value, the simplest first."""
-    listed = SIMPLE.get(name, ())
+def simple_values(axis: Axis, value: float) -> Iterator[float]:
+    """Yield values of an axis that are simpler than a value, the simplest first."""
+    listed = SIMPLE.get(axis.name, ())
     if value in listed:
         yield from listed[: listed.index(value)]
         return
-    yield from listed
-    for decimals in (0, 1, 2):
-        if (rounded := round(value, decimals)) != value:
-            yield rounded
+    rounded = [round(value, decimals) for decimals in (0, 1, 2)]
+    for other in dict.fromkeys((*listed, *rounded)):
+        if axis.low <= other <= axis.high and other != value:
+            yield other
 
 
 def parts_of(world: World) -> list[int | str]:
@@ -200,7 +205,7 @@ def walls_in(world: World) -> int:
     return count
 
 
-def shrunk(subject: Subject, violation: Violation) -> tuple[Evaluation, int]:
+def shrunk(settings: SearchSettings, violation: Violation) -> tuple[Evaluation, int]:
     """Shrink a violation; return the smallest evaluation and the number of trials."""
-    shrinker = Shrinker(subject, violation)
+    shrinker = Shrinker(settings, violation)
     return shrinker.shrink(), shrinker.trials
