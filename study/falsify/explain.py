@@ -55,10 +55,6 @@ def _end(one: Evaluation) -> str:
 def _driven(one: Evaluation) -> str:
     """Return what was recorded of the decisions, as the end of a sentence."""
     return (
-        f": it passed obstacles {_times(one.avoidances)}, changed the side"
-        f" {_times(one.side_changes)}, and came within {one.nearest_goal_m:.2f} m of the goal"
+        f" (obstacles passed: {one.avoidances}, changes of side: {one.side_changes}, nearest to the"
+        f" goal: {one.nearest_goal_m:.2f} m)"
     )
-
-
-def _times(count: int) -> str:
-    return {0: "never", 1: "once", 2: "twice"}.get(count, f"{count} times")

@@ -104,6 +104,7 @@ class Search:
     def save(self) -> None:
         """Store the progress and the list of findings."""
         self.saved_s = self.monotonic_s()
+        self.progress.spent_s = self.spent_s
         save(self.directory, self.progress)
         save_index(self.directory, self.progress)
 

@@ -19,11 +19,18 @@ from plant.world.to_toml import dumps
 from study.falsify import space
 from study.falsify.climb import SearchSettings, Violation
 from study.falsify.evaluate import evaluate
-from study.falsify.properties import Evaluation
+from study.falsify.properties import Evaluation, time_limit_s
 from study.falsify.rounding import roundings
 from study.falsify.space import Candidate
 
-MAX_TRIALS: Final = 400
+MAX_WORLDS: Final = 600
+MAX_SIMULATED_S: Final = 40_000.0
+"""Most worlds and most simulated time of one shrinking."""
+
+LATER: Final = 1.5
+"""A trial may end so much later than the smallest one before, unless that one ran out of time."""
+
+LATER_S: Final = 30.0
 HEADINGS_DEG: Final = (0.0, 90.0, 180.0, -90.0)
 SIMPLE: Final[Mapping[str, tuple[float, ...]]] = {
     "turn_deg": (0.0, 90.0, 45.0),
@@ -45,14 +52,14 @@ class Shrinker:
     """Shrink one violation; `best` is the smallest evaluation so far."""
 
     def __init__(
-        self, settings: SearchSettings, violation: Violation, most: int = MAX_TRIALS
+        self, settings: SearchSettings, violation: Violation, most: int = MAX_WORLDS
     ) -> None:
         self.subject, self.varied = settings.subject, settings.varied
         self.letter = violation.letter
         self.kind = violation.evaluation.kind
         self.candidate = violation.candidate
         self.best = violation.evaluation
-        self.trials, self.most = 0, most
+        self.trials, self.most, self.simulated_s = 0, most, 0.0
         self._tried: set[tuple[str, int]] = set()
 
     def shrink(self) -> Evaluation:
@@ -60,24 +67,36 @@ class Shrinker:
         self._simplify_values()
         self._drop_extras()
         before = ""
-        while before != (before := dumps(self.best.world)) and self.trials < self.most:
+        while before != (before := dumps(self.best.world)) and not self.is_spent:
             self._drop_obstacles()
             self._drop_points()
             self._round()
         return self.best
 
+    @property
+    def is_spent(self) -> bool:
+        """True when no more worlds are tried."""
+        return len(self._tried) >= self.most or self.simulated_s >= MAX_SIMULATED_S
+
+    def _limit_s(self, world: World) -> float:
+        """Return the time limit of a trial: short, unless the failure is that time runs out."""
+        if self.kind.startswith("timeout"):
+            return time_limit_s(world)
+        return min(time_limit_s(world), LATER * self.best.outcome.time_s + LATER_S)
+
     def accept(self, world: World, seed: int | None = None) -> bool:
         """Run a trial in a smaller world; keep it if it ends in the same class."""
         seed = self.best.seed if seed is None else seed
         text = dumps(replace(world, shortest_path_m=None, reachable=None))
-        if (text, seed) in self._tried or self.trials >= self.most:
+        if (text, seed) in self._tried or self.is_spent:
             return False
         self._tried.add((text, seed))
         known = checked(text)
         if known is None or known.reachable != self.best.world.reachable:
             return False
+        result = evaluate(self.subject, known, seed, self._limit_s(known))
         self.trials += 1
-        result = evaluate(self.subject, known, seed)
+        self.simulated_s += result.outcome.time_s
         if self.letter not in result.violated or result.kind != self.kind:
             return False
         self.best = result
