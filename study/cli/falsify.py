@@ -212,9 +212,8 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
     else:
         for name, one in sorted(progress.classes.items(), key=lambda item: -item[1].seen):
             print(f"{name}: seen {one.seen}, {one.walls} walls: {one.sentence}")
-        print(
-            f"{len(progress.classes)} classes of failure in {progress.trials} trials: {directory}"
-        )
+        found = len(progress.classes)
+        print(f"classes of failure: {found} in {progress.trials} trials, in {directory}")
     return EXIT_FOUND if progress.classes else EXIT_OK
 
 
