@@ -7,7 +7,6 @@ from typing import Final
 from plant.model.types import World
 from plant.sim.simulation import Plant
 from protocol.outcome import Outcome
-from protocol.wire.enums import GoalState
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.core.values import Outputs
@@ -97,12 +96,11 @@ def evaluate(subject: Subject, world: World, seed: int, limit_s: float | None = 
     outcome = run_trial(trial, watch)
     onboard = watch.behaviour.onboard
     reason = 0 if onboard is None else onboard.state.machine.goal_reason
-    state = 0 if onboard is None else onboard.state.machine.goal_state
     reachable = bool(world.reachable)
     return Evaluation(
         world=world,
         seed=seed,
-        kind=kind_of(outcome, state, reason, watch),
+        kind=kind_of(outcome, reason, watch),
         violated=violated_by(
             outcome, reason, watch.mahalanobis2, subject.detour, reachable=reachable
         ),
@@ -118,7 +116,7 @@ def evaluate(subject: Subject, world: World, seed: int, limit_s: float | None = 
     )
 
 
-def kind_of(outcome: Outcome, state: int, reason: int, watch: Monitor) -> str:
+def kind_of(outcome: Outcome, reason: int, watch: Monitor) -> str:
     """Return the kind of end in a word or two joined by a hyphen."""
     if outcome.own_contacts:
         return f"contact-{BRANCHES.get(watch.contact_branch, 'stopped')}"
@@ -126,7 +124,7 @@ def kind_of(outcome: Outcome, state: int, reason: int, watch: Monitor) -> str:
         return "claim"
     if outcome.reached:
         return "reached"
-    if state in (GoalState.STUCK, GoalState.ABORTED, GoalState.REFUSED):
+    if outcome.outcome != "timeout":
         return Reason(reason).name.lower().replace("_", "-")
     return "timeout-still" if watch.moved_late_m < STILL_M else "timeout-moving"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from plant.corpus import generate
-from protocol.wire.enums import GoalState
+from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.errors import UserError
@@ -32,20 +32,18 @@ def watched(moved_m: float = 0.0, branch: int = states.NO_BRANCH) -> Monitor:
 
 
 @pytest.mark.parametrize(
-    ("outcome", "state", "reason", "monitor", "kind"),
+    ("outcome", "reason", "monitor", "kind"),
     [
-        (ARRIVED, GoalState.REACHED, Reason.NONE, watched(), "reached"),
-        (STUCK, GoalState.STUCK, Reason.UNREACHABLE, watched(), "claim"),
-        (STUCK, GoalState.STUCK, Reason.LOST, watched(), "lost"),
-        (STUCK, GoalState.STUCK, Reason.NO_PROGRESS, watched(), "no-progress"),
-        (replace(STUCK, outcome="timeout"), GoalState.DRIVING, 0, watched(0.1), "timeout-still"),
-        (replace(STUCK, outcome="timeout"), GoalState.DRIVING, 0, watched(2.0), "timeout-moving"),
+        (ARRIVED, Reason.NONE, watched(), "reached"),
+        (STUCK, Reason.UNREACHABLE, watched(), "claim"),
+        (STUCK, Reason.LOST, watched(), "lost"),
+        (STUCK, Reason.NO_PROGRESS, watched(), "no-progress"),
+        (replace(STUCK, outcome="timeout"), 0, watched(0.1), "timeout-still"),
+        (replace(STUCK, outcome="timeout"), 0, watched(2.0), "timeout-moving"),
     ],
 )
-def test_kind_of_end_is_named(
-    outcome: object, state: int, reason: int, monitor: Monitor, kind: str
-) -> None:
-    assert kind_of(outcome, state, reason, monitor) == kind  # type: ignore[arg-type]
+def test_kind_of_end_is_named(outcome: Outcome, reason: int, monitor: Monitor, kind: str) -> None:
+    assert kind_of(outcome, reason, monitor) == kind
 
 
 @pytest.mark.parametrize(
@@ -58,7 +56,7 @@ def test_kind_of_end_is_named(
 )
 def test_contact_is_named_by_the_branch_before_it(branch: int, kind: str) -> None:
     collided = replace(STUCK, outcome="collided", own_contacts=1)
-    assert kind_of(collided, GoalState.ABORTED, Reason.BUMPER, watched(0.0, branch)) == kind
+    assert kind_of(collided, Reason.BUMPER, watched(0.0, branch)) == kind
 
 
 def test_evaluation_of_an_easy_world_violates_nothing() -> None:
