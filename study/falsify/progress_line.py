@@ -39,11 +39,11 @@ class ProgressLine:
         progress, search = self._search.progress, self._search
         found = [one for one in progress.classes.values() if one.sentence]
         shrinking = len(progress.classes) - len(found)
-        more = f", {shrinking} not yet shrunk" if shrinking else ""
+        more = f" ({shrinking} not yet shrunk)" if shrinking else ""
         pace = progress.simulated_s / S_PER_H / (search.spent_s / 60.0) if search.spent_s else 0.0
         return (
             f"{progress.trials} trials in {progress.climbs} climbs, {pace:.1f} simulated h/min, "
-            f"{len(progress.classes)} classes of failure{more}{self._left()}"
+            f"classes of failure: {len(progress.classes)}{more}{self._left()}"
         )
 
     def _left(self) -> str:

@@ -24,7 +24,7 @@ from study.falsify.rounding import roundings
 from study.falsify.space import Candidate
 
 MAX_WORLDS: Final = 600
-MAX_SIMULATED_S: Final = 40_000.0
+MAX_SIMULATED_S: Final = 20_000.0
 """Most worlds and most simulated time of one shrinking."""
 
 LATER: Final = 1.5

@@ -152,4 +152,4 @@ def test_progress_line_shows_classes_and_time_left(tmp_path: Path) -> None:
         search.started_s = 0.0
         progress.trials, progress.climbs, progress.simulated_s = 30, 4, 7200.0
         line = ProgressLine(search, budget, sys.stderr, lambda: 60.0).line()
-    assert line == ("30 trials in 4 climbs, 2.0 simulated h/min, 0 classes of failure, 60 s left")
+    assert line == ("30 trials in 4 climbs, 2.0 simulated h/min, classes of failure: 0, 60 s left")
