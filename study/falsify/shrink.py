@@ -7,13 +7,14 @@ Each step is kept if the trial still ends in the same class.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from math import radians
 from typing import Final, TypeVar
 
 from plant.corpus.adversarial.axes import Axis
 from plant.corpus.adversarial.families import measured
 from plant.model.errors import WorldError
-from plant.model.types import Circle, Obstacle, Polyline, World
+from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.world.file import loads
 from plant.world.to_toml import dumps
 from study.falsify import space
@@ -31,6 +32,7 @@ LATER: Final = 1.5
 """A trial may end so much later than the smallest one before, unless that one ran out of time."""
 
 LATER_S: Final = 30.0
+MIN_POINTS: Final = 2
 HEADINGS_DEG: Final = (0.0, 90.0, 180.0, -90.0)
 SIMPLE: Final[Mapping[str, tuple[float, ...]]] = {
     "turn_deg": (0.0, 90.0, 45.0),
@@ -114,6 +116,8 @@ class Shrinker:
                 if world is not None and self.accept(world, round(other.values["seed"])):
                     self.candidate = other
                     break
+            if self.simulated_s > MAX_SIMULATED_S / 2.0:
+                return
 
     def _drop_extras(self) -> None:
         """Drop robot, faults, and headings that are not needed."""
@@ -142,19 +146,17 @@ class Shrinker:
         )
 
     def _drop_points(self) -> None:
-        """Remove points of walls, from their ends and between."""
-        for number in range(len(self.best.world.obstacles)):
-            wall = self.best.world.obstacles[number]
-            if not isinstance(wall, Polyline):
-                continue
-            place = 0
-            while place < len(wall.points_m) and len(wall.points_m) > 2:
-                points = wall.points_m[:place] + wall.points_m[place + 1 :]
-                other = Polyline(points, wall.thickness_m)
-                if self.accept(replaced(self.best.world, number, other)):
-                    wall = other
-                else:
-                    place += 1
+        """Remove points of walls, in ever smaller parts of each."""
+        for number, wall in enumerate(self.best.world.obstacles):
+            if isinstance(wall, Polyline):
+                reduce_list(list(wall.points_m), partial(self._accept_points, number, wall))
+
+    def _accept_points(self, number: int, wall: Polyline, points: list[Point]) -> bool:
+        """Accept a wall with fewer points."""
+        if len(points) < MIN_POINTS:
+            return False
+        other = Polyline(tuple(points), wall.thickness_m)
+        return self.accept(replaced(self.best.world, number, other))
 
     def _round(self) -> None:
         """Round numbers: all at once, then those of each part, coarse before fine."""
