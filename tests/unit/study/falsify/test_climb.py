@@ -11,14 +11,16 @@ from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.shrink import Shrinker, walls_in
 from tests.unit.study.falsify.examples import SCENES, first_violation, search_of
 
+SEEDS = {"bug": 32, "vgm": 24}
+"""Seeds whose first failure ends soon. With the seeds 1 to 6, it takes 1 to 72 trials to it."""
+
 MOST_TRIALS = 12
 MOST_WORLDS = 30
-"""Far below a minute: with the seeds 1 to 6, it takes 1 to 72 trials to the first failure."""
 
 
 @cache
 def found(navigator: str) -> Violation:
-    return first_violation(search_of(navigator, "ab", seed=3), MOST_TRIALS)
+    return first_violation(search_of(navigator, "ab", SEEDS[navigator]), MOST_TRIALS)
 
 
 def test_climb_is_determined_by_its_number() -> None:
@@ -33,7 +35,8 @@ def test_climb_is_determined_by_its_number() -> None:
 @pytest.mark.parametrize("navigator", ["bug", "vgm"])
 def test_paper_method_fails_at_most_three_walls(navigator: str) -> None:
     violation = found(navigator)
-    shrinker = Shrinker(search_of(navigator, "ab"), violation, most=MOST_WORLDS)
+    settings = search_of(navigator, "ab", SEEDS[navigator])
+    shrinker = Shrinker(settings, violation, most=MOST_WORLDS)
     smallest = shrinker.shrink()
     assert violation.letter in smallest.violated
     assert walls_in(smallest.world) <= 3 < walls_in(violation.evaluation.world)
