@@ -4,12 +4,13 @@ If the goal is reachable, a robot with a radius larger by MARGIN_M can reach it,
 is extremely tight. If the goal is unreachable, it is so for the normal robot.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from math import radians
-from typing import Final
+from typing import Final, TypeAlias
 
 from plant.corpus import buildings, crowds, forests, shapes, shut, traps
+from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES, adversarial_world
 from plant.corpus.draft import Draft, Family, standing_room
 from plant.corpus.grids import CELL_M, MAPS
 from plant.imports.grid_world import grid_world
@@ -20,6 +21,9 @@ from plant.model.draws import Draws
 from plant.model.errors import WorldError
 from plant.model.types import GoalPose, Start, World
 from plant.placement.shortest_path import shortest_path_m
+
+Maker: TypeAlias = Callable[[Draws, str, str, int], World | None]
+"""Draws the world of a family with a name and a seed; None if the attempt failed."""
 
 MARGIN_M: Final = 0.03
 MAX_TRIES: Final = 500
@@ -49,17 +53,17 @@ FAMILIES: Final = tuple(_DRAWN)
 GRID_FAMILIES: Final = tuple(MAPS)
 """Maps in Moving AI's style, made by its importer; not part of the corpus itself."""
 
+EVERY_FAMILY: Final = (*FAMILIES, *GRID_FAMILIES, *ADVERSARIAL_FAMILIES)
+"""All that `generate` accepts."""
+
 
 def generate(family: str, index: int, seed: int) -> World:
     """Return a world by its number in a family; raise ValueError for an unknown family."""
-    if family not in (*FAMILIES, *GRID_FAMILIES):
-        raise ValueError(
-            f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
-        )
+    if family not in EVERY_FAMILY:
+        raise ValueError(f"no family {family!r}; there are {', '.join(EVERY_FAMILY)}")
     random, name = Draws(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
     for _ in range(MAX_TRIES):
-        make = _map_world if family in MAPS else _drawn_world
-        world = make(random, family, name, seed)
+        world = _maker(family)(random, family, name, seed)
         if world is not None:
             return world
     raise RuntimeError(f"{family} {index} of seed {seed}: {MAX_TRIES} drafts, none of them valid")
@@ -70,6 +74,12 @@ def corpus(per_family: int, seed: int) -> Iterator[World]:
     for family in FAMILIES:
         for index in range(per_family):
             yield generate(family, index, seed)
+
+
+def _maker(family: str) -> Maker:
+    if family in ADVERSARIAL_FAMILIES:
+        return adversarial_world
+    return _map_world if family in MAPS else _drawn_world
 
 
 def _drawn_world(random: Draws, family: str, name: str, seed: int) -> World | None:

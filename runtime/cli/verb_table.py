@@ -187,6 +187,12 @@ VERBS: Final[Mapping[str, Verb]] = MappingProxyType(
             "study.cli.study",
             subcommands=subcommand_table.STUDY,
         ),
+        "falsify": Verb(
+            TEST,
+            "search for worlds in which a navigator fails",
+            "falsify vgm_memory --minutes 10 --output findings",
+            "study.cli.falsify",
+        ),
         "calibrate": Verb(
             TEST,
             "find wheels, track and slip by squares",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import plant.corpus
-from plant.corpus import FAMILIES, generate
+from plant.corpus import EVERY_FAMILY, FAMILIES, generate
 from plant.model.errors import Problem, WorldError
 from plant.model.types import World
 from plant.placement.shortest_path import known_length_m
@@ -75,7 +75,7 @@ def world_of(source: str, directory: Path) -> World:
             return load(FIXED_DIR / f"{name}.toml")
         case "kept", _ if rest:
             return load(directory / KEPT / rest)
-        case "corpus", [family, seed, index] if family in FAMILIES:
+        case "corpus", [family, seed, index] if family in EVERY_FAMILY:
             return generate(family, int(index), int(seed))
     raise UserError(f"world_source {source!r}: unknown; the study is of another version")
 
@@ -103,7 +103,7 @@ def _sources(place: str, selection: WorldSelection) -> Iterator[tuple[str, Path 
     path = Path(place)
     if place == CORPUS:
         for family in selection.families or FAMILIES:
-            _check(family, FAMILIES)
+            _check(family, EVERY_FAMILY)
             for index in range(selection.per_family):
                 yield f"corpus:{family}:{selection.corpus_seed}:{index}", None
     elif place == FIXED:

@@ -1,0 +1,246 @@
+"""`sidestep falsify`: search for worlds in which a navigator violates what is stated about it."""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from os import cpu_count
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
+
+from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES
+from plant.model.noise import LEVELS
+from protocol.options import above_zero, whole
+from runtime.cli.parsers import new_parser
+from runtime.errors import UserError
+from study.cli.study import INSTALL, NEEDED
+from study.trial.trial import NAVIGATORS, SIDES
+
+if TYPE_CHECKING:
+    from study.falsify.search import Search
+
+EXIT_OK: Final = 0
+EXIT_FOUND: Final = 1
+EXIT_INTERRUPTED: Final = 130
+OUTPUT: Final = "findings"
+USUAL_S: Final = 600.0
+MAX_UNITS: Final = 1e6
+MIN_DETOUR: Final = 1.0
+PROPERTIES: Final = "abcdef"
+DETAILS: Final = (
+    "properties:\n"
+    "  a  a reachable goal is reached in time\n"
+    "  b  a goal that is called unreachable is unreachable\n"
+    "  c  the robot touches nothing by its own motion\n"
+    "  d  the position error is within the claimed ellipse (chi-square 23.0: one in 10^5)\n"
+    "  e  the way is at most K times the shortest (--detour K)\n"
+    "  f  an unreachable goal is recognised in time\n\n"
+    "Give the same command again to continue. Exit code 1: failures were found."
+)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Return 0 without a finding, 1 with findings, 130 when interrupted, 2 for wrong usage.
+
+    Raises UserError or WorldError for a search that cannot be run.
+    """
+    if find_spec(NEEDED) is None:
+        raise UserError(f"{NEEDED} missing; {INSTALL}")
+    options = parser().parse_args(list(argv))
+    return replay(options) if options.replay else search(options)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the verb."""
+    made = new_parser("falsify", details=DETAILS)
+    made.add_argument(
+        "navigator",
+        metavar="NAVIGATOR[:SIDE]",
+        help=f"one of {', '.join(NAVIGATORS)}; the side is left by default",
+    )
+    made.add_argument(
+        "--properties",
+        type=_letters,
+        default=PROPERTIES,
+        metavar="LETTERS",
+        help=f"properties to violate, as listed below (default {PROPERTIES})",
+    )
+    made.add_argument("--noise", choices=tuple(LEVELS), default="none", help="default none")
+    made.add_argument(
+        "--families",
+        nargs="+",
+        choices=ADVERSARIAL_FAMILIES,
+        metavar="F",
+        default=list(ADVERSARIAL_FAMILIES),
+        help=f"families of worlds (all: {' '.join(ADVERSARIAL_FAMILIES)})",
+    )
+    made.add_argument(
+        "--vary",
+        nargs="*",
+        choices=("robots", "people", "faults"),
+        default=["robots"],
+        help="what is varied besides the worlds (default robots)",
+    )
+    made.add_argument(
+        "--detour", type=_detour, default=20.0, metavar="K", help="for property e (default 20)"
+    )
+    _add_how(made)
+    return made
+
+
+def _add_how(made: argparse.ArgumentParser) -> None:
+    span = above_zero(MAX_UNITS)
+    for name, unit in (("hours", "H"), ("minutes", "M"), ("seconds", "S")):
+        made.add_argument(f"--{name}", type=span, default=0.0, metavar=unit, help="time to search")
+    made.add_argument(
+        "--trials", type=whole(1), metavar="N", help="end after N trials instead of a time"
+    )
+    made.add_argument(
+        "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (default all cores)"
+    )
+    made.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
+    made.add_argument("--seed", type=whole(0), default=1, help="of the search (default 1)")
+    made.add_argument(
+        "--output", type=Path, default=Path(OUTPUT), metavar="DIR", help=f"default {OUTPUT}"
+    )
+    made.add_argument(
+        "--replay",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="run the trials of these findings, or of directories of them, with this navigator",
+    )
+    made.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def _letters(text: str) -> str:
+    unknown = sorted(set(text) - set(PROPERTIES))
+    if unknown or not text:
+        raise argparse.ArgumentTypeError(f"{text!r}: use letters of {PROPERTIES}")
+    return "".join(sorted(set(text)))
+
+
+def _detour(text: str) -> float:
+    value = float(text)
+    if not MIN_DETOUR < value <= MAX_UNITS:
+        raise argparse.ArgumentTypeError(f"{text} is not above {MIN_DETOUR:g}")
+    return value
+
+
+def search(options: argparse.Namespace) -> int:
+    """Run a search and print its findings."""
+    # Slow imports: pyarrow, and drawing.
+    from study.cli.study_run import interrupted_by_signals
+    from study.falsify.climb import SearchSettings
+    from study.falsify.directory import opened, settings_json
+    from study.falsify.progress_line import ProgressLine
+    from study.falsify.search import Budget, Search
+    from study.falsify.workers import workers
+    from study.runner.provenance import code
+
+    settings = SearchSettings(
+        subject=_subject(options),
+        properties=options.properties,
+        families=tuple(dict.fromkeys(options.families)),
+        varied=tuple(dict.fromkeys(options.vary)),
+        seed=options.seed,
+    )
+    span_s = 3600.0 * options.hours + 60.0 * options.minutes + options.seconds
+    budget = Budget(
+        span_s=None if options.trials and not span_s else span_s or USUAL_S, trials=options.trials
+    )
+    directory: Path = options.output
+    with (
+        opened(directory, settings_json(settings, code().digest)) as progress,
+        interrupted_by_signals(),
+    ):
+        running = Search(settings, directory, progress, monotonic)
+        line = ProgressLine(running, budget, sys.stderr, monotonic)
+        try:
+            with workers(options.jobs, options.dask) as executor:
+                for _ in running.run(executor, options.jobs, budget):
+                    line.show_if_due()
+        except KeyboardInterrupt:
+            return _interrupted(running, line, directory)
+        running.save()
+        line.close()
+        return _summary(running, directory, as_json=options.json)
+
+
+def _subject(options: argparse.Namespace) -> Any:
+    from study.falsify.evaluate import Subject
+    from study.runner.plan import navigator_of
+
+    try:
+        name, side = navigator_of(options.navigator).split(":")
+    except UserError as error:
+        raise UserError(str(error).removeprefix("--navigators").lstrip(": ")) from None
+    assert side in SIDES
+    return Subject(navigator=name, side=side, noise=options.noise, detour=options.detour)
+
+
+def _interrupted(running: "Search", line: Any, directory: Path) -> int:
+    running.save()
+    line.close()
+    print(
+        f"sidestep falsify: stopped; findings are in {directory}. To continue, give the same "
+        "command again.",
+        file=sys.stderr,
+    )
+    return EXIT_INTERRUPTED
+
+
+def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
+    progress = running.progress
+    if as_json:
+        classes = {
+            name: {"seen": one.seen, "walls": one.walls, "sentence": one.sentence}
+            for name, one in sorted(progress.classes.items())
+        }
+        values = {
+            "verb": "falsify",
+            "trials": progress.trials,
+            "climbs": progress.climbs,
+            "simulated_h": round(progress.simulated_s / 3600.0, 3),
+            "spent_s": round(progress.spent_s, 1),
+            "output": str(directory),
+            "classes": classes,
+        }
+        print(json.dumps(values))
+    else:
+        for name, one in sorted(progress.classes.items(), key=lambda item: -item[1].seen):
+            print(f"{name}: seen {one.seen}, {one.walls} walls: {one.sentence}")
+        found = len(progress.classes)
+        print(f"classes of failure: {found} in {progress.trials} trials, in {directory}")
+    return EXIT_FOUND if progress.classes else EXIT_OK
+
+
+def replay(options: argparse.Namespace) -> int:
+    """Run the trials of stored findings with a navigator; return 1 if one still violates."""
+    from dataclasses import replace
+
+    from study.falsify.finding import read
+
+    subject = _subject(options)
+    still = 0
+    for file in files_of(options.replay):
+        one = read(file)
+        tried = replace(subject, noise=one.subject.noise, detour=one.subject.detour)
+        result = replace(one, subject=tried).replay()
+        violates = one.letter in result.violated
+        still += violates
+        print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {result.kind}")
+    return EXIT_FOUND if still else EXIT_OK
+
+
+def files_of(places: Sequence[Path]) -> list[Path]:
+    """Return the files of findings; raise UserError for a directory without one."""
+    found: list[Path] = []
+    for place in places:
+        below = sorted(place.glob("*.toml")) if place.is_dir() else [place]
+        if not below:
+            raise UserError(f"--replay {place}: no .toml file in this directory")
+        found += below
+    return found

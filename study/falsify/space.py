@@ -1,0 +1,153 @@
+"""The space that is searched: worlds of a family, robots, people, faults and noise seeds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import pi
+from typing import Final
+
+from plant.corpus.adversarial.axes import Axis
+from plant.corpus.adversarial.families import ADVERSARIES, drawn, drawn_value, measured, world_of
+from plant.model.draws import Draws
+from plant.model.geometry import clearance_m
+from plant.model.types import Circle, Settings, World
+from runtime.elementary import cos_sin
+
+VARIED: Final = ("robots", "people", "faults")
+"""What is varied besides the world, on request."""
+
+SEED: Final = Axis("seed", 0, 9999, whole=True)
+USUAL_ROBOT: Final = Axis("usual_robot", 0, 1, whole=True)
+ROBOT: Final = (
+    Axis("radius_m", 0.06, 0.25),
+    Axis("max_speed_m_s", 0.1, 0.5),
+    Axis("sonar_max_m", 0.6, 3.0),
+)
+TRACK: Final = 1.6
+"""Distance of the wheels as a multiple of the radius."""
+
+MAX_PEOPLE: Final = 3
+PERSON_M: Final = 0.2
+PEOPLE: Final = (
+    Axis("people", 0, MAX_PEOPLE, whole=True),
+    *(
+        axis
+        for k in range(MAX_PEOPLE)
+        for axis in (
+            Axis(f"person_{k}_x", 0.0, 1.0),
+            Axis(f"person_{k}_y", 0.0, 1.0),
+            Axis(f"person_{k}_course", 0.0, 1.0),
+            Axis(f"person_{k}_far_m", 0.5, 4.0),
+            Axis(f"person_{k}_speed_m_s", 0.05, 0.2),
+        )
+    ),
+)
+FAULTS: Final = ("sonar_dead", "sonar_frozen", "sonar_dropout", "sonar_offset")
+FAULT: Final = (
+    Axis("fault", 0, len(FAULTS), whole=True),
+    Axis("fault_sonar", 0, 7, whole=True),
+    Axis("fault_start_s", 0.0, 60.0),
+    Axis("fault_value", 0.0, 1.0),
+)
+AXES: Final[Mapping[str, Sequence[Axis]]] = {
+    "robots": (USUAL_ROBOT, *ROBOT),
+    "people": PEOPLE,
+    "faults": FAULT,
+}
+STEP: Final = 0.15
+"""Standard size of a step in local search, as a share of an axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A point of the space: a family and a value for each axis."""
+
+    family: str
+    values: Mapping[str, float]
+
+
+def axes_of(family: str, varied: Sequence[str]) -> tuple[Axis, ...]:
+    """Return all axes of the space in a family."""
+    return (*ADVERSARIES[family].axes, SEED, *(axis for one in varied for axis in AXES[one]))
+
+
+def draw(random: Draws, family: str, varied: Sequence[str]) -> Candidate:
+    """Draw a candidate."""
+    return Candidate(family, drawn(random, axes_of(family, varied)))
+
+
+def neighbour(random: Draws, of: Candidate, varied: Sequence[str]) -> Candidate:
+    """Return a candidate near another one: a few values are changed, seldom far."""
+    axes = axes_of(of.family, varied)
+    values = dict(of.values)
+    for axis in random.sample(axes, random.randint(1, 3)):
+        if random.random() < 0.15:
+            values[axis.name] = drawn_value(random, axis)
+        elif axis.whole:
+            stepped = values[axis.name] + random.choice((-1, 1))
+            values[axis.name] = min(axis.high, max(axis.low, stepped))
+        else:
+            # The sum of three uniform numbers is close to a normal one.
+            away = random.uniform(-1, 1) + random.uniform(-1, 1) + random.uniform(-1, 1)
+            stepped = values[axis.name] + away * STEP * (axis.high - axis.low)
+            values[axis.name] = round(min(axis.high, max(axis.low, stepped)), 4)
+    return Candidate(of.family, values)
+
+
+def built(candidate: Candidate, name: str, number: int) -> World | None:
+    """Return the world of a candidate, with its shortest path; None if there is no valid one."""
+    values = candidate.values
+    world = world_of(candidate.family, values, name, number, robot_of(values))
+    if world is None:
+        return None
+    people = people_of(values, world)
+    faults = faults_of(values)
+    if not people and not faults:
+        return world
+    return measured(replace(world, obstacles=(*world.obstacles, *people), faults=faults))
+
+
+def robot_of(values: Mapping[str, float]) -> Settings:
+    """Return the overrides of the robot; none for the usual one."""
+    if values.get("usual_robot", 1.0) >= 1.0:
+        return {}
+    robot: dict[str, float] = {axis.name: round(values[axis.name], 2) for axis in ROBOT}
+    return {**robot, "track_m": round(TRACK * robot["radius_m"], 3)}
+
+
+def people_of(values: Mapping[str, float], world: World) -> tuple[Circle, ...]:
+    """Return the people, who walk to and fro and start clear of the robot."""
+    found = []
+    for k in range(round(values.get("people", 0.0))):
+        x_m = round(values[f"person_{k}_x"] * world.size_m[0], 2)
+        y_m = round(values[f"person_{k}_y"] * world.size_m[1], 2)
+        c, s = cos_sin(2.0 * pi * values[f"person_{k}_course"])
+        far_m = values[f"person_{k}_far_m"]
+        end = round(x_m + far_m * c, 2), round(y_m + far_m * s, 2)
+        person = Circle(
+            x_m=x_m,
+            y_m=y_m,
+            radius_m=PERSON_M,
+            path_m=((x_m, y_m), end),
+            speed_m_s=round(values[f"person_{k}_speed_m_s"], 2),
+        )
+        if clearance_m((world.start.x_m, world.start.y_m), person) > 1.0:
+            found.append(person)
+    return tuple(found)
+
+
+def faults_of(values: Mapping[str, float]) -> tuple[Settings, ...]:
+    """Return the fault of one sonar, if any."""
+    number = round(values.get("fault", 0.0))
+    if number == 0:
+        return ()
+    kind, share = FAULTS[number - 1], values["fault_value"]
+    fault: dict[str, float | str] = {
+        "kind": kind,
+        "target": str(round(values["fault_sonar"])),
+        "start_s": round(values["fault_start_s"], 1),
+    }
+    if kind == "sonar_dropout":
+        fault["value"] = round(share, 2)
+    elif kind == "sonar_offset":
+        fault["value"] = round(0.1 * share - 0.05, 3)
+    return (fault,)

@@ -1,0 +1,55 @@
+"""Searches, evaluations and findings for the tests of the falsifier."""
+
+from functools import cache
+
+from plant.corpus import generate
+from study.falsify.climb import SearchSettings, Violation, climb
+from study.falsify.evaluate import Subject
+from study.falsify.properties import Evaluation
+from study.falsify.space import Candidate
+from tests.unit.study.falsify.outcomes import STUCK
+
+SCENES = ("symmetric_trap", "three_walls", "wedge")
+
+
+def search_of(navigator: str, properties: str = "abc", seed: int = 1) -> SearchSettings:
+    """Return a search in scenes of few walls, without noise."""
+    subject = Subject(navigator=navigator, side="left", noise="none", detour=20.0)
+    return SearchSettings(subject=subject, properties=properties, families=SCENES, seed=seed)
+
+
+def first_violation(settings: SearchSettings, most_trials: int) -> Violation:
+    """Return the first violation of a search within a number of trials."""
+    number = trials = 0
+    while trials < most_trials:
+        one = climb(settings, number)
+        if one.violations:
+            return one.violations[0]
+        number, trials = number + 1, trials + one.trials
+    raise AssertionError(f"no violation in {trials} trials")
+
+
+@cache
+def evaluation_of(kind: str) -> Evaluation:
+    """Return an evaluation of a drive that ended blocked, under any kind."""
+    return Evaluation(
+        world=generate("wedge", 0, 1),
+        seed=3,
+        kind=kind,
+        violated="a",
+        scores={},
+        outcome=STUCK,
+        goal_reason=60,
+        avoidances=2,
+        side_changes=1,
+        mahalanobis2=0.5,
+        nearest_goal_m=1.25,
+        contact_branch=0,
+        moved_late_m=0.0,
+    )
+
+
+def violation_of(letter: str, kind: str) -> Violation:
+    """Return a violation in a wedge."""
+    candidate = Candidate("wedge", {"seed": 3.0})
+    return Violation(letter=letter, candidate=candidate, evaluation=evaluation_of(kind))

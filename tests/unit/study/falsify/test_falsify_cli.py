@@ -1,0 +1,110 @@
+"""The verb `sidestep falsify`: its options, its errors, and its end."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import UserError
+from study.cli.falsify import PROPERTIES, files_of, main, parser
+from study.falsify.directory import ClassRecord
+from study.falsify.finding import finding_of, read
+from study.falsify.properties import LETTERS
+from study.falsify.search import Search
+from tests.unit.study.falsify.examples import first_violation, search_of
+
+
+@pytest.fixture(name="no_climbs")
+def _no_climbs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let a search end at once with one class of failure."""
+
+    def run(search: Search, *_: object) -> Iterator[None]:
+        search.started_s = search.monotonic_s()
+        search.progress.trials = 7
+        search.progress.classes["a-wedge-blocked"] = ClassRecord(0, 2, 3, "It stops.")
+        yield
+
+    monkeypatch.setattr(Search, "run", run)
+
+
+def run(tmp_path: Path, *words: str) -> int:
+    return main(["vgm", "--jobs", "1", "--output", str(tmp_path / "out"), *words])
+
+
+def test_letters_of_the_verb_are_those_of_the_properties() -> None:
+    assert PROPERTIES == LETTERS
+    assert parser().parse_args(["vgm", "--properties", "ca"]).properties == "ac"
+
+
+@pytest.mark.parametrize("words", [["--properties", "x"], ["--detour", "1"], ["--vary", "x"]])
+def test_wrong_option_exits_with_2(words: list[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["vgm", *words])
+    assert end.value.code == 2
+
+
+def test_unknown_navigator_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"^no such navigator: 'vmg'; did you mean 'vgm'\?"):
+        main(["vmg", "--output", str(tmp_path / "out")])
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with pytest.raises(UserError, match="--output"):
+        run(tmp_path)
+
+
+@pytest.mark.usefixtures("no_climbs")
+def test_findings_end_with_exit_code_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(tmp_path) == 1
+    shown = capsys.readouterr().out
+    assert shown == (
+        "a-wedge-blocked: seen 2, 3 walls: It stops.\n"
+        f"classes of failure: 1 in 7 trials, in {tmp_path / 'out'}\n"
+    )
+
+
+@pytest.mark.usefixtures("no_climbs")
+def test_json_has_one_entry_for_each_class(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(tmp_path, "--json")
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["verb"] == "falsify"
+    assert printed["classes"] == {
+        "a-wedge-blocked": {"seen": 2, "walls": 3, "sentence": "It stops."}
+    }
+
+
+def test_interrupted_search_keeps_its_progress(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(search: Search, *_: object) -> Iterator[None]:
+        search.started_s = search.monotonic_s()
+        search.progress.trials = 11
+        yield
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Search, "run", interrupted)
+    assert run(tmp_path) == 130
+    assert "To continue, give the same command again" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "progress.json").read_text())["trials"] == 11
+
+
+def test_replay_tells_violations_from_repaired_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = search_of("vgm", "a", seed=3)
+    violation = first_violation(settings, 12)
+    file = tmp_path / "one.toml"
+    file.write_text(finding_of(settings.subject, "a", violation.evaluation, 400.0, "one").text())
+    assert main(["vgm", "--replay", str(tmp_path)]) == 1
+    assert capsys.readouterr().out == f"violates a {file}: {violation.evaluation.kind}\n"
+    assert read(file).replay().kind == violation.evaluation.kind
+
+
+def test_replay_of_an_empty_directory_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"no \.toml file"):
+        files_of([tmp_path])
