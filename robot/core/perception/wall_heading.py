@@ -37,6 +37,7 @@ walk of variance g on it makes their covariance smaller by LATE g, its variance 
 covariance with the position by ASIDE g times the way."""
 BELIEF: Final = 0.8  # minimum probability that a wall belongs to the reference
 WALL_RAD2: Final = 5e-5  # variance of the direction of one wall, 0.4 degrees squared
+NEARLY_RAD: Final = 0.17  # walls that differ by less show how parallel walls are
 KNOWN: Final = 3.0  # number of walls that this value counts as
 RECENT: Final = 30.0
 OUTLIER: Final = 25.0
@@ -170,10 +171,11 @@ def compare(
         off_rad = within_quarter(walls.wall_rad - wall_rad)
         if 0.0 < total_rad2 < LOST_RAD2:
             belief = probability(walls, off_rad * off_rad / total_rad2, total_rad2)
+        if repeats == 0 and -NEARLY_RAD < off_rad < NEARLY_RAD:
+            learn(walls, off_rad * off_rad - total_rad2 + walls.spread_rad2)
         if belief > BELIEF:
             if repeats == 0:
                 walls.agreed += 1.0
-                learn(walls, off_rad * off_rad - total_rad2 + walls.spread_rad2)
             if walls.differed <= walls.agreed + 1.0:
                 correct(walls, odometry, slip, cx, cy, ch, off_rad, total_rad2, belief)
             return
