@@ -52,10 +52,14 @@ class WallHeading:
     the walls after the first; `agreed` is negative without a reference. `support` counts the last
     walls that differ from the reference and agree with each other; the last of them is `other_rad`,
     at the heading's variance `other_phh`. `spread_rad2` is the variance of a wall's direction.
+    `angle_rad` and `variance_rad2` are the direction of the stretch `complete`, 0 before it is
+    measured.
     """
 
     __slots__ = (
         "agreed",
+        "angle_rad",
+        "complete",
         "differed",
         "left",
         "other_phh",
@@ -67,6 +71,7 @@ class WallHeading:
         "right",
         "spread_rad2",
         "support",
+        "variance_rad2",
         "wall_rad",
     )
 
@@ -74,6 +79,8 @@ class WallHeading:
         self.right, self.left = Stretch(-1), Stretch(1)
         self.wall_rad = self.pxw = self.pyw = self.phw = self.pww = self.differed = 0.0
         self.other_rad = self.other_phh = self.support = 0.0
+        self.complete: Stretch | None = None
+        self.angle_rad = self.variance_rad2 = 0.0
         self.agreed = -1.0
         self.spread_rad2 = WALL_RAD2
 
@@ -96,11 +103,15 @@ def watch(walls: WallHeading, odometry: Odometry, ring: Ring, slip: Slip, params
     right, left, radius_m = walls.right, walls.left, params.radius_m
     right.growth_rad2 += growth_rad2
     left.growth_rad2 += growth_rad2
+    stretch = walls.complete
+    if stretch is not None:
+        proceed(walls, stretch, odometry, slip)
+        return
     range_m = ring.range_m
     if see(walls, right, range_m[0], odometry, radius_m):
-        end(walls, right, odometry, slip)
-    elif see(walls, left, range_m[7], odometry, radius_m):
-        end(walls, left, odometry, slip)
+        walls.complete = right
+    if see(walls, left, range_m[7], odometry, radius_m):
+        walls.complete = left
 
 
 def see(
@@ -115,17 +126,22 @@ def see(
     return stretches.add(stretch, odometry, range_m, radius_m)
 
 
-def end(walls: WallHeading, stretch: Stretch, odometry: Odometry, slip: Slip) -> None:
-    """Use a complete stretch, unless the wheels slip, and begin new ones at both flanks.
+def proceed(walls: WallHeading, stretch: Stretch, odometry: Odometry, slip: Slip) -> None:
+    """Measure a complete stretch; one tick later use it and begin new ones at both flanks.
 
-    A correction changes the pose, so that echoes before and after it do not fit together.
+    Both in one tick would take too long on the MCU. A correction changes the pose, so that echoes
+    before and after it do not fit together. Nothing is corrected while the wheels slip.
     """
-    found = stretches.direction(stretch, odometry)
     repeats = 0
-    if found is not None and slip.share == 0.0:
-        angle_rad, variance_rad2 = found
-        compare(walls, stretch, stretch.heading_rad + angle_rad, variance_rad2, odometry, slip)
+    if walls.variance_rad2 == 0.0:
+        found = stretches.direction(stretch, odometry)
+        if found is not None and slip.share == 0.0:
+            walls.angle_rad, walls.variance_rad2 = found
+            return
+    else:
+        compare(walls, stretch, odometry, slip)
         repeats = stretch.repeats + 1
+    walls.complete, walls.variance_rad2 = None, 0.0
     for other in (walls.right, walls.left):
         if other.strikes < STRIKES:
             begin(walls, other, odometry, repeats if other is stretch else other.repeats)
@@ -149,15 +165,9 @@ def within_quarter(angle_rad: float) -> float:
     return angle_rad - QUARTER_RAD if angle_rad > 0.5 * QUARTER_RAD else angle_rad
 
 
-def compare(
-    walls: WallHeading,
-    stretch: Stretch,
-    wall_rad: float,
-    variance_rad2: float,
-    odometry: Odometry,
-    slip: Slip,
-) -> None:
+def compare(walls: WallHeading, stretch: Stretch, odometry: Odometry, slip: Slip) -> None:
     """Compare the direction of a wall with the reference, and correct or replace that."""
+    wall_rad, variance_rad2 = stretch.heading_rad + walls.angle_rad, walls.variance_rad2
     growth_rad2, repeats = stretch.growth_rad2, stretch.repeats
     x_m, y_m, _ = odometry.pose
     cx = odometry.pxh + ASIDE * growth_rad2 * (y_m - stretch.y_m)
