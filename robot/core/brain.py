@@ -10,7 +10,7 @@ from robot.core.geometry import wrap
 from robot.core.motion import trail as trails
 from robot.core.motion.controller import HALT, limited, ramp
 from robot.core.parameters import Params
-from robot.core.perception import closing_speed, frozen_sonar
+from robot.core.perception import closing_speed, frozen_sonar, wall_heading
 from robot.core.perception import odometry as odometries
 from robot.core.perception import slip as slips
 from robot.core.perception import sonar_ring as rings
@@ -65,6 +65,7 @@ def sense(state: State, inputs: Inputs, params: Params) -> None:
         state.bumper = wheels.bumper
         slips.watch(state.slip, odometry, state.ring, params)
         stalls.watch(state.stall, odometry, now_ms, params)
+        wall_heading.watch(state.walls, odometry, state.ring, state.slip, params)
     age_ms = inputs.operator_age_ms
     machine.operator = age_ms is not None and age_ms <= params.op_lost_ms
     machine.senses = wheels is not None and scan is not None

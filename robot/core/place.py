@@ -10,6 +10,7 @@ from robot.core.geometry import wrap
 from robot.core.motion.trail import Trail
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.pedestrians import Pedestrians
+from robot.core.perception.wall_heading import WallHeading
 from robot.core.state import State
 from robot.core.values import SONARS, Pose, Wheels
 
@@ -23,7 +24,8 @@ def set_pose(state: State, pose: Pose) -> int:
     """Move the estimate to a pose that an operator has given; return a reason, 0 if done.
 
     A NaN heading keeps the present one, which a robot without a place does not have. The trail
-    begins anew, because its points belong to the old estimate; so do the tracks of pedestrians.
+    begins anew, because its points belong to the old estimate; so do the tracks of pedestrians and
+    the directions of walls.
     """
     machine, odometry = state.machine, state.odometry
     if machine.vehicle == states.BOOT:
@@ -44,6 +46,7 @@ def set_pose(state: State, pose: Pose) -> int:
     odometry.phh = odometry.grain_rad2
     odometry.bend_x_m = odometry.bend_y_m = 0.0
     state.trail = Trail()
+    state.walls = WallHeading()
     state.ring.pedestrians = Pedestrians()
     state.ring.approach_m_s = [0.0] * SONARS
     machine.placed = True

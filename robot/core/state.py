@@ -13,6 +13,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
 from robot.core.perception.sonar_ring import Ring
 from robot.core.perception.stall import Stall
+from robot.core.perception.wall_heading import WallHeading
 from robot.core.values import Decision, Twist
 
 
@@ -46,6 +47,7 @@ class State:
         "stall",
         "trail",
         "twist",
+        "walls",
     )
 
     def __init__(self, params: Params) -> None:
@@ -58,6 +60,7 @@ class State:
         self.progress = ProgressMonitor()
         self.slip = Slip()
         self.stall = Stall()
+        self.walls = WallHeading()
         self.twist = Twist(0.0, 0.0)
         self.manual: Twist | None = None
         self.decision: Decision | None = None
