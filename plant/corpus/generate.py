@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import radians
 from typing import Final, TypeAlias
 
-from plant.corpus import buildings, crowds, forests, shapes, shut, traps
+from plant.corpus import buildings, crowds, forests, shapes, shut, thin, traps
 from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES, adversarial_world
 from plant.corpus.draft import Draft, Family, standing_room
 from plant.corpus.grids import CELL_M, MAPS
@@ -43,6 +43,7 @@ _DRAWN: Final[Mapping[str, Family]] = {
     "door": traps.door,
     "office": buildings.office,
     "maze": buildings.maze,
+    "thin": thin.thin,
     "forest_sparse": forests.sparse,
     "forest_medium": forests.medium,
     "forest_dense": forests.dense,

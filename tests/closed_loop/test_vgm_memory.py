@@ -16,9 +16,9 @@ from study.trial.trial import Trial, run_trial
 
 FIXED = sorted((Path(__file__).parents[2] / "plant" / "corpus" / "fixed").glob("*.toml"))
 SHIPPED = ("u_trap", "zigzag", "corridor", "corner", "forest_dense", "door")
-MOST_SIDE_CHANGES = 4
+MOST_SIDE_CHANGES = 5
 # Walls from alternate sides demand a change each (zigzag: three), so these may have twice as many.
-WINDING = ("zigzag", "maze")
+WINDING = ("zigzag", "maze", "thin")
 MOST_CPU_S = 25.0
 LONG_S = 1200.0
 

@@ -1,6 +1,6 @@
 """Limits of speed, heading and free distance from the sonar ranges."""
 
-from math import pi
+from math import inf, pi
 from typing import Final
 
 from robot.core.geometry import BEARINGS, HALF_CONE
@@ -13,6 +13,12 @@ from runtime.elementary import cos, cos_sin
 # the others to the flanks. "Default" refers to the default parameters.
 CLOSE_M: Final = 0.30
 """Farther echoes do not limit the speed; beyond 0.23 m the default 0.3 m/s is not reduced."""
+HOLD_M: Final = 0.10
+RISE_M: Final = 0.005
+"""A range below HOLD_M grows by at most RISE_M in a tick.
+
+The end of a thin wall is seen by few pings, and does not vanish in between.
+"""
 STOP_M: Final = 0.004
 """With an echo ahead at most this far above the guard's stop range, the robot only turns.
 
@@ -59,6 +65,13 @@ The turn is proportional; an echo on the other side compensates it.
 FRONT_M: Final = 0.05
 """An echo ahead nearer than this counts as nearer by this much, so it outweighs any flank."""
 
+WEAVE_RAD: Final = 10.0 * pi / 180.0
+WEAVE_M: Final = 0.45
+WEAVE_FROM_M: Final = 0.6
+"""With no echo ahead and the goal not nearer than WEAVE_FROM_M, the heading is WEAVE_RAD left of
+the goal, and then right of it, for WEAVE_M each. It costs less than 1 % of the way.
+"""
+
 # Free distance towards the goal.
 BESIDE: Final = 0.5 * pi
 """Radians from the heading to the outer edge of the outermost cones."""
@@ -70,16 +83,44 @@ INNER: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) for b in BEARINGS])
 """Share of the speed with which the robot approaches an echo at the inner edge of a cone."""
 
 
-def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
+class Held:
+    """The ranges of the sonars, of which near ones are held; inf if there is none."""
+
+    __slots__ = ("nearest_m", "range_m")
+
+    def __init__(self) -> None:
+        self.range_m = [inf] * SONARS
+        self.nearest_m = inf
+
+
+def hold(held: Held, ring: Ring) -> None:
+    """Update the held ranges with those of a ring."""
+    least_m, ranges_m, held_m = inf, ring.range_m, held.range_m
+    for i in EVERY:
+        range_m, here_m = ranges_m[i], held_m[i]
+        if here_m >= HOLD_M:
+            here_m = inf
+        else:
+            here_m += RISE_M
+        if range_m is not None and range_m < here_m:
+            here_m = range_m
+        held_m[i] = here_m
+        if here_m < least_m:
+            least_m = here_m
+    held.nearest_m = least_m
+
+
+def speed(held: Held, free_mm: int, error_rad: float, params: Params) -> float:
     """Return the speed limit: lower near an echo, and while the heading error is large."""
     most_m_s = params.v_max_m_s
-    if ring.nearest_m < CLOSE_M:
-        stop_m, ranges_m = params.guard_stop_m + STOP_M, ring.range_m
-        if ring.nearest_m < NARROW_M and is_narrow(ring):
+    if held.nearest_m < CLOSE_M:
+        held_m = held.range_m
+        stop_m = params.guard_stop_m + STOP_M
+        if held.nearest_m < NARROW_M and is_narrow(held_m):
             return 0.0
         for i in EVERY:
-            range_m = ranges_m[i]
-            if range_m is None or range_m >= CLOSE_M:
+            range_m = held_m[i]
+            if range_m >= CLOSE_M:
                 continue
             if 1 < i < 6:
                 if range_m <= stop_m:
@@ -105,33 +146,38 @@ def speed(ring: Ring, free_mm: int, error_rad: float, params: Params) -> float:
     return most_m_s
 
 
-def is_narrow(ring: Ring) -> bool:
+def is_narrow(held_m: "list[float]") -> bool:
     """Return whether the echoes at both flanks leave too little room to pass safely."""
-    ranges_m = ring.range_m
-    right_m, left_m = ranges_m[0], ranges_m[7]
-    if ranges_m[1] is not None and (right_m is None or ranges_m[1] < right_m):
-        right_m = ranges_m[1]
-    if ranges_m[6] is not None and (left_m is None or ranges_m[6] < left_m):
-        left_m = ranges_m[6]
-    return right_m is not None and left_m is not None and right_m + left_m < NARROW_M
+    return min(held_m[0], held_m[1]) + min(held_m[6], held_m[7]) < NARROW_M
 
 
-def keep_off(ring: Ring) -> float:
+def keep_off(held: Held) -> float:
     """Return the heading bias in radians away from a flank that is too near."""
-    if ring.nearest_m >= FLANK_M:
+    if held.nearest_m >= FLANK_M:
         return 0.0
+    held_m = held.range_m
     left_m = right_m = FLANK_M
     for i in EVERY:
-        range_m = ring.range_m[i]
-        if range_m is not None:
-            if 1 < i < 6 and range_m < FRONT_M:
-                # Until the obstacle is beside the robot, the guard stops forward motion.
-                range_m = range_m - FRONT_M
-            if i < SONARS // 2:
-                right_m = min(right_m, range_m)
-            else:
-                left_m = min(left_m, range_m)
+        range_m = held_m[i]
+        if 1 < i < 6 and range_m < FRONT_M:
+            # Until the obstacle is beside the robot, the guard stops forward motion.
+            range_m = range_m - FRONT_M
+        if i < SONARS // 2:
+            right_m = min(right_m, range_m)
+        else:
+            left_m = min(left_m, range_m)
     return FLANK_RAD * (left_m - right_m) / FLANK_M
+
+
+def weave(ring: Ring, distance_m: float) -> float:
+    """Return the heading bias in radians to either side of the way to the goal.
+
+    It is 0 near the goal, and unless both sonars ahead are without an echo: then a corner may point
+    at the robot, which is seen only from a little aside.
+    """
+    if distance_m < WEAVE_FROM_M or ring.range_m[3] != inf or ring.range_m[4] != inf:
+        return 0.0
+    return WEAVE_RAD if int(distance_m / WEAVE_M) & 1 else -WEAVE_RAD
 
 
 def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> float:

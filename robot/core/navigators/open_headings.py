@@ -13,7 +13,9 @@ from robot.core.perception.echo_decay import looks_at
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
+    FIRM_MM,
     HALF_CIRCLE,
+    MOST_WEIGHT,
     NOTHING,
     QUARTER,
     SURE,
@@ -32,6 +34,8 @@ FEW: Final = NEAR // SLICES
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
+CLEAR_MM: Final = 8
+"""Distance kept from a firm point that the robot would pass, or graze, without a margin."""
 SQUEEZE_MM: Final = -10
 FREE_MM: Final = 1000
 WARY_MM: Final = 60
@@ -126,7 +130,7 @@ def gather(
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
     most_body_mm = radius_mm - ease_mm
-    slim_mm = most_body_mm + SQUEEZE_MM
+    slim_mm, clear_mm = most_body_mm + SQUEEZE_MM, radius_mm + CLEAR_MM
     for k in range(echoes.count):
         dx_mm = xs[k] - x_mm
         if dx_mm >= reach_mm or dx_mm <= least_mm:
@@ -142,7 +146,7 @@ def gather(
         bearing = UNKNOWN
         if square < most_mm2 and along_mm >= 0:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
-            if square < through_mm2[looks_at(bearing - heading)] and weight[k]:
+            if 0 < weight[k] <= MOST_WEIGHT and square < through_mm2[looks_at(bearing - heading)]:
                 weight[k] -= 1
         body_mm = most_body_mm - (DOUBT * spread_mm[k] >> 2)
         closes_mm = body_mm + CLOSES_MM
@@ -150,9 +154,9 @@ def gather(
         if sure and square < closes_mm * closes_mm:
             keep(sectors, k, dx_mm, dy_mm, square, body_mm, bearing)
         if along_mm > 0:
-            aside_mm = dy_mm * cosine - dx_mm * sine >> 10
-            if aside_mm < slim_mm and -slim_mm < aside_mm:
-                see_ahead(sectors, along_mm, aside_mm, slim_mm, sure)
+            aside_mm = abs(dy_mm * cosine - dx_mm * sine >> 10)
+            if aside_mm < clear_mm:
+                see_ahead(sectors, along_mm, aside_mm, slim_mm, clear_mm, sure, spread_mm[k])
 
 
 def keep(
@@ -170,8 +174,26 @@ def keep(
     sectors.bearing[n], sectors.wide[n], sectors.tight[n] = bearing, dx_mm, dy_mm
 
 
-def see_ahead(sectors: Sectors, along_mm: int, aside_mm: int, body_mm: int, sure: bool) -> None:
-    """Update the free distance with the distance at which the robot's disc meets a point."""
+def see_ahead(
+    sectors: Sectors,
+    along_mm: int,
+    aside_mm: int,
+    slim_mm: int,
+    clear_mm: int,
+    sure: bool,
+    spread_mm: int,
+) -> None:
+    """Update the free distance with the distance at which the robot must stop before a point.
+
+    It stops TIGHT_MM before a point ahead, and CLEAR_MM before a firm one farther aside than half
+    its slim width. A point that does not count only slows it down.
+    """
+    if aside_mm < slim_mm:
+        body_mm = clear_mm - CLEAR_MM + TIGHT_MM if sure else slim_mm
+    elif sure and spread_mm <= FIRM_MM:
+        body_mm = clear_mm
+    else:
+        return
     free_mm = along_mm - int(sqrt(body_mm * body_mm - aside_mm * aside_mm))
     if not sure and free_mm < WARY_MM:
         free_mm = WARY_MM

@@ -10,6 +10,7 @@ from math import inf
 from typing import Final
 
 from robot.core import states
+from robot.core.motion.pace import Held
 from robot.core.navigators import open_headings
 from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.memory import chain as chains
@@ -86,6 +87,7 @@ class Memory:
         "goal_x_m",
         "goal_y_m",
         "heading",
+        "held",
         "hit_m",
         "islands",
         "left_m",
@@ -118,6 +120,7 @@ class Memory:
         self.before: Pose | None = None
         self.phase = 0
         self.heading = self.rotation = 0
+        self.held = Held()
         self.anchor_x_mm = self.anchor_y_mm = 0
         self.left_x_cm = self.left_y_cm = 0
         self.aside = self.aside_ticks = 0

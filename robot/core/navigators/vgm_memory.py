@@ -40,7 +40,7 @@ LATCH: Final = 7  # choices for which the side of a small detour is kept
 MAX_STILL: Final = 20  # choices, three seconds, within STILL_MM of one place
 STILL_MM: Final = 20
 BLOCK_MM: Final = 20  # distance of the stored point from the rim
-BLOCK_WEIGHT: Final = 40  # looks through the point until it is dropped, six seconds
+BLOCK_WEIGHT: Final = 20  # looks through the point until it is dropped, six seconds
 FARTHEST: Final = 1e5  # metres or radians: larger values overflow millimetres or brads
 
 
@@ -61,12 +61,11 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     memory.phase = (memory.phase + 1) % PHASES
     if memory.following:
         vgm_following.watch_boundary(memory, pose, ring, radius_mm)
-    if memory.phase == RECORD:
-        echo_memory.record(memory.echoes, memory.before or pose, pose, ring, radius_mm)
-    elif memory.phase == MEASURE:
+    observe(memory, pose, ring, radius_mm)
+    if memory.phase == MEASURE:
         echo_decay.update_through(memory.echoes, ring, radius_mm)
         open_headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
-    else:
+    elif memory.phase != RECORD:
         memory.heading = to_goal
         if memory.flank_walker.ticks > 0:
             give_way(memory)
@@ -81,6 +80,15 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
+
+
+def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Record the echoes in the phase for it, and in the others the nearest one."""
+    before = memory.before or pose
+    if memory.phase == RECORD:
+        echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
+    else:
+        echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:
@@ -224,6 +232,18 @@ def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params
     return True
 
 
+def branch_of(memory: Memory) -> int:
+    """Return the branch of the decision."""
+    if memory.given_up:
+        return states.GIVE_UP
+    if memory.lost:
+        return states.LOST
+    if not memory.following and memory.rotation == 0:
+        return states.TO_GOAL
+    side = memory.side if memory.following else memory.aside
+    return states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT
+
+
 def decision(
     memory: Memory,
     pose: Pose,
@@ -237,20 +257,15 @@ def decision(
     alpha_rad = wrap(goal_rad - pose.heading_rad)
     rotation = memory.rotation
     gamma_rad = 0.0 if rotation == 0 else wrap(rotation / BRADS)
-    branch: int = states.TO_GOAL
-    if memory.given_up:
-        branch = states.GIVE_UP
-    elif memory.lost:
-        branch = states.LOST
-    elif memory.following:
-        branch = states.PASS_LEFT if memory.side == states.LEFT else states.PASS_RIGHT
-    elif rotation != 0:
-        branch = states.PASS_LEFT if memory.aside == states.LEFT else states.PASS_RIGHT
-    off_rad = pace.keep_off(ring)
+    branch = branch_of(memory)
+    if branch == states.TO_GOAL:
+        gamma_rad = pace.weave(ring, sqrt(dx_m * dx_m + dy_m * dy_m))
+    pace.hold(memory.held, ring)
+    off_rad = pace.keep_off(memory.held)
     if off_rad != 0.0:
         gamma_rad = wrap(gamma_rad + off_rad)
     error_rad = wrap(alpha_rad + gamma_rad)
-    speed_m_s = pace.speed(ring, memory.sectors.free_mm, error_rad, params)
+    speed_m_s = pace.speed(memory.held, memory.sectors.free_mm, error_rad, params)
     if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
         speed_m_s = 0.0
     cosine, sine = cos_sin(gamma_rad)

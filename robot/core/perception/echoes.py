@@ -2,8 +2,8 @@
 
 A cone gives the distance of the nearest surface, not its bearing. So a point has a `spread_mm`, by
 which the surface may be aside of it; a later echo at a shorter range reduces that. A point counts
-once a second echo has confirmed it. It is dropped when longer echoes pass through it, when it is
-not confirmed for long, or when it is far away.
+once a second echo has confirmed it, or at once if its echo was near. It is dropped when longer
+echoes pass through it, when it is not confirmed for long, or when it is far away.
 
 Millimetres and brads (4096 to the circle) as integers cost a third of floats on the MCU.
 """
@@ -20,6 +20,14 @@ POINTS: Final = 64
 SURE: Final = 2
 """Minimum weight of a point that counts."""
 MOST_WEIGHT: Final = 4
+FIRM_MM: Final = 16
+FIRM_STEP: Final = 4
+FIRM_WEIGHT: Final = 16
+"""A point with a spread of at most FIRM_MM is firm: it counts at once and outlasts longer echoes.
+
+The end of a thin wall returns few echoes, and longer ones pass it on both sides. So each echo adds
+FIRM_STEP to the weight, up to FIRM_WEIGHT.
+"""
 NOTHING: Final = -1
 
 CIRCLE: Final = 4096
@@ -30,6 +38,8 @@ CONE: Final = 256  # brads, 22.5 degrees
 
 REACH_M: Final = 0.75
 """Echoes from farther away are not stored."""
+NEAR_M: Final = 0.25
+"""Of every ring the nearest echo is stored, if it is nearer than this."""
 SAME_MM: Final = 35
 ASIDE: Final = 240  # 1024 times the tangent of half a cone and two degrees
 SPREAD: Final = 10  # half the tangent of half a cone, in hundredths
@@ -93,21 +103,34 @@ def record(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int)
 
     The odd sonars were pinged now, the even ones halfway from the pose `before`, one tick ago.
     """
-    if ring.nearest_m >= REACH_M:
-        return
-    record_group(echoes, 1, pose, ring, radius_mm)
+    if ring.nearest_m < REACH_M:
+        record_group(echoes, 1, SONARS, pose, ring, radius_mm)
+        record_group(echoes, 0, SONARS, halfway(before, pose), ring, radius_mm)
+
+
+def record_nearest(echoes: Echoes, before: Pose, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Store only the nearest echo of a ring, if it is near; it costs an eighth."""
+    i = ring.nearest
+    if ring.nearest_m < NEAR_M:
+        pinged = pose if i % 2 else halfway(before, pose)
+        record_group(echoes, i, i + 1, pinged, ring, radius_mm)
+
+
+def halfway(before: Pose, pose: Pose) -> Pose:
+    """Return the pose halfway between two."""
     turned_rad = (pose.heading_rad - before.heading_rad + pi) % (2.0 * pi) - pi
     x_m, y_m = 0.5 * (pose.x_m + before.x_m), 0.5 * (pose.y_m + before.y_m)
-    halfway = Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
-    record_group(echoes, 0, halfway, ring, radius_mm)
+    return Pose(x_m, y_m, pose.heading_rad - 0.5 * turned_rad)
 
 
-def record_group(echoes: Echoes, first: int, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Store the echoes of every second sonar, pinged at this pose."""
+def record_group(
+    echoes: Echoes, first: int, end: int, pose: Pose, ring: Ring, radius_mm: int
+) -> None:
+    """Store the echoes of every second sonar of a range, pinged at this pose."""
     x_m, y_m, heading_rad = pose
     cosine, sine = whole_cos_sin(heading_rad)
     x_mm, y_mm = int(1000.0 * x_m), int(1000.0 * y_m)
-    for i in range(first, SONARS, 2):
+    for i in range(first, end, 2):
         range_m = ring.range_m[i]
         if range_m is None or range_m >= REACH_M:
             echoes.last[i] = NOTHING
@@ -163,18 +186,35 @@ def take(
         found = vacant(echoes, x_mm, y_mm)
         echoes.x_mm[found] = x_mm + (away_mm * along_x >> 10)
         echoes.y_mm[found] = y_mm + (away_mm * along_y >> 10)
-        echoes.weight[found] = 1
+        echoes.weight[found] = FIRM_STEP if spread_mm <= FIRM_MM else 1
         echoes.spread_mm[found] = spread_mm
     else:
-        if echoes.weight[found] < MOST_WEIGHT:
-            echoes.weight[found] += 1
+        confirm(echoes, found)
         if 10 * spread_mm < 7 * echoes.spread_mm[found]:
-            dx_mm, dy_mm = echoes.x_mm[found] - x_mm, echoes.y_mm[found] - y_mm
-            now_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm)) or 1
-            echoes.x_mm[found] = x_mm + dx_mm * away_mm // now_mm
-            echoes.y_mm[found] = y_mm + dy_mm * away_mm // now_mm
+            correct(echoes, found, x_mm, y_mm, away_mm, 1)
             echoes.spread_mm[found] = spread_mm
+        elif spread_mm <= FIRM_MM:
+            correct(echoes, found, x_mm, y_mm, away_mm, 2)
     echoes.last[sonar] = found
+
+
+def correct(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, part: int) -> None:
+    """Move a point along the line of sight to the measured distance, or a part of the way."""
+    dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
+    now_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm)) or 1
+    echoes.x_mm[k] += dx_mm * (away_mm - now_mm) // (part * now_mm)
+    echoes.y_mm[k] += dy_mm * (away_mm - now_mm) // (part * now_mm)
+
+
+def confirm(echoes: Echoes, k: int) -> None:
+    """Add weight to a point; more to one whose place is known well."""
+    weight = echoes.weight[k]
+    if echoes.spread_mm[k] <= FIRM_MM:
+        if weight < FIRM_WEIGHT:
+            weight += FIRM_STEP
+            echoes.weight[k] = FIRM_WEIGHT if weight > FIRM_WEIGHT else weight
+    elif weight < MOST_WEIGHT:
+        echoes.weight[k] = weight + 1
 
 
 def find(

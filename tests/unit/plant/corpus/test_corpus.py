@@ -35,7 +35,7 @@ def ends(world: World) -> tuple[Point, Point]:
 
 
 def test_families_suffice_for_450_worlds() -> None:
-    assert len(FAMILIES) == len(set(FAMILIES)) == 18
+    assert len(FAMILIES) == len(set(FAMILIES)) == 19
     assert 25 * len(FAMILIES) >= 450
     assert not set(FAMILIES) & set(GRID_FAMILIES)
 

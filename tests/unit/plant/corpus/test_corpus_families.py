@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.corpus import GRID_FAMILIES, generate
+from plant.corpus import GRID_FAMILIES, buildings, generate
 from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
 from plant.corpus.draft import Frame
 from plant.corpus.forests import MIN_PASSAGE_M
 from plant.corpus.grids import MAPS
+from plant.corpus.thin import THICKNESSES_M, with_walls
 from plant.imports.cells import labelled
 from plant.imports.moving_ai import parse_map
 from plant.model.body import Body
@@ -91,6 +92,27 @@ def test_spiral_winds_and_leaves_room_for_the_robot() -> None:
         assert 4 <= len(legs_m) <= 9
         assert all(b > 0.99 * a for a, b in pairwise(legs_m))
         assert legs_m[0] - wall.thickness_m > 2.0 * Body().radius_m + 0.1
+
+
+def test_thin_worlds_have_walls_of_one_of_three_thicknesses() -> None:
+    seen = set()
+    for index in range(12):
+        thicknesses_m = {wall.thickness_m for wall in walls_of(generate("thin", index, 5))}
+        assert len(thicknesses_m) == 1
+        seen |= thicknesses_m
+    assert seen == set(THICKNESSES_M) == {0.002, 0.005, 0.010}
+
+
+def test_thin_walls_stand_where_those_of_the_draft_stand() -> None:
+    draft = buildings.office(Draws("thin"))
+    thin = with_walls(draft, 0.005)
+    assert thin.start == draft.start
+    for one, other in zip(draft.obstacles, thin.obstacles, strict=True):
+        if isinstance(one, Polyline) and isinstance(other, Polyline):
+            assert other.points_m == one.points_m
+            assert other.thickness_m == 0.005
+        else:
+            assert other == one
 
 
 @given(st.integers(1, 7), st.integers(1, 7), st.integers(0, 1000))

@@ -6,7 +6,18 @@ from hypothesis import strategies as st
 
 from robot.core.geometry import BEARINGS
 from robot.core.motion import pace
-from robot.core.motion.pace import BESIDE, CLOSE_M, FLANK_M, LOOK_M
+from robot.core.motion.pace import (
+    BESIDE,
+    CLOSE_M,
+    FLANK_M,
+    HOLD_M,
+    LOOK_M,
+    RISE_M,
+    WEAVE_FROM_M,
+    WEAVE_M,
+    WEAVE_RAD,
+    Held,
+)
 from robot.core.navigators.open_headings import FREE_MM
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
@@ -23,8 +34,19 @@ def only(sonar: int, range_m: float) -> Ring:
     return heard(ranges)
 
 
+def held(*rings: Ring) -> Held:
+    ranges = Held()
+    for one in rings:
+        pace.hold(ranges, one)
+    return ranges
+
+
 def speed(seen: Ring, free_mm: int = FREE_MM, error_rad: float = 0.0) -> float:
-    return pace.speed(seen, free_mm, error_rad, DEFAULTS)
+    return pace.speed(held(seen), free_mm, error_rad, DEFAULTS)
+
+
+def keep_off(seen: Ring) -> float:
+    return pace.keep_off(held(seen))
 
 
 some_range = st.one_of(st.none(), st.just(inf), st.floats(0.02, 3.3), st.floats(0.02, 0.3))
@@ -115,24 +137,53 @@ def test_additional_echo_never_increases_the_speed(
 @pytest.mark.parametrize("sonar", range(SONARS))
 def test_it_keeps_off_a_flank_that_is_too_near(sonar: int) -> None:
     towards_left = sonar >= SONARS // 2
-    away_rad = pace.keep_off(only(sonar, 0.5 * FLANK_M))
+    away_rad = keep_off(only(sonar, 0.5 * FLANK_M))
     assert (away_rad < 0.0) == towards_left
     assert away_rad != 0.0
-    assert abs(pace.keep_off(only(sonar, 0.25 * FLANK_M))) > abs(away_rad)
+    assert abs(keep_off(only(sonar, 0.25 * FLANK_M))) > abs(away_rad)
 
 
 def test_equal_or_far_flanks_do_not_bias_the_heading() -> None:
     both: Ranges = [inf] * SONARS
     both[0] = both[7] = 0.5 * FLANK_M
-    assert pace.keep_off(heard(both)) == 0.0
-    assert pace.keep_off(only(0, FLANK_M)) == 0.0
-    assert pace.keep_off(SILENT) == 0.0
+    assert keep_off(heard(both)) == 0.0
+    assert keep_off(only(0, FLANK_M)) == 0.0
+    assert keep_off(SILENT) == 0.0
 
 
 @given(rings)
 def test_it_keeps_off_the_other_way_in_the_mirror(seen: Ring) -> None:
-    assert pace.keep_off(mirrored(seen)) == -pace.keep_off(seen)
-    assert abs(pace.keep_off(seen)) < 0.5 * pi
+    assert keep_off(mirrored(seen)) == -keep_off(seen)
+    assert abs(keep_off(seen)) < 0.5 * pi
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_lost_near_echo_is_held_and_fades(sonar: int) -> None:
+    ranges = held(only(sonar, 0.05), SILENT)
+    assert ranges.range_m[sonar] == ranges.nearest_m == 0.05 + RISE_M
+    ticks = int((HOLD_M - 0.05) / RISE_M) + 2
+    assert held(only(sonar, 0.05), *[SILENT] * ticks).nearest_m == inf
+
+
+def test_far_echo_is_not_held_and_nearer_one_counts_at_once() -> None:
+    assert held(only(3, HOLD_M), SILENT).nearest_m == inf
+    assert held(only(3, 0.09), only(3, 0.04)).range_m[3] == 0.04
+
+
+def test_it_stays_slow_while_single_echoes_are_lost() -> None:
+    slow_m_s = pace.speed(held(only(5, 0.05)), FREE_MM, 0.0, DEFAULTS)
+    lost_m_s = pace.speed(held(only(5, 0.05), SILENT), FREE_MM, 0.0, DEFAULTS)
+    assert slow_m_s < lost_m_s < 0.5 * MOST_M_S
+
+
+def test_heading_weaves_to_both_sides_without_echo_ahead() -> None:
+    biases = {pace.weave(SILENT, WEAVE_FROM_M + 0.3 * WEAVE_M * k) for k in range(20)}
+    assert biases == {WEAVE_RAD, -WEAVE_RAD}
+
+
+def test_heading_does_not_weave_near_goal_or_with_echo_ahead() -> None:
+    assert pace.weave(SILENT, 0.99 * WEAVE_FROM_M) == 0.0
+    assert pace.weave(only(3, 2.9), 5.0) == pace.weave(only(4, 0.5), 5.0) == 0.0
 
 
 def free(seen: Ring, alpha_rad: float, distance_m: float = 10.0) -> float:

@@ -8,6 +8,7 @@ from robot.core.geometry import BEARINGS
 from robot.core.navigators import open_headings
 from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.open_headings import (
+    CLEAR_MM,
     FEW,
     FREE_MM,
     LOOK_MM,
@@ -24,6 +25,7 @@ from robot.core.perception.echo_decay import update_through
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
+    FIRM_MM,
     HALF_CIRCLE,
     MOST_WEIGHT,
     NOTHING,
@@ -137,15 +139,24 @@ def test_unconfirmed_point_closes_nothing_but_slows_down() -> None:
 
 
 @given(st.floats(-pi, pi), st.integers(RADIUS_MM + 5, 300), st.integers(-105, 105))
-def test_the_way_ahead_is_free_up_to_where_the_disc_touches(
+def test_the_way_ahead_is_free_up_to_a_small_distance(
     heading_rad: float, along_mm: int, aside_mm: int
 ) -> None:
     x_mm = along_mm * cos(heading_rad) - aside_mm * sin(heading_rad)
     y_mm = along_mm * sin(heading_rad) + aside_mm * cos(heading_rad)
     assume(hypot(x_mm, y_mm) < LOOK_MM + RADIUS_MM)
     sectors = measured(points((round(x_mm), round(y_mm))), Pose(0.0, 0.0, heading_rad))
-    touch_mm = along_mm - sqrt(SLIM_MM**2 - aside_mm**2)
-    assert sectors.free_mm == pytest.approx(touch_mm, abs=6)
+    stop_mm = along_mm - sqrt((RADIUS_MM + TIGHT_MM) ** 2 - aside_mm**2)
+    assert sectors.free_mm == pytest.approx(max(stop_mm, 0), abs=6)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_robot_keeps_clear_only_of_firm_points_aside(side: int) -> None:
+    aside_mm = side * (RADIUS_MM + CLEAR_MM - 3)
+    firm = measured(points((200, aside_mm), spread_mm=FIRM_MM))
+    assert 100 < firm.free_mm < 200
+    assert measured(points((200, aside_mm), spread_mm=FIRM_MM + 1)).free_mm == FREE_MM
+    assert measured(points((200, aside_mm), weight=1)).free_mm == FREE_MM
 
 
 def test_beside_and_behind_nothing_bounds_the_way_ahead() -> None:

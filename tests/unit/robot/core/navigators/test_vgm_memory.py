@@ -115,12 +115,18 @@ def test_at_the_same_place_the_other_side_is_tried_next(side: int) -> None:
     assert stand(memory, seen, 8).branch == branch_of(-side)
 
 
-@SIDES
-def test_one_echo_alone_turns_nothing(side: int) -> None:
-    memory = Memory()
-    seen = slanting(side)
-    assert stand(memory, seen, 2).branch == states.TO_GOAL
+def test_one_far_echo_alone_turns_nothing() -> None:
+    memory, seen = Memory(), ring({3: 200})
+    assert stand(memory, seen, 1).branch == states.TO_GOAL
     assert stand(memory, SILENT, 20).branch == states.TO_GOAL
+    assert stand(memory, seen, 8).branch in PASSING
+
+
+@SIDES
+def test_one_near_echo_alone_turns_the_robot_aside(side: int) -> None:
+    memory = Memory()
+    stand(memory, slanting(side), 1)
+    assert stand(memory, SILENT, 20).branch == branch_of(side)
 
 
 def alongside(best_m: float) -> Memory:

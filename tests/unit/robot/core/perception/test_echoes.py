@@ -13,8 +13,12 @@ from robot.core.perception.echoes import (
     CIRCLE,
     CONE,
     FEW,
+    FIRM_MM,
+    FIRM_STEP,
+    FIRM_WEIGHT,
     HALF_CIRCLE,
     MOST_WEIGHT,
+    NEAR_M,
     NOTHING,
     POINTS,
     REACH_M,
@@ -61,6 +65,50 @@ def test_an_echo_is_confirmed_by_a_second_and_counts() -> None:
     look(echoes, ring({3: 300}), 1)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
+
+
+def test_single_near_echo_counts_and_is_firm() -> None:
+    echoes = remembered(ring({3: 90}), 1)
+    assert echoes.spread_mm[0] <= FIRM_MM
+    assert echoes.weight[0] == FIRM_STEP >= SURE
+    look(echoes, ring({3: 90}), 10)
+    assert echoes.weight[0] == FIRM_WEIGHT
+
+
+def looks_until_erased(range_mm: int) -> int:
+    echoes = remembered(ring({3: range_mm}), 8)
+    for looks in range(1, 100):
+        look(echoes, ring({3: 2000}), 1)
+        if echoes.weight[0] < SURE or echoes.count == 0:
+            return looks
+    return 100
+
+
+def test_firm_point_outlasts_longer_echoes_three_times_as_long() -> None:
+    assert 3 * looks_until_erased(300) <= looks_until_erased(90) < 100
+
+
+def test_echo_of_another_pose_corrects_a_firm_point() -> None:
+    echoes = remembered(ring({3: 60}), 4)
+    before_mm = hypot(echoes.x_mm[0], echoes.y_mm[0])
+    look(echoes, ring({3: 80}), 1)
+    assert before_mm + 9 <= hypot(echoes.x_mm[0], echoes.y_mm[0]) <= before_mm + 11
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_of_a_near_ring_only_the_nearest_echo_is_stored(sonar: int) -> None:
+    echoes = Echoes()
+    seen = ring({**dict.fromkeys(range(SONARS), 240), sonar: 200})
+    memory.record_nearest(echoes, HERE, HERE, seen, RADIUS_MM)
+    assert echoes.count == 1
+    assert echoes.last == [0 if i == sonar else NOTHING for i in range(SONARS)]
+
+
+def test_of_a_far_ring_the_nearest_echo_is_not_stored() -> None:
+    echoes = Echoes()
+    memory.record_nearest(echoes, HERE, HERE, ring({3: int(1000 * NEAR_M) + 1}), RADIUS_MM)
+    memory.record_nearest(echoes, HERE, HERE, SILENT, RADIUS_MM)
+    assert echoes.count == 0
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
@@ -262,7 +310,7 @@ def test_any_echoes_keep_size_and_integers_of_the_memory(
         assert 0 <= echoes.count <= POINTS
         assert all(NOTHING <= k < POINTS for k in echoes.last)
         for k in range(echoes.count):
-            assert 0 < echoes.weight[k] <= MOST_WEIGHT
+            assert 0 < echoes.weight[k] <= FIRM_WEIGHT
             assert echoes.spread_mm[k] > 0
             assert isinstance(echoes.x_mm[k], int)
             assert isinstance(echoes.y_mm[k], int)
