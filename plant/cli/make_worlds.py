@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from plant.corpus import FAMILIES, GRID_FAMILIES, generate
+from plant.corpus import CROWD_FAMILIES, FAMILIES, GRID_FAMILIES, generate
 from plant.imports.anyone import CELL_M, TAKES, ImportOptions, import_worlds
 from plant.imports.barn import PITCH_M
 from plant.model.errors import Problem, WorldError
@@ -25,8 +25,9 @@ MAX_COORDINATE_M: Final = 1e6
 
 def add_generate(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `sidestep worlds generate`."""
-    families = (*FAMILIES, *GRID_FAMILIES)
-    helps = f"of {', '.join(families)}; all but the last {len(GRID_FAMILIES)} by default"
+    others = (*GRID_FAMILIES, *CROWD_FAMILIES)
+    families = (*FAMILIES, *others)
+    helps = f"of {', '.join(families)}; all but the last {len(others)} by default"
     parser.add_argument("--family", nargs="+", choices=families, metavar="F", help=helps)
     parser.add_argument(
         "--per-family",

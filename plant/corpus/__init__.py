@@ -1,5 +1,5 @@
 """Generated worlds: family, index and seed determine a world."""
 
-from plant.corpus.generate import FAMILIES, GRID_FAMILIES, corpus, generate
+from plant.corpus.generate import CROWD_FAMILIES, FAMILIES, GRID_FAMILIES, corpus, generate
 
-__all__ = ["FAMILIES", "GRID_FAMILIES", "corpus", "generate"]
+__all__ = ["CROWD_FAMILIES", "FAMILIES", "GRID_FAMILIES", "corpus", "generate"]

@@ -48,14 +48,19 @@ _DRAWN: Final[Mapping[str, Family]] = {
 FAMILIES: Final = tuple(_DRAWN)
 GRID_FAMILIES: Final = tuple(MAPS)
 """Maps in Moving AI's style, made by its importer; not part of the corpus itself."""
+_CROWDS: Final[Mapping[str, Family]] = {
+    "crowd": crowds.crowd,
+    "crowd_hasty": crowds.hasty_crowd,
+}
+CROWD_FAMILIES: Final = tuple(_CROWDS)
+"""Crowds in which not every contact can be avoided; the corpus has only avoidable ones."""
 
 
 def generate(family: str, index: int, seed: int) -> World:
     """Return a world by its number in a family; raise ValueError for an unknown family."""
-    if family not in (*FAMILIES, *GRID_FAMILIES):
-        raise ValueError(
-            f"no family {family!r}; there are {', '.join((*FAMILIES, *GRID_FAMILIES))}"
-        )
+    known = (*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES)
+    if family not in known:
+        raise ValueError(f"no family {family!r}; there are {', '.join(known)}")
     random, name = Draws(f"{family}/{seed}/{index}"), f"{family}_{seed}_{index:03d}"
     for _ in range(MAX_TRIES):
         make = _map_world if family in MAPS else _drawn_world
@@ -74,7 +79,7 @@ def corpus(per_family: int, seed: int) -> Iterator[World]:
 
 def _drawn_world(random: Draws, family: str, name: str, seed: int) -> World | None:
     """Return a world; None if the draft lacks the guaranteed property."""
-    draft = _DRAWN[family](random)
+    draft = (_CROWDS[family] if family in _CROWDS else _DRAWN[family])(random)
     if draft is None or not standing_room(draft):
         return None
     world = _world(random, draft, name)

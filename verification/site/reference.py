@@ -13,7 +13,7 @@ from unittest.mock import patch
 from ground.app.input.default_keys import KEYS, Layer
 from ground.client.results import answer_row
 from ground.missions.mission import Circle, Home, Waypoint
-from plant.corpus.generate import FAMILIES, GRID_FAMILIES
+from plant.corpus.generate import CROWD_FAMILIES, FAMILIES, GRID_FAMILIES
 from plant.model.body import Body
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
@@ -213,7 +213,7 @@ def noise_levels() -> str:
 
 def families() -> str:
     """Return the names of the families of generated worlds."""
-    return ", ".join(f"`{name}`" for name in (*FAMILIES, *GRID_FAMILIES)) + "."
+    return ", ".join(f"`{name}`" for name in (*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES)) + "."
 
 
 GENERATORS: Final[Mapping[str, Callable[[], str]]] = MappingProxyType(
