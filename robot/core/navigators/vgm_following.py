@@ -11,6 +11,7 @@ from robot.core import states
 from robot.core.navigators import open_headings
 from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.memory import loops
+from robot.core.navigators.memory.evasion import Evasion
 from robot.core.navigators.memory.loops import Loops
 from robot.core.navigators.open_headings import Sectors
 from robot.core.perception import echoes as echo_memory
@@ -66,6 +67,7 @@ class Memory:
         "doubtful",
         "ease_mm",
         "echoes",
+        "evasion",
         "failed_leaves",
         "flank_walker",
         "following",
@@ -96,6 +98,7 @@ class Memory:
         self.sectors = Sectors()
         self.loops = Loops()
         self.flank_walker = FlankWalker()
+        self.evasion = Evasion()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
         self.before: Pose | None = None
