@@ -1,10 +1,18 @@
 """Generated worlds: family, index and seed determine a world."""
 
 from plant.corpus.adversarial.families import ADVERSARIAL_FAMILIES
-from plant.corpus.generate import EVERY_FAMILY, FAMILIES, GRID_FAMILIES, corpus, generate
+from plant.corpus.generate import (
+    CROWD_FAMILIES,
+    EVERY_FAMILY,
+    FAMILIES,
+    GRID_FAMILIES,
+    corpus,
+    generate,
+)
 
 __all__ = [
     "ADVERSARIAL_FAMILIES",
+    "CROWD_FAMILIES",
     "EVERY_FAMILY",
     "FAMILIES",
     "GRID_FAMILIES",

@@ -1,7 +1,8 @@
-"""Pedestrians: discs of 0.2 m that walk back and forth across the path at 0.1 to 0.2 m/s.
+"""Pedestrians: discs of 0.2 m that walk back and forth across the path.
 
-They always leave a free path: no pedestrian comes nearer to the path of another, to static
-obstacles or to the outer walls than the robot needs between them. None comes near start or goal.
+No pedestrian comes nearer to static obstacles or to the outer walls than the robot needs between
+them, and none comes near start or goal. In `moving`, no pedestrian comes near the path of another
+either, so a free path is always left. In the other families the paths may cross.
 """
 
 from itertools import pairwise
@@ -19,20 +20,37 @@ ROOM_M: Final = 0.5
 """Room for the robot, 0.24 m wide, beside a pedestrian."""
 
 START_ROOM_M: Final = 0.6
-SLOWEST_M_S: Final = 0.1
-FASTEST_M_S: Final = 0.2
+SPEEDS_M_S: Final = (0.1, 0.2)
+CROWD_M_S: Final = (0.05, 0.2)
+HASTY_M_S: Final = (0.2, 0.4)
 MAX_TRIES: Final = 30
 
 
 def moving(random: Draws) -> Draft | None:
     """Draw two to four pedestrians across the path, and up to three static discs and boxes."""
+    return _people(random, 2, 4, SPEEDS_M_S, crossing=False)
+
+
+def crowd(random: Draws) -> Draft | None:
+    """Draw one to six pedestrians of 0.05 to 0.2 m/s, whose paths may cross."""
+    return _people(random, 1, 6, CROWD_M_S, crossing=True)
+
+
+def hasty_crowd(random: Draws) -> Draft | None:
+    """Draw one to six pedestrians of 0.2 to 0.4 m/s, up to a third faster than the robot."""
+    return _people(random, 1, 6, HASTY_M_S, crossing=True)
+
+
+def _people(
+    random: Draws, least: int, most: int, speeds_m_s: tuple[float, float], *, crossing: bool
+) -> Draft | None:
     place = stage(random, apart_m=4.0)
     still = [_still(random, place) for _ in range(random.randrange(4))]
     walkers: list[Circle] = []
-    wanted = random.randint(2, 4)
+    wanted = random.randint(least, most)
     for _ in range(MAX_TRIES):
-        walker = _walker(random, place)
-        if _leaves_a_way(walker, walkers, still, place):
+        walker = _walker(random, place, speeds_m_s)
+        if _leaves_a_way(walker, [] if crossing else walkers, still, place):
             walkers.append(walker)
         if len(walkers) == wanted:
             return place.draft(*still, *walkers)
@@ -46,7 +64,7 @@ def _still(random: Draws, place: DraftFloor) -> Obstacle:
     return Circle(x_m=x_m, y_m=y_m, radius_m=round(random.uniform(0.1, 0.4), 3))
 
 
-def _walker(random: Draws, place: DraftFloor) -> Circle:
+def _walker(random: Draws, place: DraftFloor, speeds_m_s: tuple[float, float]) -> Circle:
     """Draw a straight path across the way, or a bent one anywhere."""
     across = place.frame(random.uniform(0.2, 0.8), random.uniform(-0.5, 0.5), tilt(random, 40.0))
     path = [(0.0, random.uniform(0.6, 2.0)), (0.0, -random.uniform(0.6, 2.0))]
@@ -60,7 +78,7 @@ def _walker(random: Draws, place: DraftFloor) -> Circle:
         y_m=points[0][1],
         radius_m=PERSON_M,
         path_m=points,
-        speed_m_s=round(random.uniform(SLOWEST_M_S, FASTEST_M_S), 3),
+        speed_m_s=round(random.uniform(*speeds_m_s), 3),
     )
 
 

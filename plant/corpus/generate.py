@@ -53,8 +53,14 @@ _DRAWN: Final[Mapping[str, Family]] = {
 FAMILIES: Final = tuple(_DRAWN)
 GRID_FAMILIES: Final = tuple(MAPS)
 """Maps in Moving AI's style, made by its importer; not part of the corpus itself."""
+_CROWDS: Final[Mapping[str, Family]] = {
+    "crowd": crowds.crowd,
+    "crowd_hasty": crowds.hasty_crowd,
+}
+CROWD_FAMILIES: Final = tuple(_CROWDS)
+"""Crowds in which not every contact can be avoided; the corpus has only avoidable ones."""
 
-EVERY_FAMILY: Final = (*FAMILIES, *GRID_FAMILIES, *ADVERSARIAL_FAMILIES)
+EVERY_FAMILY: Final = (*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES, *ADVERSARIAL_FAMILIES)
 """All that `generate` accepts."""
 
 
@@ -85,7 +91,7 @@ def _maker(family: str) -> Maker:
 
 def _drawn_world(random: Draws, family: str, name: str, seed: int) -> World | None:
     """Return a world; None if the draft lacks the guaranteed property."""
-    draft = _DRAWN[family](random)
+    draft = (_CROWDS[family] if family in _CROWDS else _DRAWN[family])(random)
     if draft is None or not standing_room(draft):
         return None
     world = _world(random, draft, name)

@@ -16,6 +16,7 @@ from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.memory import chain as chains
 from robot.core.navigators.memory import loops
 from robot.core.navigators.memory import proof as proofs
+from robot.core.navigators.memory.evasion import Evasion
 from robot.core.navigators.memory.loops import Loops
 from robot.core.navigators.memory.proof import Proof
 from robot.core.navigators.open_headings import Sectors
@@ -80,6 +81,7 @@ class Memory:
         "best_m",
         "ease_mm",
         "echoes",
+        "evasion",
         "failed_leaves",
         "flank_walker",
         "following",
@@ -115,6 +117,7 @@ class Memory:
         self.loops = Loops()
         self.proof = Proof()
         self.flank_walker = FlankWalker()
+        self.evasion = Evasion()
         self.side: int = states.LEFT
         self.goal_x_m = self.goal_y_m = inf
         self.before: Pose | None = None

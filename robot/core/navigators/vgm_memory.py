@@ -16,6 +16,7 @@ from robot.core.geometry import whole_cos_sin, wrap
 from robot.core.motion import pace
 from robot.core.navigators import open_headings, vgm_following
 from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.memory import evasion
 from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
@@ -73,6 +74,9 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
             choose(memory, pose, ring, to_goal, distance_m, params)
         if is_stationary(memory, int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)):
             block_heading(memory, pose, radius_mm)
+        memory.heading = evasion.choose(
+            memory.evasion, ring.pedestrians.people, memory.sectors, memory.heading, pose, params
+        )
         memory.rotation = memory.heading - to_goal
         echo_decay.update_through(memory.echoes, ring, radius_mm)
         echo_decay.fade(memory.echoes, pose)
@@ -268,6 +272,7 @@ def decision(
     speed_m_s = pace.speed(memory.held, memory.sectors.free_mm, error_rad, params)
     if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
         speed_m_s = 0.0
+    speed_m_s = min(speed_m_s, memory.evasion.most_m_s)
     cosine, sine = cos_sin(gamma_rad)
     return Decision(
         branch,

@@ -9,8 +9,9 @@ walking, seen or not, because most collisions happen outside the sonars' view.
 from math import sqrt
 from typing import Final
 
-from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES
+from robot.core.geometry import BEARINGS, COSINES, HALF_CONE, SINES, wrap
 from robot.core.parameters import DEFAULTS, Params
+from robot.core.perception import people as peoples
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.pedestrians import (
     EACH,
@@ -23,7 +24,7 @@ from robot.core.perception.pedestrians import (
 )
 from robot.core.perception.sonar_ring import FRONT, Ring
 from robot.core.values import EVERY, SONARS
-from runtime.elementary import cos
+from runtime.elementary import cos, cos_sin
 
 RIGHTWARDS: Final = tuple(range(SONARS - 1, -1, -1))
 FAR_M: Final = 1.1
@@ -37,7 +38,7 @@ SURE: Final = 8  # scans of a track until its rate counts
 MOST: Final = 24  # scans in the line of best fit
 LEAST_M_S: Final = 0.025  # slower echoes, or within the noise, are static
 SIGMAS: Final = 2.5
-FASTEST_M_S: Final = 0.28  # a faster echo is another one
+FASTEST_M_S: Final = 0.32  # a faster echo is another one
 AGREE: Final = 3  # scans in a row that must agree
 BELIEF: Final = 40  # scans for which it is believed after the last agreement
 ACROSS_M_S: Final = 0.13  # for crossing; static bearings may seem to move more slowly
@@ -47,6 +48,7 @@ CROWD: Final = 3  # with more near echoes, apparent crossing may be several stat
 CAPPED_M_S: Final = 0.3
 TURNING_RAD_S: Final = 0.15
 CLAMPED_M: Final = 0.03  # nearer than a sonar can measure every echo seems static
+EDGE_RAD: Final = 1.2  # farther aside, the bearing is too uncertain for a speed across
 FORGET: Final = 0.95  # decay per scan of the recent speed
 FLANK_M: Final = 0.06  # a pedestrian comes 3 cm nearer while the wheels stop
 FLANKS: Final = (0, 1, 6, 7)
@@ -65,7 +67,37 @@ DOUBT: Final = tuple(
 
 
 def watch(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
-    """Update the tracks by one scan, and set the approach speeds of the ring."""
+    """Update tracks and people by one scan, and set the approach speeds of the ring."""
+    track(pedestrians, ring, odometry, params)
+    if pedestrians.people.any:
+        peoples.update(pedestrians.people, ring.range_m, odometry, params)
+    if pedestrians.any:
+        introduce(pedestrians, odometry, params)
+
+
+def introduce(w: Pedestrians, odometry: Odometry, params: Params) -> None:
+    """Confirm the people behind the tracks that agreed in this scan."""
+    pose = odometry.pose
+    for k in EACH:
+        if w.sure[k] == BELIEF and w.taken >> k & 1:
+            away_m = w.range_m[k] + params.radius_m + PERSON_M
+            cosine, sine = cos_sin(wrap(w.at_rad[k]))
+            nears, across = w.approach_m_s[k], w.across_m_s[k]
+            if not -EDGE_RAD < w.off_rad[k] < EDGE_RAD:
+                across = 0.0
+            peoples.confirm(
+                w.people,
+                pose.x_m + away_m * cosine,
+                pose.y_m + away_m * sine,
+                -nears * cosine - across * sine,
+                -nears * sine + across * cosine,
+                nears,
+                pose,
+            )
+
+
+def track(pedestrians: Pedestrians, ring: Ring, odometry: Odometry, params: Params) -> None:
+    """Update the tracks by one scan."""
     if pedestrians.reported:
         pedestrians.reported = False
         for i in EVERY:

@@ -11,6 +11,7 @@ from typing import Final
 from robot.core.geometry import wrap
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry
+from robot.core.perception.people import People
 from runtime.elementary import cos_sin
 
 TRACKS: Final = 3
@@ -45,6 +46,7 @@ class Pedestrians:
         "missed",
         "near",
         "off_rad",
+        "people",
         "range_m",
         "reported",
         "seen",
@@ -58,6 +60,7 @@ class Pedestrians:
         self.approach_m_s, self.across_m_s = [0.0] * TRACKS, [0.0] * TRACKS
         self.seen, self.missed = [0] * TRACKS, [0] * TRACKS
         self.agreed, self.sure = [0] * TRACKS, [0] * TRACKS
+        self.people = People()
         self.taken = self.near = 0
         self.lately_m_s = 0.0
         self.any = self.leftwards = self.reported = False
@@ -68,6 +71,7 @@ def clear(pedestrians: Pedestrians) -> None:
     for k in EACH:
         pedestrians.seen[k] = pedestrians.sure[k] = 0
     pedestrians.any = False
+    pedestrians.people = People()
 
 
 def expect(w: Pedestrians, odometry: Odometry, params: Params) -> None:

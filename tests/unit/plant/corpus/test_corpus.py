@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from plant import corpus as made
-from plant.corpus import FAMILIES, GRID_FAMILIES, generate
+from plant.corpus import CROWD_FAMILIES, FAMILIES, GRID_FAMILIES, generate
 from plant.corpus.draft import STANDING_M
 from plant.corpus.generate import MARGIN_M
 from plant.model.body import Body
@@ -37,7 +37,7 @@ def ends(world: World) -> tuple[Point, Point]:
 def test_families_suffice_for_450_worlds() -> None:
     assert len(FAMILIES) == len(set(FAMILIES)) == 19
     assert 25 * len(FAMILIES) >= 450
-    assert not set(FAMILIES) & set(GRID_FAMILIES)
+    assert not set(FAMILIES) & {*GRID_FAMILIES, *CROWD_FAMILIES}
 
 
 def test_corpus_lists_every_family_in_order() -> None:
@@ -47,13 +47,13 @@ def test_corpus_lists_every_family_in_order() -> None:
     assert worlds[0] == generate(FAMILIES[0], 0, 7)
 
 
-@pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES])
+@pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES])
 def test_generated_world_survives_a_round_trip_through_a_file(family: str) -> None:
     for world in some(family):
         assert loads(dumps(world)) == world
 
 
-@pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES])
+@pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES])
 def test_family_seed_and_index_determine_the_world(family: str) -> None:
     assert generate(family, 1, 11) == some(family)[1]
     assert some(family)[0] != some(family)[1]

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plant.corpus import GRID_FAMILIES, buildings, generate
+from plant.corpus import CROWD_FAMILIES, GRID_FAMILIES, buildings, generate
 from plant.corpus.buildings import Plan, carved, neighbours, wall_lines
+from plant.corpus.crowds import CROWD_M_S, HASTY_M_S, PERSON_M, START_ROOM_M
 from plant.corpus.draft import Frame
 from plant.corpus.forests import MIN_PASSAGE_M
 from plant.corpus.grids import MAPS
@@ -161,3 +162,22 @@ def test_grid_world_has_a_path_to_its_goal(family: str) -> None:
         assert world.reachable
         assert world.shortest_path_m is not None
         assert world.shortest_path_m > dist(start, goal) - 1e-3 > 1.0
+
+
+@pytest.mark.parametrize(
+    ("family", "speeds_m_s"), [("crowd", CROWD_M_S), ("crowd_hasty", HASTY_M_S)]
+)
+def test_crowd_has_one_to_six_people_of_its_speeds(
+    family: str, speeds_m_s: tuple[float, float]
+) -> None:
+    assert family in CROWD_FAMILIES
+    sizes = set()
+    for index in range(24):
+        world = generate(family, index, 5)
+        people = [one for one in world.obstacles if isinstance(one, Circle) and one.path_m]
+        sizes.add(len(people))
+        assert all(speeds_m_s[0] <= one.speed_m_s <= speeds_m_s[1] for one in people)
+        for place_m in ((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m)):
+            for one in people:
+                assert min(dist(place_m, at_m) for at_m in one.path_m) >= PERSON_M + START_ROOM_M
+    assert sizes == {1, 2, 3, 4, 5, 6}

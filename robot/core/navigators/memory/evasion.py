@@ -1,0 +1,173 @@
+"""Evade people: choose a heading by the closest approach that it leads to.
+
+A person keeps its velocity, and the robot turns on the spot before it drives. The robot keeps its
+heading if that stays clear of everybody, else it takes the heading, or the wait, that costs least.
+"""
+
+from math import inf, sqrt
+from typing import Final
+
+from robot.core.geometry import wrap
+from robot.core.navigators import sweep as sweeps
+from robot.core.navigators.open_headings import Sectors
+from robot.core.parameters import Params
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
+from robot.core.perception.people import BODY_M, PROVEN, SLOTS, People
+from robot.core.values import Pose
+from runtime.elementary import cos_sin
+
+CHOICES: Final = 16
+STEP: Final = CIRCLE // CHOICES
+NEAR_M: Final = 1.5
+AHEAD_S: Final = 3.0
+FROM_S: Final = 0.3  # what happens earlier is the same on all headings
+MARGIN_M: Final = 0.15
+MARGIN_M_S: Final = 0.03  # growth of the margin, as a velocity is uncertain
+LATER: Final = 0.2  # share by which a miss counts less for each second until it
+TURN_RAD_S: Final = 2.2
+PASS_COST: Final = 4.0
+TURN_COST: Final = 0.5  # of turning back
+WAIT_COST: Final = 0.4
+KEEP_COST: Final = 0.3
+CLOSED_COST: Final = 3.0
+
+
+class Evasion:
+    """The last choice: `heading` in brads, `active` while it is not the navigator's own.
+
+    `most_m_s` is the speed limit.
+    """
+
+    __slots__ = ("active", "heading", "most_m_s")
+
+    def __init__(self) -> None:
+        self.active = False
+        self.heading = 0
+        self.most_m_s = inf
+
+
+def choose(
+    e: Evasion, people: People, sectors: Sectors, wanted: int, pose: Pose, params: Params
+) -> int:
+    """Return the heading in brads: the wanted one if it is safe, else the best."""
+    e.most_m_s = inf
+    near = bits_of_near(people, pose) if people.any else 0
+    danger = risk(people, near, wanted, pose, params.v_max_m_s, params) if near else 0.0
+    if danger == 0.0:
+        e.active = False
+        return wanted
+    least = PASS_COST * danger
+    waits = PASS_COST * risk(people, near, wanted, pose, 0.0, params) + WAIT_COST
+    if waits < least:
+        least, e.most_m_s = waits, 0.0
+    best = turn(e, people, near, sectors, wanted, least, pose, params)
+    if best != wanted:
+        e.most_m_s = inf
+    e.active = best != wanted or e.most_m_s == 0.0
+    e.heading = best
+    return best
+
+
+def turn(
+    e: Evasion,
+    people: People,
+    near: int,
+    sectors: Sectors,
+    wanted: int,
+    least: float,
+    pose: Pose,
+    params: Params,
+) -> int:
+    """Return the heading that costs less than `least` and all others, or the wanted one.
+
+    The last choice is tried first and costs less, so that the robot does not turn to and fro.
+    """
+    best = wanted
+    first = e.heading if e.active else wanted
+    for k in range(CHOICES):
+        heading = first + ((k + 1) // 2) * (STEP if k & 1 else -STEP)
+        off = (heading - wanted + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+        cost = TURN_COST * (off if off >= 0 else -off) / HALF_CIRCLE
+        if k == 0 and e.active:
+            cost -= KEEP_COST
+        if cost >= least:
+            continue
+        if sweeps.closer(sectors, heading, sectors.tight) != NOTHING:
+            cost += CLOSED_COST
+            if cost >= least:
+                continue
+        cost += PASS_COST * risk(people, near, heading, pose, params.v_max_m_s, params)
+        if cost < least:
+            best, least = heading, cost
+    return best
+
+
+def bits_of_near(people: People, pose: Pose) -> int:
+    """Return a bit for each person who has proved to move and is near."""
+    near = 0
+    for k in SLOTS:
+        if people.left[k] and people.proof[k] >= PROVEN:
+            dx_m, dy_m = people.x_m[k] - pose.x_m, people.y_m[k] - pose.y_m
+            if dx_m * dx_m + dy_m * dy_m < NEAR_M * NEAR_M:
+                near |= 1 << k
+    return near
+
+
+def risk(
+    people: People, near: int, heading: int, pose: Pose, speed_m_s: float, params: Params
+) -> float:
+    """Return how far the margins to people are missed, 0 if not; sooner counts more.
+
+    The robot turns to the heading on the spot and then drives; at no speed it stands.
+    """
+    touching_m, turn_s, cosine, sine = params.radius_m + BODY_M, AHEAD_S, 0.0, 0.0
+    if speed_m_s > 0.0:
+        off = (heading - int(BRADS * pose.heading_rad) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+        turn_s = (off if off >= 0 else -off) / BRADS / TURN_RAD_S
+        cosine, sine = cos_sin(wrap(heading / BRADS))
+    total = 0.0
+    for k in SLOTS:
+        if not near >> k & 1:
+            continue
+        worst = 0.0
+        x_m, y_m = people.x_m[k] - pose.x_m, people.y_m[k] - pose.y_m
+        vx_m_s, vy_m_s = people.vx_m_s[k], people.vy_m_s[k]
+        if turn_s > FROM_S:
+            worst = miss(x_m, y_m, vx_m_s, vy_m_s, FROM_S, turn_s, touching_m)
+        if turn_s < AHEAD_S:
+            ux_m_s, uy_m_s = speed_m_s * cosine, speed_m_s * sine
+            x_m, y_m = x_m + turn_s * ux_m_s, y_m + turn_s * uy_m_s
+            vx_m_s, vy_m_s = vx_m_s - ux_m_s, vy_m_s - uy_m_s
+            begin_s = turn_s if turn_s > FROM_S else FROM_S
+            here = miss(x_m, y_m, vx_m_s, vy_m_s, begin_s, AHEAD_S, touching_m)
+            worst = here if here > worst else worst
+        total += worst
+    return total
+
+
+def miss(
+    x_m: float,
+    y_m: float,
+    vx_m_s: float,
+    vy_m_s: float,
+    begin_s: float,
+    end_s: float,
+    touching_m: float,
+) -> float:
+    """Return the missing share of the margin at the closest approach between two times."""
+    square = vx_m_s * vx_m_s + vy_m_s * vy_m_s
+    at_s = begin_s
+    if square > 0.0:
+        at_s = -(x_m * vx_m_s + y_m * vy_m_s) / square
+        if at_s < begin_s:
+            at_s = begin_s
+        elif at_s > end_s:
+            at_s = end_s
+    x_m, y_m = x_m + vx_m_s * at_s, y_m + vy_m_s * at_s
+    margin_m = MARGIN_M + MARGIN_M_S * at_s
+    away_m = touching_m + margin_m
+    apart_m2 = x_m * x_m + y_m * y_m
+    if apart_m2 >= away_m * away_m:
+        return 0.0
+    gap_m = sqrt(apart_m2) - touching_m
+    return (margin_m - gap_m) / margin_m * (1.0 - LATER * at_s)

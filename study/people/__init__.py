@@ -1,0 +1,1 @@
+"""Measure how a robot gets along with people, against fair baselines."""

@@ -1,0 +1,75 @@
+"""The robot that stands still and the omniscient one."""
+
+from math import inf, isclose
+
+from plant.model.types import Circle, GoalPose, Point, Polyline, Start, World
+from study.people.baselines import omniscient_s, places_along, stand
+from study.people.encounters import time_to_collision_s
+from study.people.walkers import Walker
+
+
+def floor_with(*obstacles: Circle | Polyline) -> World:
+    """Return 4 by 2 m with a straight way of 3 m through its middle."""
+    return World(
+        name="crossing",
+        size_m=(4.0, 2.0),
+        start=Start(x_m=0.5, y_m=1.0),
+        goal=GoalPose(x_m=3.5, y_m=1.0),
+        obstacles=obstacles,
+    )
+
+
+def walker(speed_m_s: float, *path: Point) -> Circle:
+    return Circle(x_m=path[0][0], y_m=path[0][1], radius_m=0.2, path_m=path, speed_m_s=speed_m_s)
+
+
+def test_places_divide_the_shortest_path_evenly() -> None:
+    places = places_along(floor_with(), 3)
+    assert [round(x_m, 6) for x_m, _ in places] == [1.0, 2.0, 3.0]
+    assert all(isclose(y_m, 1.0) for _, y_m in places)
+
+
+def test_standing_robot_is_touched_at_every_passage() -> None:
+    world = floor_with(walker(0.2, (2.0, 1.7), (2.0, 0.3)))
+    assert stand(world, (2.0, 1.0), 1.0).contacts == 0
+    assert stand(world, (2.0, 1.0), 7.0).contacts == 1
+    assert stand(world, (2.0, 1.0), 14.0).contacts == 2
+    assert stand(world, (1.0, 1.0), 14.0).contacts == 0
+
+
+def test_standing_robot_is_not_touched_by_a_person_on_it() -> None:
+    world = floor_with(walker(0.2, (2.0, 1.0), (2.0, 0.3)))
+    assert stand(world, (2.0, 1.0), 3.0).contacts == 0
+
+
+def test_omniscient_robot_takes_the_straight_way_on_free_floor() -> None:
+    time_s = omniscient_s(floor_with(), 60.0)
+    assert time_s is not None
+    assert 2.8 / 0.3 < time_s < 3.0 / 0.2
+
+
+def test_omniscient_robot_waits_for_a_person_in_a_gate() -> None:
+    gate = [
+        Polyline(((2.0, 0.0), (2.0, 0.6))),
+        Polyline(((2.0, 1.4), (2.0, 2.0))),
+    ]
+    free_s = omniscient_s(floor_with(*gate), 60.0)
+    person = walker(0.03, (2.0, 1.0), (2.5, 1.0), (3.3, 0.4))
+    later_s = omniscient_s(floor_with(*gate, person), 60.0)
+    assert free_s is not None
+    assert later_s is not None
+    assert later_s > free_s
+
+
+def test_omniscient_robot_finds_no_way_where_it_must_be_touched() -> None:
+    walls = [Polyline(((0.0, y_m), (4.0, y_m))) for y_m in (0.7, 1.3)]
+    person = walker(0.2, (3.4, 1.0), (0.4, 1.0))
+    assert omniscient_s(floor_with(*walls, person), 60.0) is None
+
+
+def test_time_to_collision_is_that_of_two_discs() -> None:
+    person = Walker((2.0, 0.0), (-0.2, 0.0), 0.32)
+    assert isclose(time_to_collision_s((0.0, 0.0), (0.3, 0.0), person), 1.68 / 0.5)
+    assert time_to_collision_s((0.0, 0.4), (0.3, 0.0), person) == inf
+    assert time_to_collision_s((0.0, 0.0), (-0.3, 0.0), person) == inf
+    assert time_to_collision_s((1.9, 0.0), (0.3, 0.0), person) == 0.0
