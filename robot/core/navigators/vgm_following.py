@@ -222,7 +222,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
     if found == proofs.SEPARATED:
         memory.given_up = True
     elif found == proofs.DOUBTED:
-        memory.lost = True
+        try_other_side(memory, 2)
     elif found == proofs.AROUND:
         leave_island(memory)
     elif closed:
@@ -326,8 +326,13 @@ def close_loop(memory: Memory) -> None:
     if island != inside:
         leave_island(memory)
         return
+    try_other_side(memory, 1)
+
+
+def try_other_side(memory: Memory, weight: int) -> None:
+    """Follow the boundary in the other direction with smaller margins; in the end be lost."""
     restart(memory)
-    memory.open_loops += 1
+    memory.open_loops += weight
     memory.lost = memory.open_loops >= MAX_LOOPS
     memory.side = -memory.side
     memory.ease_mm = EASE_MM

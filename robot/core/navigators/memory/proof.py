@@ -33,6 +33,7 @@ AROUND: Final = 3
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
 LEAST_MM: Final = 500  # length of the shortest lap
 SAME_MM: Final = 120  # at the mark without doubt; parallel ways of a lap are farther apart
+MAX_WITHIN_MM: Final = 500  # with more doubt another place may be taken for the mark
 SIGMAS: Final = 4.0
 BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
 ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
@@ -187,4 +188,4 @@ def is_at_mark(proof: Proof) -> bool:
         gained_m2 = 0.0
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
     within_mm = SAME_MM + int(1000.0 * SIGMAS * sqrt(gained_m2))
-    return dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
+    return within_mm < MAX_WITHIN_MM and dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
