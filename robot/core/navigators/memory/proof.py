@@ -32,7 +32,6 @@ AROUND: Final = 3
 
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
 LEAST_MM: Final = 500  # length of the shortest lap
-SAME_MM: Final = 120  # at the mark without doubt; parallel ways of a lap are farther apart
 MAX_WITHIN_MM: Final = 500  # with more doubt another place may be taken for the mark
 SIGMAS: Final = 4.0
 BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
@@ -47,10 +46,12 @@ class Proof:
 
     `whole` is set while the chain has no gap, `sealed` while it reaches the newest scan. `way_mm`
     is the length of the lap, `turned` its net turn. `wound` and `ringed` are the net turns of the
-    lines from the goal and from the mark to the end of the chain.
-    `closed_mm` is the length at which the mark was reached again, or NEVER. `room_m` is the least
-    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
-    mark and the variance of its position. `odometry` is the estimate with its covariance.
+    lines from the goal and from the mark to the end of the chain. `closed_mm` is the length at
+    which the mark was reached again, or NEVER; `separates` is set if the chain closed there
+    separates mark and goal. `room_m` is the least distance that the goal keeps from the robot's
+    side of the boundary. `mark_*` are the pose at the mark and the variance of its position.
+    `odometry` is the estimate with its covariance. Parallel ways along a boundary are farther apart
+    than `radius_mm`, the robot's radius.
     """
 
     __slots__ = (
@@ -63,9 +64,11 @@ class Proof:
         "mark_x_mm",
         "mark_y_mm",
         "odometry",
+        "radius_mm",
         "ringed",
         "room_m",
         "sealed",
+        "separates",
         "turned",
         "way_mm",
         "whole",
@@ -77,12 +80,13 @@ class Proof:
     def __init__(self) -> None:
         self.odometry = Odometry()
         self.chain = Chain()
-        self.whole = self.sealed = False
+        self.whole = self.sealed = self.separates = False
         self.x_mm = self.y_mm = self.heading = self.at_goal = self.at_mark = 0
         self.mark_x_mm = self.mark_y_mm = 0
         self.way_mm = self.turned = self.wound = self.ringed = 0
         self.closed_mm: int = NEVER
         self.mark_m2 = 0.0
+        self.radius_mm = 0
         self.room_m = inf
 
 
@@ -145,6 +149,7 @@ def doubt_m(odometry: Odometry) -> float:
 def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: float) -> None:
     """Continue the chain by the newest scan; the proof is void if the chain stays behind."""
     chain = proof.chain
+    proof.radius_mm = radius_mm
     proof.sealed = chains.extend(chain, proof.x_mm, proof.y_mm, side, radius_mm)
     if proof.sealed:
         wind(proof, goal_x_m, goal_y_m)
@@ -161,10 +166,11 @@ def verdict(proof: Proof) -> int:
     if proof.closed_mm == NEVER:
         if is_at_mark(proof):
             proof.closed_mm = proof.way_mm
+            proof.separates = rounds(proof.wound) != rounds(proof.ringed)
         return OPEN
     if proof.way_mm < proof.closed_mm + PAST_MM:
         return OPEN
-    if rounds(proof.wound) == rounds(proof.ringed):
+    if not proof.separates:
         return AROUND
     return SEPARATED if proof.room_m > 0.0 else DOUBTED
 
@@ -179,13 +185,13 @@ def is_at_mark(proof: Proof) -> bool:
     once = proof.turned if proof.turned > 0 else -proof.turned
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
         return False
-    off = turn(0, proof.ringed)
-    if not -SAME_SIDE < off < SAME_SIDE:
+    off, goal_off = turn(0, proof.ringed), turn(0, proof.wound)
+    if not (-SAME_SIDE < off < SAME_SIDE and -SAME_SIDE < goal_off < SAME_SIDE):
         return False
     odometry = proof.odometry
     gained_m2 = odometry.pxx + odometry.pyy - proof.mark_m2
     if gained_m2 < 0.0:
         gained_m2 = 0.0
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
-    within_mm = SAME_MM + int(1000.0 * SIGMAS * sqrt(gained_m2))
+    within_mm = proof.radius_mm + int(1000.0 * SIGMAS * sqrt(gained_m2))
     return within_mm < MAX_WITHIN_MM and dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
