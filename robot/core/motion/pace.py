@@ -46,13 +46,13 @@ At larger ranges this does not reduce the default speed.
 """
 RIM_M: Final = 0.025
 CRAWL_M_S: Final = 0.04
-CRAWL_M: Final = 0.015
+CRAWL_M: Final = 0.0205
 NARROW_M: Final = 0.05
 """Limits beside a near flank.
 
 The robot crawls past a flank even if its limit is 0, or it could not get away. Nearer than CRAWL_M
-it may touch the obstacle and only turns; our sonars measure from 0.02 m on. With at most NARROW_M
-at both flanks together it stops: no sonar shows whether the gap narrows further.
+it only turns: our sonars measure from 0.02 m on, so at this range it may touch the obstacle. With
+at most NARROW_M at both flanks together it stops: no sonar shows whether the gap narrows further.
 """
 
 # Heading bias.
@@ -159,6 +159,8 @@ def keep_off(held: Held) -> float:
     left_m = right_m = FLANK_M
     for i in EVERY:
         range_m = held_m[i]
+        if range_m < CRAWL_M:
+            range_m = 0.0
         if 1 < i < 6 and range_m < FRONT_M:
             # Until the obstacle is beside the robot, the guard stops forward motion.
             range_m = range_m - FRONT_M

@@ -248,6 +248,14 @@ def branch_of(memory: Memory) -> int:
     return states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT
 
 
+def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
+    """Return the speed limit by echoes, heading error, and people."""
+    if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
+        return 0.0
+    speed_m_s = pace.speed(memory.held, memory.sectors.free_mm, error_rad, params)
+    return min(speed_m_s, memory.evasion.most_m_s)
+
+
 def decision(
     memory: Memory,
     pose: Pose,
@@ -268,11 +276,7 @@ def decision(
     off_rad = pace.keep_off(memory.held)
     if off_rad != 0.0:
         gamma_rad = wrap(gamma_rad + off_rad)
-    error_rad = wrap(alpha_rad + gamma_rad)
-    speed_m_s = pace.speed(memory.held, memory.sectors.free_mm, error_rad, params)
-    if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
-        speed_m_s = 0.0
-    speed_m_s = min(speed_m_s, memory.evasion.most_m_s)
+    speed_m_s = speed_limit(memory, wrap(alpha_rad + gamma_rad), params)
     cosine, sine = cos_sin(gamma_rad)
     return Decision(
         branch,
