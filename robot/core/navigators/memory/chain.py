@@ -18,11 +18,13 @@ from runtime.elementary import cos, sin
 
 TAIL: Final = SONARS
 LEAD: Final = SONARS + 1
-"""Indices of the two ends of the chain, after the arcs of the newest scan.
+START: Final = SONARS + 2
+"""Indices of the two ends of the chain and of its first arc, after the arcs of the newest scan.
 
 Of the linked arcs of a scan, TAIL is the one nearest to the followed flank and LEAD the last one in
 the direction of following. While the robot turns in a corner, LEAD is already past the corner.
 """
+ARCS: Final = SONARS + 3
 REACH_M: Final = 0.40  # arcs of farther echoes are too long for a link
 JUMP_MM: Final = 80  # an echo counts if it agrees this well with one of the last scan
 BEHIND_MM: Final = 400
@@ -39,7 +41,7 @@ FROM_LEFT: Final = tuple(range(SONARS - 1, -1, -1))
 
 
 class Chain:
-    """The ends of the arcs of the newest scan, and of both ends of the chain.
+    """The ends of the arcs of the newest scan, of both ends of the chain, and of its first arc.
 
     `range_mm` and `before_mm` are the ranges of this and of the last scan, or NOTHING, with a
     NOTHING before and after them. `seen` has a bit for each usable arc.
@@ -48,8 +50,8 @@ class Chain:
     __slots__ = ("before_mm", "left_x_mm", "left_y_mm", "range_mm", "seen", "x_mm", "y_mm")
 
     def __init__(self) -> None:
-        self.x_mm, self.y_mm = [0] * (SONARS + 2), [0] * (SONARS + 2)
-        self.left_x_mm, self.left_y_mm = [0] * (SONARS + 2), [0] * (SONARS + 2)
+        self.x_mm, self.y_mm = [0] * ARCS, [0] * ARCS
+        self.left_x_mm, self.left_y_mm = [0] * ARCS, [0] * ARCS
         self.range_mm, self.before_mm = [NOTHING] * (SONARS + 2), [NOTHING] * (SONARS + 2)
         self.seen = 0
 
@@ -109,6 +111,7 @@ def begin(chain: Chain, side: int) -> bool:
         if chain.seen >> i & 1:
             take(chain, TAIL, i)
             take(chain, LEAD, i)
+            take(chain, START, i)
             return True
     return False
 
@@ -135,6 +138,13 @@ def extend(chain: Chain, x_mm: int, y_mm: int, side: int, radius_mm: int) -> boo
     if ahead or dx_mm * dx_mm + dy_mm * dy_mm > BEHIND_MM * BEHIND_MM:
         take(chain, LEAD, lead)
     return True
+
+
+def meets_start(chain: Chain, radius_mm: int) -> bool:
+    """Return whether an end of the chain is linked to its first arc."""
+    width_mm = 2 * radius_mm - SLACK_MM
+    width_mm2 = width_mm * width_mm
+    return is_linked(chain, TAIL, START, width_mm2) or is_linked(chain, LEAD, START, width_mm2)
 
 
 def linked(chain: Chain, end: int, width_mm2: int) -> int:

@@ -37,8 +37,8 @@ SIGMAS: Final = 4.0
 BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
 ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
 SAME_SIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
-PAST_MM: Final = 300  # the chain must continue this far past the mark
-NEVER: Final = -1
+PAST_MM: Final = 250  # the chain must continue this far past the mark
+CLEAR_MM: Final = 100  # with less drift, the chain must reach its first arc
 
 
 class Proof:
@@ -46,23 +46,26 @@ class Proof:
 
     `whole` is set while the chain has no gap, `sealed` while it reaches the newest scan. `way_mm`
     is the length of the lap, `turned` its net turn. `wound` and `ringed` are the net turns of the
-    lines from the goal and from the mark to the end of the chain. `closed_mm` is the length at
-    which the mark was reached again, or NEVER; `separates` is set if the chain closed there
-    separates mark and goal. `room_m` is the least distance that the goal keeps from the robot's
-    side of the boundary. `mark_*` are the pose at the mark and the variance of its position.
-    `odometry` is the estimate with its covariance. Parallel ways along a boundary are farther apart
-    than `radius_mm`, the robot's radius.
+    lines from the goal and from the mark to the end of the chain. `closed` is set at the mark
+    again, where the chain ended at `closed_*`; `separates` is set if the chain closed there
+    separates mark and goal, `met` once the chain reaches its first arc. `room_m` is the least
+    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
+    mark and the variance of its position. `odometry` is the estimate with its covariance. Parallel
+    ways along a boundary are farther apart than `radius_mm`, the robot's radius.
     """
 
     __slots__ = (
         "at_goal",
         "at_mark",
         "chain",
-        "closed_mm",
+        "closed",
+        "closed_x_mm",
+        "closed_y_mm",
         "heading",
         "mark_m2",
         "mark_x_mm",
         "mark_y_mm",
+        "met",
         "odometry",
         "radius_mm",
         "ringed",
@@ -80,11 +83,11 @@ class Proof:
     def __init__(self) -> None:
         self.odometry = Odometry()
         self.chain = Chain()
-        self.whole = self.sealed = self.separates = False
+        self.whole = self.sealed = self.closed = self.met = self.separates = False
         self.x_mm = self.y_mm = self.heading = self.at_goal = self.at_mark = 0
         self.mark_x_mm = self.mark_y_mm = 0
         self.way_mm = self.turned = self.wound = self.ringed = 0
-        self.closed_mm: int = NEVER
+        self.closed_x_mm = self.closed_y_mm = 0
         self.mark_m2 = 0.0
         self.radius_mm = 0
         self.room_m = inf
@@ -103,7 +106,7 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
     proof.mark_y_mm = proof.y_mm = int(1000.0 * pose.y_m)
     proof.heading = int(BRADS * pose.heading_rad)
     proof.mark_m2 = odometry.pxx + odometry.pyy
-    proof.closed_mm = NEVER
+    proof.closed = proof.met = False
     proof.room_m = inf
     wind(proof, goal_x_m, goal_y_m)
     proof.way_mm = proof.turned = proof.wound = proof.ringed = 0
@@ -160,15 +163,27 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
 
 
 def verdict(proof: Proof) -> int:
-    """Return what the lap proves; OPEN until it is closed."""
+    """Return what the lap proves; OPEN until it is closed.
+
+    The chain must reach its first arc again. Where the odometry has drifted that cannot be seen, so
+    the chain must go on past the mark for longer than the drift.
+    """
     if not (proof.whole and proof.sealed) or proof.way_mm < LEAST_MM:
         return OPEN
-    if proof.closed_mm == NEVER:
-        if is_at_mark(proof):
-            proof.closed_mm = proof.way_mm
+    drift_mm = int(1000.0 * SIGMAS * gained_m(proof))
+    if not proof.closed:
+        if is_at_mark(proof, drift_mm):
+            proof.closed = True
             proof.separates = rounds(proof.wound) != rounds(proof.ringed)
+            proof.closed_x_mm, proof.closed_y_mm = chains.middle(proof.chain)
         return OPEN
-    if proof.way_mm < proof.closed_mm + PAST_MM:
+    proof.met = proof.met or chains.meets_start(proof.chain, proof.radius_mm)
+    if drift_mm < CLEAR_MM and not proof.met:
+        return OPEN
+    x_mm, y_mm = chains.middle(proof.chain)
+    past_mm = PAST_MM + drift_mm
+    dx_mm, dy_mm = x_mm - proof.closed_x_mm, y_mm - proof.closed_y_mm
+    if dx_mm * dx_mm + dy_mm * dy_mm < past_mm * past_mm:
         return OPEN
     if not proof.separates:
         return AROUND
@@ -180,7 +195,7 @@ def rounds(turned: int) -> int:
     return (turned + HALF_CIRCLE) // CIRCLE
 
 
-def is_at_mark(proof: Proof) -> bool:
+def is_at_mark(proof: Proof, drift_mm: int) -> bool:
     """Return whether the robot has turned once round, and robot and chain may be at the mark."""
     once = proof.turned if proof.turned > 0 else -proof.turned
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
@@ -188,10 +203,12 @@ def is_at_mark(proof: Proof) -> bool:
     off, goal_off = turn(0, proof.ringed), turn(0, proof.wound)
     if not (-SAME_SIDE < off < SAME_SIDE and -SAME_SIDE < goal_off < SAME_SIDE):
         return False
-    odometry = proof.odometry
-    gained_m2 = odometry.pxx + odometry.pyy - proof.mark_m2
-    if gained_m2 < 0.0:
-        gained_m2 = 0.0
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
-    within_mm = proof.radius_mm + int(1000.0 * SIGMAS * sqrt(gained_m2))
+    within_mm = proof.radius_mm + drift_mm
     return within_mm < MAX_WITHIN_MM and dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
+
+
+def gained_m(proof: Proof) -> float:
+    """Return the standard deviation that the position has gained since the mark."""
+    gained_m2 = proof.odometry.pxx + proof.odometry.pyy - proof.mark_m2
+    return sqrt(gained_m2) if gained_m2 > 0.0 else 0.0
