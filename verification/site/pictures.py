@@ -1,13 +1,14 @@
 """Draws the pictures of the documentation: `make pictures`.
 
-For some worlds the ways of all navigators beside each other, in light and in dark; and one drive
-that moves. Trials are deterministic, so equal code gives equal pictures.
+For some worlds the ways of all navigators beside each other, and the proof of `unreachable`, in
+light and in dark; and one drive that moves. Trials are deterministic, so equal code gives equal
+pictures.
 """
 
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from plant.model.types import World
 from plant.world.file import load
@@ -15,6 +16,7 @@ from study.report.charts.drives import DrivenTrial, drive_all
 from study.report.charts.style import DARK, DRAWING_RULES, LIGHT
 from study.report.charts.world_map import WorldMap, simplified
 from study.trial.trial import Trial
+from verification.site import proof_picture
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 FOLDER: Final = ROOT / "docs" / "pictures"
@@ -26,24 +28,35 @@ COLUMNS: Final = 3
 THEMES: Final = {"light": LIGHT, "dark": DARK}
 SECONDS: Final = 12
 """Of the moving drive, once round."""
+PROOF: Final = "proof"
+Panel: TypeAlias = tuple[str, DrivenTrial, WorldMap]
+"""Head, drive and map."""
 
 
 def panels(world: World, drives: Sequence[DrivenTrial], theme: str) -> str:
     """Return one picture with a map for each drive, in the colours of a theme."""
-    maps = [drawn(world, drive) for drive in drives]
-    width, height = maps[0].drawing.width, maps[0].drawing.height + HEAD_PX
+    maps = [(drive.trial.navigator, drive, drawn(world, drive)) for drive in drives]
+    return beside(f"The ways of the navigators in the world {world.name}", maps, theme)
+
+
+def beside(title: str, maps: Sequence[Panel], theme: str, rules: str = "") -> str:
+    """Return maps beside each other, each below its head and how its drive ended.
+
+    `rules` are added to the style.
+    """
+    width, height = maps[0][2].drawing.width, maps[0][2].drawing.height + HEAD_PX
     rows = -(-len(maps) // COLUMNS)
     box = f"0 0 {COLUMNS * width:.0f} {rows * height:.0f}"
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drawing" viewBox="{box}">',
-        f"<title>The ways of the navigators in the world {world.name}</title>",
-        f"<style>:root{{{THEMES[theme]}}}{DRAWING_RULES}</style>",
+        f"<title>{title}</title>",
+        f"<style>:root{{{THEMES[theme]}}}{DRAWING_RULES}{rules}</style>",
         '<rect class="ground" width="100%" height="100%"/>',
     ]
-    for number, (drive, one) in enumerate(zip(drives, maps, strict=True)):
+    for number, (head, drive, one) in enumerate(maps):
         x, y = number % COLUMNS * width, number // COLUMNS * height
         parts.append(
-            f'<text class="head" x="{x + 8:.0f}" y="{y + 16:.0f}">{drive.trial.navigator}</text>'
+            f'<text class="head" x="{x + 8:.0f}" y="{y + 16:.0f}">{head}</text>'
             f'<text class="label" x="{x + 8:.0f}" y="{y + 30:.0f}">{caption(drive)}</text>'
         )
         place = f'x="{x:.1f}" y="{y + HEAD_PX:.1f}" height="{one.drawing.height:.1f}"'
@@ -88,10 +101,14 @@ def main() -> int:
         for theme in THEMES:
             path = FOLDER / f"navigators-{name}-{theme}.svg"
             path.write_text(panels(world, drives, theme), encoding="utf-8")
+    maps = proof_picture.rings(PANEL_PX)
+    for theme in THEMES:
+        text = beside(proof_picture.TITLE, maps, theme, proof_picture.RULES)
+        (FOLDER / f"{PROOF}-{theme}.svg").write_text(text, encoding="utf-8")
     world = load("u_trap")
     (drive,) = drive_all([Trial(world=world, navigator="vgm_memory", noise="none")], jobs=1)
     (FOLDER / "drive.svg").write_text(moving(world, drive), encoding="utf-8")
-    print(f"{FOLDER}: {2 * len(WORLDS) + 1} pictures")
+    print(f"{FOLDER}: {2 * len(WORLDS) + 3} pictures")
     return 0
 
 

@@ -8,8 +8,18 @@ import pytest
 
 from plant.world.file import load
 from study.report.charts.drives import drive_trial
-from study.trial.trial import Trial
-from verification.site.pictures import FOLDER, NAVIGATORS, THEMES, WORLDS, moving, panels
+from study.trial.trial import Trial, run_trial
+from verification.site.pictures import (
+    FOLDER,
+    NAVIGATORS,
+    PANEL_PX,
+    THEMES,
+    WORLDS,
+    beside,
+    moving,
+    panels,
+)
+from verification.site.proof_picture import RULES, TITLE, ChainRecorder, ring, rings
 
 PICTURES = sorted(FOLDER.glob("*.svg"))
 SVG = "{http://www.w3.org/2000/svg}"
@@ -17,7 +27,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def test_all_pictures_are_committed() -> None:
     names = {f"navigators-{world}-{theme}.svg" for world in WORLDS for theme in THEMES}
-    assert {path.name for path in PICTURES} == names | {"drive.svg"}
+    names |= {f"proof-{theme}.svg" for theme in THEMES} | {"drive.svg"}
+    assert {path.name for path in PICTURES} == names
 
 
 @pytest.mark.parametrize("path", PICTURES, ids=lambda path: path.stem)
@@ -38,3 +49,26 @@ def test_a_drive_is_drawn_in_a_panel_and_moving() -> None:
     assert (
         next(ElementTree.fromstring(moving(world, drive)).iter(f"{SVG}animateMotion")) is not None
     )
+
+
+def test_chain_closes_only_around_a_ring_without_gate() -> None:
+    ends = {}
+    for more_cm in (None, 3, 6):
+        seen = ChainRecorder()
+        outcome = run_trial(Trial(world=ring(more_cm), noise="none"), seen)
+        ends[more_cm] = outcome.outcome, len(seen.gaps), len(seen.marks)
+    assert ends == {None: ("unreachable", 0, 1), 3: ("lost", 1, 2), 6: ("reached", 0, 1)}
+
+
+def test_gap_of_the_chain_is_drawn_at_the_gate() -> None:
+    seen = ChainRecorder()
+    run_trial(Trial(world=ring(3), noise="none"), seen)
+    ((_, low_m), (_, high_m)) = seen.gaps[0]
+    assert low_m < 1.6 < high_m
+
+
+@pytest.mark.parametrize("theme", THEMES)
+def test_committed_proof_is_that_of_the_present_navigator(theme: str) -> None:
+    """Redraw the picture: `make pictures` if this fails, and look at the difference."""
+    committed = (FOLDER / f"proof-{theme}.svg").read_text(encoding="utf-8")
+    assert beside(TITLE, rings(PANEL_PX), theme, RULES) == committed
