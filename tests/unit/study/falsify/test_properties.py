@@ -12,6 +12,7 @@ from study.falsify.properties import (
     LAPS,
     LETTERS,
     START_UP_S,
+    both_sides_m,
     scores_of,
     time_limit_s,
     violated_by,
