@@ -75,13 +75,13 @@ def time_limit_s(world: World) -> float:
     """Return the time limit of a trial in a world whose shortest path is known."""
     speed_m_s = body_of(world).max_speed_m_s
     if world.shortest_path_m is None:
-        return round(START_UP_S + LAPS * lap_m(world) / speed_m_s)
+        return round(START_UP_S + LAPS * both_sides_m(world) / speed_m_s)
     wanted_s = START_UP_S + REACH_FACTOR * max(MIN_LENGTH_M, world.shortest_path_m) / speed_m_s
     least_s = START_UP_S + 8.0 * world.shortest_path_m / speed_m_s
     return round(max(least_s, min(wanted_s, MAX_REACH_S)))
 
 
-def lap_m(world: World) -> float:
+def both_sides_m(world: World) -> float:
     """Return the length of a way once along both sides of all walls and along the rim."""
     total_m = 2.0 * (world.size_m[0] + world.size_m[1])
     for obstacle in world.obstacles:

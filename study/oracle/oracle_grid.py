@@ -10,6 +10,7 @@ from typing import Final
 from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.motion import pace
+from robot.core.motion.pace import Held
 from robot.core.parameters import Params
 from robot.core.perception import closing_speed
 from robot.core.perception import sonar_ring as rings
@@ -58,6 +59,7 @@ class Memory:
         self.goal_x_m = self.goal_y_m = 0.0
         self.grid: GridMap | None = None
         self.route: Route | None = None
+        self.held = Held()
         self.at = self.target_x_mm = self.target_y_mm = 0
         self.sees_goal = self.given_up = False
         self.ticks = self.doubts = self.hopeless = 0
@@ -188,10 +190,11 @@ def decision(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params)
             branch = states.PASS_LEFT if gamma_rad > 0.0 else states.PASS_RIGHT
     if memory.given_up:
         branch = states.GIVE_UP
-    off_rad = pace.keep_off(ring)
+    pace.hold(memory.held, ring)
+    off_rad = pace.keep_off(memory.held)
     if off_rad != 0.0:
         gamma_rad = wrap(away_from_flank(ring, alpha_rad + gamma_rad + off_rad) - alpha_rad)
-    speed_m_s = pace.speed(ring, FREE_MM, wrap(alpha_rad + gamma_rad), params)
+    speed_m_s = pace.speed(memory.held, FREE_MM, wrap(alpha_rad + gamma_rad), params)
     speed_m_s = closing_speed.limit_m_s(ring, speed_m_s)
     if memory.hopeless:
         speed_m_s = 0.0

@@ -4,7 +4,7 @@ from typing import Final
 
 import numpy as np
 
-import plant.corpus
+from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES
 from study.report.trials import Flags, Trials
 
 CORPUS: Final = "corpus"
@@ -20,15 +20,6 @@ GRID_PREFIXES: Final = ("moving_ai", "movingai", "grid")
 """Prefixes of the families in Moving AI's format."""
 
 THIN_PREFIX: Final = "thin"
-CROWD_PREFIX: Final = "crowd"
-MADE_TO_FOOL: Final = (
-    *("three_walls", "wedge", "symmetric_trap", "tight_door", "nested_rings", "nested_boxes"),
-    *("double_spiral", "interlocking_spirals", "island_room", "comb", "hairpin", "long_detour"),
-    *("post_lattice", "long_maze"),
-)
-ADVERSARIAL_FAMILIES: Final[tuple[str, ...]] = getattr(
-    plant.corpus, "ADVERSARIAL_FAMILIES", MADE_TO_FOOL
-)
 NOTES: Final = {
     GRIDS: "Maps in the format of Moving AI's benchmark, in cells of a robot's size.",
     ADVERSARIAL: (
@@ -49,7 +40,7 @@ def group_of(family: str) -> str:
         return GRIDS
     if family.startswith(THIN_PREFIX):
         return THIN
-    return CROWDS if family.startswith(CROWD_PREFIX) else CORPUS
+    return CROWDS if family in CROWD_FAMILIES else CORPUS
 
 
 def in_group(trials: Trials, *groups: str) -> Trials:

@@ -20,7 +20,10 @@ class NavigatorStep(Protocol):
 
 
 class MemoryFactory(Protocol):
-    """Creates an empty memory for a navigator's step; the memory has a `side`."""
+    """Creates an empty memory for a navigator's step; the memory has a `side`.
+
+    A memory with a `proof` gets the robot's odometry there.
+    """
 
     def __call__(self) -> Any:
         """Return an empty memory."""

@@ -256,6 +256,15 @@ def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
     return min(speed_m_s, memory.evasion.most_m_s)
 
 
+def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: float) -> float:
+    """Return the rotation of the goal; on a free way it weaves, and it keeps off a near flank."""
+    gamma_rad = 0.0 if memory.rotation == 0 else wrap(memory.rotation / BRADS)
+    if branch == states.TO_GOAL:
+        gamma_rad = pace.weave(ring, sqrt(dx_m * dx_m + dy_m * dy_m))
+    off_rad = pace.keep_off(memory.held)
+    return gamma_rad if off_rad == 0.0 else wrap(gamma_rad + off_rad)
+
+
 def decision(
     memory: Memory,
     pose: Pose,
@@ -267,15 +276,9 @@ def decision(
 ) -> Decision:
     """Return the decision: virtual goal at the chosen heading, flank bias, and speed limit."""
     alpha_rad = wrap(goal_rad - pose.heading_rad)
-    rotation = memory.rotation
-    gamma_rad = 0.0 if rotation == 0 else wrap(rotation / BRADS)
     branch = branch_of(memory)
-    if branch == states.TO_GOAL:
-        gamma_rad = pace.weave(ring, sqrt(dx_m * dx_m + dy_m * dy_m))
     pace.hold(memory.held, ring)
-    off_rad = pace.keep_off(memory.held)
-    if off_rad != 0.0:
-        gamma_rad = wrap(gamma_rad + off_rad)
+    gamma_rad = rotation_rad(memory, ring, branch, dx_m, dy_m)
     speed_m_s = speed_limit(memory, wrap(alpha_rad + gamma_rad), params)
     cosine, sine = cos_sin(gamma_rad)
     return Decision(

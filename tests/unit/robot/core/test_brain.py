@@ -78,7 +78,7 @@ def test_goal_is_reached_only_when_the_robot_has_stopped() -> None:
 
 def test_small_offset_aligns_and_large_offset_drives_again() -> None:
     driven = armed()
-    driven.goto(Goal(1.0, 0.0, pi, 0.05, 0.02))
+    driven.goto(Goal(1.0, 0.0, 0.5 * pi, 0.05, 0.02))
     while driven.machine.goal_state != states.ALIGNING:
         driven.tick()
     odometry = driven.state.odometry
@@ -221,7 +221,7 @@ def test_limits_hold_for_any_inputs(
 
 
 def test_unequal_wheels_get_speeds_for_a_straight_line() -> None:
-    driven = armed(DEFAULTS._replace(wheel_ratio=1.02))
+    driven = armed(DEFAULTS._replace(wheel_ratio=1.02, navigator=states.BUG))
     driven.goto(Goal(5.0, 0.0, None, 0.05, 0.05))
     driven.forward(2.0)
     outputs = driven.outputs

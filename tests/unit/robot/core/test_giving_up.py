@@ -4,17 +4,21 @@ import pytest
 
 from robot.core import states
 from robot.core.navigators import vgm_following
-from robot.core.navigators.vgm_following import ISLANDS, LONG_CM, Memory
+from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
+from tests.support.robot.core.driving import driving
 from tests.support.robot.core.rings import SILENT, Wall, clearance_m, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
 
 
 def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
-    """Drive a loop of two metres around a place, to the left (1) or to the right (-1)."""
+    """Drive a loop of two metres around a place, to the left (1) or to the right (-1).
+
+    The boundary has gaps, so there is no proof.
+    """
     corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
     for _ in range(times):
-        memory.following = True
+        memory.following, memory.sound = True, False
         way = memory.loops
         for k, (dx_cm, dy_cm) in enumerate(corners):
             way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
@@ -35,58 +39,63 @@ def test_islands_lead_back_to_the_goal_a_limited_number_of_times(side: int) -> N
     memory = heading_for(GOAL, side)
     close_loop(memory, -side, 0)
     assert not memory.following
-    assert not memory.given_up
-    close_loop(memory, -side, 0, times=ISLANDS)
-    assert memory.given_up
+    close_loop(memory, -side, 0, times=ISLANDS - 1)
+    assert not memory.lost
+    close_loop(memory, -side, 0)
+    assert memory.lost
+    assert stand(memory, SILENT, 1).branch == states.LOST
 
 
 @SIDES
 @pytest.mark.parametrize(("round_goal", "x_cm"), [(True, 300), (False, 0)])
-def test_loop_between_robot_and_goal_proves_unreachability(
-    side: int, round_goal: bool, x_cm: int
-) -> None:
-    """Around the goal, or along the inside of a boundary that excludes it."""
+def test_open_loops_between_robot_and_goal_end_lost(side: int, round_goal: bool, x_cm: int) -> None:
+    """Around the goal, or along the inside of a boundary that excludes it, each time reversed."""
     memory = heading_for(GOAL, side)
-    close_loop(memory, -side if round_goal else side, x_cm)
-    assert memory.given_up
-    assert stand(memory, SILENT, 1).branch == states.GIVE_UP
+    for k in range(MAX_LOOPS):
+        assert not memory.lost
+        assert memory.side == (side if k % 2 == 0 else -side)
+        close_loop(memory, -memory.side if round_goal else memory.side, x_cm)
+        assert memory.ease_mm == EASE_MM
+    assert memory.lost
+    assert not memory.given_up
+    assert stand(memory, SILENT, 1).branch == states.LOST
 
 
 @SIDES
-def test_loop_with_a_reversal_is_repeated_in_reverse(side: int) -> None:
+def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
     memory = heading_for(GOAL, side)
-    memory.doubtful = True
-    close_loop(memory, side, 0)
-    assert not memory.given_up
-    assert memory.side == -side
-    memory.doubtful = True
-    close_loop(memory, -side, 0)
-    assert memory.given_up
-
-
-def test_a_long_doubtful_loop_needs_one_proof_more() -> None:
-    memory = heading_for(GOAL, states.LEFT)
-    for turn in (1, -1):
-        memory.doubtful = True
-        memory.loops.spacing_cm = LONG_CM
-        close_loop(memory, turn, 0)
-    assert not memory.given_up
+    memory.following = memory.sound = True
+    memory.loops.count = 4
+    vgm_following.close_loop(memory)
+    assert (memory.side, memory.following, memory.open_loops) == (side, True, 0)
+    assert not memory.sound
+    assert memory.loops.count == 0
 
 
 BOX: list[Wall] = [(2.4, -0.6, 3.6, -0.6), (3.6, -0.6, 3.6, 0.6)]
 BOX += [(3.6, 0.6, 2.4, 0.6), (2.4, 0.6, 2.4, -0.6)]
 
 
-def test_a_walled_in_goal_is_given_up() -> None:
+def test_a_walled_in_goal_is_proved_unreachable() -> None:
     walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [], seconds=240.0)
     assert walk.gave_up
     assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
 
 
-def test_a_walled_in_robot_gives_up() -> None:
+def test_a_walled_in_robot_proves_the_goal_unreachable() -> None:
     around = [(x0 - 3.0, y0, x1 - 3.0, y1) for x0, y0, x1, y1 in BOX]
     walk = walk_to(states.VGM_MEMORY, GOAL, around, [], seconds=240.0)
     assert walk.gave_up
+
+
+def test_proof_sees_the_covariance_of_the_odometry() -> None:
+    driven = driving()
+    odometry = driven.state.odometry
+    before_m2 = odometry.pxx
+    driven.forward(2.0)
+    proof = driven.state.memory.proof
+    assert proof.odometry is driven.state.odometry
+    assert proof.odometry.pxx > before_m2 > 0.0
 
 
 def test_repeated_goal_starts_like_a_new_memory() -> None:
@@ -95,7 +104,8 @@ def test_repeated_goal_starts_like_a_new_memory() -> None:
     stand(fresh, SILENT, 1)
     close_loop(memory, 1, 0)
     vgm_following.begin(memory)
-    for name in ("following", "given_up", "reversed", "doubtful", "left_m", "hit_m"):
+    for name in ("following", "given_up", "lost", "reversed", "sound", "left_m", "hit_m"):
         assert getattr(memory, name) == getattr(fresh, name)
-    for name in ("proofs", "failed_leaves", "islands", "shut", "ease_mm"):
+    for name in ("open_loops", "failed_leaves", "islands", "shut", "ease_mm"):
         assert getattr(memory, name) == getattr(fresh, name) == 0
+    assert not memory.proof.whole

@@ -180,6 +180,6 @@ def test_failed_trial_is_exit_code_1(
 def test_quick_runs_all_navigators_in_fixed_worlds() -> None:
     options = parser().parse_args(["--quick"])
     made = study_run.prepare(options, ["--quick"])
-    assert len(made.worlds) == 36
-    assert len(made.tasks) == 36 * 7 * 2
+    assert len(made.worlds) == 38
+    assert len(made.tasks) == 38 * 7 * 2
     assert str(made.directory) == "study-quick"

@@ -12,7 +12,7 @@ from study.falsify.properties import (
     LAPS,
     LETTERS,
     START_UP_S,
-    lap_m,
+    both_sides_m,
     scores_of,
     time_limit_s,
     violated_by,
@@ -73,11 +73,13 @@ def test_nearer_wall_has_a_higher_score() -> None:
     assert near > far
 
 
-def test_lap_counts_both_sides_of_walls() -> None:
+def test_both_sides_of_walls_count() -> None:
     wall = Polyline(((1.0, 2.0), (2.0, 2.0)))
     post = Circle(x_m=3.0, y_m=2.0, radius_m=0.5)
-    assert lap_m(WORLD) == 14.0
-    assert lap_m(replace(WORLD, obstacles=(wall, post))) == pytest.approx(16.0 + 3.14159, abs=1e-4)
+    assert both_sides_m(WORLD) == 14.0
+    assert both_sides_m(replace(WORLD, obstacles=(wall, post))) == pytest.approx(
+        16.0 + 3.14159, abs=1e-4
+    )
 
 
 def test_time_limit_grows_with_way_and_slowness() -> None:

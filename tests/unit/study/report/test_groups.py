@@ -2,11 +2,10 @@
 
 import pytest
 
-from plant.corpus import FAMILIES, GRID_FAMILIES
+from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES, FAMILIES, GRID_FAMILIES
 from study.report.build import ReportRequest, page_of
 from study.report.groups import (
     ADVERSARIAL,
-    ADVERSARIAL_FAMILIES,
     CORPUS,
     CROWDS,
     GRIDS,
@@ -27,7 +26,8 @@ from tests.support.study.report.made import GAVE_UP, row, trials
         *((family, CORPUS) for family in ("box", "moving", "unreachable", "other")),
         *((family, GRIDS) for family in (*GRID_FAMILIES, "moving_ai_room")),
         *((family, ADVERSARIAL) for family in ADVERSARIAL_FAMILIES),
-        *(("thin", THIN), ("crowd", CROWDS), ("crowd_hasty", CROWDS)),
+        *((family, CROWDS) for family in CROWD_FAMILIES),
+        ("thin", THIN),
     ],
 )
 def test_each_family_has_one_group(family: str, group: str) -> None:

@@ -217,3 +217,20 @@ def test_wherever_it_goes_nothing_grows(story: list[tuple[int, int, int]]) -> No
         assert 0 < loops.count <= CRUMBS
         assert 0 <= loops.first < CRUMBS
     assert len(loops.x_cm) == len(loops.y_cm) == len(loops.heading) == CRUMBS
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 0.7, 2.5])
+def test_way_without_a_bend_is_straight(heading_rad: float) -> None:
+    loops = Loops()
+    assert not way.is_straight(loops)
+    for k in range(60):
+        way.drop(loops, int(4.0 * k * cos(heading_rad)), int(4.0 * k * sin(heading_rad)), 0)
+    assert loops.count > 5
+    assert way.is_straight(loops)
+
+
+@pytest.mark.parametrize("end", [(200.0, 150.0), (0.0, 0.0), (300.0, 250.0)])
+def test_way_with_a_bend_is_not_straight(end: tuple[float, float]) -> None:
+    loops = Loops()
+    walk_along(loops, (0.0, 0.0), (200.0, 0.0), end)
+    assert not way.is_straight(loops)
