@@ -78,9 +78,7 @@ def begin(state: State, now_ms: int) -> None:
     machine = state.machine
     if state.pursuits != machine.pursuits:
         state.pursuits = machine.pursuits
-        state.memory = registry.new_memory(machine.navigator, machine.side)
-        if hasattr(state.memory, "proof"):
-            state.memory.proof.odometry = state.odometry
+        state.memory = registry.new_memory(machine.navigator, machine.side, state.odometry)
         state.arrived = False
         state.crowded = 0
         state.driving = False

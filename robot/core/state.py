@@ -55,7 +55,7 @@ class State:
         self.odometry = Odometry()
         self.ring = Ring()
         self.frozen = FrozenSonar()
-        self.memory = registry.new_memory(params.navigator, params.side)
+        self.memory = registry.new_memory(params.navigator, params.side, self.odometry)
         self.trail = Trail()
         self.progress = ProgressMonitor()
         self.slip = Slip()

@@ -6,6 +6,7 @@ from robot.core import states
 from robot.core.navigators import bug, bug1, bug2, distbug, vgm, vgm_memory
 from robot.core.navigators.memory import paper_memory as memories
 from robot.core.parameters import Params
+from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
 
@@ -44,8 +45,10 @@ NAVIGATORS: "Final[dict[int, Navigator]]" = {
 }
 
 
-def new_memory(number: int, side: int) -> Any:
-    """Return an empty memory for a navigator, as for each new goal."""
+def new_memory(number: int, side: int, odometry: "Odometry | None" = None) -> Any:
+    """Return an empty memory for a navigator, as for each new goal; a proof reads the odometry."""
     memory = NAVIGATORS[number].memory()
     memory.side = side
+    if odometry is not None and hasattr(memory, "proof"):
+        memory.proof.odometry = odometry
     return memory

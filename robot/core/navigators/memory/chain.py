@@ -158,8 +158,7 @@ def linked(chain: Chain, end: int, width_mm2: int) -> int:
 
 def spread(chain: Chain, reached: int, width_mm2: int) -> int:
     """Return the arcs that are reached from the given ones by links between neighbours."""
-    before = 0
-    while before != reached:
+    for _ in EVERY:
         before = reached
         for i in EVERY:
             if (chain.seen & ~reached) >> i & 1:
@@ -167,6 +166,8 @@ def spread(chain: Chain, reached: int, width_mm2: int) -> int:
                     if 0 <= k < SONARS and reached >> k & 1 and is_linked(chain, k, i, width_mm2):
                         reached |= 1 << i
                         break
+        if before == reached:
+            break
     return reached
 
 

@@ -4,6 +4,7 @@ import pytest
 
 from robot.core import states
 from robot.core.navigators import vgm_following
+from robot.core.navigators.memory import loops
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
 from tests.support.robot.core.driving import driving
@@ -21,7 +22,7 @@ def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
         memory.following, memory.sound = True, False
         way = memory.loops
         for k, (dx_cm, dy_cm) in enumerate(corners):
-            way.x_cm[k], way.y_cm[k] = x_cm + dx_cm, dy_cm
+            way.place[k] = loops.packed(x_cm + dx_cm, dy_cm)
         way.count, way.first = len(corners), 0
         vgm_following.close_loop(memory)
 

@@ -143,7 +143,7 @@ def test_only_so_many_hits_are_kept_and_the_oldest_goes() -> None:
         way.remember(loops, 1000 * k, 0, LEFT)
     assert way.side_at(loops, 0, 0, LEFT) == LEFT
     assert all(way.side_at(loops, 1000 * k, 0, LEFT) == RIGHT for k in range(1, HITS + 1))
-    assert len(loops.hit_x_cm) == len(loops.hit_y_cm) == len(loops.hit_side) == HITS
+    assert len(loops.hit_place) == len(loops.hit_side) == HITS
 
 
 def test_after_a_hit_the_way_begins_anew() -> None:
@@ -158,7 +158,7 @@ def closed_way(corners: list[tuple[int, int]], before: int = 0) -> Loops:
     loops = Loops()
     places = [(-900, 800)] * before + corners
     for k, (x_cm, y_cm) in enumerate(places):
-        loops.x_cm[k], loops.y_cm[k] = x_cm, y_cm
+        loops.place[k] = way.packed(x_cm, y_cm)
     loops.count, loops.first = len(places), before
     return loops
 
@@ -216,7 +216,7 @@ def test_wherever_it_goes_nothing_grows(story: list[tuple[int, int, int]]) -> No
         way.drop(loops, x_cm, y_cm, heading)
         assert 0 < loops.count <= CRUMBS
         assert 0 <= loops.first < CRUMBS
-    assert len(loops.x_cm) == len(loops.y_cm) == len(loops.heading) == CRUMBS
+    assert len(loops.place) == len(loops.heading) == CRUMBS
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, 0.7, 2.5])
