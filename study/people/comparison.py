@@ -84,7 +84,7 @@ def add(found: Comparison, world: World, noise: str, seed: int) -> None:
 
 
 def table(rows: Sequence[Comparison]) -> str:
-    """Return the comparisons as a Markdown table, with 95 % intervals."""
+    """Return the comparisons as a Markdown table, with their intervals."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     lines += ["| " + " | ".join(_cells(row)) + " |" for row in rows]
     return "\n".join(lines)

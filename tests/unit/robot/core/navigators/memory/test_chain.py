@@ -141,6 +141,19 @@ def test_chain_does_not_begin_without_an_echo(side: int) -> None:
     assert not chains.begin(chain, side)
 
 
+@SIDES
+def test_chain_meets_its_first_arc_only_near_it(side: int) -> None:
+    chain, flank = Chain(), 0 if side == states.LEFT else 7
+    look(chain, {flank: 100})
+    assert chains.begin(chain, side)
+    assert chains.meets_start(chain, RADIUS_MM)
+    for away_m, meets in ((0.1, True), (0.5, False), (0.05, True)):
+        look(chain, {flank: 100}, Pose(away_m, 0.0, 0.0))
+        for end in (TAIL, LEAD):
+            chains.take(chain, end, flank)
+        assert chains.meets_start(chain, RADIUS_MM) == meets
+
+
 def test_lead_is_the_last_linked_arc_and_tail_the_first() -> None:
     """In a corner: sonars 0 to 4 have linked echoes, sonar 7 has one far from them."""
     chain = Chain()
