@@ -25,7 +25,7 @@
 #define MICROPY_OPT_COMPUTED_GOTO (1)
 #define MICROPY_OPT_LOAD_ATTR_FAST_PATH (1)
 #define MICROPY_OPT_MAP_LOOKUP_CACHE (1)
-#define MICROPY_MODULE_DICT_SIZE (440) // the linked program has about 350 names
+#define MICROPY_MODULE_DICT_SIZE (512) // the linked program has about 450 names
 #define MICROPY_ALLOC_GC_STACK_SIZE (192)
 #define MICROPY_GC_STACK_ENTRY_TYPE uint16_t
 
