@@ -67,17 +67,17 @@ class Ceiling(NamedTuple):
 
 CEILINGS: Final = {
     "bug": Ceiling(12.5, 10.5, 16.5),
-    "vgm": Ceiling(12.5, 10.0, 16.0),
-    "vgm_memory": Ceiling(25.0, 18.0, 22.5),
-    "bug1": Ceiling(25.0, 22.5, 25.0),
-    "bug2": Ceiling(25.0, 22.5, 25.0),
-    "distbug": Ceiling(25.0, 22.5, 25.0),
+    "vgm": Ceiling(12.5, 11.5, 16.5),
+    "vgm_memory": Ceiling(25.0, 38.5, 42.0),
+    "bug1": Ceiling(25.0, 23.0, 26.5),
+    "bug2": Ceiling(25.0, 23.0, 26.5),
+    "distbug": Ceiling(25.0, 23.0, 26.5),
 }
 FLASH_BYTES: Final = 512 * 1024
 RAM_BYTES: Final = 64 * 1024
 WANTED_RAM_BYTES: Final = 32 * 1024
 STACK_BYTES: Final = 4 * 1024
-HEAP_LIVE_BYTES: Final = 30 * 1024
+HEAP_LIVE_BYTES: Final = 32 * 1024
 
 
 def excesses(build: Build, cost: Cost) -> list[str]:
