@@ -68,7 +68,7 @@ class Image:
     name: str = "lpc1768"
     float_bits: int = 64
     ram_bytes: int = 64 * 1024
-    heap_bytes: int = 48 * 1024
+    heap_bytes: int = 54 * 1024
     stack_bytes: int = 6 * 1024
 
     @property

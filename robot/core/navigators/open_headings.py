@@ -270,12 +270,7 @@ def arcsine(sine: int) -> int:
 
 def farthest(away: "list[int]", first: int) -> int:
     """Return the farthest of a few sectors from `first` on; comparing all would take too long."""
-    n, most = first, away[first]
-    for k in range(first + 1, first + FEW):
-        here = away[k]
-        if here > most:
-            n, most = k, here
-    return n
+    return away.index(max(away[first : first + FEW]), first)
 
 
 def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:

@@ -36,6 +36,8 @@ EDGES: Final = tuple(
     ]
 )
 """Directions of the edges of the cones in the robot's frame, scaled to 1024."""
+NEIGHBOURS: Final = (3, 5, 2, 6)
+"""Bits of the neighbours of arc i, shifted so that i is bit 4."""
 FROM_RIGHT: Final = EVERY
 FROM_LEFT: Final = tuple(range(SONARS - 1, -1, -1))
 
@@ -124,8 +126,9 @@ def extend(chain: Chain, x_mm: int, y_mm: int, side: int, radius_mm: int) -> boo
     """
     width_mm = 2 * radius_mm - SLACK_MM
     width_mm2 = width_mm * width_mm
-    ahead = spread(chain, linked(chain, LEAD, width_mm2), width_mm2)
-    reached = ahead | spread(chain, linked(chain, TAIL, width_mm2), width_mm2)
+    ahead = spread(chain, linked(chain, LEAD, chain.seen, width_mm2), width_mm2)
+    more = linked(chain, TAIL, chain.seen & ~ahead, width_mm2)
+    reached = spread(chain, ahead | more, width_mm2) if more else ahead
     if reached == 0:
         return False
     tail = lead = NOTHING
@@ -147,27 +150,29 @@ def meets_start(chain: Chain, radius_mm: int) -> bool:
     return is_linked(chain, TAIL, START, width_mm2) or is_linked(chain, LEAD, START, width_mm2)
 
 
-def linked(chain: Chain, end: int, width_mm2: int) -> int:
-    """Return the arcs of the scan that are linked to an end of the chain."""
+def linked(chain: Chain, end: int, arcs: int, width_mm2: int) -> int:
+    """Return those of some arcs that are linked to an end of the chain."""
     found = 0
     for i in EVERY:
-        if chain.seen >> i & 1 and is_linked(chain, end, i, width_mm2):
+        if arcs >> i & 1 and is_linked(chain, end, i, width_mm2):
             found |= 1 << i
     return found
 
 
 def spread(chain: Chain, reached: int, width_mm2: int) -> int:
     """Return the arcs that are reached from the given ones by links between neighbours."""
-    for _ in EVERY:
+    rest, before = chain.seen & ~reached, 0
+    while reached != before and rest:
         before = reached
         for i in EVERY:
-            if (chain.seen & ~reached) >> i & 1:
-                for k in (i - 1, i + 1, i - 2, i + 2):
-                    if 0 <= k < SONARS and reached >> k & 1 and is_linked(chain, k, i, width_mm2):
+            # Bits 2, 3, 5 and 6 are the neighbours from i - 2 to i + 2.
+            near = reached << 4 >> i
+            if rest >> i & 1 and near & 0x6C:
+                for k in NEIGHBOURS:
+                    if near >> k & 1 and is_linked(chain, i + k - 4, i, width_mm2):
                         reached |= 1 << i
+                        rest &= ~(1 << i)
                         break
-        if before == reached:
-            break
     return reached
 
 

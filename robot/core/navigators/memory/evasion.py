@@ -11,13 +11,13 @@ from robot.core.geometry import wrap
 from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.open_headings import Sectors
 from robot.core.parameters import Params
-from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
 from robot.core.perception.people import BODY_M, PROVEN, SLOTS, People
 from robot.core.values import Pose
 from runtime.elementary import cos_sin
 
-CHOICES: Final = 16
-STEP: Final = CIRCLE // CHOICES
+CHOICES: Final = sweeps.STEPS
+STEP: Final = sweeps.STEP
 NEAR_M: Final = 1.5
 AHEAD_S: Final = 3.0
 FROM_S: Final = 0.3  # what happens earlier is the same on all headings
@@ -84,19 +84,21 @@ def turn(
     """
     best = wanted
     first = e.heading if e.active else wanted
+    closed = sweeps.closed_steps(sectors, first, sectors.tight)
     for k in range(CHOICES):
-        heading = first + ((k + 1) // 2) * (STEP if k & 1 else -STEP)
+        step = (k + 1) // 2 if k & 1 else -(k // 2)
+        heading = first + step * STEP
         off = (heading - wanted + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
         cost = TURN_COST * (off if off >= 0 else -off) / HALF_CIRCLE
         if k == 0 and e.active:
             cost -= KEEP_COST
         if cost >= least:
             continue
-        if sweeps.closer(sectors, heading, sectors.tight) != NOTHING:
+        if closed >> (step & CHOICES - 1) & 1:
             cost += CLOSED_COST
             if cost >= least:
                 continue
-        cost += PASS_COST * risk(people, near, heading, pose, params.v_max_m_s, params)
+        cost += PASS_COST * risk(people, near, heading, pose, params.v_max_m_s, params, cost, least)
         if cost < least:
             best, least = heading, cost
     return best
@@ -114,18 +116,23 @@ def bits_of_near(people: People, pose: Pose) -> int:
 
 
 def risk(
-    people: People, near: int, heading: int, pose: Pose, speed_m_s: float, params: Params
+    people: People,
+    near: int,
+    heading: int,
+    pose: Pose,
+    speed_m_s: float,
+    params: Params,
+    cost: float = 0.0,
+    least: float = inf,
 ) -> float:
     """Return how far the margins to people are missed, 0 if not; sooner counts more.
 
-    The robot turns to the heading on the spot and then drives; at no speed it stands.
+    The robot turns to the heading on the spot and then drives; at no speed it stands. The result
+    may be too small where it raises `cost` to `least` at least.
     """
-    touching_m, turn_s, cosine, sine = params.radius_m + BODY_M, AHEAD_S, 0.0, 0.0
-    if speed_m_s > 0.0:
-        off = (heading - int(BRADS * pose.heading_rad) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
-        turn_s = (off if off >= 0 else -off) / BRADS / TURN_RAD_S
-        cosine, sine = cos_sin(wrap(heading / BRADS))
-    total = 0.0
+    touching_m = params.radius_m + BODY_M
+    turn_s = turning_s(heading, pose) if speed_m_s > 0.0 else AHEAD_S
+    total = ux_m_s = uy_m_s = 0.0
     for k in SLOTS:
         if not near >> k & 1:
             continue
@@ -134,8 +141,11 @@ def risk(
         vx_m_s, vy_m_s = people.vx_m_s[k], people.vy_m_s[k]
         if turn_s > FROM_S:
             worst = miss(x_m, y_m, vx_m_s, vy_m_s, FROM_S, turn_s, touching_m)
+            if cost + PASS_COST * (total + worst) >= least:
+                return total + worst
         if turn_s < AHEAD_S:
-            ux_m_s, uy_m_s = speed_m_s * cosine, speed_m_s * sine
+            if ux_m_s == 0.0 and uy_m_s == 0.0:
+                ux_m_s, uy_m_s = velocity(heading, speed_m_s)
             x_m, y_m = x_m + turn_s * ux_m_s, y_m + turn_s * uy_m_s
             vx_m_s, vy_m_s = vx_m_s - ux_m_s, vy_m_s - uy_m_s
             begin_s = turn_s if turn_s > FROM_S else FROM_S
@@ -143,6 +153,18 @@ def risk(
             worst = here if here > worst else worst
         total += worst
     return total
+
+
+def turning_s(heading: int, pose: Pose) -> float:
+    """Return the time to turn to a heading."""
+    off = (heading - int(BRADS * pose.heading_rad) + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
+    return (off if off >= 0 else -off) / BRADS / TURN_RAD_S
+
+
+def velocity(heading: int, speed_m_s: float) -> tuple[float, float]:
+    """Return the velocity along a heading."""
+    cosine, sine = cos_sin(wrap(heading / BRADS))
+    return speed_m_s * cosine, speed_m_s * sine
 
 
 def miss(

@@ -46,6 +46,17 @@ def test_a_sweep_finds_the_smallest_open_rotation_on_either_side(
     assert swept(chain(*given), start, side) == smallest(given, start, side)
 
 
+@given(sectors_given, bearings)
+def test_closed_steps_are_those_that_a_sector_closes(
+    given: list[tuple[int, int]], start: int
+) -> None:
+    sectors = chain(*given)
+    found = sweeps.closed_steps(sectors, start, sectors.tight)
+    headings = [start + k * sweeps.STEP for k in range(sweeps.STEPS)]
+    closing = [sweeps.closer(sectors, heading, sectors.tight) for heading in headings]
+    assert [found >> k & 1 for k in range(sweeps.STEPS)] == [k != NOTHING for k in closing]
+
+
 @given(sectors_given, bearings, sides, st.integers(0, HALF_CIRCLE), st.integers(1, HALF_CIRCLE))
 def test_sweep_with_limits_finds_the_next_open_heading(
     given: list[tuple[int, int]], start: int, side: int, turn: int, more: int

@@ -3,16 +3,19 @@
 from math import cos, hypot, inf, sin
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from robot.core.navigators.memory import evasion
 from robot.core.navigators.memory.evasion import Evasion
 from robot.core.navigators.open_headings import Sectors
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, QUARTER
-from robot.core.perception.people import MOST_LEFT, PROVEN, People
+from robot.core.perception.people import MOST, MOST_LEFT, PROVEN, People
 from robot.core.values import Pose
 
 HERE = Pose(0.0, 0.0, 0.0)
+places, speeds = st.floats(-1.5, 1.5), st.floats(-0.4, 0.4)
 
 
 def people_of(*each: tuple[float, float, float, float]) -> People:
@@ -101,3 +104,20 @@ def test_robot_waits_where_no_other_way_is_open() -> None:
     assert evasion.choose(e, people, sectors, 0, HERE, DEFAULTS) == 0
     assert e.active
     assert e.most_m_s == 0.0
+
+
+@given(
+    st.lists(st.tuples(places, places, speeds, speeds), min_size=1, max_size=MOST),
+    st.integers(-HALF_CIRCLE, HALF_CIRCLE),
+    st.floats(0.0, 4.0),
+    st.floats(0.0, 12.0),
+)
+def test_risk_that_ends_early_is_high_enough(
+    persons: list[tuple[float, float, float, float]], heading: int, cost: float, least: float
+) -> None:
+    people, near = people_of(*persons), (1 << len(persons)) - 1
+    speed_m_s = DEFAULTS.v_max_m_s
+    whole = evasion.risk(people, near, heading, HERE, speed_m_s, DEFAULTS)
+    found = evasion.risk(people, near, heading, HERE, speed_m_s, DEFAULTS, cost, least)
+    assert found <= whole
+    assert found == whole or cost + evasion.PASS_COST * found >= least
