@@ -91,8 +91,12 @@ def test_gap_of_unknown_width_is_not_entered(
     ranges: Ranges = [inf] * SONARS
     ranges[right], ranges[left] = right_m, left_m
     assert speed(heard(ranges)) == 0.0
-    ranges[left] = None
-    assert speed(heard(ranges)) > 0.0
+
+
+@pytest.mark.parametrize("sonar", [0, 1, 6, 7])
+def test_only_turns_at_the_least_range_of_a_flank_sonar(sonar: int) -> None:
+    assert speed(only(sonar, 0.02)) == 0.0
+    assert speed(only(sonar, 0.021)) > 0.0
 
 
 def test_gap_with_three_centimetres_each_side_is_entered() -> None:
