@@ -68,7 +68,7 @@ def test_stop_with_the_id_of_an_answered_command_stops() -> None:
     with attacked() as (stack, attacker):
         heard = attacker.listen(COMMANDED)
         drives(stack)
-        until(lambda: ids_in(heard))
+        until(lambda: ids_in(heard) or armed_again(stack))
         newest = ids_in(heard)[-1]
         good_ns = stack.clock.now_ns() + GOOD_NS
         occupied = range(newest, newest + 6)

@@ -161,8 +161,8 @@ def linked(chain: Chain, end: int, arcs: int, width_mm2: int) -> int:
 
 def spread(chain: Chain, reached: int, width_mm2: int) -> int:
     """Return the arcs that are reached from the given ones by links between neighbours."""
-    rest, before = chain.seen & ~reached, 0
-    while reached != before and rest:
+    rest = chain.seen & ~reached
+    for _ in EVERY:
         before = reached
         for i in EVERY:
             # Bits 2, 3, 5 and 6 are the neighbours from i - 2 to i + 2.
@@ -173,6 +173,8 @@ def spread(chain: Chain, reached: int, width_mm2: int) -> int:
                         reached |= 1 << i
                         rest &= ~(1 << i)
                         break
+        if reached == before or rest == 0:
+            break
     return reached
 
 
