@@ -48,10 +48,20 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
             "turns right on the spot 143°/s: goal 100° right, behind, 3.20 m to go",
         ),
         (
-            decided(branch=Branch.TO_GOAL, rotation_rad=radians(5), **STRAIGHT),
+            decided(
+                branch=Branch.TO_GOAL, rotation_rad=radians(5), nearest_range_m=0.05, **STRAIGHT
+            ),
             standing(),
             "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it keeps off"
             " what is near by 5° left",
+        ),
+        (
+            decided(
+                branch=Branch.TO_GOAL, rotation_rad=radians(-10), nearest_range_m=inf, **STRAIGHT
+            ),
+            standing(),
+            "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it weaves to see"
+            " corners ahead, now 10° right",
         ),
         (
             decided(**TO_GOAL, goal_bearing_rad=radians(2.0), yaw_rate_rad_s=-0.5),
