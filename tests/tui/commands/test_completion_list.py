@@ -84,7 +84,7 @@ def test_value_of_a_parameter_has_its_range_as_a_hint() -> None:
     async def story() -> None:
         async with staged() as stage:
             await stage.press("3", "e")
-            assert "0 to 5 m, now 0.4" in drawn(stage)
+            await stage.until(lambda: "0 to 5 m, now 0.4" in drawn(stage))
             assert shown(stage) == ""
             await stage.press("h")
             assert shown(stage) == ""
