@@ -18,7 +18,7 @@ def change_world(interface: AppInterface, scenario: Scenario, what: str) -> None
         return
     interface.commands.begin_world(keeps_draft=scenario.name == stack.scenario.name)
     interface.note(f"{scenario.name}: {what}")
-    stack.restarted(scenario, interface.station.begin_again)
+    stack.restarted(scenario, partial(interface.station.begin_again, stack.scenario.robots))
     interface.run_in_background(stack.drive_to_goals, partial(report, interface, scenario))
 
 

@@ -1,6 +1,6 @@
 """Run a ground station without a screen: poll it, then read its state."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from time import monotonic, time_ns
 from typing import Final
@@ -17,7 +17,7 @@ from ground.station.roster import name_key
 from ground.station.view import StationView
 from ground.station.world import WorldFacts, parse_world
 from protocol.bus.network import MAX_ROBOTS
-from protocol.topics import PARAMETERS, WORLD, robot_name
+from protocol.topics import PARAMETERS, WORLD, Role, robot_name
 from protocol.wire.enums import LeaseAction, Severity
 from runtime.cli.terminal import printable
 from runtime.clock import Clock
@@ -28,6 +28,7 @@ CLOSING_S: Final = 2.0
 REPLAYED: Final = "a replay accepts no commands"
 STOPPED: Final = "an emergency stop came first"
 RESTARTED: Final = "other processes are started"
+PROCESSES: Final = frozenset((Role.ROBOT.value, Role.PLANT.value))
 
 
 class Station(StationView):
@@ -54,6 +55,7 @@ class Station(StationView):
         super().__init__(robot, clock.now_ns(), world, fleet)
         self._bus = bus
         self._clock = clock
+        self._ended: frozenset[tuple[str, str]] = frozenset()
         self._worker = workers("requests")
         self._commanding = CommandQueue(bus, clock, self._worker, self.note, name)
         if isinstance(bus, LiveBus):
@@ -67,7 +69,9 @@ class Station(StationView):
         being the operator.
         """
         self._now_ns = now_ns = self._clock.now_ns()
-        present = tuple(self._bus.present())
+        present = tuple(
+            token for token in self._bus.present() if (token.role, token.zid) not in self._ended
+        )
         self._present = present_processes(present)
         self._watch(now_ns)
         self._fleet.poll(present, self._robot, now_ns)
@@ -124,11 +128,17 @@ class Station(StationView):
         for model in self._fleet.models.values():
             model.telemetry.pace = pace
 
-    def begin_again(self) -> None:
+    def begin_again(self, ended: Collection[str] = ()) -> None:
         """Forget all that was received, because other processes are started now.
 
-        Until they are received for the first time, nothing counts as lost.
+        Until they are received for the first time, nothing counts as lost. The robots and plants of
+        `ended` have ended, though the bus may still show some of them for a moment.
         """
+        self._ended = frozenset(
+            (token.role, token.zid)
+            for token in self._bus.present()
+            if token.robot in ended and token.role in PROCESSES
+        )
         self._commanding.cancel(RESTARTED)
         self._fleet.forget()
         self.select(self._robot)

@@ -1,6 +1,6 @@
 """Define a station that a test fills, and a command sink that only records commands."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from ground.client.operations import Operation
@@ -84,7 +84,7 @@ class FakeStation(Station):
     def set_pace(self, pace: float) -> None:
         self._telemetry.pace = pace
 
-    def begin_again(self) -> None:
+    def begin_again(self, ended: Collection[str] = ()) -> None:
         self.begun_again += 1
 
     def poll(self) -> None:

@@ -97,3 +97,19 @@ def test_processes_that_do_not_start_are_a_loss_in_the_end() -> None:
     play.station.begin_again()
     play.forward(25.0)
     assert play.station.loss() is not None
+
+
+def test_an_ended_process_that_the_bus_still_shows_does_not_disconnect_later() -> None:
+    play = Play().forward(1.0)
+    play.station.begin_again(["r1"])
+    play.forward(1.0)
+    assert not play.station.present.has("r1", Role.ROBOT)
+    play.bus.go(Role.ROBOT)
+    play.bus.go(Role.PLANT)
+    play.forward(0.1)
+    assert play.texts("has disconnected") == []
+    play.bus.come(Role.ROBOT, zid="new")
+    play.forward(0.2)
+    play.bus.go(Role.ROBOT)
+    play.forward(0.1)
+    assert play.texts("has disconnected") == ["robot r1 has disconnected"]
