@@ -25,6 +25,7 @@ Of the linked arcs of a scan, TAIL is the one nearest to the followed flank and 
 the direction of following. While the robot turns in a corner, LEAD is already past the corner.
 """
 ARCS: Final = SONARS + 3
+EACH: Final = tuple(range(ARCS))
 REACH_M: Final = 0.40  # arcs of farther echoes are too long for a link
 JUMP_MM: Final = 80  # an echo counts if it agrees this well with one of the last scan
 BEHIND_MM: Final = 400
@@ -36,8 +37,8 @@ EDGES: Final = tuple(
     ]
 )
 """Directions of the edges of the cones in the robot's frame, scaled to 1024."""
-NEIGHBOURS: Final = (3, 5, 2, 6)
-"""Bits of the neighbours of arc i, shifted so that i is bit 4."""
+NEIGHBOURS: Final = 0x1B
+"""Bits of the neighbours of arc i, shifted so that i is bit 2."""
 FROM_RIGHT: Final = EVERY
 FROM_LEFT: Final = tuple(range(SONARS - 1, -1, -1))
 
@@ -80,14 +81,15 @@ def look_from(chain: Chain, first: int, ring: Ring, pose: Pose, radius_mm: int) 
     """
     cosine, sine = whole_cos_sin(pose.heading_rad)
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
+    ranges_m, before_mm, ranges_mm = ring.range_m, chain.before_mm, chain.range_mm
     for i in range(first, SONARS, 2):
-        range_m = ring.range_m[i]
+        range_m = ranges_m[i]
         if range_m is None or range_m >= REACH_M:
-            chain.range_mm[i + 1] = NOTHING
+            ranges_mm[i + 1] = NOTHING
             continue
         range_mm = int(1000.0 * range_m)
-        chain.range_mm[i + 1] = range_mm
-        if not is_confirmed(chain.before_mm, i, range_mm):
+        ranges_mm[i + 1] = range_mm
+        if not is_confirmed(before_mm, i, range_mm):
             continue
         chain.seen |= 1 << i
         away_mm = range_mm + radius_mm
@@ -101,10 +103,14 @@ def look_from(chain: Chain, first: int, ring: Ring, pose: Pose, radius_mm: int) 
 
 def is_confirmed(before_mm: "list[int]", sonar: int, range_mm: int) -> bool:
     """Return whether this sonar or one beside it had a similar range in the last scan."""
-    for k in (sonar, sonar + 1, sonar + 2):
-        if before_mm[k] != NOTHING and -JUMP_MM < range_mm - before_mm[k] < JUMP_MM:
-            return True
-    return False
+    least_mm, most_mm = range_mm - JUMP_MM, range_mm + JUMP_MM
+    if least_mm < NOTHING:
+        least_mm = NOTHING
+    return (
+        least_mm < before_mm[sonar + 1] < most_mm
+        or least_mm < before_mm[sonar] < most_mm
+        or least_mm < before_mm[sonar + 2] < most_mm
+    )
 
 
 def begin(chain: Chain, side: int) -> bool:
@@ -126,9 +132,9 @@ def extend(chain: Chain, x_mm: int, y_mm: int, side: int, radius_mm: int) -> boo
     """
     width_mm = 2 * radius_mm - SLACK_MM
     width_mm2 = width_mm * width_mm
-    ahead = spread(chain, linked(chain, LEAD, chain.seen, width_mm2), width_mm2)
-    more = linked(chain, TAIL, chain.seen & ~ahead, width_mm2)
-    reached = spread(chain, ahead | more, width_mm2) if more else ahead
+    ahead = spread(chain, linked(chain, LEAD, chain.seen, width_mm2), chain.seen, width_mm2)
+    rest = chain.seen & ~ahead
+    reached = ahead | spread(chain, linked(chain, TAIL, rest, width_mm2), rest, width_mm2)
     if reached == 0:
         return False
     tail = lead = NOTHING
@@ -150,31 +156,59 @@ def meets_start(chain: Chain, radius_mm: int) -> bool:
     return is_linked(chain, TAIL, START, width_mm2) or is_linked(chain, LEAD, START, width_mm2)
 
 
-def linked(chain: Chain, end: int, arcs: int, width_mm2: int) -> int:
-    """Return those of some arcs that are linked to an end of the chain."""
+def is_linked(chain: Chain, i: int, k: int, width_mm2: int) -> bool:
+    """Return whether the robot does not fit between the surfaces of two arcs."""
+    return linked(chain, i, 1 << k, width_mm2) != 0
+
+
+def linked(chain: Chain, i: int, arcs: int, width_mm2: int) -> int:
+    """Return those of some arcs between whose surfaces and that of arc i the robot does not fit.
+
+    A bit of `arcs` and of the result stands for an arc or an end of the chain.
+    """
     found = 0
-    for i in EVERY:
-        if arcs >> i & 1 and is_linked(chain, end, i, width_mm2):
-            found |= 1 << i
+    if arcs == 0:
+        return found
+    xs, ys, left_xs, left_ys = chain.x_mm, chain.y_mm, chain.left_x_mm, chain.left_y_mm
+    x1, y1, x2, y2 = xs[i], ys[i], left_xs[i], left_ys[i]
+    for k in EACH:
+        rest = arcs >> k
+        if rest == 0:
+            break
+        if rest & 1 == 0:
+            continue
+        x3, y3 = xs[k], ys[k]
+        dx_mm, dy_mm = x1 - x3, y1 - y3
+        if dx_mm * dx_mm + dy_mm * dy_mm >= width_mm2:
+            continue
+        dx_mm, dy_mm = x2 - x3, y2 - y3
+        if dx_mm * dx_mm + dy_mm * dy_mm >= width_mm2:
+            continue
+        x3, y3 = left_xs[k], left_ys[k]
+        dx_mm, dy_mm = x1 - x3, y1 - y3
+        if dx_mm * dx_mm + dy_mm * dy_mm >= width_mm2:
+            continue
+        dx_mm, dy_mm = x2 - x3, y2 - y3
+        if dx_mm * dx_mm + dy_mm * dy_mm < width_mm2:
+            found |= 1 << k
     return found
 
 
-def spread(chain: Chain, reached: int, width_mm2: int) -> int:
-    """Return the arcs that are reached from the given ones by links between neighbours."""
-    rest = chain.seen & ~reached
+def spread(chain: Chain, reached: int, arcs: int, width_mm2: int) -> int:
+    """Return the arcs that are reached from the given ones by links between neighbours.
+
+    Only through some arcs; each one that is reached is compared once with its neighbours.
+    """
+    rest, todo = arcs & ~reached, reached
     for _ in EVERY:
-        before = reached
         for i in EVERY:
-            # Bits 2, 3, 5 and 6 are the neighbours from i - 2 to i + 2.
-            near = reached << 4 >> i
-            if rest >> i & 1 and near & 0x6C:
-                for k in NEIGHBOURS:
-                    if near >> k & 1 and is_linked(chain, i + k - 4, i, width_mm2):
-                        reached |= 1 << i
-                        rest &= ~(1 << i)
-                        break
-        if reached == before or rest == 0:
-            break
+            if rest == 0 or todo == 0:
+                return reached
+            if todo >> i & 1:
+                found = linked(chain, i, rest & NEIGHBOURS << i >> 2, width_mm2)
+                reached |= found
+                rest &= ~found
+                todo = todo & ~(1 << i) | found
     return reached
 
 
@@ -188,15 +222,3 @@ def middle(chain: Chain) -> tuple[int, int]:
     """Return the middle of the chain's end at the followed flank."""
     x_mm = chain.x_mm[TAIL] + chain.left_x_mm[TAIL] >> 1
     return x_mm, chain.y_mm[TAIL] + chain.left_y_mm[TAIL] >> 1
-
-
-def is_linked(chain: Chain, i: int, k: int, width_mm2: int) -> bool:
-    """Return whether the robot does not fit between the surfaces of two arcs."""
-    x1, y1, x2, y2 = chain.x_mm[i], chain.y_mm[i], chain.left_x_mm[i], chain.left_y_mm[i]
-    x3, y3, x4, y4 = chain.x_mm[k], chain.y_mm[k], chain.left_x_mm[k], chain.left_y_mm[k]
-    return (
-        (x1 - x3) * (x1 - x3) + (y1 - y3) * (y1 - y3) < width_mm2
-        and (x1 - x4) * (x1 - x4) + (y1 - y4) * (y1 - y4) < width_mm2
-        and (x2 - x3) * (x2 - x3) + (y2 - y3) * (y2 - y3) < width_mm2
-        and (x2 - x4) * (x2 - x4) + (y2 - y4) * (y2 - y4) < width_mm2
-    )

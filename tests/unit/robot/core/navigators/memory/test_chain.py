@@ -164,6 +164,18 @@ def test_lead_is_the_last_linked_arc_and_tail_the_first() -> None:
     assert (chain.x_mm[LEAD], chain.y_mm[LEAD]) == (chain.x_mm[4], chain.y_mm[4])
 
 
+@given(st.lists(st.integers(20, 399), min_size=SONARS, max_size=SONARS), st.integers(1, 255))
+def test_spread_reaches_every_arc_connected_by_links(ranges_mm: list[int], begun: int) -> None:
+    chain, expected = Chain(), begun
+    look(chain, dict(enumerate(ranges_mm)))
+    for _ in range(SONARS):
+        for i in range(SONARS):
+            for k in range(max(i - 2, 0), min(i + 3, SONARS)):
+                if expected >> i & 1 and chains.is_linked(chain, i, k, WIDTH_MM2):
+                    expected |= 1 << k
+    assert chains.spread(chain, begun, chain.seen, WIDTH_MM2) == expected
+
+
 def end_after(walls: list[Wall], from_m: float, to_m: float, side: int) -> float | None:
     """Drive along y = 0 with a wall at the flank; return where the chain ends, None if broken."""
     chain, begun = Chain(), False
