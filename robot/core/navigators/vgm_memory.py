@@ -79,7 +79,6 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         )
         memory.rotation = memory.heading - to_goal
         echo_decay.update_through(memory.echoes, ring, radius_mm)
-        echo_decay.fade(memory.echoes, pose)
     memory.before = pose
     if distance_m < memory.best_m:
         memory.best_m = distance_m
@@ -87,9 +86,12 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Record the echoes in the phase for it, and in the others the nearest one."""
+    """Fade and record the echoes in the phase for it; in the others record the nearest one."""
     before = memory.before or pose
     if memory.phase == RECORD:
+        if memory.before is not None:
+            # With the pose and the ranges of the choice one tick ago, which costs more than this.
+            echo_decay.fade(memory.echoes, before)
         echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
     else:
         echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
