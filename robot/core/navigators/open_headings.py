@@ -124,7 +124,7 @@ def gather(
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     cosine, sine = whole_cos_sin(pose.heading_rad)
-    xs, ys, weight, spread_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
+    xs, ys, weights, spreads_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
     through_mm2 = echoes.through_mm2
     most_mm2 = max(through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
@@ -143,20 +143,20 @@ def gather(
             push_out(echoes, k, x_mm, y_mm, int(sqrt(square)), radius_mm)
             square = radius_mm2
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
-        bearing = UNKNOWN
-        if square < most_mm2 and along_mm >= 0:
+        bearing, weight, spread_mm = UNKNOWN, weights[k], spreads_mm[k]
+        if square < most_mm2 and along_mm >= 0 and 0 < weight <= MOST_WEIGHT:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
-            if 0 < weight[k] <= MOST_WEIGHT and square < through_mm2[looks_at(bearing - heading)]:
-                weight[k] -= 1
-        body_mm = most_body_mm - (DOUBT * spread_mm[k] >> 2)
+            if square < through_mm2[looks_at(bearing - heading)]:
+                weights[k] = weight = weight - 1
+        body_mm = most_body_mm - (DOUBT * spread_mm >> 2)
         closes_mm = body_mm + CLOSES_MM
-        sure = weight[k] >= SURE
+        sure = weight >= SURE
         if sure and square < closes_mm * closes_mm:
             keep(sectors, k, dx_mm, dy_mm, square, body_mm, bearing)
         if along_mm > 0:
             aside_mm = abs(dy_mm * cosine - dx_mm * sine >> 10)
             if aside_mm < clear_mm:
-                see_ahead(sectors, along_mm, aside_mm, slim_mm, clear_mm, sure, spread_mm[k])
+                see_ahead(sectors, along_mm, aside_mm, slim_mm, clear_mm, sure, spread_mm)
 
 
 def keep(
