@@ -14,7 +14,7 @@ from robot.core.motion.pace import Held
 from robot.core.navigators import open_headings
 from robot.core.navigators import sweep as sweeps
 from robot.core.navigators.memory import chain as chains
-from robot.core.navigators.memory import loops
+from robot.core.navigators.memory import changes, loops
 from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.evasion import Evasion
 from robot.core.navigators.memory.loops import Loops
@@ -63,12 +63,13 @@ class Memory:
     """State of the navigator; `side` is where the followed obstacle is passed.
 
     `anchor` is the place of the followed echo. `best_m` is the shortest distance to the goal so
-    far, `left_m` that at the last leave, `hit_m` the distance at the last hit. `failed_leaves`
-    counts leaves without progress. `aside` is the side of the last small detour, kept for
-    `aside_ticks` choices. `sound` is set while the boundary has had no gap since the side was
-    latched; `open_loops` counts the loops along boundaries with gaps. `given_up` is set by a proof,
-    `lost` if there is neither a way nor a proof. `heading` is the last choice, `rotation` its angle
-    from the goal's direction. `still` counts the choices at one place. `phase` selects the work of
+    far, `left_m` that at the last leave, `left_place` the place of it, `hit_m` the distance at the
+    last hit. `failed_leaves` counts leaves without progress. `aside` is the side of the last small
+    detour, kept for `aside_ticks` choices. `passed` counts the changes of side. `sound` is set
+    while the boundary has had no gap since the side was latched; `open_loops` counts the loops
+    along boundaries with gaps. `given_up` is set by a proof, `lost` if there is neither a way nor a
+    proof. `heading` is the last choice, `rotation` its angle from the goal's direction. `still`
+    counts the choices at one place. `phase` selects the work of
     a tick; `before` is the pose one tick ago.
     """
 
@@ -93,11 +94,11 @@ class Memory:
         "hit_m",
         "islands",
         "left_m",
-        "left_x_cm",
-        "left_y_cm",
+        "left_place",
         "loops",
         "lost",
         "open_loops",
+        "passed",
         "phase",
         "proof",
         "reversed",
@@ -125,7 +126,7 @@ class Memory:
         self.heading = self.rotation = 0
         self.held = Held()
         self.anchor_x_mm = self.anchor_y_mm = 0
-        self.left_x_cm = self.left_y_cm = 0
+        self.left_place = self.passed = 0
         self.aside = self.aside_ticks = 0
         self.still = self.still_x_mm = self.still_y_mm = 0
         self.following = self.given_up = self.lost = self.sound = self.reversed = False
@@ -137,7 +138,7 @@ def begin(memory: Memory) -> None:
     """Reset for a new goal; the echoes stay valid."""
     memory.best_m = memory.left_m = memory.hit_m = inf
     memory.following = memory.given_up = memory.lost = memory.sound = memory.reversed = False
-    memory.open_loops = memory.rotation = 0
+    memory.open_loops = memory.rotation = memory.passed = 0
     memory.failed_leaves = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
     loops.restart(memory.loops)
@@ -156,13 +157,15 @@ def hit(memory: Memory, ring: Ring, x_cm: int, y_cm: int, to_goal: int, distance
         memory.failed_leaves = 0
     elif memory.left_m < inf:
         memory.failed_leaves += 1
-        if loops.is_near(memory.left_x_cm - x_cm, memory.left_y_cm - y_cm, AGAIN_CM):
+        place = memory.left_place
+        if loops.is_near(loops.x_of(place) - x_cm, loops.y_of(place) - y_cm, AGAIN_CM):
             return
     left = sweeps.sweep(sectors, to_goal, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, to_goal, states.RIGHT, sectors.tight)
     more = ROOM_PER_BRAD * (right - left) + room_m(ring, LEFT_SONARS) - room_m(ring, RIGHT_SONARS)
     wanted = states.LEFT if more >= 0.0 else states.RIGHT
-    memory.side = loops.side_at(memory.loops, x_cm, y_cm, wanted)
+    wanted = loops.side_at(memory.loops, x_cm, y_cm, wanted)
+    memory.side = changes.kept(memory.passed, wanted, changes.MAX_CHANGES)
     loops.remember(memory.loops, x_cm, y_cm, memory.side)
     memory.hit_m = distance_m
     memory.reversed = memory.reversed and memory.failed_leaves > 0
@@ -304,6 +307,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
     """
     return (
         not memory.reversed
+        and changes.are_left(memory.passed)
         and loops.walked_cm(memory.loops) >= PATIENCE_CM << memory.islands
         and loops.is_straight(memory.loops)
         and distance_m > AWAY * memory.hit_m + AWAY_M
@@ -330,11 +334,14 @@ def close_loop(memory: Memory) -> None:
 
 
 def try_other_side(memory: Memory, weight: int) -> None:
-    """Follow the boundary in the other direction with smaller margins; in the end be lost."""
+    """Follow the boundary in the other direction with smaller margins; in the end be lost.
+
+    After the last change of side the margins alone become smaller.
+    """
     restart(memory)
     memory.open_loops += weight
     memory.lost = memory.open_loops >= MAX_LOOPS
-    memory.side = -memory.side
+    memory.side = changes.kept(memory.passed, -memory.side, changes.MAX_CHANGES)
     memory.ease_mm = EASE_MM
 
 

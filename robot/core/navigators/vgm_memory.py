@@ -16,7 +16,7 @@ from robot.core.geometry import whole_cos_sin, wrap
 from robot.core.motion import pace
 from robot.core.navigators import open_headings, vgm_following
 from robot.core.navigators import sweep as sweeps
-from robot.core.navigators.memory import evasion
+from robot.core.navigators.memory import changes, evasion, loops
 from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.vgm_following import Memory
 from robot.core.parameters import Params
@@ -144,8 +144,9 @@ def give_way(memory: Memory) -> None:
     flank_walker.ticks = max(flank_walker.ticks - PHASES, 0)
     left = sweeps.sweep(sectors, flank_walker.heading, states.LEFT, sectors.tight)
     right = sweeps.sweep(sectors, flank_walker.heading, states.RIGHT, sectors.tight)
-    memory.aside, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
-    memory.heading = flank_walker.heading + memory.aside * turn
+    side, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
+    memory.aside = changes.kept(memory.passed, side, changes.MAX_CHANGES)
+    memory.heading = flank_walker.heading + side * turn
 
 
 def choose(
@@ -187,7 +188,9 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
             right += SAME_SIDE
         else:
             left += SAME_SIDE
-    side, turn = (states.LEFT, left) if left <= right else (states.RIGHT, right)
+    side = states.LEFT if left <= right else states.RIGHT
+    side = changes.kept(memory.passed, side, changes.MAX_DETOUR_CHANGES)
+    turn = left if side == states.LEFT else right
     if turn < most:
         memory.aside, memory.aside_ticks = side, LATCH
         memory.heading = to_goal + side * turn
@@ -216,7 +219,7 @@ def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
     """Stop following; note the place and the distance."""
     memory.following = False
     memory.left_m = memory.best_m
-    memory.left_x_cm, memory.left_y_cm = x_cm, y_cm
+    memory.left_place = loops.packed(x_cm, y_cm)
 
 
 def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
@@ -250,6 +253,16 @@ def branch_of(memory: Memory) -> int:
     return states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT
 
 
+def count_side(memory: Memory, branch: int) -> None:
+    """Count the side on which an obstacle is passed; after the last change keep it."""
+    if branch not in (states.PASS_LEFT, states.PASS_RIGHT):
+        return
+    side = states.LEFT if branch == states.PASS_LEFT else states.RIGHT
+    memory.passed = changes.counted(memory.passed, side)
+    if not changes.are_left(memory.passed):
+        memory.side = memory.aside = side
+
+
 def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
     """Return the speed limit by echoes, heading error, and people."""
     if 0 < memory.flank_walker.ticks < flank_walkers.GIVE_WAY_TICKS - flank_walkers.DRIVE_TICKS:
@@ -279,6 +292,7 @@ def decision(
     """Return the decision: virtual goal at the chosen heading, flank bias, and speed limit."""
     alpha_rad = wrap(goal_rad - pose.heading_rad)
     branch = branch_of(memory)
+    count_side(memory, branch)
     pace.hold(memory.held, ring)
     gamma_rad = rotation_rad(memory, ring, branch, dx_m, dy_m)
     speed_m_s = speed_limit(memory, wrap(alpha_rad + gamma_rad), params)
