@@ -5,7 +5,7 @@ from typing import Final
 
 from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import Params
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.values import EVERY, SONARS
 from runtime.elementary import cos, cos_sin
 
@@ -15,7 +15,7 @@ CLOSE_M: Final = 0.30
 """Farther echoes do not limit the speed; beyond 0.23 m the default 0.3 m/s is not reduced."""
 HOLD_M: Final = 0.10
 RISE_M: Final = 0.005
-"""A range below HOLD_M grows by at most RISE_M in a tick.
+"""A range below HOLD_M grows by at most RISE_M in a tick, a saturated one from 0.
 
 The end of a thin wall is seen by few pings, and does not vanish in between.
 """
@@ -46,13 +46,12 @@ At larger ranges this does not reduce the default speed.
 """
 RIM_M: Final = 0.025
 CRAWL_M_S: Final = 0.04
-CRAWL_M: Final = 0.0205
 NARROW_M: Final = 0.05
 """Limits beside a near flank.
 
-The robot crawls past a flank even if its limit is 0, or it could not get away. Nearer than CRAWL_M
-it only turns: our sonars measure from 0.02 m on, so at this range it may touch the obstacle. With
-at most NARROW_M at both flanks together it stops: no sonar shows whether the gap narrows further.
+The robot crawls past a flank even if its limit is 0, or it could not get away. At a saturated range
+it only turns: it may touch the obstacle. With at most NARROW_M at both flanks together it stops: no
+sonar shows whether the gap narrows further.
 """
 
 # Heading bias.
@@ -103,7 +102,7 @@ def hold(held: Held, ring: Ring) -> None:
         else:
             here_m += RISE_M
         if range_m is not None and range_m < here_m:
-            here_m = range_m
+            here_m = range_m if range_m >= SATURATED_M else 0.0
         held_m[i] = here_m
         if here_m < least_m:
             least_m = here_m
@@ -132,7 +131,7 @@ def speed(held: Held, free_mm: int, error_rad: float, params: Params) -> float:
                 if may_m_s < most_m_s:
                     most_m_s = may_m_s
             if range_m < TOUCHING_M:
-                least_m_s = 0.0 if 1 < i < 6 or range_m < CRAWL_M else CRAWL_M_S
+                least_m_s = 0.0 if 1 < i < 6 or range_m < SATURATED_M else CRAWL_M_S
                 may_m_s = (range_m - RIM_M) * 4.0 / INNER[i]
                 if may_m_s < least_m_s:
                     may_m_s = least_m_s
@@ -159,7 +158,7 @@ def keep_off(held: Held) -> float:
     left_m = right_m = FLANK_M
     for i in EVERY:
         range_m = held_m[i]
-        if range_m < CRAWL_M:
+        if range_m < SATURATED_M:
             range_m = 0.0
         if 1 < i < 6 and range_m < FRONT_M:
             # Until the obstacle is beside the robot, the guard stops forward motion.

@@ -2,8 +2,9 @@
 
 A cone gives the distance of the nearest surface, not its bearing. So a point has a `spread_mm`, by
 which the surface may be aside of it; a later echo at a shorter range reduces that. A point counts
-once a second echo has confirmed it, or at once if its echo was near. It is dropped when longer
-echoes pass through it, when it is not confirmed for long, or when it is far away.
+once a second echo has confirmed it, or at once if its echo was near. A saturated range is stored
+as 0, at the rim: the surface may touch the robot. A point is dropped when longer echoes pass
+through it, when it is not confirmed for long, or when it is far away.
 
 Millimetres and brads (4096 to the circle) as integers cost a third of floats on the MCU.
 """
@@ -12,7 +13,7 @@ from math import pi, sqrt
 from typing import Final
 
 from robot.core.geometry import HALF_CONE, whole_cos_sin
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.values import EVERY, SONARS, Pose
 from runtime.elementary import cos, sin
 
@@ -139,7 +140,8 @@ def record_group(
         along_x = cosine * ahead - sine * aside >> 10
         along_y = sine * ahead + cosine * aside >> 10
         lean = leaning(ring, i, range_m, radius_mm)
-        take(echoes, i, lean, x_mm, y_mm, along_x, along_y, int(1000.0 * range_m), radius_mm)
+        range_mm = int(1000.0 * range_m) if range_m >= SATURATED_M else 0
+        take(echoes, i, lean, x_mm, y_mm, along_x, along_y, range_mm, radius_mm)
 
 
 def leaning(ring: Ring, sonar: int, range_m: float, radius_mm: int) -> int:

@@ -12,6 +12,8 @@ FRONT: Final = (2, 3, 4, 5)
 AHEAD: Final = (3, 4)
 NEVER_MS: Final = -1_000_000
 BEYOND: Final = 1.1  # noise may carry a true echo a little beyond the maximum range
+SATURATED_M: Final = 0.0205
+"""Below it a range is an upper bound: our sonars measure none below 0.02 m, however near."""
 
 
 class Ring:

@@ -20,7 +20,7 @@ from robot.core.motion.pace import (
 )
 from robot.core.navigators.open_headings import FREE_MM
 from robot.core.parameters import DEFAULTS
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.values import SONARS
 from tests.support.robot.core.rings import SILENT, Ranges, heard
 
@@ -97,6 +97,13 @@ def test_gap_of_unknown_width_is_not_entered(
 def test_only_turns_at_the_least_range_of_a_flank_sonar(sonar: int) -> None:
     assert speed(only(sonar, 0.02)) == 0.0
     assert speed(only(sonar, 0.021)) > 0.0
+
+
+@pytest.mark.parametrize("sonar", [0, 1, 6, 7])
+def test_only_turns_while_a_lost_saturated_echo_is_held(sonar: int) -> None:
+    lost = [SILENT] * int(SATURATED_M / RISE_M)
+    assert pace.speed(held(only(sonar, 0.02), *lost), FREE_MM, 0.0, DEFAULTS) == 0.0
+    assert pace.speed(held(only(sonar, 0.02), *lost, SILENT), FREE_MM, 0.0, DEFAULTS) > 0.0
 
 
 def test_gap_with_three_centimetres_each_side_is_entered() -> None:

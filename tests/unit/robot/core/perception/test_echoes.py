@@ -75,6 +75,26 @@ def test_single_near_echo_counts_and_is_firm() -> None:
     assert echoes.weight[0] == FIRM_WEIGHT
 
 
+def distance_mm(echoes: Echoes, k: int) -> float:
+    return hypot(echoes.x_mm[k], echoes.y_mm[k])
+
+
+@pytest.mark.parametrize("sonar", range(SONARS))
+def test_point_of_a_saturated_range_is_at_the_rim(sonar: int) -> None:
+    echoes = remembered(ring({sonar: 20}), 1)
+    assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM, abs=2.0)
+    assert distance_mm(remembered(ring({sonar: 21}), 1), 0) == pytest.approx(RADIUS_MM + 21, abs=2)
+
+
+def test_saturated_range_moves_a_stored_point_to_the_rim() -> None:
+    echoes = remembered(ring({6: 30}))
+    look(echoes, ring({6: 20}), 1)
+    assert echoes.count == 1
+    assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM, abs=2.0)
+    look(echoes, ring({6: 25}), 8)
+    assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM + 25, abs=4.0)
+
+
 def looks_until_erased(range_mm: int) -> int:
     echoes = remembered(ring({3: range_mm}), 8)
     for looks in range(1, 100):
