@@ -242,8 +242,6 @@ def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> No
     chains.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
     if proof.whole:
         proofs.seal(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
-        if not proof.whole:
-            memory.sound = False
 
 
 def prove(memory: Memory, pose: Pose, off: int) -> int:
@@ -257,7 +255,7 @@ def prove(memory: Memory, pose: Pose, off: int) -> int:
             proofs.mark(proof, pose, memory.side, memory.goal_x_m, memory.goal_y_m)
         return proofs.OPEN
     proofs.advance(proof, pose, memory.goal_x_m, memory.goal_y_m)
-    return proofs.verdict(proof)
+    return proofs.verdict(proof, memory.side)
 
 
 def open_turn(memory: Memory, start: int, heading: int) -> int:
@@ -321,7 +319,7 @@ def close_loop(memory: Memory) -> None:
     the other direction is tried with smaller margins, which may find the way through a gap.
     """
     way = memory.loops
-    if memory.sound:
+    if memory.sound and memory.proof.whole and not memory.proof.waiting:
         memory.sound = False
         loops.restart(way)
         return

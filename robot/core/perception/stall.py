@@ -27,15 +27,23 @@ class Stall:
 class Wheel:
     """Duration of a command in one direction, and the commanded and measured distances.
 
-    `missing_m` is the distance that the wheel has not turned as commanded since it last turned
-    well. `doubted_m` is the part of it that the covariance includes.
+    `moved_m` is the last step. `missing_m` is the distance that the wheel has not turned as
+    commanded since it last turned well. `doubted_m` is the part of it that the covariance includes.
     """
 
-    __slots__ = ("commanded_m", "commanded_m_s", "doubted_m", "missing_m", "since_ms", "turned_m")
+    __slots__ = (
+        "commanded_m",
+        "commanded_m_s",
+        "doubted_m",
+        "missing_m",
+        "moved_m",
+        "since_ms",
+        "turned_m",
+    )
 
     def __init__(self) -> None:
         self.commanded_m_s = self.commanded_m = self.turned_m = 0.0
-        self.missing_m = self.doubted_m = 0.0
+        self.missing_m = self.doubted_m = self.moved_m = 0.0
         self.since_ms = 0
 
 
@@ -51,10 +59,15 @@ def watch(stall: Stall, odometry: Odometry, now_ms: int, params: Params) -> None
 
 
 def miss(wheel: Wheel, moved_m: float, commanded_m: float) -> None:
-    """Add up the missing distance until the wheel turns well, or is not commanded."""
+    """Add up the missing distance until the wheel turns well, or is not commanded.
+
+    A wheel that brakes before it reverses turns the other way for a quarter of a second; nothing is
+    missing while it slows down.
+    """
+    before_m, wheel.moved_m = wheel.moved_m, moved_m
     if moved_m * commanded_m >= TURNS * commanded_m * commanded_m:
         wheel.missing_m = wheel.doubted_m = 0.0
-    else:
+    elif moved_m * commanded_m >= 0.0 or moved_m * moved_m >= before_m * before_m:
         wheel.missing_m += commanded_m - moved_m
 
 

@@ -41,22 +41,43 @@ NEIGHBOURS: Final = 0x1B
 """Bits of the neighbours of arc i, shifted so that i is bit 2."""
 FROM_RIGHT: Final = EVERY
 FROM_LEFT: Final = tuple(range(SONARS - 1, -1, -1))
+FOLLOWED_RIGHT: Final = 0x1F
+FOLLOWED_LEFT: Final = 0xF8
+"""Bits of the sonars ahead and at the followed flank."""
 
 
 class Chain:
     """The ends of the arcs of the newest scan, of both ends of the chain, and of its first arc.
 
     `range_mm` and `before_mm` are the ranges of this and of the last scan, or NOTHING, with a
-    NOTHING before and after them. `seen` has a bit for each usable arc.
+    NOTHING before and after them. `seen` has a bit for each usable arc,
+    `ahead` for each that the chain has reached from LEAD, `beside` from TAIL. `tail` and `lead` are
+    the arcs that became its ends, or NOTHING; `tail_joint` and `lead_joint` are the arcs of the
+    same groups at which the chain came to the scan, or `tail` for a lead that TAIL has reached.
     """
 
-    __slots__ = ("before_mm", "left_x_mm", "left_y_mm", "range_mm", "seen", "x_mm", "y_mm")
+    __slots__ = (
+        "ahead",
+        "before_mm",
+        "beside",
+        "lead",
+        "lead_joint",
+        "left_x_mm",
+        "left_y_mm",
+        "range_mm",
+        "seen",
+        "tail",
+        "tail_joint",
+        "x_mm",
+        "y_mm",
+    )
 
     def __init__(self) -> None:
         self.x_mm, self.y_mm = [0] * ARCS, [0] * ARCS
         self.left_x_mm, self.left_y_mm = [0] * ARCS, [0] * ARCS
         self.range_mm, self.before_mm = [NOTHING] * (SONARS + 2), [NOTHING] * (SONARS + 2)
-        self.seen = 0
+        self.seen = self.ahead = self.beside = 0
+        self.tail = self.lead = self.tail_joint = self.lead_joint = NOTHING
 
 
 def look(chain: Chain, ring: Ring, before: Pose, pose: Pose, radius_mm: int) -> None:
@@ -124,29 +145,61 @@ def begin(chain: Chain, side: int) -> bool:
     return False
 
 
-def extend(chain: Chain, x_mm: int, y_mm: int, side: int, radius_mm: int) -> bool:
-    """Continue the chain over the linked arcs of the scan; return False if there is none.
+def extend(chain: Chain, x_mm: int, y_mm: int, side: int, width_mm: int) -> bool:
+    """Continue the chain over the linked arcs of the scan; return False if it stays where it is.
 
-    LEAD stays where it is while no arc of the scan is linked to it, unless the robot at `x_mm` and
-    `y_mm` has left it behind.
+    It stays where no linked arc is ahead or at the followed flank: behind a gap, the other flank
+    would lead back. LEAD stays while no arc is linked to it, unless the robot at `x_mm` and `y_mm`
+    has left it behind. `width_mm` is that of the robot, less the errors.
     """
-    width_mm = 2 * radius_mm - SLACK_MM
     width_mm2 = width_mm * width_mm
-    ahead = spread(chain, linked(chain, LEAD, chain.seen, width_mm2), chain.seen, width_mm2)
+    from_lead = linked(chain, LEAD, chain.seen, width_mm2)
+    ahead = spread(chain, from_lead, chain.seen, width_mm2)
     rest = chain.seen & ~ahead
-    reached = ahead | spread(chain, linked(chain, TAIL, rest, width_mm2), rest, width_mm2)
-    if reached == 0:
+    from_tail = linked(chain, TAIL, rest, width_mm2)
+    reached = ahead | spread(chain, from_tail, rest, width_mm2)
+    if reached & (FOLLOWED_RIGHT if side == states.LEFT else FOLLOWED_LEFT) == 0:
         return False
     tail = lead = NOTHING
     for i in FROM_RIGHT if side == states.LEFT else FROM_LEFT:
         if reached >> i & 1:
             tail = i if tail == NOTHING else tail
             lead = i
+    chain.ahead, chain.beside = ahead, reached & ~ahead
+    chain.tail, chain.lead = tail, NOTHING
+    chain.tail_joint = nearest(from_lead if ahead >> tail & 1 else from_tail, tail)
     take(chain, TAIL, tail)
     dx_mm, dy_mm = chain.x_mm[LEAD] - x_mm, chain.y_mm[LEAD] - y_mm
-    if ahead or dx_mm * dx_mm + dy_mm * dy_mm > BEHIND_MM * BEHIND_MM:
+    is_behind = dx_mm * dx_mm + dy_mm * dy_mm > BEHIND_MM * BEHIND_MM
+    if is_behind or (ahead and is_ahead(chain, lead, x_mm, y_mm, side)):
+        chain.lead = lead
+        chain.lead_joint = nearest(from_lead, lead) if ahead >> lead & 1 else tail
         take(chain, LEAD, lead)
     return True
+
+
+def nearest(arcs: int, i: int) -> int:
+    """Return the one of some arcs that is the fewest cones away from arc i."""
+    for far in EVERY:
+        if arcs << far >> i & 1:
+            return i - far
+        if arcs >> i + far & 1:
+            return i + far
+    return i
+
+
+def width_mm(radius_mm: int) -> int:
+    """Return the width of the robot, less the errors of range and odometry."""
+    return 2 * radius_mm - SLACK_MM
+
+
+def is_ahead(chain: Chain, i: int, x_mm: int, y_mm: int, side: int) -> bool:
+    """Return whether the rear end of an arc is ahead of that of LEAD, seen from the robot."""
+    xs_mm, ys_mm = chain.x_mm, chain.y_mm
+    if side != states.LEFT:
+        xs_mm, ys_mm = chain.left_x_mm, chain.left_y_mm
+    across = (xs_mm[LEAD] - x_mm) * (ys_mm[i] - y_mm) - (ys_mm[LEAD] - y_mm) * (xs_mm[i] - x_mm)
+    return across * side > 0
 
 
 def meets_start(chain: Chain, radius_mm: int) -> bool:
@@ -218,7 +271,6 @@ def take(chain: Chain, end: int, i: int) -> None:
     chain.left_x_mm[end], chain.left_y_mm[end] = chain.left_x_mm[i], chain.left_y_mm[i]
 
 
-def middle(chain: Chain) -> tuple[int, int]:
-    """Return the middle of the chain's end at the followed flank."""
-    x_mm = chain.x_mm[TAIL] + chain.left_x_mm[TAIL] >> 1
-    return x_mm, chain.y_mm[TAIL] + chain.left_y_mm[TAIL] >> 1
+def middle(chain: Chain, i: int) -> tuple[int, int]:
+    """Return the middle of an arc."""
+    return chain.x_mm[i] + chain.left_x_mm[i] >> 1, chain.y_mm[i] + chain.left_y_mm[i] >> 1

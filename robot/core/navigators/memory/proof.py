@@ -16,7 +16,7 @@ from typing import Final
 
 from robot.core.navigators.memory import chain as chains
 from robot.core.navigators.memory.chain import TAIL, Chain
-from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE
+from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose
 from runtime.elementary import coarse_atan2
@@ -55,27 +55,32 @@ class Proof:
     """
 
     __slots__ = (
-        "at_goal",
-        "at_mark",
+        "broke_m2",
         "chain",
         "closed",
         "closed_x_mm",
         "closed_y_mm",
+        "goal_angle",
         "heading",
+        "hopped",
+        "lead_goal_angle",
+        "lead_mark_angle",
+        "mark_angle",
         "mark_m2",
         "mark_x_mm",
         "mark_y_mm",
         "met",
         "odometry",
         "radius_mm",
-        "ringed",
         "room_m",
         "sealed",
         "separates",
+        "start_goal_angle",
+        "start_mark_angle",
         "turned",
+        "waiting",
         "way_mm",
         "whole",
-        "wound",
         "x_mm",
         "y_mm",
     )
@@ -84,11 +89,14 @@ class Proof:
         self.odometry = Odometry()
         self.chain = Chain()
         self.whole = self.sealed = self.closed = self.met = self.separates = False
-        self.x_mm = self.y_mm = self.heading = self.at_goal = self.at_mark = 0
+        self.x_mm = self.y_mm = self.heading = 0
+        self.goal_angle = self.mark_angle = self.lead_goal_angle = self.lead_mark_angle = 0
+        self.start_goal_angle = self.start_mark_angle = 0
         self.mark_x_mm = self.mark_y_mm = 0
-        self.way_mm = self.turned = self.wound = self.ringed = 0
+        self.way_mm = self.turned = 0
         self.closed_x_mm = self.closed_y_mm = 0
-        self.mark_m2 = 0.0
+        self.mark_m2 = self.broke_m2 = 0.0
+        self.waiting = self.hopped = False
         self.radius_mm = 0
         self.room_m = inf
 
@@ -106,20 +114,27 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
     proof.mark_y_mm = proof.y_mm = int(1000.0 * pose.y_m)
     proof.heading = int(BRADS * pose.heading_rad)
     proof.mark_m2 = odometry.pxx + odometry.pyy
-    proof.closed = proof.met = False
+    proof.closed = proof.met = proof.waiting = proof.hopped = False
     proof.room_m = inf
-    wind(proof, goal_x_m, goal_y_m)
-    proof.way_mm = proof.turned = proof.wound = proof.ringed = 0
+    proof.way_mm = proof.turned = proof.goal_angle = proof.mark_angle = 0
+    step(proof, chains.START, goal_x_m, goal_y_m)
+    proof.start_goal_angle = proof.lead_goal_angle = proof.goal_angle
+    proof.start_mark_angle = proof.lead_mark_angle = proof.mark_angle
 
 
 def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
-    """Add the way since the last call: its length, its turn, and the room for the doubt."""
+    """Add the way since the last call: its length, its turn, and the room for the doubt.
+
+    While the chain waits at a gap, the turn waits, too.
+    """
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     dx_mm, dy_mm = x_mm - proof.x_mm, y_mm - proof.y_mm
-    proof.turned += turn(proof.heading, heading)
+    if not proof.waiting:
+        proof.turned += turn(proof.heading, heading)
+        proof.heading = heading
     proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
-    proof.x_mm, proof.y_mm, proof.heading = x_mm, y_mm, heading
+    proof.x_mm, proof.y_mm = x_mm, y_mm
     away_x_m, away_y_m = pose.x_m - goal_x_m, pose.y_m - goal_y_m
     room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BOUNDARY_M
     room_m -= SIGMAS * doubt_m(proof.odometry)
@@ -128,13 +143,46 @@ def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
 
 
 def wind(proof: Proof, goal_x_m: float, goal_y_m: float) -> None:
-    """Add the turns of the lines from the goal and from the mark to the end of the chain."""
-    x_mm, y_mm = chains.middle(proof.chain)
+    """Turn the lines to both ends of the chain along the arcs that it has reached.
+
+    The chain leads round the robot, so the shortest turn to an end may be the wrong one.
+    """
+    chain = proof.chain
+    old_goal_angle, old_mark_angle = proof.lead_goal_angle, proof.lead_mark_angle
+    if chain.ahead >> chain.tail & 1:
+        proof.goal_angle, proof.mark_angle = old_goal_angle, old_mark_angle
+    arcs = chain.ahead if chain.ahead >> chain.tail & 1 else chain.beside
+    step(proof, chain.tail_joint, goal_x_m, goal_y_m)
+    walk(proof, arcs, chain.tail_joint, chain.tail, goal_x_m, goal_y_m)
+    if chain.lead == NOTHING:
+        return
+    goal_angle, mark_angle = proof.goal_angle, proof.mark_angle
+    arcs = chain.beside
+    if chain.ahead >> chain.lead & 1:
+        arcs = chain.ahead
+        proof.goal_angle, proof.mark_angle = old_goal_angle, old_mark_angle
+        step(proof, chain.lead_joint, goal_x_m, goal_y_m)
+    walk(proof, arcs, chain.lead_joint, chain.lead, goal_x_m, goal_y_m)
+    proof.lead_goal_angle, proof.lead_mark_angle = proof.goal_angle, proof.mark_angle
+    proof.goal_angle, proof.mark_angle = goal_angle, mark_angle
+
+
+def walk(proof: Proof, arcs: int, begin: int, end: int, goal_x_m: float, goal_y_m: float) -> None:
+    """Turn the lines over some arcs of the scan, at least every second one, from begin to end."""
+    last = begin
+    for i in range(begin + 1, end + 1) if begin < end else range(begin - 1, end - 1, -1):
+        if arcs >> i & 1 and (i == end or not -2 < i - last < 2):
+            step(proof, i, goal_x_m, goal_y_m)
+            last = i
+
+
+def step(proof: Proof, i: int, goal_x_m: float, goal_y_m: float) -> None:
+    """Turn the lines from the goal and from the mark to the middle of an arc."""
+    x_mm, y_mm = chains.middle(proof.chain, i)
     at_goal = int(BRADS * coarse_atan2(y_mm - 1000.0 * goal_y_m, x_mm - 1000.0 * goal_x_m))
     at_mark = int(BRADS * coarse_atan2(y_mm - proof.mark_y_mm, x_mm - proof.mark_x_mm))
-    proof.wound += turn(proof.at_goal, at_goal)
-    proof.ringed += turn(proof.at_mark, at_mark)
-    proof.at_goal, proof.at_mark = at_goal, at_mark
+    proof.goal_angle += turn(proof.goal_angle, at_goal)
+    proof.mark_angle += turn(proof.mark_angle, at_mark)
 
 
 def turn(before: int, now: int) -> int:
@@ -150,44 +198,69 @@ def doubt_m(odometry: Odometry) -> float:
 
 
 def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: float) -> None:
-    """Continue the chain by the newest scan; the proof is void if the chain stays behind."""
+    """Continue the chain by the newest scan; it waits at a gap if it stays behind.
+
+    Where the robot meets the same surface again beyond the gap, the chain goes on. For this hop it
+    needs room for the doubt collected on the way between.
+    """
     chain = proof.chain
     proof.radius_mm = radius_mm
-    proof.sealed = chains.extend(chain, proof.x_mm, proof.y_mm, side, radius_mm)
+    width_mm = chains.width_mm(radius_mm)
+    if proof.waiting:
+        width_mm -= int(1000.0 * SIGMAS * gained_m(proof, proof.broke_m2))
+        proof.sealed = width_mm > 0 and chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
+        if proof.sealed:
+            proof.waiting, proof.hopped = False, True
+    else:
+        proof.sealed = chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
     if proof.sealed:
         wind(proof, goal_x_m, goal_y_m)
         return
     dx_mm, dy_mm = proof.x_mm - chain.x_mm[TAIL], proof.y_mm - chain.y_mm[TAIL]
-    if dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
-        void(proof)
+    if not proof.waiting and dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
+        proof.waiting = True
+        proof.broke_m2 = proof.odometry.pxx + proof.odometry.pyy
 
 
-def verdict(proof: Proof) -> int:
-    """Return what the lap proves; OPEN until it is closed.
+def verdict(proof: Proof, side: int) -> int:
+    """Return what the lap on this side proves; OPEN until it is closed.
 
     The chain must reach its first arc again. Where the odometry has drifted that cannot be seen, so
     the chain must go on past the mark for longer than the drift.
     """
     if not (proof.whole and proof.sealed) or proof.way_mm < LEAST_MM:
         return OPEN
-    drift_mm = int(1000.0 * SIGMAS * gained_m(proof))
+    drift_mm = int(1000.0 * SIGMAS * gained_m(proof, proof.mark_m2))
     if not proof.closed:
-        if is_at_mark(proof, drift_mm):
+        if is_at_mark(proof, drift_mm) and is_simple(proof, side):
             proof.closed = True
-            proof.separates = rounds(proof.wound) != rounds(proof.ringed)
-            proof.closed_x_mm, proof.closed_y_mm = chains.middle(proof.chain)
+            proof.separates = rounds(wound(proof)) != rounds(ringed(proof))
+            proof.closed_x_mm, proof.closed_y_mm = chains.middle(proof.chain, TAIL)
         return OPEN
     proof.met = proof.met or chains.meets_start(proof.chain, proof.radius_mm)
     if drift_mm < CLEAR_MM and not proof.met:
         return OPEN
-    x_mm, y_mm = chains.middle(proof.chain)
+    x_mm, y_mm = chains.middle(proof.chain, TAIL)
     past_mm = PAST_MM + drift_mm
     dx_mm, dy_mm = x_mm - proof.closed_x_mm, y_mm - proof.closed_y_mm
     if dx_mm * dx_mm + dy_mm * dy_mm < past_mm * past_mm:
         return OPEN
     if not proof.separates:
-        return AROUND
+        if not proof.hopped:
+            return AROUND
+        void(proof)  # perhaps only led to and fro at the gap
+        return OPEN
     return SEPARATED if proof.room_m > 0.0 else DOUBTED
+
+
+def wound(proof: Proof) -> int:
+    """Return the net turn of the line from the goal to the end of the chain."""
+    return proof.goal_angle - proof.start_goal_angle
+
+
+def ringed(proof: Proof) -> int:
+    """Return the net turn of the line from the mark to the end of the chain."""
+    return proof.mark_angle - proof.start_mark_angle
 
 
 def rounds(turned: int) -> int:
@@ -198,9 +271,11 @@ def rounds(turned: int) -> int:
 def is_at_mark(proof: Proof, drift_mm: int) -> bool:
     """Return whether the robot has turned once round, and robot and chain may be at the mark."""
     once = proof.turned if proof.turned > 0 else -proof.turned
+    if proof.hopped:  # the turn at a gap is known modulo a full turn
+        once = CIRCLE + turn(0, once)
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
         return False
-    off, goal_off = turn(0, proof.ringed), turn(0, proof.wound)
+    off, goal_off = turn(0, ringed(proof)), turn(0, wound(proof))
     if not (-SAME_SIDE < off < SAME_SIDE and -SAME_SIDE < goal_off < SAME_SIDE):
         return False
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
@@ -208,7 +283,16 @@ def is_at_mark(proof: Proof, drift_mm: int) -> bool:
     return within_mm < MAX_WITHIN_MM and dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
 
 
-def gained_m(proof: Proof) -> float:
+def is_simple(proof: Proof, side: int) -> bool:
+    """Return whether turn and chain agree: the lap leads round within a room, or round an island.
+
+    In a small room the sonars see the walls all round, and the chain may lead back to its beginning
+    without going round the mark.
+    """
+    return proof.hopped or (proof.turned * side > 0) == (rounds(ringed(proof)) != 0)
+
+
+def gained_m(proof: Proof, since_m2: float) -> float:
     """Return the standard deviation that the position has gained since the mark."""
-    gained_m2 = proof.odometry.pxx + proof.odometry.pyy - proof.mark_m2
+    gained_m2 = proof.odometry.pxx + proof.odometry.pyy - since_m2
     return sqrt(gained_m2) if gained_m2 > 0.0 else 0.0
