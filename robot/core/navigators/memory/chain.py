@@ -7,7 +7,7 @@ Millimetres in the odometry frame; an arc is stored by its two ends.
 """
 
 from math import pi
-from typing import Final
+from typing import Final, NamedTuple
 
 from robot.core import states
 from robot.core.geometry import whole_cos_sin, wrap
@@ -46,38 +46,35 @@ FOLLOWED_LEFT: Final = 0xF8
 """Bits of the sonars ahead and at the followed flank."""
 
 
+class Found(NamedTuple):
+    """How the chain has reached arcs of a scan; `ahead` from LEAD, `beside` from TAIL, as bits.
+
+    `tail` is the arc that became TAIL, `lead` LEAD, or NOTHING. `tail_joint` and `lead_joint` are
+    the arcs where the chain came to the scan on its way there; `tail` if it came by TAIL to a lead.
+    """
+
+    ahead: int
+    beside: int
+    tail_joint: int
+    tail: int
+    lead_joint: int
+    lead: int
+
+
 class Chain:
     """The ends of the arcs of the newest scan, of both ends of the chain, and of its first arc.
 
     `range_mm` and `before_mm` are the ranges of this and of the last scan, or NOTHING, with a
-    NOTHING before and after them. `seen` has a bit for each usable arc,
-    `ahead` for each that the chain has reached from LEAD, `beside` from TAIL. `tail` and `lead` are
-    the arcs that became its ends, or NOTHING; `tail_joint` and `lead_joint` are the arcs of the
-    same groups at which the chain came to the scan, or `tail` for a lead that TAIL has reached.
+    NOTHING before and after them. `seen` has a bit for each usable arc.
     """
 
-    __slots__ = (
-        "ahead",
-        "before_mm",
-        "beside",
-        "lead",
-        "lead_joint",
-        "left_x_mm",
-        "left_y_mm",
-        "range_mm",
-        "seen",
-        "tail",
-        "tail_joint",
-        "x_mm",
-        "y_mm",
-    )
+    __slots__ = ("before_mm", "left_x_mm", "left_y_mm", "range_mm", "seen", "x_mm", "y_mm")
 
     def __init__(self) -> None:
         self.x_mm, self.y_mm = [0] * ARCS, [0] * ARCS
         self.left_x_mm, self.left_y_mm = [0] * ARCS, [0] * ARCS
         self.range_mm, self.before_mm = [NOTHING] * (SONARS + 2), [NOTHING] * (SONARS + 2)
-        self.seen = self.ahead = self.beside = 0
-        self.tail = self.lead = self.tail_joint = self.lead_joint = NOTHING
+        self.seen = 0
 
 
 def look(chain: Chain, ring: Ring, before: Pose, pose: Pose, radius_mm: int) -> None:
@@ -145,8 +142,8 @@ def begin(chain: Chain, side: int) -> bool:
     return False
 
 
-def extend(chain: Chain, x_mm: int, y_mm: int, side: int, width_mm: int) -> bool:
-    """Continue the chain over the linked arcs of the scan; return False if it stays where it is.
+def extend(chain: Chain, x_mm: int, y_mm: int, side: int, width_mm: int) -> Found | None:
+    """Continue the chain over the linked arcs of the scan; return None if it stays where it is.
 
     It stays where no linked arc is ahead or at the followed flank: behind a gap, the other flank
     would lead back. LEAD stays while no arc is linked to it, unless the robot at `x_mm` and `y_mm`
@@ -159,23 +156,22 @@ def extend(chain: Chain, x_mm: int, y_mm: int, side: int, width_mm: int) -> bool
     from_tail = linked(chain, TAIL, rest, width_mm2)
     reached = ahead | spread(chain, from_tail, rest, width_mm2)
     if reached & (FOLLOWED_RIGHT if side == states.LEFT else FOLLOWED_LEFT) == 0:
-        return False
+        return None
     tail = lead = NOTHING
     for i in FROM_RIGHT if side == states.LEFT else FROM_LEFT:
         if reached >> i & 1:
             tail = i if tail == NOTHING else tail
             lead = i
-    chain.ahead, chain.beside = ahead, reached & ~ahead
-    chain.tail, chain.lead = tail, NOTHING
-    chain.tail_joint = nearest(from_lead if ahead >> tail & 1 else from_tail, tail)
+    tail_joint = nearest(from_lead if ahead >> tail & 1 else from_tail, tail)
+    lead_joint = nearest(from_lead, lead) if ahead >> lead & 1 else tail
     take(chain, TAIL, tail)
     dx_mm, dy_mm = chain.x_mm[LEAD] - x_mm, chain.y_mm[LEAD] - y_mm
     is_behind = dx_mm * dx_mm + dy_mm * dy_mm > BEHIND_MM * BEHIND_MM
     if is_behind or (ahead and is_ahead(chain, lead, x_mm, y_mm, side)):
-        chain.lead = lead
-        chain.lead_joint = nearest(from_lead, lead) if ahead >> lead & 1 else tail
         take(chain, LEAD, lead)
-    return True
+    else:
+        lead = NOTHING
+    return Found(ahead, reached & ~ahead, tail_joint, tail, lead_joint, lead)
 
 
 def nearest(arcs: int, i: int) -> int:

@@ -8,6 +8,10 @@ A proof needs three facts about the way since a mark on the boundary:
 - The closed chain winds round the goal otherwise than round the mark, so it separates them.
 - There is room for the doubt: at no place of the lap could the true goal lie on the robot's side.
 
+At a gap that the robot neither passes nor proves, the chain waits, while the robot follows another
+surface. It goes on where the robot meets the same surface beyond the gap: then the surface of the
+chain's end and the new one are linked, with room for the doubt collected between.
+
 Integers: millimetres, and brads (4096 to the circle).
 """
 
@@ -15,7 +19,7 @@ from math import inf, sqrt
 from typing import Final
 
 from robot.core.navigators.memory import chain as chains
-from robot.core.navigators.memory.chain import TAIL, Chain
+from robot.core.navigators.memory.chain import TAIL, Chain, Found
 from robot.core.perception.echoes import BRADS, CIRCLE, HALF_CIRCLE, NOTHING
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose
@@ -29,6 +33,11 @@ DOUBTED: Final = 2
 """The boundary separates robot and the estimated goal; the true goal may be on this side."""
 AROUND: Final = 3
 """The lap is closed, and does not separate robot and goal."""
+
+OPEN_LAP, CLOSED, MET = 0, 1, 2
+"""States of a lap."""
+NO_GAP, WAITING, HOPPED = 0, 1, 2
+"""States of the chain at gaps."""
 
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
 LEAST_MM: Final = 500  # length of the shortest lap
@@ -44,32 +53,33 @@ CLEAR_MM: Final = 100  # with less drift, the chain must reach its first arc
 class Proof:
     """A lap along a boundary since the mark.
 
-    `whole` is set while the chain has no gap, `sealed` while it reaches the newest scan. `way_mm`
-    is the length of the lap, `turned` its net turn. `wound` and `ringed` are the net turns of the
-    lines from the goal and from the mark to the end of the chain. `closed` is set at the mark
-    again, where the chain ended at `closed_*`; `separates` is set if the chain closed there
-    separates mark and goal, `met` once the chain reaches its first arc. `room_m` is the least
-    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
-    mark and the variance of its position. `odometry` is the estimate with its covariance. Parallel
-    ways along a boundary are farther apart than `radius_mm`, the robot's radius.
+    `whole` is set while the lap may prove something, `sealed` while its chain reaches the newest
+    scan. `gap` tells whether the chain waits at a gap, since the variance `broke_mm2`, or has
+    hopped over one. `way_mm` is the length of the lap, `turned` its net turn. `goal_angle` and
+    `mark_angle` are the directions from the goal and from the mark to TAIL, `lead_*` those to LEAD,
+    `start_*` those to the first arc; they count whole turns. `closed` is CLOSED at the mark again,
+    where the chain ended at `closed_*`, and MET once the chain reaches its first arc; `separates`
+    is set if the chain closed there separates mark and goal. `room_m` is the least distance that
+    the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the mark and the
+    variance of its position. `odometry` is the estimate with its covariance. Parallel ways along a
+    boundary are farther apart than `radius_mm`, the robot's radius.
     """
 
     __slots__ = (
-        "broke_m2",
+        "broke_mm2",
         "chain",
         "closed",
         "closed_x_mm",
         "closed_y_mm",
+        "gap",
         "goal_angle",
         "heading",
-        "hopped",
         "lead_goal_angle",
         "lead_mark_angle",
         "mark_angle",
-        "mark_m2",
+        "mark_mm2",
         "mark_x_mm",
         "mark_y_mm",
-        "met",
         "odometry",
         "radius_mm",
         "room_m",
@@ -78,7 +88,6 @@ class Proof:
         "start_goal_angle",
         "start_mark_angle",
         "turned",
-        "waiting",
         "way_mm",
         "whole",
         "x_mm",
@@ -88,15 +97,16 @@ class Proof:
     def __init__(self) -> None:
         self.odometry = Odometry()
         self.chain = Chain()
-        self.whole = self.sealed = self.closed = self.met = self.separates = False
+        self.whole = self.sealed = self.separates = False
         self.x_mm = self.y_mm = self.heading = 0
         self.goal_angle = self.mark_angle = self.lead_goal_angle = self.lead_mark_angle = 0
         self.start_goal_angle = self.start_mark_angle = 0
         self.mark_x_mm = self.mark_y_mm = 0
         self.way_mm = self.turned = 0
         self.closed_x_mm = self.closed_y_mm = 0
-        self.mark_m2 = self.broke_m2 = 0.0
-        self.waiting = self.hopped = False
+        self.mark_mm2 = self.broke_mm2 = 0
+        self.closed = OPEN_LAP
+        self.gap = NO_GAP
         self.radius_mm = 0
         self.room_m = inf
 
@@ -108,13 +118,12 @@ def void(proof: Proof) -> None:
 
 def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) -> None:
     """Begin a lap here, if there is an echo at which its chain can begin."""
-    odometry = proof.odometry
     proof.whole = chains.begin(proof.chain, side)
     proof.mark_x_mm = proof.x_mm = int(1000.0 * pose.x_m)
     proof.mark_y_mm = proof.y_mm = int(1000.0 * pose.y_m)
     proof.heading = int(BRADS * pose.heading_rad)
-    proof.mark_m2 = odometry.pxx + odometry.pyy
-    proof.closed = proof.met = proof.waiting = proof.hopped = False
+    proof.mark_mm2 = variance_mm2(proof)
+    proof.closed, proof.gap = OPEN_LAP, NO_GAP
     proof.room_m = inf
     proof.way_mm = proof.turned = proof.goal_angle = proof.mark_angle = 0
     step(proof, chains.START, goal_x_m, goal_y_m)
@@ -130,7 +139,7 @@ def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     dx_mm, dy_mm = x_mm - proof.x_mm, y_mm - proof.y_mm
-    if not proof.waiting:
+    if proof.gap != WAITING:
         proof.turned += turn(proof.heading, heading)
         proof.heading = heading
     proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
@@ -142,27 +151,27 @@ def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
         proof.room_m = room_m
 
 
-def wind(proof: Proof, goal_x_m: float, goal_y_m: float) -> None:
+def wind(proof: Proof, found: Found, goal_x_m: float, goal_y_m: float) -> None:
     """Turn the lines to both ends of the chain along the arcs that it has reached.
 
     The chain leads round the robot, so the shortest turn to an end may be the wrong one.
     """
-    chain = proof.chain
     old_goal_angle, old_mark_angle = proof.lead_goal_angle, proof.lead_mark_angle
-    if chain.ahead >> chain.tail & 1:
+    arcs = found.beside
+    if found.ahead >> found.tail & 1:
+        arcs = found.ahead
         proof.goal_angle, proof.mark_angle = old_goal_angle, old_mark_angle
-    arcs = chain.ahead if chain.ahead >> chain.tail & 1 else chain.beside
-    step(proof, chain.tail_joint, goal_x_m, goal_y_m)
-    walk(proof, arcs, chain.tail_joint, chain.tail, goal_x_m, goal_y_m)
-    if chain.lead == NOTHING:
+    step(proof, found.tail_joint, goal_x_m, goal_y_m)
+    walk(proof, arcs, found.tail_joint, found.tail, goal_x_m, goal_y_m)
+    if found.lead == NOTHING:
         return
     goal_angle, mark_angle = proof.goal_angle, proof.mark_angle
-    arcs = chain.beside
-    if chain.ahead >> chain.lead & 1:
-        arcs = chain.ahead
+    arcs = found.beside
+    if found.ahead >> found.lead & 1:
+        arcs = found.ahead
         proof.goal_angle, proof.mark_angle = old_goal_angle, old_mark_angle
-        step(proof, chain.lead_joint, goal_x_m, goal_y_m)
-    walk(proof, arcs, chain.lead_joint, chain.lead, goal_x_m, goal_y_m)
+        step(proof, found.lead_joint, goal_x_m, goal_y_m)
+    walk(proof, arcs, found.lead_joint, found.lead, goal_x_m, goal_y_m)
     proof.lead_goal_angle, proof.lead_mark_angle = proof.goal_angle, proof.mark_angle
     proof.goal_angle, proof.mark_angle = goal_angle, mark_angle
 
@@ -206,20 +215,21 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
     chain = proof.chain
     proof.radius_mm = radius_mm
     width_mm = chains.width_mm(radius_mm)
-    if proof.waiting:
-        width_mm -= int(1000.0 * SIGMAS * gained_m(proof, proof.broke_m2))
-        proof.sealed = width_mm > 0 and chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
-        if proof.sealed:
-            proof.waiting, proof.hopped = False, True
-    else:
-        proof.sealed = chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
-    if proof.sealed:
-        wind(proof, goal_x_m, goal_y_m)
+    if proof.gap == WAITING:
+        width_mm -= int(SIGMAS * gained_mm(proof, proof.broke_mm2))
+    found = None
+    if width_mm > 0:
+        found = chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
+    proof.sealed = found is not None
+    if found is not None:
+        wind(proof, found, goal_x_m, goal_y_m)
+        if proof.gap == WAITING:
+            proof.gap = HOPPED
         return
     dx_mm, dy_mm = proof.x_mm - chain.x_mm[TAIL], proof.y_mm - chain.y_mm[TAIL]
-    if not proof.waiting and dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
-        proof.waiting = True
-        proof.broke_m2 = proof.odometry.pxx + proof.odometry.pyy
+    if proof.gap != WAITING and dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
+        proof.gap = WAITING
+        proof.broke_mm2 = variance_mm2(proof)
 
 
 def verdict(proof: Proof, side: int) -> int:
@@ -230,15 +240,16 @@ def verdict(proof: Proof, side: int) -> int:
     """
     if not (proof.whole and proof.sealed) or proof.way_mm < LEAST_MM:
         return OPEN
-    drift_mm = int(1000.0 * SIGMAS * gained_m(proof, proof.mark_m2))
-    if not proof.closed:
+    drift_mm = int(SIGMAS * gained_mm(proof, proof.mark_mm2))
+    if proof.closed == OPEN_LAP:
         if is_at_mark(proof, drift_mm) and is_simple(proof, side):
-            proof.closed = True
+            proof.closed = CLOSED
             proof.separates = rounds(wound(proof)) != rounds(ringed(proof))
             proof.closed_x_mm, proof.closed_y_mm = chains.middle(proof.chain, TAIL)
         return OPEN
-    proof.met = proof.met or chains.meets_start(proof.chain, proof.radius_mm)
-    if drift_mm < CLEAR_MM and not proof.met:
+    if proof.closed == CLOSED and chains.meets_start(proof.chain, proof.radius_mm):
+        proof.closed = MET
+    if drift_mm < CLEAR_MM and proof.closed != MET:
         return OPEN
     x_mm, y_mm = chains.middle(proof.chain, TAIL)
     past_mm = PAST_MM + drift_mm
@@ -246,7 +257,7 @@ def verdict(proof: Proof, side: int) -> int:
     if dx_mm * dx_mm + dy_mm * dy_mm < past_mm * past_mm:
         return OPEN
     if not proof.separates:
-        if not proof.hopped:
+        if proof.gap != HOPPED:
             return AROUND
         void(proof)  # perhaps only led to and fro at the gap
         return OPEN
@@ -271,7 +282,7 @@ def rounds(turned: int) -> int:
 def is_at_mark(proof: Proof, drift_mm: int) -> bool:
     """Return whether the robot has turned once round, and robot and chain may be at the mark."""
     once = proof.turned if proof.turned > 0 else -proof.turned
-    if proof.hopped:  # the turn at a gap is known modulo a full turn
+    if proof.gap == HOPPED:  # the turn at a gap is known modulo a full turn
         once = CIRCLE + turn(0, once)
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
         return False
@@ -289,10 +300,15 @@ def is_simple(proof: Proof, side: int) -> bool:
     In a small room the sonars see the walls all round, and the chain may lead back to its beginning
     without going round the mark.
     """
-    return proof.hopped or (proof.turned * side > 0) == (rounds(ringed(proof)) != 0)
+    return proof.gap == HOPPED or (proof.turned * side > 0) == (rounds(ringed(proof)) != 0)
 
 
-def gained_m(proof: Proof, since_m2: float) -> float:
-    """Return the standard deviation that the position has gained since the mark."""
-    gained_m2 = proof.odometry.pxx + proof.odometry.pyy - since_m2
-    return sqrt(gained_m2) if gained_m2 > 0.0 else 0.0
+def gained_mm(proof: Proof, since_mm2: int) -> float:
+    """Return the standard deviation that the position has gained since a variance, in mm."""
+    gained_mm2 = variance_mm2(proof) - since_mm2
+    return sqrt(gained_mm2) if gained_mm2 > 0 else 0.0
+
+
+def variance_mm2(proof: Proof) -> int:
+    """Return the variance of the position, in both directions together."""
+    return int(1e6 * (proof.odometry.pxx + proof.odometry.pyy))

@@ -159,7 +159,7 @@ def test_lead_is_the_last_linked_arc_and_tail_the_first() -> None:
     chain = Chain()
     look(chain, {0: 60, 1: 60, 2: 60, 3: 60, 4: 60, 7: 60})
     assert chains.begin(chain, states.LEFT)
-    assert chains.extend(chain, 0, 0, states.LEFT, RADIUS_MM)
+    assert chains.extend(chain, 0, 0, states.LEFT, chains.width_mm(RADIUS_MM))
     assert (chain.x_mm[TAIL], chain.y_mm[TAIL]) == (chain.x_mm[0], chain.y_mm[0])
     assert (chain.x_mm[LEAD], chain.y_mm[LEAD]) == (chain.x_mm[4], chain.y_mm[4])
 
@@ -186,8 +186,8 @@ def end_after(walls: list[Wall], from_m: float, to_m: float, side: int) -> float
         if not begun:
             begun = chains.begin(chain, side)
         else:
-            chains.extend(chain, int(1000.0 * x_m), 0, side, RADIUS_MM)
-    x_mm, _ = chains.middle(chain)
+            chains.extend(chain, int(1000.0 * x_m), 0, side, chains.width_mm(RADIUS_MM))
+    x_mm, _ = chains.middle(chain, TAIL)
     return 0.001 * x_mm if begun else None
 
 
