@@ -319,7 +319,7 @@ def close_loop(memory: Memory) -> None:
     the other direction is tried with smaller margins, which may find the way through a gap.
     """
     way = memory.loops
-    if memory.sound and memory.proof.whole and memory.proof.gap != proofs.WAITING:
+    if memory.sound and proofs.may_close(memory.proof):
         memory.sound = False
         loops.restart(way)
         return

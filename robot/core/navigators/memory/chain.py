@@ -46,19 +46,22 @@ FOLLOWED_LEFT: Final = 0xF8
 """Bits of the sonars ahead and at the followed flank."""
 
 
-class Found(NamedTuple):
-    """How the chain has reached arcs of a scan; `ahead` from LEAD, `beside` from TAIL, as bits.
+Found = NamedTuple(
+    "Found",
+    [
+        ("ahead", int),
+        ("beside", int),
+        ("tail_joint", int),
+        ("tail", int),
+        ("lead_joint", int),
+        ("lead", int),
+    ],
+)
+"""How the chain has reached arcs of a scan; `ahead` from LEAD, `beside` from TAIL, as bits.
 
-    `tail` is the arc that became TAIL, `lead` LEAD, or NOTHING. `tail_joint` and `lead_joint` are
-    the arcs where the chain came to the scan on its way there; `tail` if it came by TAIL to a lead.
-    """
-
-    ahead: int
-    beside: int
-    tail_joint: int
-    tail: int
-    lead_joint: int
-    lead: int
+`tail` is the arc that became TAIL, `lead` LEAD, or NOTHING. `tail_joint` and `lead_joint` are the
+arcs where the chain came to the scan on its way there; `tail` if it came by TAIL to a lead.
+"""
 
 
 class Chain:

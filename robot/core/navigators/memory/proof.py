@@ -36,8 +36,8 @@ AROUND: Final = 3
 
 OPEN_LAP, CLOSED, MET = 0, 1, 2
 """States of a lap."""
-NO_GAP, WAITING, HOPPED = 0, 1, 2
-"""States of the chain at gaps."""
+NO_GAP, WAITING, HOPPED, SPENT = 0, 1, 2, 3
+"""States of the chain at gaps; a SPENT one has proved nothing, and ends at the next gap."""
 
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
 LEAST_MM: Final = 500  # length of the shortest lap
@@ -134,15 +134,21 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
 def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     """Add the way since the last call: its length, its turn, and the room for the doubt.
 
-    While the chain waits at a gap, the turn waits, too.
+    While the chain waits at a gap, the turn waits, too, and the length becomes shorter: the lap is
+    void after as long a way, and the next one begins on the surface that the robot follows now.
     """
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     dx_mm, dy_mm = x_mm - proof.x_mm, y_mm - proof.y_mm
-    if proof.gap != WAITING:
+    step_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
+    if proof.gap == WAITING:
+        proof.way_mm -= step_mm
+        if proof.way_mm < 0:
+            void(proof)
+    else:
+        proof.way_mm += step_mm
         proof.turned += turn(proof.heading, heading)
         proof.heading = heading
-    proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
     proof.x_mm, proof.y_mm = x_mm, y_mm
     away_x_m, away_y_m = pose.x_m - goal_x_m, pose.y_m - goal_y_m
     room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BOUNDARY_M
@@ -228,6 +234,8 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
         return
     dx_mm, dy_mm = proof.x_mm - chain.x_mm[TAIL], proof.y_mm - chain.y_mm[TAIL]
     if proof.gap != WAITING and dx_mm * dx_mm + dy_mm * dy_mm > LAG_MM * LAG_MM:
+        if proof.gap == SPENT:
+            void(proof)  # the next lap begins on the surface beyond the gap
         proof.gap = WAITING
         proof.broke_mm2 = variance_mm2(proof)
 
@@ -238,7 +246,7 @@ def verdict(proof: Proof, side: int) -> int:
     The chain must reach its first arc again. Where the odometry has drifted that cannot be seen, so
     the chain must go on past the mark for longer than the drift.
     """
-    if not (proof.whole and proof.sealed) or proof.way_mm < LEAST_MM:
+    if not (proof.whole and proof.sealed) or proof.gap == SPENT or proof.way_mm < LEAST_MM:
         return OPEN
     drift_mm = int(SIGMAS * gained_mm(proof, proof.mark_mm2))
     if proof.closed == OPEN_LAP:
@@ -259,7 +267,7 @@ def verdict(proof: Proof, side: int) -> int:
     if not proof.separates:
         if proof.gap != HOPPED:
             return AROUND
-        void(proof)  # perhaps only led to and fro at the gap
+        proof.gap = SPENT
         return OPEN
     return SEPARATED if proof.room_m > 0.0 else DOUBTED
 
@@ -272,6 +280,11 @@ def wound(proof: Proof) -> int:
 def ringed(proof: Proof) -> int:
     """Return the net turn of the line from the mark to the end of the chain."""
     return proof.mark_angle - proof.start_mark_angle
+
+
+def may_close(proof: Proof) -> bool:
+    """Return whether the lap may still prove something."""
+    return proof.whole and proof.gap != SPENT
 
 
 def rounds(turned: int) -> int:

@@ -5,6 +5,8 @@ import pytest
 from robot.core import states
 from robot.core.navigators import vgm_following
 from robot.core.navigators.memory import loops
+from robot.core.navigators.memory import proof as proofs
+from robot.core.navigators.memory.proof import NO_GAP, SPENT
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
 from tests.support.robot.core.driving import driving
@@ -65,12 +67,25 @@ def test_open_loops_between_robot_and_goal_end_lost(side: int, round_goal: bool,
 @SIDES
 def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
     memory = heading_for(GOAL, side)
-    memory.following = memory.sound = True
+    memory.following = memory.sound = memory.proof.whole = True
     memory.loops.count = 4
     vgm_following.close_loop(memory)
     assert (memory.side, memory.following, memory.open_loops) == (side, True, 0)
     assert not memory.sound
     assert memory.loops.count == 0
+
+
+@SIDES
+@pytest.mark.parametrize(("whole", "gap"), [(False, NO_GAP), (True, SPENT)])
+def test_a_loop_without_a_chain_does_not_wait(side: int, whole: bool, gap: int) -> None:
+    memory = heading_for(GOAL, side)
+    memory.sound = True
+    memory.proof.whole, memory.proof.gap = whole, gap
+    assert not proofs.may_close(memory.proof)
+    memory.loops.count = 4
+    vgm_following.close_loop(memory)
+    assert memory.loops.count == 0
+    assert memory.sound, "of the next boundary"
 
 
 BOX: list[Wall] = [(2.4, -0.6, 3.6, -0.6), (3.6, -0.6, 3.6, 0.6)]
@@ -81,6 +96,13 @@ def test_a_walled_in_goal_is_proved_unreachable() -> None:
     walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [], seconds=240.0)
     assert walk.gave_up
     assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
+
+
+@pytest.mark.parametrize("gap_m", [0.20, 0.25, 0.27])
+def test_a_post_close_to_the_box_does_not_hinder_the_proof(gap_m: float) -> None:
+    """The robot of 0.24 m neither passes the gap nor is certain that it cannot."""
+    walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [(3.0, 0.8 + gap_m, 0.2)], seconds=240.0)
+    assert walk.gave_up
 
 
 def test_a_walled_in_robot_proves_the_goal_unreachable() -> None:

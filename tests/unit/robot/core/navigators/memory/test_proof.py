@@ -15,6 +15,7 @@ from robot.core.navigators.memory.proof import (
     AROUND,
     BOUNDARY_M,
     DOUBTED,
+    HOPPED,
     LEAST_MM,
     NO_GAP,
     OPEN,
@@ -153,7 +154,9 @@ def test_lap_is_open_until_it_has_passed_the_mark() -> None:
         way = (INSIDE_M, 1, states.LEFT, (3.0, 0.0), around())
         assert lap(proof, *way, [], laps=laps) == found
     assert 1000.0 * length_m > LEAST_MM
-    past_mm = hypot(*(a - b for a, b in zip(chains.middle(proof.chain, TAIL), ends(proof), strict=True)))
+    past_mm = hypot(
+        *(a - b for a, b in zip(chains.middle(proof.chain, TAIL), ends(proof), strict=True))
+    )
     assert past_mm == pytest.approx(PAST_MM, abs=50)
 
 
@@ -246,3 +249,73 @@ def test_turn_is_the_shorter_way(before: int, turned: int) -> None:
 @given(st.integers(-3, 3), st.integers(-HALF_CIRCLE, HALF_CIRCLE - 1))
 def test_rounds_are_the_nearest_whole_turns(turns: int, more: int) -> None:
     assert proofs.rounds(turns * CIRCLE + more) == turns
+
+
+def test_lines_turn_along_the_chain_round_the_robot() -> None:
+    """The chain leads from 124 degrees past the front to -79 degrees; the shortest turn is left."""
+    proof, all_round = Proof(), ring(dict.fromkeys(range(8), 60))
+    for heading_rad in (0.25 * pi, 0.25 * pi, 0.0):
+        pose = Pose(0.0, 0.0, heading_rad)
+        chains.look(proof.chain, all_round, pose, pose, RADIUS_MM)
+        if not proof.whole:
+            proofs.mark(proof, pose, states.RIGHT, 9.0, 0.0)
+    assert proofs.ringed(proof) == 0
+    proofs.seal(proof, states.LEFT, RADIUS_MM, 9.0, 0.0)
+    assert proofs.ringed(proof) == pytest.approx(-CIRCLE * 202.5 / 360.0, abs=10)
+    assert abs(proofs.wound(proof)) < 100
+
+
+def hop(away_m: float, gained_m: float = 0.0) -> Proof:
+    """Return a lap whose chain waited while the robot was elsewhere, then met an echo.
+
+    The echo is `away_m` beyond the end of the chain; the position has gained a doubt.
+    """
+    proof = marked()
+    proof.way_mm = 5000
+    for x_m, range_mm in ((0.3, None), (0.6, None), (0.9, None), (away_m, 100), (away_m, 100)):
+        pose = Pose(x_m, 0.0, 0.0)
+        proofs.advance(proof, pose, 3.0, 0.0)
+        seen = SILENT if range_mm is None else ring({0: range_mm})
+        chains.look(proof.chain, seen, pose, pose, RADIUS_MM)
+        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+        if range_mm is None and x_m > 0.6:
+            assert proof.gap == WAITING
+            proof.odometry.pxx += gained_m * gained_m
+    return proof
+
+
+def test_chain_hops_to_the_same_surface_beyond_a_gap() -> None:
+    assert hop(0.1).gap == HOPPED
+    assert hop(0.1).sealed
+
+
+def test_chain_does_not_hop_over_a_gap_for_the_robot() -> None:
+    assert hop(0.3).gap == WAITING
+    assert not hop(0.3).sealed
+
+
+def test_hop_needs_room_for_the_doubt() -> None:
+    assert hop(0.05, 0.001).gap == HOPPED
+    assert hop(0.05, 0.03).gap == WAITING
+    assert hop(0.05, 1.0).gap == WAITING
+
+
+def test_lap_is_void_after_waiting_for_as_long_as_it_is() -> None:
+    proof, way_m = marked(), 0.0
+    while proof.whole and way_m < 3.0:
+        way_m += STEP_M
+        proofs.advance(proof, Pose(way_m, 0.0, 0.0), 3.0, 0.0)
+        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+        chains.look(proof.chain, SILENT, HERE, HERE, RADIUS_MM)
+    assert 0.8 < way_m < 1.0, "it waits from 0.45 m on"
+
+
+def test_turn_waits_with_the_chain() -> None:
+    proof = marked()
+    proof.way_mm = 5000
+    proof.gap = WAITING
+    proofs.advance(proof, Pose(0.1, 0.0, 2.0), 3.0, 0.0)
+    assert proof.turned == 0
+    proof.gap = HOPPED
+    proofs.advance(proof, Pose(0.2, 0.0, 0.1), 3.0, 0.0)
+    assert proof.turned == pytest.approx(CIRCLE * 0.1 / (2.0 * pi), abs=1)
