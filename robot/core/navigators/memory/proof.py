@@ -40,6 +40,7 @@ NO_GAP, WAITING, HOPPED, SPENT = 0, 1, 2, 3
 """States of the chain at gaps; a SPENT one has proved nothing, and ends at the next gap."""
 
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
+PATIENCE_MM: Final = 4000  # the chain waits for this way more than the lap is long
 LEAST_MM: Final = 500  # length of the shortest lap
 MAX_WITHIN_MM: Final = 500  # with more doubt another place may be taken for the mark
 SIGMAS: Final = 4.0
@@ -134,8 +135,8 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
 def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     """Add the way since the last call: its length, its turn, and the room for the doubt.
 
-    While the chain waits at a gap, the turn waits, too, and the length becomes shorter: the lap is
-    void after as long a way, and the next one begins on the surface that the robot follows now.
+    While the chain waits at a gap, the turn waits, too, and the length is used up: the lap is void
+    at last, and the next one begins on the surface that the robot follows now.
     """
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
@@ -237,6 +238,7 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
         if proof.gap == SPENT:
             void(proof)  # the next lap begins on the surface beyond the gap
         proof.gap = WAITING
+        proof.way_mm += PATIENCE_MM
         proof.broke_mm2 = variance_mm2(proof)
 
 

@@ -271,7 +271,6 @@ def hop(away_m: float, gained_m: float = 0.0) -> Proof:
     The echo is `away_m` beyond the end of the chain; the position has gained a doubt.
     """
     proof = marked()
-    proof.way_mm = 5000
     for x_m, range_mm in ((0.3, None), (0.6, None), (0.9, None), (away_m, 100), (away_m, 100)):
         pose = Pose(x_m, 0.0, 0.0)
         proofs.advance(proof, pose, 3.0, 0.0)
@@ -300,20 +299,19 @@ def test_hop_needs_room_for_the_doubt() -> None:
     assert hop(0.05, 1.0).gap == WAITING
 
 
-def test_lap_is_void_after_waiting_for_as_long_as_it_is() -> None:
+def test_lap_is_void_after_waiting_for_longer_than_it_is() -> None:
     proof, way_m = marked(), 0.0
-    while proof.whole and way_m < 3.0:
+    while proof.whole and way_m < 9.0:
         way_m += STEP_M
         proofs.advance(proof, Pose(way_m, 0.0, 0.0), 3.0, 0.0)
         proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
         chains.look(proof.chain, SILENT, HERE, HERE, RADIUS_MM)
-    assert 0.8 < way_m < 1.0, "it waits from 0.45 m on"
+    assert way_m == pytest.approx(2 * 0.45 + 4.0, abs=0.4), "it waits from 0.45 m on"
 
 
 def test_turn_waits_with_the_chain() -> None:
     proof = marked()
-    proof.way_mm = 5000
-    proof.gap = WAITING
+    proof.gap, proof.way_mm = WAITING, 5000
     proofs.advance(proof, Pose(0.1, 0.0, 2.0), 3.0, 0.0)
     assert proof.turned == 0
     proof.gap = HOPPED
