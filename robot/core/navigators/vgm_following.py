@@ -242,6 +242,18 @@ def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> No
     chains.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
     if proof.whole:
         proofs.seal(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
+        if not proof.whole:
+            begin_beyond(memory)
+
+
+def begin_beyond(memory: Memory) -> None:
+    """Begin another lap on the surface beyond the gap, as this one does not separate from the goal.
+
+    It counts as a loop, so that it does not go on for ever.
+    """
+    memory.open_loops += 1
+    memory.lost = memory.open_loops >= MAX_LOOPS
+    memory.sound = True
 
 
 def prove(memory: Memory, pose: Pose, off: int) -> int:

@@ -40,7 +40,6 @@ NO_GAP, WAITING, HOPPED, SPENT = 0, 1, 2, 3
 """States of the chain at gaps; a SPENT one has proved nothing, and ends at the next gap."""
 
 LAG_MM: Final = 500  # the chain is broken if its end is farther away
-PATIENCE_MM: Final = 4000  # the chain waits for this way more than the lap is long
 LEAST_MM: Final = 500  # length of the shortest lap
 MAX_WITHIN_MM: Final = 500  # with more doubt another place may be taken for the mark
 SIGMAS: Final = 4.0
@@ -135,19 +134,13 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
 def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     """Add the way since the last call: its length, its turn, and the room for the doubt.
 
-    While the chain waits at a gap, the turn waits, too, and the length is used up: the lap is void
-    at last, and the next one begins on the surface that the robot follows now.
+    While the chain waits at a gap, the turn waits, too.
     """
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
     dx_mm, dy_mm = x_mm - proof.x_mm, y_mm - proof.y_mm
-    step_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
-    if proof.gap == WAITING:
-        proof.way_mm -= step_mm
-        if proof.way_mm < 0:
-            void(proof)
-    else:
-        proof.way_mm += step_mm
+    proof.way_mm += int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm))
+    if proof.gap != WAITING:
         proof.turned += turn(proof.heading, heading)
         proof.heading = heading
     proof.x_mm, proof.y_mm = x_mm, y_mm
@@ -238,7 +231,8 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
         if proof.gap == SPENT:
             void(proof)  # the next lap begins on the surface beyond the gap
         proof.gap = WAITING
-        proof.way_mm += PATIENCE_MM
+        if proof.closed == CLOSED:
+            proof.closed = OPEN_LAP
         proof.broke_mm2 = variance_mm2(proof)
 
 
@@ -253,18 +247,18 @@ def verdict(proof: Proof, side: int) -> int:
     drift_mm = int(SIGMAS * gained_mm(proof, proof.mark_mm2))
     if proof.closed == OPEN_LAP:
         if is_at_mark(proof, drift_mm) and is_simple(proof, side):
-            proof.closed = CLOSED
-            proof.separates = rounds(wound(proof)) != rounds(ringed(proof))
+            proof.closed, proof.separates = CLOSED, separates(proof)
             proof.closed_x_mm, proof.closed_y_mm = chains.middle(proof.chain, TAIL)
         return OPEN
     if proof.closed == CLOSED and chains.meets_start(proof.chain, proof.radius_mm):
-        proof.closed = MET
-    if drift_mm < CLEAR_MM and proof.closed != MET:
-        return OPEN
+        proof.closed, proof.separates = MET, separates(proof)
     x_mm, y_mm = chains.middle(proof.chain, TAIL)
     past_mm = PAST_MM + drift_mm
     dx_mm, dy_mm = x_mm - proof.closed_x_mm, y_mm - proof.closed_y_mm
     if dx_mm * dx_mm + dy_mm * dy_mm < past_mm * past_mm:
+        return OPEN
+    if drift_mm < CLEAR_MM and proof.closed != MET:
+        proof.closed = OPEN_LAP  # it was another place
         return OPEN
     if not proof.separates:
         if proof.gap != HOPPED:
@@ -282,6 +276,11 @@ def wound(proof: Proof) -> int:
 def ringed(proof: Proof) -> int:
     """Return the net turn of the line from the mark to the end of the chain."""
     return proof.mark_angle - proof.start_mark_angle
+
+
+def separates(proof: Proof) -> bool:
+    """Return whether the chain, closed here, separates mark and goal."""
+    return rounds(wound(proof)) != rounds(ringed(proof))
 
 
 def may_close(proof: Proof) -> bool:

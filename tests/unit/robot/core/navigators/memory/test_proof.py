@@ -10,10 +10,11 @@ from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.navigators.memory import chain as chains
 from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.chain import TAIL
+from robot.core.navigators.memory.chain import LEAD, TAIL
 from robot.core.navigators.memory.proof import (
     AROUND,
     BOUNDARY_M,
+    CLOSED,
     DOUBTED,
     HOPPED,
     LEAST_MM,
@@ -23,6 +24,7 @@ from robot.core.navigators.memory.proof import (
     PAST_MM,
     SEPARATED,
     SIGMAS,
+    SPENT,
     WAITING,
     Proof,
 )
@@ -158,6 +160,16 @@ def test_lap_is_open_until_it_has_passed_the_mark() -> None:
         *(a - b for a, b in zip(chains.middle(proof.chain, TAIL), ends(proof), strict=True))
     )
     assert past_mm == pytest.approx(PAST_MM, abs=50)
+
+
+def test_lap_is_open_again_if_the_chain_passes_by_its_first_arc() -> None:
+    """The robot was near the mark, but the chain goes on without reaching its first arc."""
+    proof = marked()
+    proof.way_mm, proof.sealed, proof.closed, proof.separates = 5000, True, CLOSED, True
+    for end in (TAIL, LEAD):
+        proof.chain.x_mm[end] = proof.chain.left_x_mm[end] = 2000
+    assert proofs.verdict(proof, states.LEFT) == OPEN
+    assert proof.closed == OPEN_LAP
 
 
 def test_mark_without_an_echo_begins_no_lap() -> None:
@@ -299,19 +311,21 @@ def test_hop_needs_room_for_the_doubt() -> None:
     assert hop(0.05, 1.0).gap == WAITING
 
 
-def test_lap_is_void_after_waiting_for_longer_than_it_is() -> None:
+def test_spent_lap_is_void_at_the_next_gap() -> None:
     proof, way_m = marked(), 0.0
+    proof.gap = SPENT
+    assert proofs.verdict(proof, states.LEFT) == OPEN
     while proof.whole and way_m < 9.0:
         way_m += STEP_M
         proofs.advance(proof, Pose(way_m, 0.0, 0.0), 3.0, 0.0)
-        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
         chains.look(proof.chain, SILENT, HERE, HERE, RADIUS_MM)
-    assert way_m == pytest.approx(2 * 0.45 + 4.0, abs=0.4), "it waits from 0.45 m on"
+        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+    assert way_m == pytest.approx(0.45, abs=0.1)
 
 
 def test_turn_waits_with_the_chain() -> None:
     proof = marked()
-    proof.gap, proof.way_mm = WAITING, 5000
+    proof.gap = WAITING
     proofs.advance(proof, Pose(0.1, 0.0, 2.0), 3.0, 0.0)
     assert proof.turned == 0
     proof.gap = HOPPED
