@@ -284,8 +284,8 @@ def separates(proof: Proof) -> bool:
 
 
 def may_close(proof: Proof) -> bool:
-    """Return whether the lap may still prove something."""
-    return proof.whole and proof.gap != SPENT
+    """Return whether the lap may still prove something, and its chain does not wait at a gap."""
+    return proof.whole and (proof.gap == NO_GAP or proof.gap == HOPPED)
 
 
 def rounds(turned: int) -> int:

@@ -6,7 +6,7 @@ from robot.core import states
 from robot.core.navigators import vgm_following
 from robot.core.navigators.memory import loops
 from robot.core.navigators.memory import proof as proofs
-from robot.core.navigators.memory.proof import NO_GAP, SPENT
+from robot.core.navigators.memory.proof import NO_GAP, SPENT, WAITING
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
 from tests.support.robot.core.driving import driving
@@ -76,7 +76,7 @@ def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
 
 
 @SIDES
-@pytest.mark.parametrize(("whole", "gap"), [(False, NO_GAP), (True, SPENT)])
+@pytest.mark.parametrize(("whole", "gap"), [(False, NO_GAP), (True, WAITING), (True, SPENT)])
 def test_a_loop_without_a_chain_does_not_wait(side: int, whole: bool, gap: int) -> None:
     memory = heading_for(GOAL, side)
     memory.sound = True
