@@ -11,7 +11,7 @@ from plant.sim.simulation import Plant
 from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.chain import LEAD, TAIL
 from robot.core.navigators.vgm_following import Memory
-from robot.core.values import Outputs
+from robot.core.values import EVERY, Outputs
 from study.report.charts.drives import DrivenTrial, drive_trial
 from study.report.charts.world_map import WorldMap, end_mark, simplified
 from study.trial.core_loop import CoreLoop
@@ -59,7 +59,7 @@ def ring(more_cm: int | None) -> World:
 
 @dataclass(slots=True)
 class ChainRecorder:
-    """Record the chains of the first loop: arcs at their ends, marks, and gaps between chains.
+    """Record the chain of the first loop: arcs at its ends, marks, and gaps at which it waits.
 
     `ticks` is the length of the first loop. `room_m` is the largest distance that the doubt has
     required between goal and way.
@@ -71,6 +71,7 @@ class ChainRecorder:
     ticks: int = 0
     room_m: float = 0.0
     _whole: bool = False
+    _gap: int = proofs.NO_GAP
     _last: dict[int, Point] = field(default_factory=dict)
 
     def __call__(self, plant: Plant, onboard: CoreLoop, outputs: Outputs) -> None:
@@ -83,20 +84,19 @@ class ChainRecorder:
             return
         proof = memory.proof
         if proof.whole and not self._whole:
-            self._begin(proof)
+            self.marks.append((0.001 * proof.mark_x_mm, 0.001 * proof.mark_y_mm))
+            self._last.clear()
         self._whole = proof.whole
+        if proof.gap == proofs.WAITING and self._gap != proofs.WAITING:
+            flank = [i for i in EVERY[:: memory.side] if proof.chain.seen >> i & 1]
+            beyond = [middle(arc_of(proof, i)) for i in flank]
+            self.gaps += [(middle(arc_of(proof, TAIL)), place) for place in beyond[:1]]
+        self._gap = proof.gap
         if proof.whole:
             for end in (LEAD, TAIL):
                 self._take(proof, end)
             doubt_m = proofs.SIGMAS * proofs.doubt_m(proof.odometry)
             self.room_m = max(self.room_m, proofs.BOUNDARY_M + doubt_m)
-
-    def _begin(self, proof: proofs.Proof) -> None:
-        before = self._last.get(TAIL)
-        self.marks.append((0.001 * proof.mark_x_mm, 0.001 * proof.mark_y_mm))
-        if before is not None:
-            self.gaps.append((before, middle(arc_of(proof, TAIL))))
-        self._last.clear()
 
     def _take(self, proof: proofs.Proof, end: int) -> None:
         arc = arc_of(proof, end)
@@ -145,7 +145,7 @@ def drawn(drive: DrivenTrial, seen: ChainRecorder, width: float, head: str) -> W
     for gap in seen.gaps:
         drawing.line(found.at(gap[0]), found.at(gap[1]), "gap")
         x, y = found.at(middle(gap))
-        drawing.text((x - 8.0, y + 30.0), "chain broken", "small c-gap", "end")
+        drawing.text((x - 8.0, y + 30.0), "chain waits", "small c-gap", "end")
     found.ends()
     centre = found.at((goal.x_m, goal.y_m))
     edge = found.at((goal.x_m + seen.room_m, goal.y_m))

@@ -57,13 +57,13 @@ def test_chain_closes_only_around_a_ring_without_gate() -> None:
         seen = ChainRecorder()
         outcome = run_trial(Trial(world=ring(more_cm), noise="none"), seen)
         ends[more_cm] = outcome.outcome, len(seen.gaps), len(seen.marks)
-    assert ends == {None: ("unreachable", 0, 1), 3: ("lost", 1, 2), 6: ("reached", 0, 1)}
+    assert ends == {None: ("unreachable", 0, 1), 3: ("lost", 1, 1), 6: ("reached", 0, 1)}
 
 
 def test_gap_of_the_chain_is_drawn_at_the_gate() -> None:
     seen = ChainRecorder()
     run_trial(Trial(world=ring(3), noise="none"), seen)
-    ((_, low_m), (_, high_m)) = seen.gaps[0]
+    low_m, high_m = sorted(y_m for _, y_m in seen.gaps[0])
     assert low_m < 1.6 < high_m
 
 
