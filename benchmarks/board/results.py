@@ -66,12 +66,12 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final = {
-    "bug": Ceiling(12.5, 10.5, 16.5),
-    "vgm": Ceiling(12.5, 11.5, 16.5),
-    "vgm_memory": Ceiling(25.0, 38.5, 42.0),
-    "bug1": Ceiling(25.0, 23.0, 26.5),
-    "bug2": Ceiling(25.0, 23.0, 26.5),
-    "distbug": Ceiling(25.0, 23.0, 26.5),
+    "bug": Ceiling(12.5, 9.0, 14.0),
+    "vgm": Ceiling(12.5, 9.5, 14.0),
+    "vgm_memory": Ceiling(25.0, 19.5, 22.5),
+    "bug1": Ceiling(25.0, 19.0, 22.5),
+    "bug2": Ceiling(25.0, 19.0, 22.5),
+    "distbug": Ceiling(25.0, 19.0, 22.5),
 }
 FLASH_BYTES: Final = 512 * 1024
 RAM_BYTES: Final = 64 * 1024
