@@ -39,6 +39,15 @@ def styles(stage: Stage) -> list[Row]:
     return [[(segment.text, segment.style) for segment in strip.simplify()] for strip in strips]
 
 
+async def settled(stage: Stage) -> list[Row]:
+    """Draw until nothing changes any more: Textual lays out a new screen in several frames."""
+    before, found = None, styles(stage)
+    while found != before:
+        await stage.redraw()
+        before, found = found, styles(stage)
+    return found
+
+
 def differing(found: list[Row], wanted: list[Row]) -> list[tuple[Row, Row]]:
     return [pair for pair in zip(found, wanted, strict=True) if pair[0] != pair[1]][:1]
 
@@ -81,7 +90,7 @@ def test_switched_theme_looks_like_a_fresh_start_on_every_screen() -> None:
             async with staged(theme=theme) as stage:
                 for key in SCREENS:
                     await stage.press(key)
-                    fresh[theme, key] = styles(stage)
+                    fresh[theme, key] = await settled(stage)
         themes = list(chain())
         async with staged(theme=themes[0]) as stage:
             for turn, theme in enumerate(themes[1:]):
@@ -90,6 +99,6 @@ def test_switched_theme_looks_like_a_fresh_start_on_every_screen() -> None:
                 await switch(stage, theme)
                 for key in (here, SCREENS[(turn + 3) % len(SCREENS)]):
                     await stage.press(key)
-                    assert differing(styles(stage), fresh[theme, key]) == [], (theme, key)
+                    assert differing(await settled(stage), fresh[theme, key]) == [], (theme, key)
 
     play(story)
