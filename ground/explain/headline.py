@@ -15,7 +15,7 @@ TURNS_DEG_S: Final = 2.0
 
 MOVES_M_S: Final = 0.005
 ASIDE_DEG: Final = 3.0
-KEPT_OFF_M: Final = 0.1  # an echo farther away bends no way
+CLOSE_M: Final = 0.1  # a farther echo does not change the heading
 BENT_DEG: Final = 1.0
 PASSES: Final = (Branch.PASS_LEFT, Branch.PASS_RIGHT)
 
@@ -114,8 +114,8 @@ def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
     bent_deg = heading_deg(decision.rotation_rad)
     if bent_deg is None or abs(bent_deg) < BENT_DEG:
         return words
-    if decision.nearest_range_m < KEPT_OFF_M:
-        return f"{words}, and it keeps off what is near by {side(decision.rotation_rad)}"
+    if decision.nearest_range_m < CLOSE_M:
+        return f"{words}, and it turns away from a close obstacle, {side(decision.rotation_rad)}"
     return f"{words}, and it weaves to see corners ahead, now {side(decision.rotation_rad)}"
 
 

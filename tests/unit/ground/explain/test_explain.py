@@ -52,8 +52,8 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
                 branch=Branch.TO_GOAL, rotation_rad=radians(5), nearest_range_m=0.05, **STRAIGHT
             ),
             standing(),
-            "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it keeps off"
-            " what is near by 5° left",
+            "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it turns away"
+            " from a close obstacle, 5° left",
         ),
         (
             decided(
