@@ -203,8 +203,8 @@ def is_ahead(chain: Chain, i: int, x_mm: int, y_mm: int, side: int) -> bool:
 
 def meets_start(chain: Chain, radius_mm: int) -> bool:
     """Return whether an end of the chain is linked to its first arc."""
-    width_mm = 2 * radius_mm - SLACK_MM
-    width_mm2 = width_mm * width_mm
+    least_mm = width_mm(radius_mm)
+    width_mm2 = least_mm * least_mm
     return is_linked(chain, TAIL, START, width_mm2) or is_linked(chain, LEAD, START, width_mm2)
 
 

@@ -54,15 +54,15 @@ class Proof:
     """A lap along a boundary since the mark.
 
     `whole` is set while the lap may prove something, `sealed` while its chain reaches the newest
-    scan. `gap` tells whether the chain waits at a gap, since the variance `broke_mm2`, or has
-    hopped over one. `way_mm` is the length of the lap, `turned` its net turn. `goal_angle` and
-    `mark_angle` are the directions from the goal and from the mark to TAIL, `lead_*` those to LEAD,
-    `start_*` those to the first arc; they count whole turns. `closed` is CLOSED at the mark again,
-    where the chain ended at `closed_*`, and MET once the chain reaches its first arc; `separates`
-    is set if the chain closed there separates mark and goal. `room_m` is the least distance that
-    the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the mark and the
-    variance of its position. `odometry` is the estimate with its covariance. Parallel ways along a
-    boundary are farther apart than `radius_mm`, the robot's radius.
+    scan. `gap` is the state of the chain at gaps, and `broke_mm2` the variance of the position when
+    it last began to wait. `way_mm` is the length of the lap, `turned` its net turn. `goal_angle`
+    and `mark_angle` are the directions from the goal and from the mark to TAIL, `lead_*` those to
+    LEAD, `start_*` those to the first arc; they count whole turns. `closed` is CLOSED at the mark
+    again, where the chain ended at `closed_*`, and MET once the chain reaches its first arc;
+    `separates` is set if the chain closed there separates mark and goal. `room_m` is the least
+    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
+    mark and the variance of its position. `odometry` is the estimate with its covariance. Parallel
+    ways along a boundary are farther apart than `radius_mm`, the robot's radius.
     """
 
     __slots__ = (

@@ -10,7 +10,7 @@ from robot.core.navigators.memory.proof import NO_GAP, SPENT, WAITING
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
 from tests.support.robot.core.driving import driving
-from tests.support.robot.core.rings import SILENT, Wall, clearance_m, walk_to
+from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, clearance_m, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
 
 
@@ -132,3 +132,15 @@ def test_repeated_goal_starts_like_a_new_memory() -> None:
     for name in ("open_loops", "failed_leaves", "islands", "shut", "ease_mm"):
         assert getattr(memory, name) == getattr(fresh, name) == 0
     assert not memory.proof.whole
+
+
+def test_a_lap_that_separates_nothing_ends_at_the_next_gap_as_a_loop() -> None:
+    memory = heading_for(GOAL, states.LEFT)
+    memory.following = memory.proof.whole = True
+    for loop in range(1, MAX_LOOPS + 1):
+        memory.proof.whole, memory.proof.gap, memory.sound = True, SPENT, False
+        memory.proof.x_mm = 9000  # the chain has stayed far behind
+        vgm_following.watch_boundary(memory, HERE, SILENT, RADIUS_MM)
+        assert not memory.proof.whole
+        assert (memory.open_loops, memory.sound) == (loop, True)
+        assert memory.lost == (loop == MAX_LOOPS)

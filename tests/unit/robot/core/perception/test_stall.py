@@ -191,3 +191,24 @@ def test_stop_slow_command_or_reversal_restarts(
     sums = (wheel.commanded_m, wheel.turned_m, wheel.since_ms)
     assert sums == ((0.0, 0.0, 2_000) if afresh else (0.5, 0.25, since_ms))
     assert wheel.commanded_m_s == kept_m_s
+
+
+# Braking before a reversal.
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_wheel_that_slows_down_before_it_reverses_misses_nothing(sign: float) -> None:
+    wheel = Wheel()
+    wheel.moved_m = sign * 0.015
+    for moved_m in (0.013, 0.009, 0.006, 0.002):
+        stalls.miss(wheel, sign * moved_m, -sign * COMMAND_M)
+        assert wheel.missing_m == 0.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_wheel_that_goes_on_the_wrong_way_misses_all_of_it(sign: float) -> None:
+    wheel = Wheel()
+    wheel.moved_m = sign * 0.01
+    for times in (1, 2, 3):
+        stalls.miss(wheel, sign * 0.01, -sign * COMMAND_M)
+        assert wheel.missing_m == pytest.approx(-sign * times * (COMMAND_M + 0.01))
