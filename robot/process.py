@@ -208,8 +208,8 @@ class RobotProcess:
     def _write(self, outputs: Outputs, tick: Tick, now_ns: int) -> None:
         """Publish the wheel command first, then telemetry.
 
-        In an emergency stop, in a failsafe and in MANUAL without speeds the motors are
-        short-circuited, which stops four times as fast as a ramp.
+        Unless the robot is armed, and in MANUAL without speeds, the motors are short-circuited,
+        which stops four times as fast as a ramp.
         """
         senses, reports = self._senses, self.reports
         stamp_ns = senses.stamp_ns

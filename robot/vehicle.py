@@ -187,14 +187,15 @@ class Vehicle:
 
     @property
     def brakes(self) -> bool:
-        """True while the motors brake: in a failsafe, an emergency stop, or MANUAL without speeds.
+        """True while the motors brake: unless armed, and in MANUAL without speeds.
 
-        Speeds whose time is up must not end in the motors' own ramp.
+        Speeds whose time is up, or of a killed process that this one replaces, must not end in the
+        motors' own ramp.
         """
         machine = self.state.machine
-        if machine.vehicle == states.ACTIVE:
-            return machine.mode == states.MANUAL and self.state.manual is None
-        return machine.vehicle in (states.FAILSAFE, states.EMERGENCY_STOP)
+        if machine.vehicle != states.ACTIVE:
+            return True
+        return machine.mode == states.MANUAL and self.state.manual is None
 
     def restore(self) -> list[Exchange]:
         """Restore the saved fence and mission; call it before the first request."""

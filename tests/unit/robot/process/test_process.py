@@ -135,6 +135,15 @@ def test_teleop_drives_and_is_in_the_inputs() -> None:
     assert (published.wheels_seq, published.scan_seq) == (rig.ticks, rig.ticks)
 
 
+def test_a_robot_that_is_not_armed_brakes() -> None:
+    """Speeds of a killed process that this one replaces must not end in the motors' own ramp."""
+    rig = Rig()
+    for _ in range(4):
+        rig.cycle()
+        assert speeds(rig.command) == (0, 0, 0)
+    assert rig.vehicle.state.machine.vehicle == Vehicle.STANDBY
+
+
 def test_speeds_whose_time_is_up_end_in_a_brake() -> None:
     rig = Rig().ready()
     beat = Heartbeat(type=6, autopilot=8, base_mode=0, custom_mode=0, system_status=4)
