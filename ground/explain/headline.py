@@ -116,7 +116,7 @@ def going(decision: AvoidanceDecision, status: NavigatorStatus | None) -> str:
         return words
     if decision.nearest_range_m < CLOSE_M:
         return f"{words}, and it turns away from a close obstacle, {side(decision.rotation_rad)}"
-    return f"{words}, and it weaves to see corners ahead, now {side(decision.rotation_rad)}"
+    return f"{words}, and it weaves to see edges ahead, now {side(decision.rotation_rad)}"
 
 
 def far(distance_m: float) -> str:

@@ -71,6 +71,15 @@ WEAVE_FROM_M: Final = 0.6
 the goal, and then right of it, for WEAVE_M each. It costs less than 1 % of the way.
 """
 
+DITHER_RAD: Final = 5.0 * pi / 180.0
+DITHER_M: Final = 0.14
+"""On the way to the goal the heading is DITHER_RAD left of it, and then right of it, for DITHER_M
+each. The robot follows with about half of that.
+
+The end of a thin wall returns an echo at few bearings only. It may be missed all the way by a robot
+that drives straight at it.
+"""
+
 # Free distance towards the goal.
 BESIDE: Final = 0.5 * pi
 """Radians from the heading to the outer edge of the outermost cones."""
@@ -179,6 +188,13 @@ def weave(ring: Ring, distance_m: float) -> float:
     if distance_m < WEAVE_FROM_M or ring.range_m[3] != inf or ring.range_m[4] != inf:
         return 0.0
     return WEAVE_RAD if int(distance_m / WEAVE_M) & 1 else -WEAVE_RAD
+
+
+def dither(distance_m: float) -> float:
+    """Return the heading bias in radians by which the cones sweep to and fro; 0 near the goal."""
+    if distance_m < WEAVE_FROM_M:
+        return 0.0
+    return DITHER_RAD if int(distance_m / DITHER_M) & 1 else -DITHER_RAD
 
 
 def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> float:

@@ -103,13 +103,17 @@ def measure(
     ring: Ring,
     ease_mm: int,
     radius_mm: int,
+    least: int,
 ) -> None:
-    """Collect the points that can close headings; `ease_mm` is subtracted from all margins."""
+    """Collect the points that can close headings; `ease_mm` is subtracted from all margins.
+
+    Longer echoes contradict points of at least the weight `least`.
+    """
     sectors.count = 0
     sectors.free_mm = FREE_MM
     heading = int(BRADS * pose.heading_rad)
     if echoes.count:
-        gather(sectors, echoes, pose, heading, ease_mm, radius_mm)
+        gather(sectors, echoes, pose, heading, ease_mm, radius_mm, least)
         shape(sectors)
     if sectors.count:
         close(sectors, sectors.wide, WIDE_MM)
@@ -119,7 +123,13 @@ def measure(
 
 
 def gather(
-    sectors: Sectors, echoes: Echoes, pose: Pose, heading: int, ease_mm: int, radius_mm: int
+    sectors: Sectors,
+    echoes: Echoes,
+    pose: Pose,
+    heading: int,
+    ease_mm: int,
+    radius_mm: int,
+    least: int,
 ) -> None:
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -144,7 +154,7 @@ def gather(
             square = radius_mm2
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
         bearing, weight, spread_mm = UNKNOWN, weights[k], spreads_mm[k]
-        if square < most_mm2 and along_mm >= 0 and 0 < weight <= MOST_WEIGHT:
+        if square < most_mm2 and along_mm >= 0 and least <= weight <= MOST_WEIGHT:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
             if square < through_mm2[looks_at(bearing - heading)]:
                 weights[k] = weight = weight - 1

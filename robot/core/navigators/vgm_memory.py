@@ -65,7 +65,10 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     observe(memory, pose, ring, radius_mm)
     if memory.phase == MEASURE:
         echo_decay.update_through(memory.echoes, ring, radius_mm)
-        open_headings.measure(memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm)
+        least = contradicted_from(memory)
+        open_headings.measure(
+            memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm, least
+        )
     elif memory.phase != RECORD:
         memory.heading = to_goal
         if memory.flank_walker.ticks > 0:
@@ -91,10 +94,19 @@ def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     if memory.phase == RECORD:
         if memory.before is not None:
             # With the pose and the ranges of the choice one tick ago, which costs more than this.
-            echo_decay.fade(memory.echoes, before)
+            echo_decay.fade(memory.echoes, before, contradicted_from(memory))
         echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
     else:
         echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
+
+
+def contradicted_from(memory: Memory) -> int:
+    """Return the least weight of a stored point that longer echoes contradict.
+
+    On the way to the goal one with a single echo remains, and slows the robot down: it may be the
+    end of a thin wall, which returns few echoes among longer ones.
+    """
+    return 1 if memory.following else SURE
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:
@@ -272,10 +284,11 @@ def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
 
 
 def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: float) -> float:
-    """Return the rotation of the goal; on a free way it weaves, and it keeps off a near flank."""
+    """Return the rotation of the goal: to either side on a free way, and away from a near flank."""
     gamma_rad = 0.0 if memory.rotation == 0 else wrap(memory.rotation / BRADS)
     if branch == states.TO_GOAL:
-        gamma_rad = pace.weave(ring, sqrt(dx_m * dx_m + dy_m * dy_m))
+        distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
+        gamma_rad = pace.weave(ring, distance_m) + pace.dither(distance_m)
     off_rad = pace.keep_off(memory.held)
     return gamma_rad if off_rad == 0.0 else wrap(gamma_rad + off_rad)
 

@@ -29,6 +29,13 @@ FIRM_WEIGHT: Final = 16
 The end of a thin wall returns few echoes, and longer ones pass it on both sides. So each echo adds
 FIRM_STEP to the weight, up to FIRM_WEIGHT.
 """
+NOISE_MM: Final = 12
+BEYOND: Final = 8
+"""Two distances of a firm point that differ by at most NOISE_MM are averaged.
+
+An echo that is nearer by more counts alone. One that is longer by more comes rather from a surface
+beside or behind a wall's end, and moves the point by one part in BEYOND.
+"""
 NOTHING: Final = -1
 
 CIRCLE: Final = 4096
@@ -193,19 +200,22 @@ def take(
     else:
         confirm(echoes, found)
         if 10 * spread_mm < 7 * echoes.spread_mm[found]:
-            correct(echoes, found, x_mm, y_mm, away_mm, 1)
+            correct(echoes, found, x_mm, y_mm, away_mm, False)
             echoes.spread_mm[found] = spread_mm
         elif spread_mm <= FIRM_MM:
-            correct(echoes, found, x_mm, y_mm, away_mm, 2)
+            correct(echoes, found, x_mm, y_mm, away_mm, True)
     echoes.last[sonar] = found
 
 
-def correct(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, part: int) -> None:
-    """Move a point along the line of sight to the measured distance, or a part of the way."""
+def correct(echoes: Echoes, k: int, x_mm: int, y_mm: int, away_mm: int, is_firm: bool) -> None:
+    """Move a point along the line of sight to the measured distance, a firm one part of the way."""
     dx_mm, dy_mm = echoes.x_mm[k] - x_mm, echoes.y_mm[k] - y_mm
     now_mm = int(sqrt(dx_mm * dx_mm + dy_mm * dy_mm)) or 1
-    echoes.x_mm[k] += dx_mm * (away_mm - now_mm) // (part * now_mm)
-    echoes.y_mm[k] += dy_mm * (away_mm - now_mm) // (part * now_mm)
+    more_mm, part = away_mm - now_mm, 1
+    if is_firm and more_mm >= -NOISE_MM:
+        part = 2 if more_mm <= NOISE_MM else BEYOND
+    echoes.x_mm[k] += dx_mm * more_mm // (part * now_mm)
+    echoes.y_mm[k] += dy_mm * more_mm // (part * now_mm)
 
 
 def confirm(echoes: Echoes, k: int) -> None:

@@ -318,9 +318,13 @@ def is_simple(proof: Proof, side: int) -> bool:
 
 
 def gained_mm(proof: Proof, since_mm2: int) -> float:
-    """Return the standard deviation that the position has gained since a variance, in mm."""
+    """Return the standard deviation of the position's error since a variance, in mm.
+
+    Where walls have corrected the position, the variance has shrunk, and the estimate has moved by
+    as much as that.
+    """
     gained_mm2 = variance_mm2(proof) - since_mm2
-    return sqrt(gained_mm2) if gained_mm2 > 0 else 0.0
+    return sqrt(gained_mm2 if gained_mm2 > 0 else -gained_mm2)
 
 
 def variance_mm2(proof: Proof) -> int:

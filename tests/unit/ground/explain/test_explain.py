@@ -61,7 +61,7 @@ AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
             ),
             standing(),
             "drives straight on at 0.3 m/s: goal 10° left, 3.20 m to go, and it weaves to see"
-            " corners ahead, now 10° right",
+            " edges ahead, now 10° right",
         ),
         (
             decided(**TO_GOAL, goal_bearing_rad=radians(2.0), yaw_rate_rad_s=-0.5),

@@ -9,6 +9,8 @@ from robot.core.motion import pace
 from robot.core.motion.pace import (
     BESIDE,
     CLOSE_M,
+    DITHER_M,
+    DITHER_RAD,
     FLANK_M,
     HOLD_M,
     LOOK_M,
@@ -195,6 +197,13 @@ def test_heading_weaves_to_both_sides_without_echo_ahead() -> None:
 def test_heading_does_not_weave_near_goal_or_with_echo_ahead() -> None:
     assert pace.weave(SILENT, 0.99 * WEAVE_FROM_M) == 0.0
     assert pace.weave(only(3, 2.9), 5.0) == pace.weave(only(4, 0.5), 5.0) == 0.0
+
+
+def test_heading_bends_to_and_fro_until_near_the_goal() -> None:
+    biases = [pace.dither(5.0 + DITHER_M * (k + 0.5)) for k in range(6)]
+    assert biases == [biases[0], -biases[0]] * 3
+    assert abs(biases[0]) == DITHER_RAD
+    assert pace.dither(0.99 * WEAVE_FROM_M) == 0.0
 
 
 def free(seen: Ring, alpha_rad: float, distance_m: float = 10.0) -> float:

@@ -59,10 +59,12 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
     return echoes
 
 
-def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
+def measured(
+    echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0, least: int = 1
+) -> Sectors:
     sectors = Sectors()
     update_through(echoes, seen, RADIUS_MM)
-    open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
+    open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM, least)
     return sectors
 
 
@@ -196,11 +198,21 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
     assert echoes.weight[0] == SURE - 1
 
 
+def test_single_echo_that_nothing_contradicts_slows_the_robot_down() -> None:
+    pose, seen = Pose(0.0, 0.0, -BEARINGS[3]), ring({3: 2000})
+    for least, is_slow in ((1, False), (SURE, True)):
+        echoes = points((RADIUS_MM + 100, 0), weight=1)
+        measured(echoes, pose, seen, least=least)
+        sectors = measured(echoes, pose, seen, least=least)
+        assert (echoes.weight[0] == 1) == is_slow
+        assert not sectors.count
+
+
 def test_echo_before_a_point_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
         update_through(echoes, seen, RADIUS_MM)
-        open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
+        open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM, 1)
         record(echoes, pose, pose, seen, RADIUS_MM)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE

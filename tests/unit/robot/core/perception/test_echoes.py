@@ -39,11 +39,16 @@ from tests.support.robot.core.rings import (
 
 
 def look(
-    echoes: Echoes, seen: Ring, looks: int, pose: Pose = HERE, before: Pose | None = None
+    echoes: Echoes,
+    seen: Ring,
+    looks: int,
+    pose: Pose = HERE,
+    before: Pose | None = None,
+    least: int = 1,
 ) -> None:
     for _ in range(looks):
         echo_decay.update_through(echoes, seen, RADIUS_MM)
-        echo_decay.fade(echoes, pose)
+        echo_decay.fade(echoes, pose, least)
         memory.record(echoes, before or pose, pose, seen, RADIUS_MM)
 
 
@@ -91,7 +96,7 @@ def test_saturated_range_moves_a_stored_point_to_the_rim() -> None:
     look(echoes, ring({6: 20}), 1)
     assert echoes.count == 1
     assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM, abs=2.0)
-    look(echoes, ring({6: 25}), 8)
+    look(echoes, ring({6: 25}), 20)
     assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM + 25, abs=4.0)
 
 
@@ -108,11 +113,14 @@ def test_firm_point_outlasts_longer_echoes_three_times_as_long() -> None:
     assert 3 * looks_until_erased(300) <= looks_until_erased(90) < 100
 
 
-def test_echo_of_another_pose_corrects_a_firm_point() -> None:
-    echoes = remembered(ring({3: 60}), 4)
-    before_mm = hypot(echoes.x_mm[0], echoes.y_mm[0])
-    look(echoes, ring({3: 80}), 1)
-    assert before_mm + 9 <= hypot(echoes.x_mm[0], echoes.y_mm[0]) <= before_mm + 11
+@pytest.mark.parametrize(("more_mm", "moved_mm"), [(10, 5), (-10, -5), (-20, -20), (24, 3)])
+def test_nearer_echo_moves_a_firm_point_more_than_a_longer_one(more_mm: int, moved_mm: int) -> None:
+    """Within the noise half of the way; a longer echo may come from beside a wall's end."""
+    echoes = remembered(ring({3: 80}), 4)
+    before_mm = distance_mm(echoes, 0)
+    look(echoes, ring({3: 80 + more_mm}), 1)
+    assert echoes.count == 1
+    assert distance_mm(echoes, 0) - before_mm == pytest.approx(moved_mm, abs=1.5)
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
@@ -160,6 +168,13 @@ def test_a_longer_echo_through_its_place_erases_a_point() -> None:
     echoes = remembered(ring({3: 300}))
     look(echoes, ring({3: 2000}), SLICES * (MOST_WEIGHT + 1))
     assert echoes.count == 0
+
+
+def test_single_echo_outlasts_longer_echoes_unless_they_contradict_it() -> None:
+    for least, count in ((1, 0), (SURE, 1)):
+        echoes = remembered(ring({3: 300}), 1)
+        look(echoes, ring({3: 2000}), 2 * SLICES, least=least)
+        assert echoes.count == count
 
 
 @pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])

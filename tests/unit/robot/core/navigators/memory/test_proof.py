@@ -311,6 +311,17 @@ def test_hop_needs_room_for_the_doubt() -> None:
     assert hop(0.05, 1.0).gap == WAITING
 
 
+def test_correction_of_the_position_counts_as_doubt_of_a_hop() -> None:
+    """A wall that shrinks the variance has moved the estimate, on the far side of the gap only."""
+    proof = Proof()
+    proof.odometry.pxx = 0.0004
+    before_mm2 = proofs.variance_mm2(proof)
+    proof.odometry.pxx = 0.0003
+    assert proofs.gained_mm(proof, before_mm2) == pytest.approx(10.0)
+    proof.odometry.pxx = 0.0005
+    assert proofs.gained_mm(proof, before_mm2) == pytest.approx(10.0)
+
+
 def test_spent_lap_is_void_at_the_next_gap() -> None:
     proof, way_m = marked(), 0.0
     proof.gap = SPENT
