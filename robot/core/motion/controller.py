@@ -81,12 +81,20 @@ def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[fl
 
 
 def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
-    """Return the twist nearest to the wanted one within the acceleration limit of a period."""
+    """Return the twist nearest to the wanted one within the acceleration limit of a period.
+
+    Braking comes first; otherwise speed and turn change by one share.
+    """
     more_m_s = wanted.speed_m_s - last.speed_m_s
     more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
-    change_m_s = abs(more_m_s) + 0.5 * params.track_m * abs(more_rad_s)
+    turn_m_s = 0.5 * params.track_m * abs(more_rad_s)
     can_m_s = params.accel_m_s2 * params.period_s
-    if change_m_s <= can_m_s:
+    if abs(more_m_s) + turn_m_s <= can_m_s:
         return wanted
-    share = can_m_s / change_m_s
+    if more_m_s * last.speed_m_s < 0.0:
+        slower_m_s = min(abs(more_m_s), can_m_s)
+        share = min((can_m_s - slower_m_s) / turn_m_s, 1.0) if turn_m_s > 0.0 else 1.0
+        speed_m_s = last.speed_m_s + (slower_m_s if more_m_s > 0.0 else -slower_m_s)
+        return Twist(speed_m_s, last.yaw_rate_rad_s + share * more_rad_s)
+    share = can_m_s / (abs(more_m_s) + turn_m_s)
     return Twist(last.speed_m_s + share * more_m_s, last.yaw_rate_rad_s + share * more_rad_s)

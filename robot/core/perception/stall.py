@@ -8,6 +8,7 @@ from robot.core.perception.odometry import Odometry, blur
 TURNS: Final = 0.5  # share of the commanded motion; below, the encoder may fail
 SLACK_M: Final = 0.05  # lag of a motor that accelerates or reverses
 COAST_S: Final = 0.15  # at its speed, until the wheel has stopped
+ENOUGH_M: Final = 0.1  # commanded; a wheel that has not turned by then does not lag
 
 
 class Stall:
@@ -92,18 +93,35 @@ def is_stuck(wheel: Wheel, moved_m: float, now_ms: int, params: Params) -> bool:
     wheel.turned_m += moved_m
     if now_ms - wheel.since_ms <= params.wheel_time_ms:
         return False
-    commanded_m = abs(wheel.commanded_m)
-    stuck = wheel.turned_m * wheel.commanded_m < params.wheel_share * commanded_m * commanded_m
+    stuck = stands(wheel, params)
     if stuck:
         wheel.missing_m += wheel.commanded_m_s * COAST_S
-    command(wheel, 0.0, now_ms, params)
+    restart(wheel, now_ms)
+    wheel.commanded_m_s = 0.0
     return stuck
 
 
+def stands(wheel: Wheel, params: Params) -> bool:
+    """Return whether the wheel has not turned as commanded since the measurement began."""
+    commanded_m = wheel.commanded_m
+    return wheel.turned_m * commanded_m < params.wheel_share * commanded_m * commanded_m
+
+
+def restart(wheel: Wheel, now_ms: int) -> None:
+    """Begin the measurement here."""
+    wheel.commanded_m = wheel.turned_m = 0.0
+    wheel.since_ms = now_ms
+
+
 def command(wheel: Wheel, speed_m_s: float, now_ms: int, params: Params) -> None:
-    """Note the new command; a slow one, a stop or a reversal restarts the measurement."""
+    """Note the new command; a slow one, a stop or a reversal restarts the measurement.
+
+    A wheel that should have turned far by then, and has not, is judged in the next period instead.
+    """
     slow = abs(speed_m_s) <= params.wheel_min_m_s
     if slow or speed_m_s * wheel.commanded_m_s <= 0.0:
-        wheel.commanded_m = wheel.turned_m = 0.0
-        wheel.since_ms = now_ms
+        if abs(wheel.commanded_m) > ENOUGH_M and stands(wheel, params):
+            wheel.since_ms = now_ms - params.wheel_time_ms
+        else:
+            restart(wheel, now_ms)
     wheel.commanded_m_s = 0.0 if slow else speed_m_s

@@ -7,7 +7,7 @@ import pytest
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.stall import Stall, Wheel
+from robot.core.perception.stall import ENOUGH_M, Stall, Wheel
 
 COMMAND_M_S = 0.2
 COMMAND_M = COMMAND_M_S * DEFAULTS.period_s
@@ -194,6 +194,18 @@ def test_stop_slow_command_or_reversal_restarts(
 
 
 # Braking before a reversal.
+
+
+@pytest.mark.parametrize(("commanded_m", "stuck"), [(ENOUGH_M + 0.01, True), (0.04, False)])
+@pytest.mark.parametrize("after_m_s", [0.0, -COMMAND_M_S])
+def test_stop_or_reversal_does_not_hide_a_wheel_that_stands(
+    after_m_s: float, commanded_m: float, stuck: bool
+) -> None:
+    wheel = commanded()
+    wheel.commanded_m = commanded_m
+    stalls.command(wheel, after_m_s, TIME_MS - 100, DEFAULTS)
+    assert stalls.is_stuck(wheel, 0.0, TIME_MS - 50, DEFAULTS) == stuck
+    assert not stalls.is_stuck(wheel, 0.0, TIME_MS, DEFAULTS)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -1,5 +1,5 @@
 import re
-from math import inf, nan
+from math import hypot, inf, nan
 
 import pytest
 
@@ -280,19 +280,23 @@ def test_without_a_fence_no_place_is_outside() -> None:
     assert (driven.machine.vehicle, driven.machine.cause) == (states.ACTIVE, reasons.OK)
 
 
+def away_m(pose: Pose) -> float:
+    return hypot(pose.x_m, pose.y_m)
+
+
 def test_leaving_the_fence_stops_the_robot_until_it_is_removed() -> None:
     driven = driving()
-    start_m = driven.state.odometry.pose.x_m
+    start_m = away_m(driven.state.odometry.pose)
     driven.machine.fence = Fence((0.0,), (0.0,), 0.5)
     inside_m: list[float] = []
     while driven.machine.vehicle == states.ACTIVE:
         assert len(inside_m) < 60
-        inside_m.append(driven.state.odometry.pose.x_m)
+        inside_m.append(away_m(driven.state.odometry.pose))
         driven.tick()
     assert inside_m[0] == start_m
     assert start_m < 0.2
     assert inside_m[-1] == pytest.approx(0.5, abs=0.02), "it drove up to the fence"
-    assert max(inside_m) <= 0.5 < driven.state.odometry.pose.x_m
+    assert max(inside_m) <= 0.5 < away_m(driven.state.odometry.pose)
     stopped_by(driven, reasons.FENCE_BREACHED, within_ticks=0)
     driven.tick()
     assert modes.arm(driven.machine) == reasons.FENCE_BREACHED
