@@ -288,7 +288,9 @@ def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: flo
     gamma_rad = 0.0 if memory.rotation == 0 else wrap(memory.rotation / BRADS)
     if branch == states.TO_GOAL:
         distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
-        gamma_rad = pace.weave(ring, distance_m) + pace.dither(distance_m)
+        gamma_rad = pace.weave(ring, distance_m)
+        if gamma_rad == 0.0:
+            gamma_rad = pace.dither(distance_m)
     off_rad = pace.keep_off(memory.held)
     return gamma_rad if off_rad == 0.0 else wrap(gamma_rad + off_rad)
 

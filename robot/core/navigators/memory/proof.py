@@ -304,8 +304,9 @@ def is_at_mark(proof: Proof, drift_mm: int) -> bool:
     if not (-SAME_SIDE < off < SAME_SIDE and -SAME_SIDE < goal_off < SAME_SIDE):
         return False
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
-    within_mm = proof.radius_mm + drift_mm
-    return within_mm < MAX_WITHIN_MM and dx_mm * dx_mm + dy_mm * dy_mm < within_mm * within_mm
+    within_mm2 = proof.radius_mm * proof.radius_mm + drift_mm * drift_mm
+    most_mm2 = MAX_WITHIN_MM * MAX_WITHIN_MM
+    return within_mm2 < most_mm2 and dx_mm * dx_mm + dy_mm * dy_mm < within_mm2
 
 
 def is_simple(proof: Proof, side: int) -> bool:
