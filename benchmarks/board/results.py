@@ -66,7 +66,7 @@ class Ceiling(NamedTuple):
 
 
 CEILINGS: Final = {
-    "bug": Ceiling(12.5, 9.0, 14.0),
+    "bug": Ceiling(12.5, 9.5, 14.5),
     "vgm": Ceiling(12.5, 9.5, 14.0),
     "vgm_memory": Ceiling(25.0, 19.5, 22.5),
     "bug1": Ceiling(25.0, 19.0, 22.5),
