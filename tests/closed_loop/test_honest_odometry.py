@@ -24,14 +24,14 @@ from study.statistics.intervals import CHI2_2
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 
-EACH = 50
+EACH = 100
 
 
 @pytest.mark.parametrize("level", ["default", "lossy", "harsh"])
-def test_errors_of_two_hundred_runs_match_the_covariance(level: str) -> None:
+def test_errors_of_four_hundred_runs_match_the_covariance(level: str) -> None:
     first = 100_000 * list(LEVELS).index(level)
     found = consistency_of([drive(kind, level, first + k) for kind in KINDS for k in range(EACH)])
-    assert found.drives == 200
+    assert found.drives == 400
     assert found.consistent, found
     assert 0.92 <= found.inside <= 0.98
 

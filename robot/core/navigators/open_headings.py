@@ -111,9 +111,8 @@ def measure(
     """
     sectors.count = 0
     sectors.free_mm = FREE_MM
-    heading = int(BRADS * pose.heading_rad)
     if echoes.count:
-        gather(sectors, echoes, pose, heading, ease_mm, radius_mm, least)
+        gather(sectors, echoes, pose, ease_mm, radius_mm, least)
         shape(sectors)
     if sectors.count:
         close(sectors, sectors.wide, WIDE_MM)
@@ -123,20 +122,14 @@ def measure(
 
 
 def gather(
-    sectors: Sectors,
-    echoes: Echoes,
-    pose: Pose,
-    heading: int,
-    ease_mm: int,
-    radius_mm: int,
-    least: int,
+    sectors: Sectors, echoes: Echoes, pose: Pose, ease_mm: int, radius_mm: int, least: int
 ) -> None:
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
+    heading = int(BRADS * pose.heading_rad)
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     cosine, sine = whole_cos_sin(pose.heading_rad)
     xs, ys, weights, spreads_mm = echoes.x_mm, echoes.y_mm, echoes.weight, echoes.spread_mm
-    through_mm2 = echoes.through_mm2
-    most_mm2 = max(through_mm2)
+    through_mm2, most_mm2 = echoes.through_mm2, max(echoes.through_mm2)
     reach_mm = LOOK_MM + WIDE_MM + radius_mm
     least_mm, reach_mm2, radius_mm2 = -reach_mm, reach_mm * reach_mm, radius_mm * radius_mm
     most_body_mm = radius_mm - ease_mm

@@ -64,11 +64,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
         vgm_following.watch_boundary(memory, pose, ring, radius_mm)
     observe(memory, pose, ring, radius_mm)
     if memory.phase == MEASURE:
-        echo_decay.update_through(memory.echoes, ring, radius_mm)
-        least = contradicted_from(memory)
-        open_headings.measure(
-            memory.sectors, memory.echoes, pose, ring, memory.ease_mm, radius_mm, least
-        )
+        measure(memory, pose, ring, radius_mm)
     elif memory.phase != RECORD:
         memory.heading = to_goal
         if memory.flank_walker.ticks > 0:
@@ -86,6 +82,13 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
     if distance_m < memory.best_m:
         memory.best_m = distance_m
     return decision(memory, pose, ring, goal_rad, dx_m, dy_m, params)
+
+
+def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
+    """Find out which headings the stored echoes close."""
+    sectors, echoes, least = memory.sectors, memory.echoes, contradicted_from(memory)
+    echo_decay.update_through(echoes, ring, radius_mm)
+    open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm, least)
 
 
 def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:

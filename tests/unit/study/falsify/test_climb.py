@@ -11,7 +11,7 @@ from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.shrink import Shrinker, walls_in
 from tests.unit.study.falsify.examples import SCENES, first_violation, search_of
 
-SEEDS = {"bug": 32, "vgm": 24}
+SEEDS = {"bug": 32, "vgm": 13}
 """Seeds whose first failure ends soon. With the seeds 1 to 6, it takes 1 to 72 trials to it."""
 
 MOST_TRIALS = 12
