@@ -29,8 +29,8 @@ def looked_at(
     memory, ring = new_memory(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
     memory.phase = turn
     # In the open the way weaves and bends to and fro; the first bend is always on the same side.
-    straight = {"return_value": 0.0}
-    with patch.object(pace, "weave", **straight), patch.object(pace, "dither", **straight):
+    weave = patch.object(pace, "weave", return_value=0.0)
+    with weave, patch.object(pace, "dither", return_value=0.0):
         for _ in range(LOOKS):
             decision = NAVIGATORS[states.VGM_MEMORY].step(memory, pose, ring, goal, DEFAULTS)
     return decision.branch, decision.rotation_rad, decision.speed_limit_m_s
