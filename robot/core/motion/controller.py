@@ -93,7 +93,8 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
         return wanted
     if more_m_s * last.speed_m_s < 0.0:
         slower_m_s = min(abs(more_m_s), can_m_s)
-        share = min((can_m_s - slower_m_s) / turn_m_s, 1.0) if turn_m_s > 0.0 else 1.0
+        rest_m_s = can_m_s - slower_m_s
+        share = rest_m_s / turn_m_s if rest_m_s < turn_m_s else 1.0
         speed_m_s = last.speed_m_s + (slower_m_s if more_m_s > 0.0 else -slower_m_s)
         return Twist(speed_m_s, last.yaw_rate_rad_s + share * more_rad_s)
     share = can_m_s / (abs(more_m_s) + turn_m_s)

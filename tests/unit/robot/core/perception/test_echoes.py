@@ -170,7 +170,7 @@ def test_a_longer_echo_through_its_place_erases_a_point() -> None:
     assert echoes.count == 0
 
 
-def test_single_echo_outlasts_longer_echoes_unless_they_contradict_it() -> None:
+def test_single_echo_stays_while_longer_ones_contradict_only_surer_points() -> None:
     for least, count in ((1, 0), (SURE, 1)):
         echoes = remembered(ring({3: 300}), 1)
         look(echoes, ring({3: 2000}), 2 * SLICES, least=least)

@@ -193,9 +193,6 @@ def test_stop_slow_command_or_reversal_restarts(
     assert wheel.commanded_m_s == kept_m_s
 
 
-# Braking before a reversal.
-
-
 @pytest.mark.parametrize(("commanded_m", "stuck"), [(ENOUGH_M + 0.01, True), (0.04, False)])
 @pytest.mark.parametrize("after_m_s", [0.0, -COMMAND_M_S])
 def test_stop_or_reversal_does_not_hide_a_wheel_that_stands(
@@ -206,6 +203,9 @@ def test_stop_or_reversal_does_not_hide_a_wheel_that_stands(
     stalls.command(wheel, after_m_s, TIME_MS - 100, DEFAULTS)
     assert stalls.is_stuck(wheel, 0.0, TIME_MS - 50, DEFAULTS) == stuck
     assert not stalls.is_stuck(wheel, 0.0, TIME_MS, DEFAULTS)
+
+
+# Braking before a reversal.
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

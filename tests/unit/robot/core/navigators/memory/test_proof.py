@@ -312,7 +312,7 @@ def test_hop_needs_room_for_the_doubt() -> None:
 
 
 def test_correction_of_the_position_counts_as_doubt_of_a_hop() -> None:
-    """A wall that shrinks the variance has moved the estimate, on the far side of the gap only."""
+    """A wall that has shrunk the variance has also moved the estimate."""
     proof = Proof()
     proof.odometry.pxx = 0.0004
     before_mm2 = proofs.variance_mm2(proof)
