@@ -21,6 +21,9 @@ from runtime.elementary import cos_sin
 LEAVE: Final = 3.0  # arrival is revoked beyond this many tolerances
 CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE
 CENTRE_SHARE: Final = 0.4
+BESIDE_M: Final = 0.12  # a nearer obstacle may keep the robot from the goal
+ELLIPSE: Final = 5.99  # squared radius of the 95 % ellipse, in standard deviations
+MAX_DOUBT_M2: Final = 0.03  # variance of the position: 0.17 m
 CROWDED: Final = 4  # ticks in a row with a near echo, to ignore false ones
 ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same limits for the heading
 ALIGNED_SHARE: Final = 0.6
@@ -55,22 +58,54 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
     """Return whether to stop here: within the tolerance, with no gain by driving on.
 
     In the open the robot drives on towards the centre while it lies ahead. With an obstacle near,
-    the tolerance is enough, so that the robot does not insist on a blocked place.
+    the tolerance is enough, so that the robot does not insist on a blocked place. Beside one, the
+    doubt about its own position is enough.
     """
     tolerance_m = goal.position_tolerance_m
     if state.arrived:
-        return distance_m <= LEAVE * tolerance_m
+        return distance_m <= LEAVE * tolerance_m or may_be_on(state, goal, distance_m, params)
     if distance_m > tolerance_m:
-        return False
+        return is_beside(state, goal, distance_m, params)
     if distance_m <= min(tolerance_m, max(CENTRE_M, CENTRE_SHARE * tolerance_m)):
         return True
     state.crowded = state.crowded + 1 if state.ring.nearest_m < params.d_obs_m else 0
     if state.crowded >= CROWDED:
         return True
+    return is_past(state, goal)
+
+
+def is_past(state: State, goal: Goal) -> bool:
+    """Return whether the goal no longer lies ahead."""
     pose = state.odometry.pose
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     cosine, sine = cos_sin(pose.heading_rad)
     return dx_m * cosine + dy_m * sine <= 0.0
+
+
+def is_beside(state: State, goal: Goal, distance_m: float, params: Params) -> bool:
+    """Return whether an obstacle keeps the robot from the goal on which it may stand.
+
+    Over a long way the estimate drifts, and the goal then seems to lie too near to an obstacle, or
+    a little within it. No echo is nearer than the goal, so no wall lies between.
+    """
+    nearest_m = state.ring.nearest_m
+    if nearest_m > BESIDE_M or distance_m > params.radius_m + nearest_m:
+        return False
+    return is_past(state, goal) and may_be_on(state, goal, distance_m, params)
+
+
+def may_be_on(state: State, goal: Goal, distance_m: float, params: Params) -> bool:
+    """Return whether the goal is near, and within the 95 % ellipse of the position.
+
+    If the ellipse is large, the goal may as well be behind the next wall.
+    """
+    odometry = state.odometry
+    pose, pxx, pxy, pyy = odometry.pose, odometry.pxx, odometry.pxy, odometry.pyy
+    if distance_m > params.radius_m + BESIDE_M or pxx + pyy > MAX_DOUBT_M2:
+        return False
+    dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
+    apart = pyy * dx_m * dx_m - 2.0 * pxy * dx_m * dy_m + pxx * dy_m * dy_m
+    return apart < ELLIPSE * (pxx * pyy - pxy * pxy)
 
 
 def begin(state: State, now_ms: int) -> None:
