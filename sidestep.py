@@ -29,7 +29,21 @@ USAGE = "usage: sidestep [--traceback] [GROUP] VERB ...\n       sidestep --help 
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one verb; return 0 for reached or done, 1 for not, 2 for wrong usage or settings."""
+    """Run one verb; return 0 for reached or done, 1 for not, 2 for wrong usage or settings.
+
+    Without `argv` this is the executable: the process ends with its verb, so a second Ctrl-C then
+    changes neither the exit code nor the output.
+    """
+    if argv is not None:
+        return run_guarded(list(argv), ends_process=False)
+    try:
+        return run_guarded(sys.argv[1:], ends_process=True)
+    finally:
+        ignore_signals()
+
+
+def run_guarded(arguments: list[str], *, ends_process: bool) -> int:
+    """Run one verb with guarded output; return its exit code."""
     if conflict := displaced("runtime", "protocol"):
         return refuse("", conflict)
     try:
@@ -41,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     try:
         with guarded_output():
-            code = dispatch(list(sys.argv[1:] if argv is None else argv))
+            code = dispatch(arguments, ends_process=ends_process)
             sys.stdout.flush()
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
@@ -50,7 +64,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code
 
 
-def dispatch(arguments: list[str]) -> int:
+def ignore_signals() -> None:
+    """Ignore the signals that end a process, for the rest of its life."""
+    import signal  # not needed to look a verb up
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def dispatch(arguments: list[str], *, ends_process: bool = False) -> int:
     """Run the verb in the arguments; print an error without its traceback."""
     wants_traceback = arguments[:1] == ["--traceback"]
     if wants_traceback:
@@ -77,7 +99,7 @@ def dispatch(arguments: list[str]) -> int:
         now = verbs().command_of(word)
         print(f"sidestep {word}: old name, use `sidestep {now}`", file=sys.stderr)
     try:
-        return run(call.word, call.arguments)
+        return run(call.word, call.arguments, ends_process=ends_process)
     except (BrokenPipeError, KeyboardInterrupt):
         raise
     except Exception as error:
@@ -106,7 +128,7 @@ def without_verb(words: Sequence[str]) -> int:
     return complain(f"unknown verb '{group} {rest[0]}'{verbs().nearest_verb(words)}")
 
 
-def run(word: str, arguments: Sequence[str]) -> int:
+def run(word: str, arguments: Sequence[str], *, ends_process: bool = False) -> int:
     """Run a verb, unless its package is missing or shadowed by another one."""
     verb = verbs().VERBS[word]
     name, package = verbs().command_of(word), verb.module.partition(".")[0]
@@ -119,10 +141,10 @@ def run(word: str, arguments: Sequence[str]) -> int:
     if conflict := displaced(package) or own("compiled").complaint():
         return refuse(name, conflict)
     if verb.is_program:
-        module, words = verb.module, list(arguments)
+        code: int = importlib.import_module(verb.module).main(list(arguments))
     else:
-        module, words = OPERATOR, [word, *arguments]
-    code: int = importlib.import_module(module).main(words)
+        operator = importlib.import_module(OPERATOR)
+        code = operator.main([word, *arguments], ends_process=ends_process)
     return code
 
 

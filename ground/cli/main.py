@@ -28,15 +28,18 @@ class Interrupted(KeyboardInterrupt):
         self.number = number
 
 
-def main(argv: Sequence[str]) -> int:
-    """Run one verb; return 0 for success, 1 for failure, 2 for usage, 128 + n for signal n."""
+def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
+    """Run one verb; return 0 for success, 1 for failure, 2 for usage, 128 + n for signal n.
+
+    If the process ends with the verb, its handlers of signals stay in place.
+    """
     try:
         options = parse(argv)
     except SystemExit as done:
         return 0 if done.code in (0, None) else EXIT_USAGE
     output = Output(as_json=options.json)
     try:
-        with signals():
+        with signals(keep=ends_process):
             return VERBS[options.verb].run(options, output)
     except KeyboardInterrupt as error:
         number = error.number if isinstance(error, Interrupted) else signal.SIGINT
@@ -68,16 +71,24 @@ def failed(output: Output, verb: str, why: str, code: int) -> int:
 
 
 @contextmanager
-def signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end the verb as Ctrl-C does."""
+def signals(*, keep: bool = False) -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the verb as Ctrl-C does, once; ignore them while it ends.
+
+    Restore the former handlers after the block, unless they are to be kept.
+    """
+    is_ending = False
 
     def end(number: int, _: FrameType | None) -> None:
-        raise Interrupted(number)
+        nonlocal is_ending
+        if not is_ending:
+            is_ending = True
+            raise Interrupted(number)
 
     kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = {number: signal.signal(number, end) for number in kinds}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        if not keep:
+            for number, handler in before.items():
+                signal.signal(number, handler)

@@ -33,7 +33,11 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Install:
     """Replace the command line of every package with a function of the test."""
 
     def put(entry: Entry) -> None:
-        monkeypatch.setattr("importlib.import_module", lambda name: SimpleNamespace(main=entry))
+        def main(arguments: Sequence[str], *, ends_process: bool = False) -> int:
+            assert not ends_process
+            return entry(arguments)
+
+        monkeypatch.setattr("importlib.import_module", lambda name: SimpleNamespace(main=main))
 
     return put
 

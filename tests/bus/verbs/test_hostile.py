@@ -126,7 +126,7 @@ def test_what_is_shown_live_lets_none_out_and_stays_in_its_line(line: str, endpo
         for one in process.stdout:
             said.append(one)
             if f"long ?]0;{OWNED}?" in one:
-                process.send_signal(signal.SIGINT)
+                process.send_signal(signal.SIGINT)  # once for each line that was still written
         deadline.cancel()
     assert process.returncode == 128 + signal.SIGINT
     assert raw_in("".join(said)) == []

@@ -4,6 +4,7 @@ import fcntl
 import os
 import pty
 import signal
+import subprocess
 import sys
 import termios
 from collections.abc import Iterator
@@ -64,6 +65,22 @@ def test_each_process_ends_within_two_seconds(tmp_path: Path, number: signal.Sig
             running.send(number)
             ends_well(name, running, number)
     assert frames_in(tmp_path) > 20
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_sent_while_a_verb_ends_change_nothing(number: signal.Signals) -> None:
+    with Crew() as crew:
+        crew.plant(waits=False)
+        crew.robot()
+        watching = crew.dialling("watch")
+        watching.says("r1")
+        for _ in range(2000):
+            watching.send(number)
+            with suppress(subprocess.TimeoutExpired):
+                watching.process.wait(0.001)
+        assert watching.ends(AT_ONCE_S) == 128 + number
+        assert watching.said.count("sidestep watch: interrupted") == 1
+        assert "Traceback" not in watching.said
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])

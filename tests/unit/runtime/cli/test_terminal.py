@@ -17,7 +17,7 @@ HOSTILE += "\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069\ufeff\ud800\u
 CODE = """
 import sys, types, importlib
 sys.modules["ground.cli.main"] = hostile = types.ModuleType("hostile")
-def main(arguments):
+def main(arguments, ends_process):
     {does}
 hostile.main = main
 import sidestep
