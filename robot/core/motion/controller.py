@@ -83,7 +83,7 @@ def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[fl
 def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     """Return the twist nearest to the wanted one within the acceleration limit of a period.
 
-    Braking comes first; otherwise speed and turn change by one share.
+    Braking comes first, down to standstill; otherwise speed and turn change by one share.
     """
     more_m_s = wanted.speed_m_s - last.speed_m_s
     more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
@@ -92,7 +92,7 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     if abs(more_m_s) + turn_m_s <= can_m_s:
         return wanted
     if more_m_s * last.speed_m_s < 0.0:
-        slower_m_s = min(abs(more_m_s), can_m_s)
+        slower_m_s = min(abs(more_m_s), abs(last.speed_m_s), can_m_s)
         rest_m_s = can_m_s - slower_m_s
         share = rest_m_s / turn_m_s if rest_m_s < turn_m_s else 1.0
         speed_m_s = last.speed_m_s + (slower_m_s if more_m_s > 0.0 else -slower_m_s)

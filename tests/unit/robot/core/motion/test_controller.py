@@ -1,7 +1,7 @@
 from math import cos, inf, pi, sin
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robot.core.motion import controller
@@ -61,6 +61,7 @@ def test_limits_hold_and_the_curvature_stays(speed: float, yaw: float) -> None:
 
 
 @given(twists, twists)
+@example(Twist(-0.25, 0.0), Twist(0.015625, 2.5 - 0.15625))  # turns fast and is to reverse
 def test_no_wheel_accelerates_faster_than_it_can(wanted: Twist, last: Twist) -> None:
     now = ramp(wanted, last, DEFAULTS)
     change = rim_m_s(now.speed_m_s - last.speed_m_s, now.yaw_rate_rad_s - last.yaw_rate_rad_s)
