@@ -79,6 +79,11 @@ each. The robot follows with about half of that.
 The end of a thin wall returns an echo at few bearings only. It may be missed all the way by a robot
 that drives straight at it.
 """
+SLOW_MM: Final = 250
+DITHER_TURNS: Final = 4
+"""While following, the heading is swept likewise if the free distance is below SLOW_MM, for
+DITHER_TURNS turns of the echo memory to each side.
+"""
 
 # Free distance towards the goal.
 BESIDE: Final = 0.5 * pi
@@ -195,6 +200,11 @@ def dither(distance_m: float) -> float:
     if distance_m < WEAVE_FROM_M:
         return 0.0
     return DITHER_RAD if int(distance_m / DITHER_M) & 1 else -DITHER_RAD
+
+
+def sweep(turn: int) -> float:
+    """Return the heading bias in radians by which the cones sweep to and fro during a slow way."""
+    return DITHER_RAD if turn // DITHER_TURNS & 1 else -DITHER_RAD
 
 
 def free_towards(ring: Ring, alpha_rad: float, distance_m: float, params: Params) -> float:

@@ -9,7 +9,7 @@ from math import sqrt
 from typing import Final
 
 from robot.core.geometry import whole_cos_sin
-from robot.core.perception.echo_decay import looks_at
+from robot.core.perception.echo_decay import contradicting
 from robot.core.perception.echoes import (
     BRADS,
     CIRCLE,
@@ -149,7 +149,7 @@ def gather(
         bearing, weight, spread_mm = UNKNOWN, weights[k], spreads_mm[k]
         if square < most_mm2 and along_mm >= 0 and least <= weight <= MOST_WEIGHT:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
-            if square < through_mm2[looks_at(bearing - heading)]:
+            if square < through_mm2[contradicting(bearing - heading, weight)]:
                 weights[k] = weight = weight - 1
         body_mm = most_body_mm - (DOUBT * spread_mm >> 2)
         closes_mm = body_mm + CLOSES_MM

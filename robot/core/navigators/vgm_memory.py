@@ -107,7 +107,8 @@ def contradicted_from(memory: Memory) -> int:
     """Return the least weight of a stored point that longer echoes contradict.
 
     On the way to the goal one with a single echo remains, and slows the robot down: it may be the
-    end of a thin wall, which returns few echoes among longer ones.
+    end of a thin wall, which returns few echoes among longer ones. While following, only one that
+    lies ahead remains, because most others are echoes of the followed boundary, placed badly.
     """
     return 1 if memory.following else SURE
 
@@ -287,15 +288,17 @@ def speed_limit(memory: Memory, error_rad: float, params: Params) -> float:
 
 
 def rotation_rad(memory: Memory, ring: Ring, branch: int, dx_m: float, dy_m: float) -> float:
-    """Return the rotation of the goal: to either side on a free way, and away from a near flank."""
+    """Return the rotation of the goal: to and fro where needed, and away from a near flank."""
     gamma_rad = 0.0 if memory.rotation == 0 else wrap(memory.rotation / BRADS)
     if branch == states.TO_GOAL:
         distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
         gamma_rad = pace.weave(ring, distance_m)
         if gamma_rad == 0.0:
             gamma_rad = pace.dither(distance_m)
+    elif memory.following and memory.sectors.free_mm < pace.SLOW_MM:
+        gamma_rad += pace.sweep(memory.echoes.turn)
     off_rad = pace.keep_off(memory.held)
-    return gamma_rad if off_rad == 0.0 else wrap(gamma_rad + off_rad)
+    return wrap(gamma_rad + off_rad)
 
 
 def decision(

@@ -9,6 +9,7 @@ from robot.core.perception.echoes import (
     HALF_CIRCLE,
     NOTHING,
     QUARTER,
+    SURE,
     Echoes,
     drop,
 )
@@ -19,6 +20,7 @@ from runtime.elementary import coarse_atan2
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
 CORE_TO: Final = CONE // 2 + CORE
+AT_FRONT: Final = (3, 4)
 FORGET_MM2: Final = 900 * 900
 THROUGH_MM: Final = 70
 SLICES: Final = 2
@@ -49,7 +51,7 @@ def fade(echoes: Echoes, pose: Pose, least: int) -> None:
         weaker = old
         if square < most_mm2 and weight[k] >= least:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm)) - heading
-            weaker = weaker or square < through_mm2[looks_at(bearing)]
+            weaker = weaker or square < through_mm2[contradicting(bearing, weight[k])]
         if weaker and weight[k]:
             weight[k] -= 1
         if weight[k] == 0:
@@ -73,9 +75,15 @@ def update_through(echoes: Echoes, ring: Ring, radius_mm: int) -> None:
             through_mm2[i] = through_mm * through_mm if through_mm > 0 else 0
 
 
-def looks_at(bearing: int) -> int:
-    """Return the sonar whose inner cone contains a bearing in brads, or NOTHING."""
+def contradicting(bearing: int, weight: int) -> int:
+    """Return the sonar whose longer echo contradicts a point, or NOTHING.
+
+    It is the one whose inner cone contains the bearing in brads. The two front sonars contradict
+    no single echo: the end of a thin wall returns few among longer ones, and lies in the way.
+    """
     from_right = (bearing + QUARTER) % CIRCLE
     if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
-        return from_right // CONE
+        sonar = from_right // CONE
+        if weight >= SURE or sonar not in AT_FRONT:
+            return sonar
     return NOTHING

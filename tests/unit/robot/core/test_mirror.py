@@ -28,9 +28,9 @@ def looked_at(
     """Return the choice of vgm_memory for a static scene, starting with this ping group."""
     memory, ring = new_memory(states.VGM_MEMORY, states.LEFT), seen(range_mm, echo)
     memory.phase = turn
-    # In the open the way weaves and bends to and fro; the first bend is always on the same side.
-    weave = patch.object(pace, "weave", return_value=0.0)
-    with weave, patch.object(pace, "dither", return_value=0.0):
+    # The way weaves and bends to and fro; the first bend is always on the same side.
+    straight = [patch.object(pace, name, return_value=0.0) for name in ("weave", "dither", "sweep")]
+    with straight[0], straight[1], straight[2]:
         for _ in range(LOOKS):
             decision = NAVIGATORS[states.VGM_MEMORY].step(memory, pose, ring, goal, DEFAULTS)
     return decision.branch, decision.rotation_rad, decision.speed_limit_m_s

@@ -11,6 +11,7 @@ from robot.core.motion.pace import (
     CLOSE_M,
     DITHER_M,
     DITHER_RAD,
+    DITHER_TURNS,
     FLANK_M,
     HOLD_M,
     LOOK_M,
@@ -22,6 +23,7 @@ from robot.core.motion.pace import (
 )
 from robot.core.navigators.open_headings import FREE_MM
 from robot.core.parameters import DEFAULTS
+from robot.core.perception.echo_decay import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.values import SONARS
 from tests.support.robot.core.rings import SILENT, Ranges, heard
@@ -254,3 +256,11 @@ def test_free_distance_is_symmetric(
     seen = only(sonar, range_m)
     mirror_m = free(mirrored(seen), -alpha_rad, distance_m)
     assert free(seen, alpha_rad, distance_m) == pytest.approx(mirror_m, abs=1e-9)
+
+
+def test_a_slow_way_sweeps_the_cones_as_long_to_one_side_as_to_the_other() -> None:
+    sweeps = [pace.sweep(turn) for turn in range(FADE_TURNS)]
+    assert sum(sweeps) == pytest.approx(0.0)
+    assert {abs(one) for one in sweeps} == {DITHER_RAD}
+    assert sweeps[:DITHER_TURNS] == [sweeps[0]] * DITHER_TURNS
+    assert sweeps[DITHER_TURNS] == -sweeps[0]

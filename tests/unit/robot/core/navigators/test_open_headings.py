@@ -199,8 +199,8 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
 
 
 def test_longer_echoes_weaken_a_single_echo_only_if_they_contradict_it() -> None:
-    pose, seen = Pose(0.0, 0.0, -BEARINGS[3]), ring({3: 2000})
-    for least, weight in ((1, 0), (SURE, 1)):
+    for least, sonar, weight in ((1, 2, 0), (1, 3, 1), (SURE, 2, 1)):
+        pose, seen = Pose(0.0, 0.0, -BEARINGS[sonar]), ring({sonar: 2000})
         echoes = points((RADIUS_MM + 100, 0), weight=1)
         assert not measured(echoes, pose, seen, least=least).count
         assert echoes.weight[0] == weight

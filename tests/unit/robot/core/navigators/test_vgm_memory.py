@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 
 from robot.core import states
 from robot.core.geometry import wrap
-from robot.core.motion.pace import DITHER_RAD
+from robot.core.motion.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
 from robot.core.navigators.memory import loops
 from robot.core.navigators.vgm_following import SHUT, Memory
-from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL
+from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotation_rad
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
@@ -294,3 +294,18 @@ def test_heading_without_progress_is_blocked_in_the_end() -> None:
     for _ in range(5 * MAX_STILL):
         x_m += 0.005
         assert step(moving, Pose(x_m, 0.0, 0.0), SILENT).branch == states.TO_GOAL
+
+
+def test_while_following_a_slow_way_sweeps_the_cones() -> None:
+    memory = Memory()
+    memory.following, memory.rotation = True, 512
+    rotations = {}
+    for free_mm in (SLOW_MM, SLOW_MM - 1):
+        memory.sectors.free_mm = free_mm
+        for memory.echoes.turn in (0, DITHER_TURNS):
+            rotations[free_mm, memory.echoes.turn] = rotation_rad(
+                memory, SILENT, states.PASS_LEFT, 3.0, 0.0
+            )
+    assert rotations[SLOW_MM, 0] == rotations[SLOW_MM, DITHER_TURNS] == pi / 4
+    swept = sorted((rotations[SLOW_MM - 1, 0], rotations[SLOW_MM - 1, DITHER_TURNS]))
+    assert swept == pytest.approx([pi / 4 - DITHER_RAD, pi / 4 + DITHER_RAD])

@@ -165,15 +165,25 @@ def test_halfway_between_two_headings_is_the_short_way_round() -> None:
 
 
 def test_a_longer_echo_through_its_place_erases_a_point() -> None:
-    echoes = remembered(ring({3: 300}))
-    look(echoes, ring({3: 2000}), SLICES * (MOST_WEIGHT + 1))
+    echoes = remembered(ring({2: 300}))
+    look(echoes, ring({2: 2000}), SLICES * (MOST_WEIGHT + 1))
+    assert echoes.count == 0
+
+
+@pytest.mark.parametrize("sonar", [3, 4])
+def test_a_point_ahead_is_not_forgotten_at_once(sonar: int) -> None:
+    echoes = remembered(ring({sonar: 300}))
+    look(echoes, ring({sonar: 2000}), SLICES * (MOST_WEIGHT + 1))
+    assert echoes.count == 1
+    assert 0 < echoes.weight[0] < SURE
+    look(echoes, ring({sonar: 2000}), FADE_TURNS)
     assert echoes.count == 0
 
 
 def test_single_echo_stays_while_longer_ones_contradict_only_surer_points() -> None:
-    for least, count in ((1, 0), (SURE, 1)):
-        echoes = remembered(ring({3: 300}), 1)
-        look(echoes, ring({3: 2000}), 2 * SLICES, least=least)
+    for least, sonar, count in ((1, 2, 0), (1, 3, 1), (1, 4, 1), (1, 5, 0), (SURE, 2, 1)):
+        echoes = remembered(ring({sonar: 300}), 1)
+        look(echoes, ring({sonar: 2000}), 2 * SLICES, least=least)
         assert echoes.count == count
 
 
@@ -300,7 +310,7 @@ def passed_through(seen: Ring, bearing: int, range_mm: int) -> bool:
     echoes = Echoes()
     echoes.count = 1
     echo_decay.update_through(echoes, seen, RADIUS_MM)
-    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[echo_decay.looks_at(bearing)]
+    return (range_mm + RADIUS_MM) ** 2 < echoes.through_mm2[echo_decay.contradicting(bearing, SURE)]
 
 
 def bearing_of(sonar: int) -> int:
