@@ -39,6 +39,7 @@ FORESTS: Final = "forest"
 SCORE: Final = 0.48
 CROWD_PAGE: Final = "docs/concepts/people.md"
 BOARD_PAGE: Final = "docs/evidence/microcontroller.md"
+MAPS_PAGE: Final = "docs/evidence/published-maps.md"
 
 
 def apart_targets(own: Trials) -> Iterator[StudyTarget]:
@@ -111,12 +112,17 @@ def crowd_targets(crowds: Trials) -> Iterator[StudyTarget]:
 
 def score_targets(own: Trials) -> Iterator[StudyTarget]:
     """Yield the published score, for imported maps and for the forests of the corpus."""
-    families = own.texts("family")
-    for prefixes, where in ((CLUTTERED, "maps of cylinders"), ((FORESTS,), "forests")):
-        chosen = np.array([name.startswith(prefixes) for name in families.tolist()], dtype=np.bool_)
-        some = own.where(chosen)
-        what = f"published score (at most 0.5), {where}, mean"
-        for noise in some.values("noise"):
-            yield mean_at_least(what, noise, some.of(noise=noise).numbers("published_score"), SCORE)
-        if not len(some):
-            yield unmeasured(what, "all", f"≥ {SCORE:g}")
+    what, wanted = "published score (at most 0.5), {}, mean", f"≥ {SCORE:g}"
+    maps, forests = what.format("maps of cylinders"), what.format("forests")
+    yield from scores(own, CLUTTERED, maps) or [elsewhere(maps, "all", wanted, MAPS_PAGE)]
+    yield from scores(own, (FORESTS,), forests) or [unmeasured(forests, "all", wanted)]
+
+
+def scores(own: Trials, prefixes: tuple[str, ...], what: str) -> list[StudyTarget]:
+    """Return the targets of the families with these prefixes, one for each noise level."""
+    families = own.texts("family").tolist()
+    some = own.where(np.array([name.startswith(prefixes) for name in families], dtype=np.bool_))
+    return [
+        mean_at_least(what, noise, some.of(noise=noise).numbers("published_score"), SCORE)
+        for noise in some.values("noise")
+    ]
