@@ -72,7 +72,7 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def dispatch(arguments: list[str], *, ends_process: bool = False) -> int:
+def dispatch(arguments: list[str], *, ends_process: bool) -> int:
     """Run the verb in the arguments; print an error without its traceback."""
     wants_traceback = arguments[:1] == ["--traceback"]
     if wants_traceback:
@@ -128,7 +128,7 @@ def without_verb(words: Sequence[str]) -> int:
     return complain(f"unknown verb '{group} {rest[0]}'{verbs().nearest_verb(words)}")
 
 
-def run(word: str, arguments: Sequence[str], *, ends_process: bool = False) -> int:
+def run(word: str, arguments: Sequence[str], *, ends_process: bool) -> int:
     """Run a verb, unless its package is missing or shadowed by another one."""
     verb = verbs().VERBS[word]
     name, package = verbs().command_of(word), verb.module.partition(".")[0]

@@ -31,7 +31,8 @@ class Interrupted(KeyboardInterrupt):
 def main(argv: Sequence[str], *, ends_process: bool = False) -> int:
     """Run one verb; return 0 for success, 1 for failure, 2 for usage, 128 + n for signal n.
 
-    If the process ends with the verb, its handlers of signals stay in place.
+    If the process ends with the verb, the handlers of signals stay in place, so that a late signal
+    does not kill it.
     """
     try:
         options = parse(argv)

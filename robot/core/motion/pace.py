@@ -203,7 +203,10 @@ def dither(distance_m: float) -> float:
 
 
 def sweep(turn: int) -> float:
-    """Return the heading bias in radians by which the cones sweep to and fro during a slow way."""
+    """Return the heading bias in radians by which the cones sweep to and fro while following.
+
+    `turn` counts the turns of the echo memory (`Echoes.turn`).
+    """
     return DITHER_RAD if turn // DITHER_TURNS & 1 else -DITHER_RAD
 
 

@@ -21,6 +21,7 @@ CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
 CORE_TO: Final = CONE // 2 + CORE
 AT_FRONT: Final = (3, 4)
+"""Indices of the two sonars that look ahead."""
 FORGET_MM2: Final = 900 * 900
 THROUGH_MM: Final = 70
 SLICES: Final = 2
