@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from xml.etree import ElementTree
 
-from plant.imports.anyone import ImportOptions, import_worlds
-from plant.model.errors import WorldError
+from plant.imports.anyone import CELL_M, ImportOptions, import_worlds
+from plant.model.errors import Problem, WorldError
+from plant.model.noise import LEVELS
 from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
@@ -27,12 +28,10 @@ from study.trial.trial import Trial, run_trial
 
 SCALES: Final = (1.0, 0.75, 0.55)
 """The last one gives our robot of 0.24 m the room that the benchmark's robot of 0.43 m has."""
-LEVELS: Final = ("none", "default", "lossy", "harsh")
 START_M: Final = (-2.0, 3.0)
 """Start of the challenge, in the frame of its worlds; the goal lies behind the cylinders."""
 GOAL_M: Final = (-2.0, 9.6)
 BEYOND_M: Final = 0.5
-CELL_M: Final = 0.4
 WINDOW: Final = 24
 WINDOWS: Final = 15
 """Windows tried of each map; those without two free places are left out."""
@@ -51,9 +50,18 @@ class Run(NamedTuple):
 
 
 def cylinders(path: Path, scale: float) -> str:
-    """Return the cylinders of a Gazebo world as a list for `sidestep worlds import`."""
+    """Return the cylinders of a Gazebo world as a list for `sidestep worlds import`.
+
+    Raises WorldError for a file that is no XML.
+    """
+    try:
+        models = ElementTree.parse(path).iter("model")
+    except ElementTree.ParseError as error:
+        fix = "give the worlds of the BARN challenge"
+        problem = Problem(str(path), error.position[0], "xml", f"not a Gazebo world: {error}", fix)
+        raise WorldError([problem]) from None
     lines = []
-    for model in ElementTree.parse(path).iter("model"):
+    for model in models:
         radius = model.find("./link/collision/geometry/cylinder/radius")
         pose = model.find("pose")
         if radius is not None and pose is not None:
@@ -106,19 +114,29 @@ def line(name: str, level: str, runs: Sequence[Run]) -> str:
     return f"| {name} | {level} | {share} | {touched} | {wrong} | {lost} | {score:.3f} |"
 
 
+def map_sets(barn: Path | None, moving_ai: Path | None) -> dict[str, list[World]]:
+    """Return the worlds of each set by its name in the table; raise WorldError."""
+    sets: dict[str, list[World]] = {}
+    if barn:
+        for scale in SCALES:
+            sets[f"BARN x {scale:g}"] = list(barn_worlds(barn, scale))
+    if moving_ai:
+        sets[f"Moving AI, {CELL_M:g} m cells"] = list(windows(moving_ai))
+    return sets
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; return 2 without maps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--barn", type=Path, metavar="DIR", help="directory of world_N.world")
     parser.add_argument("--moving-ai", type=Path, metavar="DIR", help="directory of .map files")
-    parser.add_argument("--noise", nargs="+", choices=LEVELS, default=LEVELS)
+    parser.add_argument("--noise", nargs="+", choices=list(LEVELS), default=["none", "default"])
     found = parser.parse_args(arguments)
-    sets: dict[str, list[World]] = {}
-    if found.barn:
-        for scale in SCALES:
-            sets[f"BARN x {scale:g}"] = list(barn_worlds(found.barn, scale))
-    if found.moving_ai:
-        sets["Moving AI, 0.4 m cells"] = list(windows(found.moving_ai))
+    try:
+        sets = map_sets(found.barn, found.moving_ai)
+    except WorldError as error:
+        print(error, file=sys.stderr)
+        return 2
     if not any(sets.values()):
         print("no maps: give --barn or --moving-ai with a directory of them", file=sys.stderr)
         return 2

@@ -43,3 +43,10 @@ def test_call_without_maps_says_what_to_give(
 ) -> None:
     assert main(["--barn", str(tmp_path)]) == 2
     assert "give --barn or --moving-ai" in capsys.readouterr().err
+
+
+def test_file_that_is_no_xml_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken = tmp_path / "world_7.world"
+    broken.write_text("<sdf>", encoding="utf-8")
+    assert main(["--barn", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith(f"{broken}:1: xml: not a Gazebo world: ")
