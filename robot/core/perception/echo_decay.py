@@ -13,15 +13,13 @@ from robot.core.perception.echoes import (
     Echoes,
     drop,
 )
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import AHEAD, Ring
 from robot.core.values import EVERY, Pose
 from runtime.elementary import coarse_atan2
 
 CORE: Final = 102  # 0.8 of half a cone
 CORE_FROM: Final = CONE // 2 - CORE
 CORE_TO: Final = CONE // 2 + CORE
-AT_FRONT: Final = (3, 4)
-"""Indices of the two sonars that look ahead."""
 FORGET_MM2: Final = 900 * 900
 THROUGH_MM: Final = 70
 SLICES: Final = 2
@@ -85,6 +83,6 @@ def contradicting(bearing: int, weight: int) -> int:
     from_right = (bearing + QUARTER) % CIRCLE
     if from_right < HALF_CIRCLE and CORE_FROM < from_right % CONE < CORE_TO:
         sonar = from_right // CONE
-        if weight >= SURE or sonar not in AT_FRONT:
+        if weight >= SURE or sonar not in AHEAD:
             return sonar
     return NOTHING

@@ -15,7 +15,7 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.core.perception.odometry import Odometry, blur
-from robot.core.perception.sonar_ring import Ring
+from robot.core.perception.sonar_ring import AHEAD, Ring
 
 WINDOW_M: Final = 0.35
 MEMORY_M: Final = 1.0
@@ -130,7 +130,7 @@ def foremost_m(ring: Ring, params: Params) -> float:
     It is inf if the cones beside measure nearer echoes.
     """
     ahead_m = aside_m = inf
-    for i in (3, 4):
+    for i in AHEAD:
         here_m = ring.range_m[i]
         if here_m is not None and here_m < ahead_m:
             ahead_m = here_m

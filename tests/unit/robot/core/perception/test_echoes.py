@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.geometry import BEARINGS
-from robot.core.perception import echo_decay
+from robot.core.perception import echo_decay, sonar_ring
 from robot.core.perception import echoes as memory
 from robot.core.perception.echo_decay import CORE, FADE_TURNS, FORGET_MM2, SLICES, THROUGH_MM
 from robot.core.perception.echoes import (
@@ -124,12 +124,30 @@ def test_nearer_echo_moves_a_firm_point_more_than_a_longer_one(more_mm: int, mov
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
-def test_of_a_near_ring_only_the_nearest_echo_is_stored(sonar: int) -> None:
+def test_of_a_near_ring_the_nearest_echo_and_those_ahead_are_stored(sonar: int) -> None:
     echoes = Echoes()
     seen = ring({**dict.fromkeys(range(SONARS), 240), sonar: 200})
     memory.record_nearest(echoes, HERE, HERE, seen, RADIUS_MM)
+    stored = {sonar, *sonar_ring.AHEAD}
+    assert {i for i in range(SONARS) if echoes.last[i] != NOTHING} == stored
+    assert echoes.count == len({echoes.last[i] for i in stored})
+
+
+def test_beside_a_near_wall_an_echo_ahead_is_stored_only_if_it_is_near() -> None:
+    echoes = Echoes()
+    near_mm = int(1000 * NEAR_M)
+    memory.record_nearest(echoes, HERE, HERE, ring({0: 80, 3: near_mm + 1}), RADIUS_MM)
     assert echoes.count == 1
-    assert echoes.last == [0 if i == sonar else NOTHING for i in range(SONARS)]
+    memory.record_nearest(echoes, HERE, HERE, ring({0: 80, 3: near_mm - 1}), RADIUS_MM)
+    assert echoes.count == 2
+    assert echoes.last[3] != NOTHING
+
+
+def test_an_even_sonar_ahead_was_pinged_halfway() -> None:
+    echoes = Echoes()
+    memory.record_nearest(echoes, HERE, Pose(0.1, 0.0, 0.0), ring({0: 80, 4: 200}), RADIUS_MM)
+    expected_m = 0.05 + (0.2 + 0.001 * RADIUS_MM) * cos(pi / 16)
+    assert echoes.x_mm[echoes.last[4]] == pytest.approx(1000 * expected_m, abs=3)
 
 
 def test_of_a_far_ring_the_nearest_echo_is_not_stored() -> None:
