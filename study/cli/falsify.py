@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from os import cpu_count
 from pathlib import Path
@@ -19,6 +20,7 @@ from study.cli.study import INSTALL, NEEDED
 from study.trial.trial import NAVIGATORS, SIDES
 
 if TYPE_CHECKING:
+    from study.falsify.finding import Finding
     from study.falsify.search import Search
 
 EXIT_OK: Final = 0
@@ -49,6 +51,8 @@ def main(argv: Sequence[str]) -> int:
     if find_spec(NEEDED) is None:
         raise UserError(f"{NEEDED} missing; {INSTALL}")
     options = parser().parse_args(list(argv))
+    if options.starts and not options.replay:
+        raise UserError("--starts: only with --replay; add --replay and files of findings")
     return replay(options) if options.replay else search(options)
 
 
@@ -111,6 +115,12 @@ def _add_how(made: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="run the trials of these findings, or of directories of them, with this navigator",
+    )
+    made.add_argument(
+        "--starts",
+        type=whole(1),
+        metavar="N",
+        help="with --replay: drive each finding N times, from starts near its own",
     )
     made.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -219,20 +229,35 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
 
 def replay(options: argparse.Namespace) -> int:
     """Run the trials of stored findings with a navigator; return 1 if one still violates."""
-    from dataclasses import replace
-
     from study.falsify.finding import read
 
     subject = _subject(options)
     still = 0
     for file in files_of(options.replay):
-        one = read(file)
-        tried = replace(subject, noise=one.subject.noise, detour=one.subject.detour)
-        result = replace(one, subject=tried).replay()
-        violates = one.letter in result.violated
+        stored = read(file)
+        tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
+        one = replace(stored, subject=tried)
+        violates, seen = _from_near_starts(one, options) if options.starts else _once(one)
         still += violates
-        print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {result.kind}")
+        print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {seen}", flush=True)
     return EXIT_FOUND if still else EXIT_OK
+
+
+def _once(finding: "Finding") -> tuple[bool, str]:
+    """Return whether the finding violates its property, and how its trial ends."""
+    result = finding.replay()
+    return finding.letter in result.violated, result.kind
+
+
+def _from_near_starts(finding: "Finding", options: argparse.Namespace) -> tuple[bool, str]:
+    """Return whether a drive from a start near it violates the property, and how many do."""
+    from study.falsify.nearby import near, violates
+    from study.falsify.workers import workers
+
+    drives = list(near(finding, options.starts))
+    with workers(options.jobs, options.dask) as executor:
+        failed = sum(executor.map(violates, drives))
+    return failed > 0, f"{failed} of {len(drives)} drives"
 
 
 def files_of(places: Sequence[Path]) -> list[Path]:

@@ -2,14 +2,17 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from runtime.errors import UserError
 from study.cli.falsify import PROPERTIES, files_of, main, parser
+from study.falsify import workers
 from study.falsify.directory import ClassRecord
 from study.falsify.finding import finding_of, read
+from study.falsify.nearby import near
 from study.falsify.properties import LETTERS
 from study.falsify.search import Search
 from tests.unit.study.falsify.examples import first_violation, search_of
@@ -103,6 +106,27 @@ def test_replay_tells_violations_from_repaired_ones(
     assert main(["vgm", "--replay", str(tmp_path)]) == 1
     assert capsys.readouterr().out == f"violates a {file}: {violation.evaluation.kind}\n"
     assert read(file).replay().kind == violation.evaluation.kind
+
+
+def test_replay_from_near_starts_counts_the_drives_that_fail(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(workers, "workers", lambda *_: nullcontext(workers.InPlace()))
+    settings = search_of("vgm", "a", seed=3)
+    found = finding_of(settings.subject, "a", first_violation(settings, 12).evaluation, 400, "one")
+    file = tmp_path / "one.toml"
+    file.write_text(found.text())
+    failed = sum("a" in one.replay().violated for one in near(found, 3))
+    assert failed > 0
+    assert main(["vgm", "--replay", str(file), "--starts", "3"]) == 1
+    assert capsys.readouterr().out == f"violates a {file}: {failed} of 3 drives\n"
+    assert main(["vgm_memory", "--replay", str(file), "--starts", "3"]) == 0
+    assert capsys.readouterr().out == f"holds a {file}: 0 of 3 drives\n"
+
+
+def test_starts_without_replay_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="--starts: only with --replay"):
+        run(tmp_path, "--starts", "3")
 
 
 def test_replay_of_an_empty_directory_is_refused(tmp_path: Path) -> None:
