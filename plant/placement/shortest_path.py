@@ -120,7 +120,8 @@ def _free(points: Array, world: World, radius_m: float) -> Mask:
 
 def _from_segment(points: Array, a: Array, b: Array) -> Array:
     along = b - a
-    share = np.clip(dot(points - a, along) / dot(along, along), 0.0, 1.0)
+    square = np.maximum(dot(along, along), TOUCHING_M * TOUCHING_M)
+    share = np.clip(dot(points - a, along) / square, 0.0, 1.0)
     return lengths(points - a - share[:, None] * along)
 
 

@@ -1,6 +1,7 @@
 """The parameters of an adversarial family, and the floor that fits its walls."""
 
 from collections.abc import Callable, Iterable, Mapping
+from itertools import groupby
 from math import radians
 from typing import Final, NamedTuple, TypeAlias
 
@@ -85,7 +86,10 @@ def fitted(
 
 
 def shifted(obstacle: Obstacle, by: Point) -> Obstacle:
-    """Return an obstacle at another place; coordinates are whole millimetres."""
+    """Return an obstacle at another place; coordinates are whole millimetres.
+
+    A point that falls on the one before it is dropped, as after a cut just beside a corner.
+    """
     if isinstance(obstacle, Circle):
         x_m, y_m = _moved((obstacle.x_m, obstacle.y_m), by)
         path_m = tuple(_moved(point, by) for point in obstacle.path_m)
@@ -96,7 +100,7 @@ def shifted(obstacle: Obstacle, by: Point) -> Obstacle:
             path_m=path_m,
             speed_m_s=obstacle.speed_m_s,
         )
-    points_m = tuple(_moved(point, by) for point in obstacle.points_m)
+    points_m = tuple(point for point, _ in groupby(_moved(one, by) for one in obstacle.points_m))
     if isinstance(obstacle, Polygon):
         return Polygon(points_m)
     return Polyline(points_m, obstacle.thickness_m)

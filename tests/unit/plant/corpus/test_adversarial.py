@@ -15,6 +15,7 @@ from plant.corpus import (
     GRID_FAMILIES,
     generate,
 )
+from plant.corpus.adversarial.axes import shifted
 from plant.corpus.adversarial.enclosures import cut_outline
 from plant.corpus.adversarial.families import ADVERSARIES, MARGIN_M, drawn, world_of
 from plant.model.body import Body
@@ -128,3 +129,9 @@ def test_cut_outline_lacks_exactly_its_gap(share: float) -> None:
 
 def test_outline_shorter_than_its_gap_is_empty() -> None:
     assert cut_outline([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1)], 0.5, 0.5) == []
+
+
+def test_points_that_fall_on_one_another_become_one() -> None:
+    beside = (0.3, 0.3004)
+    moved = shifted(Polyline(((0.0, 0.0), (0.3, 0.3), beside, (0.0, 0.0))), (1.0, 0.0))
+    assert moved == Polyline(((1.0, 0.0), (1.3, 0.3), (1.0, 0.0)))

@@ -90,6 +90,11 @@ def test_path_goes_outside_when_there_are_no_outer_walls() -> None:
     assert 5.6 < length_m(Polyline(((3.0, 0.0), (3.0, 4.0))), walls=False) < 6.1
 
 
+def test_point_that_is_given_twice_changes_nothing() -> None:
+    once = length_m(Polyline(((2.0, 0.8), (2.0, 3.0))))
+    assert length_m(Polyline(((2.0, 0.8), (2.0, 3.0), (2.0, 3.0)))) == once > 0.0
+
+
 def test_enclosed_goal_has_no_path() -> None:
     ring = Polyline(((4.5, 1.5), (5.5, 1.5), (5.5, 2.5), (4.5, 2.5), (4.5, 1.5)))
     assert shortest_path(world_with(ring)) is None
