@@ -145,7 +145,7 @@ def search(options: argparse.Namespace) -> int:
     from study.cli.study_run import interrupted_by_signals
     from study.falsify.climb import SearchSettings
     from study.falsify.directory import opened, settings_json
-    from study.falsify.progress_line import ProgressLine
+    from study.falsify.progress_line import SearchLine
     from study.falsify.search import Budget, Search
     from study.falsify.workers import workers
     from study.runner.provenance import code
@@ -167,7 +167,7 @@ def search(options: argparse.Namespace) -> int:
         interrupted_by_signals(),
     ):
         running = Search(settings, directory, progress, monotonic)
-        line = ProgressLine(running, budget, sys.stderr, monotonic)
+        line = SearchLine(running, budget, sys.stderr, monotonic)
         try:
             with workers(options.jobs, options.dask) as executor:
                 for _ in running.run(executor, options.jobs, budget):

@@ -1,5 +1,6 @@
 """Progress of a study: trials done, simulated hours per minute, and time left."""
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from math import isfinite
@@ -12,22 +13,54 @@ REDRAW_EVERY_S: Final = 0.5
 LOG_EVERY_S: Final = 30.0
 
 
-class StudyProgress:
-    """Show the progress in one line: overwritten on a terminal, printed at intervals elsewhere."""
+class ProgressLine(ABC):
+    """Show progress in one line: overwritten on a terminal, printed at intervals elsewhere."""
+
+    def __init__(self, file: TextIO, monotonic_s: Callable[[], float]) -> None:
+        self._file = file
+        self._terminal = file.isatty()
+        self._every_s = REDRAW_EVERY_S if self._terminal else LOG_EVERY_S
+        self._monotonic_s = monotonic_s
+        self._shown_s = monotonic_s()
+
+    @abstractmethod
+    def line(self) -> str:
+        """Return the progress as text."""
+
+    def show_if_due(self) -> None:
+        """Show the progress if the interval has passed."""
+        if self._monotonic_s() - self._shown_s >= self._every_s:
+            self._shown_s = self._monotonic_s()
+            self._write(self.line())
+
+    def close(self) -> None:
+        """Show the final state and end the line."""
+        self._write(self.line())
+        if self._terminal:
+            print(file=self._file, flush=True)
+
+    def _write(self, line: str) -> None:
+        if self._terminal:
+            steer(self._file, CLEAR_LINE)
+            print(line, end="", file=self._file, flush=True)
+        else:
+            print(line, file=self._file, flush=True)
+
+
+class StudyProgress(ProgressLine):
+    """Count the trials of a study, and show them."""
 
     def __init__(
         self, total: int, done: int, file: TextIO, monotonic_s: Callable[[], float]
     ) -> None:
         """Start the clock; `done` trials are from earlier calls and do not count for the rate."""
+        super().__init__(file, monotonic_s)
         self.total, self.before = total, done
         self.now = 0
         self.simulated_s = 0.0
         self.outcomes: Counter[str] = Counter()
-        self._file = file
-        self._terminal = file.isatty()
-        self._monotonic_s = monotonic_s
-        self._started_s = monotonic_s()
-        self._shown_s = self._started_s - (REDRAW_EVERY_S if self._terminal else LOG_EVERY_S)
+        self._started_s = self._shown_s
+        self._shown_s -= self._every_s
 
     def add(self, row: TrialRow) -> None:
         """Count a finished trial."""
@@ -53,19 +86,6 @@ class StudyProgress:
             return None
         return (self.total - self.before - self.now) * self.elapsed_s / self.now
 
-    def show_if_due(self) -> None:
-        """Show the progress if the interval has passed."""
-        every_s = REDRAW_EVERY_S if self._terminal else LOG_EVERY_S
-        if self._monotonic_s() - self._shown_s >= every_s:
-            self._shown_s = self._monotonic_s()
-            self._write(self.line())
-
-    def close(self) -> None:
-        """Show the final state and end the line."""
-        self._write(self.line())
-        if self._terminal:
-            print(file=self._file, flush=True)
-
     def line(self) -> str:
         """Return the progress as text."""
         done = self.before + self.now
@@ -75,13 +95,6 @@ class StudyProgress:
         failures = f", {bad} failed" if bad else ""
         pace = f", {self.hours_per_minute:.1f} simulated h/min" if self.now else ""
         return f"{done}/{self.total} trials ({share:.0f} %){pace}{left}{failures}"
-
-    def _write(self, line: str) -> None:
-        if self._terminal:
-            steer(self._file, CLEAR_LINE)
-            print(line, end="", file=self._file, flush=True)
-        else:
-            print(line, file=self._file, flush=True)
 
 
 def duration_text(span_s: float) -> str:

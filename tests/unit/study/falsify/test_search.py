@@ -13,7 +13,7 @@ from study.falsify import search as searches
 from study.falsify.climb import Climb, SearchSettings, Violation
 from study.falsify.directory import SearchProgress, opened, save, settings_json
 from study.falsify.finding import finding_of, read
-from study.falsify.progress_line import ProgressLine
+from study.falsify.progress_line import SearchLine
 from study.falsify.search import Budget, Search, Shrunk
 from study.falsify.workers import InPlace
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
@@ -151,5 +151,5 @@ def test_progress_line_shows_classes_and_time_left(tmp_path: Path) -> None:
         budget = Budget(span_s=120.0)
         search.started_s = 0.0
         progress.trials, progress.climbs, progress.simulated_s = 30, 4, 7200.0
-        line = ProgressLine(search, budget, sys.stderr, lambda: 60.0).line()
+        line = SearchLine(search, budget, sys.stderr, lambda: 60.0).line()
     assert line == ("30 trials in 4 climbs, 2.0 simulated h/min, classes of failure: 0, 60 s left")
