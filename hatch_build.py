@@ -1,14 +1,15 @@
 """Compile the control core and the simulation into the wheel if SIDESTEP_COMPILE=1.
 
 The modules are named in pyproject.toml. mypyc translates them to C; a compiled module lies in the
-wheel beside its source, and Python prefers it. `runtime/compiled.json` lists the sources with their
-hashes, by which `runtime.cli.compiled` detects a module that does not match its source. Nothing is
-written into the checkout, and an editable install is never compiled.
+wheel beside its source, and Python prefers it. `runtime/compiled.json` has the commit, and the
+sources with their hashes, by which `runtime.cli.compiled` detects a module that does not match its
+source. Nothing is written into the checkout, and an editable install is never compiled.
 """
 
 import json
 import os
 import shutil
+import subprocess
 import sys
 import sysconfig
 import tempfile
@@ -101,10 +102,24 @@ def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> dict[str, 
     command.ensure_finalized()
     command.run()
     listed = folder / "compiled.json"
-    listed.write_text(json.dumps({"sources": hashes(root, sources)}, indent=1) + "\n", "utf-8")
+    content = {"commit": commit_of(root), "sources": hashes(root, sources)}
+    listed.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
     library = folder / "lib"
     built = {path.relative_to(library).as_posix(): path for path in library.rglob("*.*")}
     return {LIST: listed, **{name: path for name, path in built.items() if path.is_file()}}
+
+
+def commit_of(root: Path) -> str:
+    """Return the commit of a checkout, with a + if tracked files have changes; else "unknown"."""
+    if not (root / ".git").exists():
+        return "unknown"
+    git = ("git", "-C", str(root))
+    try:
+        commit = subprocess.check_output([*git, "rev-parse", "HEAD"], text=True).strip()
+        changed = subprocess.check_output([*git, "status", "--porcelain", "--untracked-files=no"])
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return f"{commit}+" if changed else commit
 
 
 def check_compiler() -> None:

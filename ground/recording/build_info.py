@@ -1,4 +1,4 @@
-"""Identify the build that records: its version, and the commit when it runs from a checkout."""
+"""Identify the build that records: its version, and the commit if it is known."""
 
 import os
 import subprocess
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol.topics import DIALECT
+from runtime.cli import compiled
 
 ROOT: Final = Path(__file__).parents[2]
 UNKNOWN: Final = "unknown"
@@ -15,7 +16,7 @@ GIT_TIMEOUT_S: Final = 10.0
 
 def build() -> dict[str, str]:
     """Return version, commit and dialect for the header of a recording."""
-    return {"version": version_of("sidestep"), "commit": _commit(), "dialect": DIALECT}
+    return {"version": version_of("sidestep"), "commit": commit(), "dialect": DIALECT}
 
 
 def version_of(package: str) -> str:
@@ -26,13 +27,16 @@ def version_of(package: str) -> str:
         return UNKNOWN
 
 
-def _commit() -> str:
-    """Return the commit; a `+` at its end means that tracked files have changes."""
+def commit() -> str:
+    """Return the commit of the checkout, or that which was compiled, or "unknown".
+
+    A `+` at its end means that tracked files have changes.
+    """
     if not (ROOT / ".git").exists():
-        return UNKNOWN
-    commit = git("rev-parse", "HEAD")
+        return compiled.commit() or UNKNOWN
+    head = git("rev-parse", "HEAD")
     changed = "+" if git("status", "--porcelain", "--untracked-files=no") else ""
-    return f"{commit}{changed}" if commit else UNKNOWN
+    return f"{head}{changed}" if head else UNKNOWN
 
 
 def git(*words: str) -> str | None:

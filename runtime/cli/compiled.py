@@ -11,7 +11,7 @@ from hashlib import sha256
 from importlib.machinery import EXTENSION_SUFFIXES
 from os import walk
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 LIST: Final = "runtime/compiled.json"
@@ -51,11 +51,22 @@ def complaints(root: Path = ROOT) -> Iterator[str]:
 
 def sources(root: Path) -> dict[str, str]:
     """Return the SHA-256 of each source at the time it was compiled, by its path."""
+    listed: dict[str, str] = _list(root).get("sources", {})
+    return listed
+
+
+def commit(root: Path = ROOT) -> str:
+    """Return the commit that was compiled, with a + if files had changes; empty if not known."""
+    known = str(_list(root).get("commit", ""))
+    return "" if known == "unknown" else known
+
+
+def _list(root: Path) -> dict[str, Any]:
     try:
         text = (root / LIST).read_text(encoding="utf-8")
     except FileNotFoundError:
         return {}
-    listed: dict[str, str] = json.loads(text)["sources"]
+    listed: dict[str, Any] = json.loads(text)
     return listed
 
 

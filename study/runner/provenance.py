@@ -7,7 +7,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from ground.recording.build_info import git, version_of
+from ground.recording.build_info import commit, version_of
 from runtime.cli.compiled import is_compiled
 
 ROOT: Final = Path(__file__).parents[2]
@@ -45,13 +45,14 @@ class MachineInfo(NamedTuple):
 
 @cache
 def code() -> CodeVersion:
-    """Return the running code; the commit is "unknown" outside a checkout."""
-    digest = code_digest(ROOT)
-    if git("ls-files", "--error-unmatch", "study/trial/trial.py") is None:
-        return CodeVersion("unknown", False, version_of("sidestep"), digest)
-    commit = git("rev-parse", "HEAD") or "unknown"
-    dirty = bool(git("status", "--porcelain", "--untracked-files=no"))
-    return CodeVersion(commit, dirty, version_of("sidestep"), digest)
+    """Return the running code; see `build_info.commit` for where the commit is known."""
+    known = commit()
+    return CodeVersion(
+        commit=known.removesuffix("+"),
+        dirty=known.endswith("+"),
+        version=version_of("sidestep"),
+        digest=code_digest(ROOT),
+    )
 
 
 @cache

@@ -60,6 +60,12 @@ def test_study_sends_trials_to_compiled_workers(installation: Path, tmp_path: Pa
     assert "reached" in run.stdout + run.stderr
 
 
+def test_compiled_installation_knows_its_commit(installation: Path) -> None:
+    code = "from study.runner.provenance import code; print(code().commit)"
+    known = run_python(installation, "-c", code).stdout.strip()
+    assert known == hatch_build.commit_of(ROOT).removesuffix("+") != ""
+
+
 def test_version_names_a_compiled_installation(installation: Path) -> None:
     assert run_python(installation, "sidestep.py", "--version").stdout.endswith(" (compiled)\n")
 

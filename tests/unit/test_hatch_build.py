@@ -1,5 +1,6 @@
 """The build compiles only when asked to, and says why it cannot."""
 
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -55,3 +56,22 @@ def test_the_modules_named_in_the_project_are_found() -> None:
     sources = hatch_build.sources_in(ROOT, hooks["custom"]["modules"])
     assert {"robot/core/brain.py", "plant/sim/sensing/raycast.py"} <= set(sources)
     assert not [name for name in sources if name.endswith("__init__.py")]
+
+
+def test_the_commit_is_known_in_a_checkout_only(tmp_path: Path) -> None:
+    assert hatch_build.commit_of(tmp_path) == "unknown"
+
+    def git(*words: str) -> str:
+        author = ("-c", "user.name=A", "-c", "user.email=a@b")
+        run = ("git", "-C", str(tmp_path), *author, *words)
+        return subprocess.run(run, check=True, capture_output=True, text=True).stdout.strip()
+
+    git("init", "--quiet")
+    assert hatch_build.commit_of(tmp_path) == "unknown"
+    (tmp_path / "a.py").write_text("x = 1\n")
+    git("add", "a.py")
+    git("commit", "--quiet", "-m", "a")
+    (tmp_path / "untracked").touch()
+    assert hatch_build.commit_of(tmp_path) == git("rev-parse", "HEAD")
+    (tmp_path / "a.py").write_text("x = 2\n")
+    assert hatch_build.commit_of(tmp_path) == git("rev-parse", "HEAD") + "+"

@@ -36,6 +36,15 @@ def test_matching_modules_are_no_reason_to_complain(installation: Path) -> None:
     assert compiled.complaint(installation) == ""
 
 
+@pytest.mark.parametrize(("listed", "known"), [("abc+", "abc+"), ("unknown", "")])
+def test_the_compiled_commit_is_read(installation: Path, listed: str, known: str) -> None:
+    assert compiled.commit(installation) == ""
+    content = json.loads((installation / compiled.LIST).read_text())
+    (installation / compiled.LIST).write_text(json.dumps({"commit": listed, **content}))
+    assert compiled.commit(installation) == known
+    assert compiled.sources(installation) == content["sources"]
+
+
 def test_a_changed_source_is_named_with_the_remedy(installation: Path) -> None:
     (installation / NAME).write_text("x = 2\n")
     assert compiled.complaint(installation).startswith(f"{NAME} has changed since it was compiled")

@@ -6,6 +6,8 @@ from shutil import which
 
 import pytest
 
+from ground.recording import build_info
+from runtime.cli import compiled
 from study.runner.provenance import ROOT, code, code_digest, machine
 from tests.support.study.made import CODE
 
@@ -55,6 +57,22 @@ def test_commit_is_that_of_the_checkout() -> None:
     )
     assert code().commit == (answer.stdout.strip() or "unknown")
     assert len(code().digest) == len(CODE.digest) * 32
+
+
+@pytest.mark.parametrize(
+    ("listed", "known", "dirty"),
+    [("abc", "abc", False), ("abc+", "abc", True), ("", "unknown", False)],
+)
+def test_commit_of_a_compiled_installation_is_that_which_was_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listed: str, known: str, dirty: bool
+) -> None:
+    monkeypatch.setattr(build_info, "ROOT", tmp_path)
+    monkeypatch.setattr(compiled, "commit", lambda: listed)
+    code.cache_clear()
+    try:
+        assert (code().commit, code().dirty) == (known, dirty)
+    finally:
+        code.cache_clear()
 
 
 def test_machine_info_is_complete() -> None:
