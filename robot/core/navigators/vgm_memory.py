@@ -86,7 +86,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Find out which headings the stored echoes close."""
-    sectors, echoes, least = memory.sectors, memory.echoes, contradicted_from(memory)
+    sectors, echoes, least = memory.sectors, memory.echoes, contradicted_from(memory, ring)
     echo_decay.update_through(echoes, ring, radius_mm)
     open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm, least)
 
@@ -97,20 +97,21 @@ def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     if memory.phase == RECORD:
         if memory.before is not None:
             # With the pose and the ranges of the choice one tick ago, which costs more than this.
-            echo_decay.fade(memory.echoes, before, contradicted_from(memory))
+            echo_decay.fade(memory.echoes, before, contradicted_from(memory, ring))
         echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
     else:
         echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
 
 
-def contradicted_from(memory: Memory) -> int:
+def contradicted_from(memory: Memory, ring: Ring) -> int:
     """Return the least weight of a stored point that longer echoes contradict.
 
     On the way to the goal one with a single echo remains, and slows the robot down: it may be the
-    end of a thin wall, which returns few echoes among longer ones. While following, only one that
-    lies ahead remains, because most others are echoes of the followed boundary, placed badly.
+    end of a thin wall, which returns few echoes among longer ones. But beside a pedestrian it is
+    rather a place where that one was. While following, only one that lies ahead remains, because
+    most others are echoes of the followed boundary, placed badly.
     """
-    return 1 if memory.following else SURE
+    return 1 if memory.following or max(ring.pedestrians.sure) else SURE
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:

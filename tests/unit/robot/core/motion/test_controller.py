@@ -76,6 +76,16 @@ def test_braking_comes_before_turning(speed_m_s: float, yaw_rad_s: float, now_ra
     assert now.speed_m_s == pytest.approx(max(speed_m_s - can_m_s, 0.0), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("wanted_m_s", "turns"), [(0.0, False), (0.07, False), (0.08, True), (0.29, True)]
+)
+def test_only_hard_braking_delays_a_turn(wanted_m_s: float, turns: bool) -> None:
+    """A robot that slows down in order to turn turns at once."""
+    now = ramp(Twist(wanted_m_s, 2.0), Twist(0.3, 0.0), DEFAULTS)
+    assert (now.yaw_rate_rad_s > 0.0) is turns
+    assert now.speed_m_s < 0.3
+
+
 @given(twists, twists)
 def test_the_ramp_arrives(wanted: Twist, last: Twist) -> None:
     for _ in range(12):
