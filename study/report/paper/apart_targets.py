@@ -37,7 +37,7 @@ CLUTTERED: Final = ("barn", "cylinder")
 
 FORESTS: Final = "forest"
 SCORE: Final = 0.48
-CROWD_PAGE: Final = "docs/concepts/people.md"
+CROWD_PAGE: Final = "docs/evidence/people.md"
 BOARD_PAGE: Final = "docs/evidence/microcontroller.md"
 MAPS_PAGE: Final = "docs/evidence/published-maps.md"
 
