@@ -81,13 +81,15 @@ up: setup
 	@exec "$(BIN)/sidestep" up $(ARGS)
 
 # A study with compiled modules: several times as fast, with the same results. They are built in
-# build/compiled, never in the checkout, and again whenever a source has changed.
+# build/compiled, never in the checkout, and again whenever a source or the commit has changed.
 COMPILED := build/compiled
 COMPILED_FROM := runtime protocol robot plant ground study sidestep.py hatch_build.py pyproject.toml
 
 study: setup
 	@built=$(COMPILED)/built
-	if [ ! -e $$built ] || [ -n "$$(find $(COMPILED_FROM) -newer $$built \
+	commit=$$("$(BIN)/python" -c 'import hatch_build, pathlib; print(hatch_build.commit_of(pathlib.Path()))')
+	if [ ! -e $$built ] || ! grep -qF "\"$$commit\"" $(COMPILED)/runtime/compiled.json ||
+		[ -n "$$(find $(COMPILED_FROM) -newer $$built \
 			! -name '*.pyc' ! -name __pycache__ -print -quit)" ]; then
 		echo "Compiling into $(COMPILED); it takes one to two minutes."
 		rm -rf $(COMPILED)

@@ -24,6 +24,7 @@ SWITCH = "SIDESTEP_COMPILE"
 LIST = "runtime/compiled.json"
 TOOLS = ("mypy>=2.4", "setuptools>=65.5")
 OPTIMISATION = "2"
+GIT_TIMEOUT_S = 10.0
 FLAGS = ("-ffp-contract=off", "-Wno-error")
 """Without fused multiply-add, which some processors' compilers use by default: it rounds once
 instead of twice. A warning of a newer compiler is no error."""
@@ -113,10 +114,19 @@ def commit_of(root: Path) -> str:
     """Return the commit of a checkout, with a + if tracked files have changes; else "unknown"."""
     if not (root / ".git").exists():
         return "unknown"
-    git = ("git", "-C", str(root))
+
+    def git(*words: str) -> str:
+        return subprocess.check_output(
+            ["git", "-C", str(root), *words],
+            text=True,
+            stderr=subprocess.DEVNULL,
+            timeout=GIT_TIMEOUT_S,
+            env={**os.environ, "GIT_OPTIONAL_LOCKS": "0"},
+        ).strip()
+
     try:
-        commit = subprocess.check_output([*git, "rev-parse", "HEAD"], text=True).strip()
-        changed = subprocess.check_output([*git, "status", "--porcelain", "--untracked-files=no"])
+        commit = git("rev-parse", "HEAD")
+        changed = git("status", "--porcelain", "--untracked-files=no")
     except (OSError, subprocess.SubprocessError):
         return "unknown"
     return f"{commit}+" if changed else commit

@@ -28,7 +28,7 @@ def version_of(package: str) -> str:
 
 
 def commit() -> str:
-    """Return the commit of the checkout, or that which was compiled, or "unknown".
+    """Return the commit of the checkout, else the one that was compiled, else "unknown".
 
     A `+` at its end means that tracked files have changes.
     """

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from importlib.util import find_spec
 from os import cpu_count
@@ -20,6 +21,8 @@ from study.cli.study import INSTALL, NEEDED
 from study.trial.trial import NAVIGATORS, SIDES
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from study.falsify.finding import Finding
     from study.falsify.search import Search
 
@@ -120,7 +123,7 @@ def _add_how(made: argparse.ArgumentParser) -> None:
         "--starts",
         type=whole(1),
         metavar="N",
-        help="with --replay: drive each finding N times, from starts near its own",
+        help="with --replay: repeat each trial N times, from near starts and with other seeds",
     )
     made.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -145,8 +148,8 @@ def search(options: argparse.Namespace) -> int:
     from study.cli.study_run import interrupted_by_signals
     from study.falsify.climb import SearchSettings
     from study.falsify.directory import opened, settings_json
-    from study.falsify.progress_line import SearchLine
     from study.falsify.search import Budget, Search
+    from study.falsify.search_line import SearchLine
     from study.falsify.workers import workers
     from study.runner.provenance import code
 
@@ -230,16 +233,21 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
 def replay(options: argparse.Namespace) -> int:
     """Run the trials of stored findings with a navigator; return 1 if one still violates."""
     from study.falsify.finding import read
+    from study.falsify.workers import workers
 
     subject = _subject(options)
     still = 0
-    for file in files_of(options.replay):
-        stored = read(file)
-        tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
-        one = replace(stored, subject=tried)
-        violates, seen = _from_near_starts(one, options) if options.starts else _once(one)
-        still += violates
-        print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {seen}", flush=True)
+    pool = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
+    with pool as executor:
+        for file in files_of(options.replay):
+            stored = read(file)
+            tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
+            one = replace(stored, subject=tried)
+            violates, seen = (
+                _from_near_starts(one, options.starts, executor) if executor else _once(one)
+            )
+            still += violates
+            print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {seen}", flush=True)
     return EXIT_FOUND if still else EXIT_OK
 
 
@@ -249,15 +257,12 @@ def _once(finding: "Finding") -> tuple[bool, str]:
     return finding.letter in result.violated, result.kind
 
 
-def _from_near_starts(finding: "Finding", options: argparse.Namespace) -> tuple[bool, str]:
+def _from_near_starts(finding: "Finding", count: int, executor: "Executor") -> tuple[bool, str]:
     """Return whether a drive from a start near it violates the property, and how many do."""
     from study.falsify.nearby import near, violates
-    from study.falsify.workers import workers
 
-    drives = list(near(finding, options.starts))
-    with workers(options.jobs, options.dask) as executor:
-        failed = sum(executor.map(violates, drives))
-    return failed > 0, f"{failed} of {len(drives)} drives"
+    failed = sum(executor.map(violates, near(finding, count)))
+    return failed > 0, f"violated in {failed} of {count} drives"
 
 
 def files_of(places: Sequence[Path]) -> list[Path]:

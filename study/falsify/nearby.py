@@ -15,21 +15,23 @@ from plant.model.types import World
 from runtime.errors import UserError
 from study.falsify.finding import Finding
 
-AWAY_M: Final = 0.03
-TURNED_RAD: Final = 6.0 * pi / 180.0
+MAX_SHIFT_M: Final = 0.03
+MAX_TURN_RAD: Final = 6.0 * pi / 180.0
 """Most that a start differs from the finding's: along each axis, and in heading."""
-MOST_DRAWS: Final = 20
+MAX_DRAWS: Final = 20
 """Draws of one start; those without room are discarded."""
 
 
 def near(finding: Finding, count: int) -> Iterator[Finding]:
-    """Yield the finding with `count` other starts and seeds; equal findings yield equal ones.
+    """Yield the finding from `count` other starts, with seeds counted up from its own.
+
+    Equal findings yield equal drives.
 
     Raises UserError if almost no start near it has room.
     """
     for number in range(count):
         random = Draws(f"{finding.world.name}/{number}")
-        tries = (_moved(finding.world, random) for _ in range(MOST_DRAWS))
+        tries = (_moved(finding.world, random) for _ in range(MAX_DRAWS))
         world = next((one for one in tries if one is not None), None)
         if world is None:
             raise UserError(f"{finding.world.name}: no room near its start; leave out --starts")
@@ -46,9 +48,9 @@ def _moved(world: World, random: Draws) -> World | None:
     start = world.start
     moved = replace(
         start,
-        x_m=start.x_m + random.uniform(-AWAY_M, AWAY_M),
-        y_m=start.y_m + random.uniform(-AWAY_M, AWAY_M),
-        heading_rad=start.heading_rad + random.uniform(-TURNED_RAD, TURNED_RAD),
+        x_m=start.x_m + random.uniform(-MAX_SHIFT_M, MAX_SHIFT_M),
+        y_m=start.y_m + random.uniform(-MAX_SHIFT_M, MAX_SHIFT_M),
+        heading_rad=start.heading_rad + random.uniform(-MAX_TURN_RAD, MAX_TURN_RAD),
     )
     tried = measured(replace(world, start=moved))
     return None if tried is None or tried.reachable != world.reachable else tried

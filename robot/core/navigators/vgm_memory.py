@@ -106,10 +106,11 @@ def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
 def contradicted_from(memory: Memory, ring: Ring) -> int:
     """Return the least weight of a stored point that longer echoes contradict.
 
-    On the way to the goal one with a single echo remains, and slows the robot down: it may be the
-    end of a thin wall, which returns few echoes among longer ones. But beside a pedestrian it is
-    rather a place where that one was. While following, only one that lies ahead remains, because
-    most others are echoes of the followed boundary, placed badly.
+    It is SURE on the way to the goal: a point with a single echo remains and slows the robot down.
+    It may be the end of a thin wall, which returns few echoes among longer ones. It is 1 while a
+    pedestrian is confirmed, because such a point is then rather a place that the person has left.
+    It is 1 while following, because most such points are then echoes of the followed boundary,
+    placed badly. Even then a point ahead remains; see `echo_decay.contradicting`.
     """
     return 1 if memory.following or max(ring.pedestrians.sure) else SURE
 

@@ -119,9 +119,9 @@ def test_replay_from_near_starts_counts_the_drives_that_fail(
     failed = sum("a" in one.replay().violated for one in near(found, 3))
     assert failed > 0
     assert main(["vgm", "--replay", str(file), "--starts", "3"]) == 1
-    assert capsys.readouterr().out == f"violates a {file}: {failed} of 3 drives\n"
+    assert capsys.readouterr().out == f"violates a {file}: violated in {failed} of 3 drives\n"
     assert main(["vgm_memory", "--replay", str(file), "--starts", "3"]) == 0
-    assert capsys.readouterr().out == f"holds a {file}: 0 of 3 drives\n"
+    assert capsys.readouterr().out == f"holds a {file}: violated in 0 of 3 drives\n"
 
 
 def test_starts_without_replay_are_refused(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from plant.model.types import Polyline
 from runtime.errors import UserError
 from study.falsify.finding import Finding, read
-from study.falsify.nearby import AWAY_M, TURNED_RAD, near
+from study.falsify.nearby import MAX_SHIFT_M, MAX_TURN_RAD, near
 
 WORLDS = Path(__file__).parents[4] / "study" / "falsify" / "worlds"
 
@@ -25,9 +25,9 @@ def test_starts_differ_a_little_and_are_drawn_again_alike() -> None:
     starts = {other.world.start for other in moved}
     assert len(starts) == 20
     for start in starts:
-        assert abs(start.x_m - one.world.start.x_m) <= AWAY_M
-        assert abs(start.y_m - one.world.start.y_m) <= AWAY_M
-        assert abs(start.heading_rad - one.world.start.heading_rad) <= TURNED_RAD
+        assert abs(start.x_m - one.world.start.x_m) <= MAX_SHIFT_M
+        assert abs(start.y_m - one.world.start.y_m) <= MAX_SHIFT_M
+        assert abs(start.heading_rad - one.world.start.heading_rad) <= MAX_TURN_RAD
     assert {other.world.goal for other in moved} == {one.world.goal}
     assert [other.seed for other in moved] == [one.seed + k for k in range(20)]
 

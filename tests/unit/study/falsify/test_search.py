@@ -13,8 +13,8 @@ from study.falsify import search as searches
 from study.falsify.climb import Climb, SearchSettings, Violation
 from study.falsify.directory import SearchProgress, opened, save, settings_json
 from study.falsify.finding import finding_of, read
-from study.falsify.progress_line import SearchLine
 from study.falsify.search import Budget, Search, Shrunk
+from study.falsify.search_line import SearchLine
 from study.falsify.workers import InPlace
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
 

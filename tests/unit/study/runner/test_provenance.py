@@ -63,7 +63,7 @@ def test_commit_is_that_of_the_checkout() -> None:
     ("listed", "known", "dirty"),
     [("abc", "abc", False), ("abc+", "abc", True), ("", "unknown", False)],
 )
-def test_commit_of_a_compiled_installation_is_that_which_was_compiled(
+def test_compiled_installation_reports_its_compiled_commit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listed: str, known: str, dirty: bool
 ) -> None:
     monkeypatch.setattr(build_info, "ROOT", tmp_path)

@@ -124,7 +124,7 @@ def test_nearer_echo_moves_a_firm_point_more_than_a_longer_one(more_mm: int, mov
 
 
 @pytest.mark.parametrize("sonar", range(SONARS))
-def test_of_a_near_ring_the_nearest_echo_and_those_ahead_are_stored(sonar: int) -> None:
+def test_near_ring_stores_the_nearest_echo_and_those_ahead(sonar: int) -> None:
     echoes = Echoes()
     seen = ring({**dict.fromkeys(range(SONARS), 240), sonar: 200})
     memory.record_nearest(echoes, HERE, HERE, seen, RADIUS_MM)
@@ -133,7 +133,7 @@ def test_of_a_near_ring_the_nearest_echo_and_those_ahead_are_stored(sonar: int) 
     assert echoes.count == len({echoes.last[i] for i in stored})
 
 
-def test_beside_a_near_wall_an_echo_ahead_is_stored_only_if_it_is_near() -> None:
+def test_echo_ahead_is_stored_beside_a_nearer_wall_if_near() -> None:
     echoes = Echoes()
     near_mm = int(1000 * NEAR_M)
     memory.record_nearest(echoes, HERE, HERE, ring({0: 80, 3: near_mm + 1}), RADIUS_MM)
