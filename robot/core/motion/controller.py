@@ -12,8 +12,6 @@ from runtime.elementary import cos_sin, tanh
 HALF_TURN: Final = 0.5 * pi
 HALT: Final = Twist(0.0, 0.0)
 NEAR_M: Final = 1e-6
-HARD_SHARE: Final = 0.25
-"""Braking is hard while the wanted speed is below this share of the present one."""
 
 
 def toward(distance_m: float, bearing_rad: float, params: Params) -> tuple[float, float]:
@@ -85,10 +83,9 @@ def limited(speed_m_s: float, yaw_rate_rad_s: float, params: Params) -> tuple[fl
 def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     """Return the twist nearest to the wanted one within the acceleration limit of a period.
 
-    While braking is hard, or the robot is to reverse, the speed changes first and the turn gets the
-    rest of the limit: a robot that turns while it must stop would roll on. Otherwise speed and turn
-    change by one share. So a robot that slows down in order to turn, for instance beside a person,
-    turns at once.
+    If the robot is to stop or to reverse, the speed changes first and the turn gets the rest of the
+    limit: a robot that turned as well would roll on. Otherwise speed and turn change by one share.
+    So a robot that slows down in order to turn, for instance beside a person, turns at once.
     """
     more_m_s = wanted.speed_m_s - last.speed_m_s
     more_rad_s = wanted.yaw_rate_rad_s - last.yaw_rate_rad_s
@@ -96,7 +93,7 @@ def ramp(wanted: Twist, last: Twist, params: Params) -> Twist:
     can_m_s = params.accel_m_s2 * params.period_s
     if abs(more_m_s) + turn_m_s <= can_m_s:
         return wanted
-    if wanted.speed_m_s * last.speed_m_s < HARD_SHARE * last.speed_m_s * last.speed_m_s:
+    if last.speed_m_s != 0.0 and wanted.speed_m_s * last.speed_m_s <= 0.0:
         slower_m_s = min(abs(more_m_s), abs(last.speed_m_s), can_m_s)
         rest_m_s = can_m_s - slower_m_s
         share = rest_m_s / turn_m_s if rest_m_s < turn_m_s else 1.0

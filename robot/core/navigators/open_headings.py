@@ -103,16 +103,12 @@ def measure(
     ring: Ring,
     ease_mm: int,
     radius_mm: int,
-    least: int,
 ) -> None:
-    """Collect the points that can close headings; `ease_mm` is subtracted from all margins.
-
-    Longer echoes contradict points of at least the weight `least`.
-    """
+    """Collect the points that can close headings; `ease_mm` is subtracted from all margins."""
     sectors.count = 0
     sectors.free_mm = FREE_MM
     if echoes.count:
-        gather(sectors, echoes, pose, ease_mm, radius_mm, least)
+        gather(sectors, echoes, pose, ease_mm, radius_mm)
         shape(sectors)
     if sectors.count:
         close(sectors, sectors.wide, WIDE_MM)
@@ -121,9 +117,7 @@ def measure(
         give_way(sectors, ring.pedestrians, radius_mm)
 
 
-def gather(
-    sectors: Sectors, echoes: Echoes, pose: Pose, ease_mm: int, radius_mm: int, least: int
-) -> None:
+def gather(sectors: Sectors, echoes: Echoes, pose: Pose, ease_mm: int, radius_mm: int) -> None:
     """Collect points within reach, weaken contradicted ones, and update the free distance."""
     heading = int(BRADS * pose.heading_rad)
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -147,7 +141,7 @@ def gather(
             square = radius_mm2
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
         bearing, weight, spread_mm = UNKNOWN, weights[k], spreads_mm[k]
-        if square < most_mm2 and along_mm >= 0 and least <= weight <= MOST_WEIGHT:
+        if square < most_mm2 and along_mm >= 0 and 0 < weight <= MOST_WEIGHT:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
             if square < through_mm2[contradicting(bearing - heading, weight)]:
                 weights[k] = weight = weight - 1

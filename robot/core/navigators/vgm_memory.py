@@ -86,9 +86,9 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     """Find out which headings the stored echoes close."""
-    sectors, echoes, least = memory.sectors, memory.echoes, contradicted_from(memory, ring)
+    sectors, echoes = memory.sectors, memory.echoes
     echo_decay.update_through(echoes, ring, radius_mm)
-    open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm, least)
+    open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm)
 
 
 def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
@@ -97,22 +97,10 @@ def observe(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
     if memory.phase == RECORD:
         if memory.before is not None:
             # With the pose and the ranges of the choice one tick ago, which costs more than this.
-            echo_decay.fade(memory.echoes, before, contradicted_from(memory, ring))
+            echo_decay.fade(memory.echoes, before)
         echo_memory.record(memory.echoes, before, pose, ring, radius_mm)
     else:
         echo_memory.record_nearest(memory.echoes, before, pose, ring, radius_mm)
-
-
-def contradicted_from(memory: Memory, ring: Ring) -> int:
-    """Return the least weight of a stored point that longer echoes contradict.
-
-    It is SURE on the way to the goal: a point with a single echo remains and slows the robot down.
-    It may be the end of a thin wall, which returns few echoes among longer ones. It is 1 while a
-    pedestrian is confirmed, because such a point is then rather a place that the person has left.
-    It is 1 while following, because most such points are then echoes of the followed boundary,
-    placed badly. Even then a point ahead remains; see `echo_decay.contradicting`.
-    """
-    return 1 if memory.following or max(ring.pedestrians.sure) else SURE
 
 
 def is_somewhere(pose: Pose, distance_m: float) -> bool:

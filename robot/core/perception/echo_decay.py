@@ -28,11 +28,11 @@ FADE_TURNS: Final = 40
 """All points lose weight once in this many turns."""
 
 
-def fade(echoes: Echoes, pose: Pose, least: int) -> None:
+def fade(echoes: Echoes, pose: Pose) -> None:
     """Check one slice of the points.
 
-    Far points are dropped. Points of at least the weight `least` that an echo passes through lose
-    weight and, once in FADE_TURNS, all points do.
+    Far points are dropped. Points that an echo passes through lose weight and, once in FADE_TURNS,
+    all points do.
     """
     echoes.turn = turn = (echoes.turn + 1) % FADE_TURNS
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
@@ -48,7 +48,7 @@ def fade(echoes: Echoes, pose: Pose, least: int) -> None:
             drop(echoes, k)
             continue
         weaker = old
-        if square < most_mm2 and weight[k] >= least:
+        if square < most_mm2:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm)) - heading
             weaker = weaker or square < through_mm2[contradicting(bearing, weight[k])]
         if weaker and weight[k]:

@@ -77,9 +77,9 @@ def test_braking_comes_before_turning(speed_m_s: float, yaw_rad_s: float, now_ra
 
 
 @pytest.mark.parametrize(
-    ("wanted_m_s", "turns"), [(0.0, False), (0.07, False), (0.08, True), (0.29, True)]
+    ("wanted_m_s", "turns"), [(-0.2, False), (0.0, False), (0.01, True), (0.29, True)]
 )
-def test_only_hard_braking_delays_a_turn(wanted_m_s: float, turns: bool) -> None:
+def test_only_a_stop_or_a_reversal_delays_a_turn(wanted_m_s: float, turns: bool) -> None:
     """A robot that slows down in order to turn turns at once."""
     now = ramp(Twist(wanted_m_s, 2.0), Twist(0.3, 0.0), DEFAULTS)
     assert (now.yaw_rate_rad_s > 0.0) is turns

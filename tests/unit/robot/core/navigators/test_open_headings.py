@@ -59,12 +59,10 @@ def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: in
     return echoes
 
 
-def measured(
-    echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0, least: int = 1
-) -> Sectors:
+def measured(echoes: Echoes, pose: Pose = HERE, seen: Ring = SILENT, ease_mm: int = 0) -> Sectors:
     sectors = Sectors()
     update_through(echoes, seen, RADIUS_MM)
-    open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM, least)
+    open_headings.measure(sectors, echoes, pose, seen, ease_mm, RADIUS_MM)
     return sectors
 
 
@@ -198,19 +196,19 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
     assert echoes.weight[0] == SURE - 1
 
 
-def test_longer_echoes_weaken_a_single_echo_only_if_they_contradict_it() -> None:
-    for least, sonar, weight in ((1, 2, 0), (1, 3, 1), (SURE, 2, 1)):
-        pose, seen = Pose(0.0, 0.0, -BEARINGS[sonar]), ring({sonar: 2000})
-        echoes = points((RADIUS_MM + 100, 0), weight=1)
-        assert not measured(echoes, pose, seen, least=least).count
-        assert echoes.weight[0] == weight
+@pytest.mark.parametrize(("sonar", "weight"), [(2, 0), (3, 1)])
+def test_longer_echoes_weaken_a_single_one_unless_it_is_ahead(sonar: int, weight: int) -> None:
+    pose, seen = Pose(0.0, 0.0, -BEARINGS[sonar]), ring({sonar: 2000})
+    echoes = points((RADIUS_MM + 100, 0), weight=1)
+    assert not measured(echoes, pose, seen).count
+    assert echoes.weight[0] == weight
 
 
 def test_echo_before_a_point_does_not_weaken_it() -> None:
     echoes, pose = Echoes(), Pose(0.0, 0.0, -BEARINGS[3])
     for seen in [ring({3: 150})] * 4 + [ring({3: 2000})] * 20 + [ring({3: 150})] * 4:
         update_through(echoes, seen, RADIUS_MM)
-        open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM, 1)
+        open_headings.measure(Sectors(), echoes, pose, seen, 0, RADIUS_MM)
         record(echoes, pose, pose, seen, RADIUS_MM)
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE

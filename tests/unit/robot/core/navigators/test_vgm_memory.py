@@ -12,7 +12,6 @@ from robot.core.navigators.vgm_following import SHUT, Memory
 from robot.core.navigators.vgm_memory import (
     MAX_FAILED_LEAVES,
     MAX_STILL,
-    contradicted_from,
     rotation_rad,
 )
 from robot.core.parameters import DEFAULTS
@@ -217,16 +216,6 @@ def test_pedestrian_alongside_is_let_ahead(side: int) -> None:
     assert waits[flank_walkers.DRIVE_TICKS + 2]
     assert decisions[-1].branch == states.TO_GOAL
     assert decisions[-1].speed_limit_m_s > 0.0
-
-
-def test_a_pedestrian_makes_longer_echoes_contradict_single_ones() -> None:
-    """A person leaves single echoes behind, which would slow the robot down."""
-    memory, seen = Memory(), ring({})
-    assert contradicted_from(memory, seen) == SURE
-    seen.pedestrians.sure[1] = 4
-    assert contradicted_from(memory, seen) == 1
-    seen.pedestrians.sure[1], memory.following = 0, True
-    assert contradicted_from(memory, seen) == 1
 
 
 def test_new_goal_resets_all_but_the_echoes() -> None:

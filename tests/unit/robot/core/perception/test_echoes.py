@@ -44,11 +44,10 @@ def look(
     looks: int,
     pose: Pose = HERE,
     before: Pose | None = None,
-    least: int = 1,
 ) -> None:
     for _ in range(looks):
         echo_decay.update_through(echoes, seen, RADIUS_MM)
-        echo_decay.fade(echoes, pose, least)
+        echo_decay.fade(echoes, pose)
         memory.record(echoes, before or pose, pose, seen, RADIUS_MM)
 
 
@@ -198,11 +197,11 @@ def test_a_point_ahead_is_not_forgotten_at_once(sonar: int) -> None:
     assert echoes.count == 0
 
 
-def test_single_echo_stays_while_longer_ones_contradict_only_surer_points() -> None:
-    for least, sonar, count in ((1, 2, 0), (1, 3, 1), (1, 4, 1), (1, 5, 0), (SURE, 2, 1)):
-        echoes = remembered(ring({sonar: 300}), 1)
-        look(echoes, ring({sonar: 2000}), 2 * SLICES, least=least)
-        assert echoes.count == count
+@pytest.mark.parametrize(("sonar", "count"), [(2, 0), (3, 1), (4, 1), (5, 0)])
+def test_longer_echoes_erase_a_single_one_unless_it_is_ahead(sonar: int, count: int) -> None:
+    echoes = remembered(ring({sonar: 300}), 1)
+    look(echoes, ring({sonar: 2000}), 2 * SLICES)
+    assert echoes.count == count
 
 
 @pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])

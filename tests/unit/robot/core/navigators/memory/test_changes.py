@@ -69,8 +69,8 @@ def test_branches_that_pass_nothing_do_not_count() -> None:
 
 
 def test_trial_with_many_obstacles_stays_within_the_limit() -> None:
-    """Drive through a lattice in which the side would change 10 times without a limit."""
-    watch, world = Behaviour(), generate("post_lattice", 5, 8102)
+    """Drive through a lattice in which the side would change 7 times without a limit."""
+    watch, world = Behaviour(), generate("post_lattice", 1, 8102)
     outcome = run_trial(Trial(world=world, noise="none", timeout_s=900.0), watch)
     assert outcome.reached
     assert 0 < watch.side_changes <= MAX_CHANGES
