@@ -33,7 +33,7 @@ def commit() -> str:
     A `+` at its end means that tracked files have changes.
     """
     if not (ROOT / ".git").exists():
-        return compiled.commit() or UNKNOWN
+        return compiled.commit()
     head = git("rev-parse", "HEAD")
     changed = "+" if git("status", "--porcelain", "--untracked-files=no") else ""
     return f"{head}{changed}" if head else UNKNOWN

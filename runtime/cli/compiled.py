@@ -56,9 +56,8 @@ def sources(root: Path) -> dict[str, str]:
 
 
 def commit(root: Path = ROOT) -> str:
-    """Return the commit that was compiled, with a + if files had changes; empty if not known."""
-    known = str(_list(root).get("commit", ""))
-    return "" if known == "unknown" else known
+    """Return the commit that was compiled, with a + if files had changes, or "unknown"."""
+    return str(_list(root).get("commit", "unknown"))
 
 
 def _list(root: Path) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Drives from starts near that of a finding, to count how many fail.
 
-A single drive tells little after a change: the smallest difference carries the robot past the place
-of a rare failure. Many drives that begin almost alike show whether the failure became rarer.
+After a change one drive is not enough: a rare failure may occur or not, depending on a millimetre
+in the way of the robot. Many drives from similar starts show whether the failure became rarer.
 """
 
 from collections.abc import Iterator

@@ -61,7 +61,7 @@ def test_commit_is_that_of_the_checkout() -> None:
 
 @pytest.mark.parametrize(
     ("listed", "known", "dirty"),
-    [("abc", "abc", False), ("abc+", "abc", True), ("", "unknown", False)],
+    [("abc", "abc", False), ("abc+", "abc", True), ("unknown", "unknown", False)],
 )
 def test_compiled_installation_reports_its_compiled_commit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, listed: str, known: str, dirty: bool

@@ -70,7 +70,7 @@ def test_no_wheel_accelerates_faster_than_it_can(wanted: Twist, last: Twist) -> 
 
 
 @given(st.floats(0.0, 0.3), st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
-def test_braking_comes_before_turning(speed_m_s: float, yaw_rad_s: float, now_rad_s: float) -> None:
+def test_a_stop_comes_before_a_turn(speed_m_s: float, yaw_rad_s: float, now_rad_s: float) -> None:
     can_m_s = DEFAULTS.accel_m_s2 * DEFAULTS.period_s
     now = ramp(Twist(0.0, yaw_rad_s), Twist(speed_m_s, now_rad_s), DEFAULTS)
     assert now.speed_m_s == pytest.approx(max(speed_m_s - can_m_s, 0.0), abs=1e-9)

@@ -9,11 +9,7 @@ from robot.core.geometry import wrap
 from robot.core.motion.pace import DITHER_RAD, DITHER_TURNS, SLOW_MM
 from robot.core.navigators.memory import loops
 from robot.core.navigators.vgm_following import SHUT, Memory
-from robot.core.navigators.vgm_memory import (
-    MAX_FAILED_LEAVES,
-    MAX_STILL,
-    rotation_rad,
-)
+from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotation_rad
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
