@@ -18,7 +18,7 @@ SHORT: Final = 0x100000  # a smaller difference needs no wrapping
 JUMP_SLACK_M: Final = 0.02
 BEND: Final = 0.76
 """sqrt(7/12): combines mean and variance of 1 - cos of a random-walk heading."""
-GRAIN_LENGTH_M: Final = 0.042
+GRAIN_LENGTH_M: Final = 0.02
 """Distance over which the wheels' fractions of a tick, and their heading error, are correlated."""
 
 
@@ -86,9 +86,9 @@ def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
     None changes nothing: the next difference includes the missing one. Speeds use the time between
     the two samples, however late they arrived; a repeated sample does not change them.
     """
-    odometry.moved_m = odometry.left_m = odometry.right_m = 0.0
     odometry.jumped = False
     if wheels is None:
+        rest(odometry)
         return
     if not odometry.latched:
         start_grain(odometry, params)
@@ -102,7 +102,9 @@ def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
             longest_s = elapsed_s
         reach_m = 2.0 * params.wheel_max_m_s * longest_s + JUMP_SLACK_M
         odometry.jumped = not (abs(left_m) <= reach_m and abs(right_m) <= reach_m)
-        if not odometry.jumped:
+        if odometry.jumped:
+            rest(odometry)
+        else:
             roll(odometry, left_m, right_m, params)
             if elapsed_s > 0.0:
                 odometry.speed_m_s = 0.5 * (left_m + right_m) / elapsed_s
@@ -113,9 +115,19 @@ def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
     odometry.latched = True
 
 
+def rest(odometry: Odometry) -> None:
+    """Note that nothing is known to have moved since the last sample."""
+    odometry.moved_m = odometry.left_m = odometry.right_m = 0.0
+
+
 def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> None:
-    """Move pose and covariance by the wheels' distances (eq. 8 with the track L, not 2l)."""
+    """Move pose and covariance by the wheels' distances (eq. 8 with the track L, not 2l).
+
+    Eq. 8 takes the step for an arc. If speed v and turn w change linearly over this step and the
+    last one, the robot also moves aside by (v w' - v' w) / 12, where v' and w' are the last ones.
+    """
     left_way_m, right_way_m, track_m = abs(left_m), abs(right_m), params.track_m
+    aside_m = (left_m * odometry.right_m - right_m * odometry.left_m) / (12.0 * track_m)
     odometry.left_m = left_m
     odometry.right_m = right_m
     odometry.moved_m = 0.5 * (left_way_m + right_way_m)
@@ -127,7 +139,7 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     middle_rad = heading_rad + 0.5 * turn_rad
     cosine, sine = cos_sin(middle_rad)
     odometry.cosine, odometry.sine = cosine, sine
-    dx_m, dy_m = step_m * cosine, step_m * sine
+    dx_m, dy_m = step_m * cosine - aside_m * sine, step_m * sine + aside_m * cosine
     odometry.pose = Pose(x_m + dx_m, y_m + dy_m, wrap(heading_rad + turn_rad))
     spread(odometry, dx_m, dy_m)
     half = 0.5 / track_m
