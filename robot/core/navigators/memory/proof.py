@@ -47,7 +47,6 @@ BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
 ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
 SAME_SIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
 PAST_MM: Final = 250  # the chain must continue this far past the mark
-CLEAR_MM: Final = 100  # with less drift, the chain must reach its first arc
 
 
 class Proof:
@@ -239,8 +238,8 @@ def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: flo
 def verdict(proof: Proof, side: int) -> int:
     """Return what the lap on this side proves; OPEN until it is closed.
 
-    The chain must reach its first arc again. Where the odometry has drifted that cannot be seen, so
-    the chain must go on past the mark for longer than the drift.
+    The chain must reach its first arc again: at a gap its end may lead past the mark on the other
+    side. As the odometry has drifted, it must also go on past the mark for longer than the drift.
     """
     if not (proof.whole and proof.sealed) or proof.gap == SPENT or proof.way_mm < LEAST_MM:
         return OPEN
@@ -257,7 +256,7 @@ def verdict(proof: Proof, side: int) -> int:
     dx_mm, dy_mm = x_mm - proof.closed_x_mm, y_mm - proof.closed_y_mm
     if dx_mm * dx_mm + dy_mm * dy_mm < past_mm * past_mm:
         return OPEN
-    if drift_mm < CLEAR_MM and proof.closed != MET:
+    if proof.closed != MET:
         proof.closed = OPEN_LAP  # it was another place
         return OPEN
     if not proof.separates:
