@@ -37,9 +37,9 @@ def test_errors_of_four_hundred_runs_match_the_covariance(level: str) -> None:
 
 
 def test_without_noise_only_tick_fractions_are_uncertain() -> None:
-    found = consistency_of([drive("obstacles", "none", k) for k in range(20)])
-    assert found.inside >= 0.90
-    assert 1.0 < found.position < 3.0
+    found = consistency_of([drive("obstacles", "none", k) for k in range(60)])
+    assert 0.90 <= found.inside <= 0.99
+    assert 1.5 < found.position < 2.6
 
 
 def test_calibration_cuts_the_error_of_harsh_noise_tenfold() -> None:

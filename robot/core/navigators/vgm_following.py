@@ -327,7 +327,7 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
 def close_loop(memory: Memory) -> None:
     """Handle a closed loop without a proof: an island, or a boundary with gaps.
 
-    While the boundary has had no gap, the proof will close as well, so one loop is ignored. Else
+    While the boundary has had no gap, the proof should close as well, so one loop is ignored. Else
     the other direction is tried with smaller margins, which may find the way through a gap.
     """
     way = memory.loops

@@ -83,8 +83,8 @@ def tick_difference(new: int, old: int) -> int:
 def update(odometry: Odometry, wheels: Wheels | None, params: Params) -> None:
     """Update by one sample; the first only initialises the counters.
 
-    None changes nothing: the next difference includes the missing one. Speeds use the time between
-    the two samples, however late they arrived; a repeated sample does not change them.
+    None does not move the pose: the next difference includes the missing one. Speeds use the time
+    between the two samples, however late they arrived; a repeated sample does not change them.
     """
     odometry.jumped = False
     if wheels is None:
@@ -124,7 +124,7 @@ def roll(odometry: Odometry, left_m: float, right_m: float, params: Params) -> N
     """Move pose and covariance by the wheels' distances (eq. 8 with the track L, not 2l).
 
     Eq. 8 takes the step for an arc. If speed v and turn w change linearly over this step and the
-    last one, the robot also moves aside by (v w' - v' w) / 12, where v' and w' are the last ones.
+    last one, the robot also moves left by (v w' - v' w) / 12, where v' and w' are the last ones.
     """
     left_way_m, right_way_m, track_m = abs(left_m), abs(right_m), params.track_m
     aside_m = (left_m * odometry.right_m - right_m * odometry.left_m) / (12.0 * track_m)

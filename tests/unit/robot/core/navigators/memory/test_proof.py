@@ -166,7 +166,7 @@ def test_lap_is_open_until_it_has_passed_the_mark() -> None:
 def test_lap_is_open_again_if_the_chain_passes_by_its_first_arc(drift_m: float) -> None:
     """The robot was near the mark, but the chain goes on without reaching its first arc.
 
-    It began on one side of an opening and ended on the other; more drift is no excuse for that.
+    It began on one side of an opening and ended on the other. The drift makes no difference.
     """
     proof = marked()
     proof.odometry.pxx += drift_m * drift_m
