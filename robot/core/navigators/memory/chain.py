@@ -27,7 +27,11 @@ the direction of following. While the robot turns in a corner, LEAD is already p
 ARCS: Final = SONARS + 3
 EACH: Final = tuple(range(ARCS))
 REACH_M: Final = 0.40  # arcs of farther echoes are too long for a link
-JUMP_MM: Final = 80  # an echo counts if it agrees this well with one of the last scan
+JUMP_MM: Final = 50
+"""An echo counts if it agrees this well with one of the last scan.
+
+A false one that differs by less cannot bridge a gap that the robot enters.
+"""
 BEHIND_MM: Final = 400
 SLACK_MM: Final = 10  # for errors of range and odometry
 EDGES: Final = tuple(

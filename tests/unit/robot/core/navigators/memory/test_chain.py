@@ -102,6 +102,14 @@ def test_an_echo_counts_only_if_the_last_scan_had_it_too() -> None:
     assert arcs(chain) == set()
 
 
+def test_a_false_echo_nearer_than_the_wall_beside_it_does_not_count() -> None:
+    """Such an echo bridged an opening of 0.36 m: zigzag 4 of corpus seed 13, harsh noise."""
+    chain = Chain()
+    look(chain, {1: 174, 2: 132, 3: 164}, times=1)
+    look(chain, {1: 157, 2: 59}, times=1)
+    assert arcs(chain) == {1}
+
+
 @pytest.mark.parametrize(("sonar", "counts"), [(1, False), (2, True), (4, True), (5, False)])
 def test_the_last_echo_may_be_of_the_sonar_beside(sonar: int, counts: bool) -> None:
     chain = Chain()
