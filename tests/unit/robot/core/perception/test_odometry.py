@@ -87,7 +87,7 @@ def test_quarter_circle_is_accurate_to_0_05_mm() -> None:
 def test_wheels_that_accelerate_while_turning_move_the_robot_aside() -> None:
     """Speed and turn change linearly; compared with an integration in 100 steps per tick.
 
-    What remains is of the third order: a chord is shorter than its arc.
+    A small error is left, because the straight line between two places is shorter than the arc.
     """
     ours, arcs, fine = (at(Pose(0.0, 0.0, 0.0)) for _ in range(3))
     parts = 100
@@ -117,14 +117,14 @@ def off_m(one: Odometry, other: Odometry) -> float:
 def test_sample_that_is_missing_adds_no_motion_aside() -> None:
     """The step after it has no last one to compare with, and counts as an arc."""
     odometry = driven([(100, 60), (60, 100)])
-    arc_of = driven([(100, 60), (60, 100)])
+    as_arc = driven([(100, 60), (60, 100)])
     odometries.update(odometry, None, DEFAULTS)
     assert (odometry.left_m, odometry.right_m, odometry.moved_m) == (0.0, 0.0, 0.0)
-    arc_of.left_m = arc_of.right_m = 0.0
+    as_arc.left_m = as_arc.right_m = 0.0
     sample = wheels(odometry.left + 90, odometry.right + 30, odometry.at_ms + 100)
-    for each in (odometry, arc_of):
+    for each in (odometry, as_arc):
         odometries.update(each, sample, DEFAULTS)
-    assert odometry.pose == arc_of.pose
+    assert odometry.pose == as_arc.pose
 
 
 def test_stopped_left_wheel_is_the_pivot() -> None:
