@@ -34,11 +34,13 @@ class Adversary(NamedTuple):
     """A family: its parameters, and the function that makes a draft of them.
 
     Passages are given as what they are wider than the robot, so that one vector of parameters fits
-    every robot.
+    every robot. `detour` is the least length of the shortest path, as a multiple of the straight
+    line from start to goal.
     """
 
     axes: tuple[Axis, ...]
     make: Maker
+    detour: float = 0.0
 
 
 EXCESS: Final = Axis("excess_m", 0.02, 0.40)

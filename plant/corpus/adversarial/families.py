@@ -6,7 +6,7 @@ unreachable goal. No failure can then be an artefact of the computed shortest pa
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import radians
+from math import dist, radians
 from typing import Final
 
 from plant.corpus.adversarial import enclosures, passages, scenes
@@ -56,10 +56,14 @@ def drawn_value(random: Draws, axis: Axis) -> float:
 def world_of(
     family: str, values: Values, name: str, seed: int, robot: Settings | None = None
 ) -> World | None:
-    """Return the world of a vector of parameters; None if the values make no valid world."""
+    """Return the world of a vector of parameters; None if the values make no valid world.
+
+    None, too, if the shortest path is less of a detour than the family demands.
+    """
     settings = dict(robot or {})
     radius_m = float(settings.get("radius_m", Body().radius_m))
-    draft = ADVERSARIES[family].make(values, radius_m)
+    adversary = ADVERSARIES[family]
+    draft = adversary.make(values, radius_m)
     if draft is None:
         return None
     start_rad = radians(round(values.get("heading_deg", 0.0), 1))
@@ -73,7 +77,12 @@ def world_of(
         family=family,
         family_seed=seed,
     )
-    return measured(world)
+    found = measured(world)
+    if found is None or found.shortest_path_m is None:
+        return found
+    return (
+        found if found.shortest_path_m >= adversary.detour * dist(draft.start, draft.goal) else None
+    )
 
 
 def measured(world: World) -> World | None:

@@ -15,7 +15,7 @@ from plant.corpus.adversarial.axes import (
     frame_of,
     whole,
 )
-from plant.corpus.buildings import Plan, carved, wall_lines
+from plant.corpus.buildings import Cell, Doors, Plan, carved, neighbours, wall_lines
 from plant.corpus.draft import Draft
 from plant.model.draws import Draws
 from plant.model.types import Obstacle, Point
@@ -77,7 +77,7 @@ def _in_lane(share: float, long_m: float, lane_m: float) -> float:
 
 
 def long_detour(values: Values, radius_m: float) -> Draft | None:
-    """Make a long wall close to robot and goal, so that the way around is over ten times as far."""
+    """Make a long wall close to robot and goal, so that the path around it is long."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     near_m = radius_m + thick_m / 2.0 + values["near_m"]
     up_m, down_m, arm_m = values["up_m"], values["down_m"], values["arm_m"]
@@ -117,24 +117,32 @@ def post_lattice(values: Values, radius_m: float) -> Draft | None:
 
 
 def long_maze(values: Values, radius_m: float) -> Draft | None:
-    """Make a maze with one way only, in which drift may exceed the width of a corridor."""
+    """Make a maze with few loops whose goal is among the cells farthest from the start by path."""
     frame, thick_m = frame_of(values), values["thickness_m"]
     columns, rows = whole(values, "columns"), whole(values, "rows")
     cell_m = 2.0 * radius_m + values["excess_m"] + thick_m
     doors = carved(Draws(f"maze/{whole(values, 'layout')}"), columns, rows, values["loops"])
-    lines = list(wall_lines(Plan(columns, rows, (1.0, 1.0), doors)))
+    plan = Plan(columns, rows, (1.0, 1.0), doors)
     shell: list[Point] = [(0, 0), (columns, 0), (columns, rows), (0, rows), (0, 0)]
     walls = [
         frame.wall(thick_m, *((cell_m * x, cell_m * y) for x, y in line))
-        for line in (*lines, shell)
+        for line in (*wall_lines(plan), shell)
     ]
-    ends = [
-        frame.point(
-            cell_m * (int(x * 0.999 * columns) + 0.5), cell_m * (int(y * 0.999 * rows) + 0.5)
-        )
-        for x, y in ((values["start_x"], values["start_y"]), (values["goal_x"], values["goal_y"]))
-    ]
+    start = (int(values["start_x"] * 0.999 * columns), int(values["start_y"] * 0.999 * rows))
+    cells = nearest_first(start, columns, rows, doors)
+    goal = cells[int(values["far"] * 0.999 * len(cells))]
+    ends = [frame.point(cell_m * x, cell_m * y) for x, y in (plan.centre(start), plan.centre(goal))]
     return fitted(values, ends[0], ends[1], walls, radius_m)
+
+
+def nearest_first(start: Cell, columns: int, rows: int, doors: Doors) -> list[Cell]:
+    """Return all cells of a maze in the order of their paths' lengths from a cell."""
+    found = [start]
+    for cell in found:
+        for other in neighbours(cell, columns, rows):
+            if frozenset((cell, other)) in doors and other not in found:
+                found.append(other)
+    return found
 
 
 AWAY: Final = Axis("away_m", 0.0, 2.0)
@@ -160,11 +168,12 @@ HAIRPIN: Final = Adversary(
 )
 LONG_DETOUR: Final = Adversary(
     (
-        *(Axis("near_m", 0.05, 0.6), Axis("up_m", 1.0, 8.0), Axis("down_m", 1.0, 8.0)),
+        *(Axis("near_m", 0.05, 0.4), Axis("up_m", 2.0, 8.0), Axis("down_m", 2.0, 8.0)),
         *(Axis("arm_m", 0.5, 5.0), Axis("other", 0.3, 1.5), Axis("return", 0.0, 0.95)),
         *(Axis("hook", 0, 3, whole=True), SWAPPED, *COMMON),
     ),
     long_detour,
+    detour=10.0,
 )
 POST_LATTICE: Final = Adversary(
     (
@@ -177,9 +186,9 @@ POST_LATTICE: Final = Adversary(
 )
 LONG_MAZE: Final = Adversary(
     (
-        *(Axis("columns", 3, 12, whole=True), Axis("rows", 3, 12, whole=True), LAYOUT),
-        *(Axis("loops", 0.0, 0.15), Axis("start_x", 0.0, 1.0), Axis("start_y", 0.0, 1.0)),
-        *(Axis("goal_x", 0.0, 1.0), Axis("goal_y", 0.0, 1.0), EXCESS, *COMMON),
+        *(Axis("columns", 6, 14, whole=True), Axis("rows", 6, 14, whole=True), LAYOUT),
+        *(Axis("loops", 0.0, 0.05), Axis("start_x", 0.0, 1.0), Axis("start_y", 0.0, 1.0)),
+        *(Axis("far", 0.7, 1.0), EXCESS, *COMMON),
     ),
     long_maze,
 )

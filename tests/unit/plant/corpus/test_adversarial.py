@@ -18,6 +18,7 @@ from plant.corpus import (
 from plant.corpus.adversarial.axes import shifted
 from plant.corpus.adversarial.enclosures import cut_outline
 from plant.corpus.adversarial.families import ADVERSARIES, MARGIN_M, drawn, world_of
+from plant.corpus.adversarial.passages import nearest_first
 from plant.model.body import Body
 from plant.model.draws import Draws
 from plant.model.types import Polyline, World
@@ -105,13 +106,34 @@ def test_drawn_values_are_within_their_axes(family: str) -> None:
         assert not axis.whole or values[axis.name].is_integer()
 
 
-def test_detour_exceeds_ten_times_the_straight_way() -> None:
-    values = {**MIDDLE["long_detour"], "near_m": 0.05, "hook": 0.0}
-    world = world_of("long_detour", values, "w", 1)
+def test_each_long_detour_is_over_ten_times_the_straight_line() -> None:
+    for index in range(6):
+        world = generate("long_detour", index, 21)
+        assert world.shortest_path_m is not None
+        straight_m = dist((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
+        assert world.shortest_path_m >= 10.0 * straight_m
+
+
+def test_shorter_detour_makes_no_world() -> None:
+    values = {**MIDDLE["long_detour"], "near_m": 0.4, "hook": 0.0}
+    assert world_of("long_detour", {**values, "up_m": 8.0, "down_m": 8.0}, "w", 1) is not None
+    assert world_of("long_detour", {**values, "up_m": 8.0, "down_m": 2.0}, "w", 1) is None
+
+
+def test_cells_of_a_maze_are_in_the_order_of_their_paths() -> None:
+    """A corridor of three cells, and a side cell at the second of them."""
+    doors = {frozenset(pair) for pair in (((0, 0), (1, 0)), ((1, 0), (2, 0)), ((1, 0), (1, 1)))}
+    doors |= {frozenset(((1, 1), (0, 1)))}
+    assert nearest_first((2, 0), 3, 2, doors) == [(2, 0), (1, 0), (0, 0), (1, 1), (0, 1)]
+
+
+def test_path_through_a_long_maze_passes_many_cells() -> None:
+    values = {**MIDDLE["long_maze"], "far": 1.0}
+    world = world_of("long_maze", values, "w", 1)
     assert world is not None
     assert world.shortest_path_m is not None
-    straight_m = dist((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
-    assert world.shortest_path_m > 10.0 * straight_m
+    cell_m = 2.0 * Body().radius_m + values["excess_m"] + values["thickness_m"]
+    assert world.shortest_path_m > 25 * cell_m
 
 
 def test_scene_of_three_walls_has_at_most_three_walls() -> None:
