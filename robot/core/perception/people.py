@@ -63,7 +63,7 @@ class People:
 def update(
     people: People, range_m: "list[float | None]", odometry: Odometry, params: Params
 ) -> None:
-    """Move everybody by one period and correct the places by the scan."""
+    """Move every person by one period and correct the places by the scan."""
     x_m, y_m, _ = odometry.pose
     people.any = False
     for k in SLOTS:
