@@ -24,7 +24,7 @@ def set_pose(state: State, pose: Pose) -> int:
     """Move the estimate to a pose that an operator has given; return a reason, 0 if done.
 
     A NaN heading keeps the present one, which a robot without a place does not have. The trail
-    begins anew, because its points belong to the old estimate; so do the tracks of pedestrians and
+    restarts, because its points belong to the old estimate; so do the tracks of pedestrians and
     the directions of walls.
     """
     machine, odometry = state.machine, state.odometry

@@ -23,7 +23,7 @@ CENTRE_M: Final = 0.02  # in the open, drive on to this distance or CENTRE_SHARE
 CENTRE_SHARE: Final = 0.4
 BESIDE_M: Final = 0.12  # a nearer obstacle may keep the robot from the goal
 ELLIPSE: Final = 5.99  # squared radius of the 95 % ellipse, in standard deviations
-MAX_DOUBT_M2: Final = 0.03  # variance of the position: 0.17 m
+MAX_VARIANCE_M2: Final = 0.03  # of the position, x and y together: 0.17 m squared
 CROWDED: Final = 4  # ticks in a row with a near echo, to ignore false ones
 ALIGNED_RAD: Final = 1.8 * pi / 180.0  # the same limits for the heading
 ALIGNED_SHARE: Final = 0.6
@@ -59,7 +59,7 @@ def has_arrived(state: State, goal: Goal, distance_m: float, params: Params) -> 
 
     In the open the robot drives on towards the centre while it lies ahead. With an obstacle near,
     the tolerance is enough, so that the robot does not insist on a blocked place. Beside one, the
-    doubt about its own position is enough.
+    uncertainty of its own position is enough.
     """
     tolerance_m = goal.position_tolerance_m
     if state.arrived:
@@ -101,7 +101,7 @@ def may_be_on(state: State, goal: Goal, distance_m: float, params: Params) -> bo
     """
     odometry = state.odometry
     pose, pxx, pxy, pyy = odometry.pose, odometry.pxx, odometry.pxy, odometry.pyy
-    if distance_m > params.radius_m + BESIDE_M or pxx + pyy > MAX_DOUBT_M2:
+    if distance_m > params.radius_m + BESIDE_M or pxx + pyy > MAX_VARIANCE_M2:
         return False
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     apart = pyy * dx_m * dx_m - 2.0 * pxy * dx_m * dy_m + pxx * dy_m * dy_m

@@ -61,8 +61,8 @@ def ring(more_cm: int | None) -> World:
 class ChainRecorder:
     """Record the chain of the first loop: arcs at its ends, marks, and gaps at which it waits.
 
-    `ticks` is the length of the first loop. `room_m` is the largest distance that the doubt has
-    required between goal and way.
+    `ticks` is the length of the first loop. `room_m` is the largest distance that the uncertain
+    position has required between the goal and the path.
     """
 
     arcs: list[Arc] = field(default_factory=list)
@@ -70,7 +70,7 @@ class ChainRecorder:
     gaps: list[Arc] = field(default_factory=list)
     ticks: int = 0
     room_m: float = 0.0
-    _whole: bool = False
+    _was_valid: bool = False
     _gap: int = proofs.NO_GAP
     _last: dict[int, Point] = field(default_factory=dict)
 
@@ -83,20 +83,20 @@ class ChainRecorder:
         if not memory.following:
             return
         proof = memory.proof
-        if proof.whole and not self._whole:
+        if proof.is_valid and not self._was_valid:
             self.marks.append((0.001 * proof.mark_x_mm, 0.001 * proof.mark_y_mm))
             self._last.clear()
-        self._whole = proof.whole
+        self._was_valid = proof.is_valid
         if proof.gap == proofs.WAITING and self._gap != proofs.WAITING:
             flank = [i for i in EVERY[:: memory.side] if proof.chain.seen >> i & 1]
             beyond = [middle(arc_of(proof, i)) for i in flank]
             self.gaps += [(middle(arc_of(proof, TAIL)), place) for place in beyond[:1]]
         self._gap = proof.gap
-        if proof.whole:
+        if proof.is_valid:
             for end in (LEAD, TAIL):
                 self._take(proof, end)
-            doubt_m = proofs.SIGMAS * proofs.doubt_m(proof.odometry)
-            self.room_m = max(self.room_m, proofs.BOUNDARY_M + doubt_m)
+            error_m = proofs.SIGMAS * proofs.position_sigma_m(proof.odometry)
+            self.room_m = max(self.room_m, proofs.BOUNDARY_M + error_m)
 
     def _take(self, proof: proofs.Proof, end: int) -> None:
         arc = arc_of(proof, end)

@@ -15,7 +15,7 @@ from robot.core.perception.echoes import (
     CIRCLE,
     FIRM_MM,
     HALF_CIRCLE,
-    MOST_WEIGHT,
+    MAX_WEIGHT,
     NOTHING,
     QUARTER,
     SURE,
@@ -34,9 +34,13 @@ FEW: Final = NEAR // SLICES
 LOOK_MM: Final = 200
 WIDE_MM: Final = 80
 TIGHT_MM: Final = 20
+SQUEEZE_MM: Final = -10
+"""Margins around the disc of the robot; `ease_mm` reduces all three.
+
+With the negative one the robot also tries a gap that the stored points show too narrow.
+"""
 CLEAR_MM: Final = 8
 """Distance kept from a firm point that the robot would pass, or graze, without a margin."""
-SQUEEZE_MM: Final = -10
 FREE_MM: Final = 1000
 WARY_MM: Final = 60
 """A point with a single echo limits the speed as if it were at least this far away."""
@@ -58,10 +62,13 @@ ACOS: Final = tuple([int(BRADS * acos(k / TABLE)) + 1 for k in range(TABLE + 1)]
 class Sectors:
     """Bearings of near points in the odometry frame, and half of the sector that each closes.
 
-    `wide`, `tight` and `squeezed` are half sectors with a wide margin, a tight one, and none.
-    `point` is the index among the echoes, NOTHING for a pedestrian. `free_mm` is the free distance
-    along the robot's heading. A sweep sets `closing` to the sector just before the heading it
-    found; `low` and `rest` are its working memory.
+    `wide`, `tight` and `squeezed` are half sectors with the margins WIDE_MM, TIGHT_MM and the
+    negative SQUEEZE_MM, each less `ease_mm` of `measure`. `point` is the index among the echoes,
+    NOTHING for a pedestrian. `away_mm` is the distance of the point from the robot's centre,
+    `body_mm` the radius of the robot without a margin, less the spread of the point. `free_mm` is
+    the free distance along the robot's heading. A sweep sets `offset` to the turn to each bearing,
+    and `closing` to the sector just before the heading it found; `low` and `rest` are its working
+    memory.
     """
 
     __slots__ = (
@@ -141,7 +148,7 @@ def gather(sectors: Sectors, echoes: Echoes, pose: Pose, ease_mm: int, radius_mm
             square = radius_mm2
         along_mm = dx_mm * cosine + dy_mm * sine >> 10
         bearing, weight, spread_mm = UNKNOWN, weights[k], spreads_mm[k]
-        if square < most_mm2 and along_mm >= 0 and 0 < weight <= MOST_WEIGHT:
+        if square < most_mm2 and along_mm >= 0 and 0 < weight <= MAX_WEIGHT:
             bearing = int(BRADS * coarse_atan2(dy_mm, dx_mm))
             if square < through_mm2[contradicting(bearing - heading, weight)]:
                 weights[k] = weight = weight - 1
@@ -289,7 +296,7 @@ def close(sectors: Sectors, halves: "list[int]", margin_mm: int) -> None:
 
 
 def squeeze(sectors: Sectors) -> None:
-    """Compute the sectors without a margin; pedestrians keep the tight one."""
+    """Compute the sectors with the negative margin; pedestrians keep the tight one."""
     close(sectors, sectors.squeezed, SQUEEZE_MM)
     if NOTHING in sectors.point:
         for k in range(sectors.count):

@@ -12,12 +12,20 @@ from robot.core.values import Decision, Goal, Pose
 
 
 class NavigatorStep(Protocol):
-    """A navigator's step, which returns where to drive: a virtual goal with its reasons."""
+    """A navigator's step, which returns where to drive: a virtual goal with its reasons.
+
+    `pose` and `goal` are in the odometry frame, in metres and radians; the ranges of `ring` are
+    metres from the robot's rim. The step may change `memory`. The virtual goal of the decision is
+    in the same frame, its bearings are radians from the heading, positive to the left.
+
+    Branch GIVE_UP or LOST ends the goal. If the pose or the goal is not finite, a navigator that
+    judges progress returns the speed limit 0. Another one may return NaN: then the guard stops.
+    """
 
     def __call__(
         self, __memory: Any, pose: Pose, ring: Ring, goal: Goal, params: Params
     ) -> Decision:
-        """Decide for one tick."""
+        """Decide for one tick, every 50 ms while a goal is active."""
 
 
 class MemoryFactory(Protocol):
@@ -33,7 +41,10 @@ class MemoryFactory(Protocol):
 Navigator = NamedTuple(
     "Navigator", [("memory", "MemoryFactory"), ("step", "NavigatorStep"), ("judges_progress", bool)]
 )
-"""`judges_progress`: the navigator detects an unreachable goal itself and returns GIVE_UP."""
+"""`judges_progress`: the navigator detects by itself that it cannot reach the goal.
+
+It then returns GIVE_UP, or LOST if it has no proof; a lack of progress does not end its goals.
+"""
 
 NAVIGATORS: "Final[dict[int, Navigator]]" = {
     states.BUG: Navigator(memories.Memory, bug.step, False),

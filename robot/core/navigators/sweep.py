@@ -1,4 +1,7 @@
-"""Sweeps over closed sectors: find the smallest turn to an open heading, and the room beyond."""
+"""Sweeps over closed sectors: find the smallest turn to an open heading, and the room beyond.
+
+Headings and turns are brads: integers, 4096 to the circle.
+"""
 
 from typing import Final
 

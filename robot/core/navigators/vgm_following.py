@@ -1,9 +1,11 @@
 """Follow an obstacle on a latched side, by its stored echoes.
 
-A closed lap along a boundary without gaps either proves that the boundary separates robot and goal,
-or shows an island. A loop along a boundary with gaps proves nothing: the other side is tried with
-smaller margins, and after several such loops the robot is lost. If the way only leads away from the
+A closed chain of echoes either proves that the boundary separates robot and goal, or shows an
+island. A loop without a closed chain proves nothing: the other side is tried with smaller margins,
+and after several such loops the robot is lost. If a long straight path only leads away from the
 goal, the other side is tried, too.
+
+Headings and turns without a unit in their names are brads: integers, 4096 to the circle.
 """
 
 from math import inf
@@ -41,20 +43,20 @@ FAR_M: Final = 3.0
 ROOM_PER_BRAD: Final = 1.0 / 800.0  # metres of room that make up for one brad of rotation
 RIGHT_SONARS: Final = (0, 1, 2, 3)
 LEFT_SONARS: Final = (4, 5, 6, 7)
-SOFT: Final = 455  # brads, 40 degrees: largest detour for a wide margin
+SOFT: Final = 455  # 40 degrees: largest detour for a wide margin
 SHARP: Final = 796  # 70 degrees: on a sharper turn the followed point is kept
 WIDE_TURN: Final = 400  # 35 degrees: before a larger turn, gaps without a margin are tried
 HELD_MM: Final = 120  # an echo must be stored this near to the followed point
 LOST_MM: Final = 600  # no echo farther away replaces the followed point
 EASE_MM: Final = 20  # subtracted from all margins after a closed loop
 AGAIN_CM: Final = 30  # a new hit this near to the last leave keeps the side
-PATIENCE_CM: Final = 150  # distance on a side that leads away; doubles per island
+PATIENCE_CM: Final = 150  # distance driven on a side that leads away; doubles per island
 AWAY: Final = 1.15  # leads away: beyond this factor of the hit's distance, plus AWAY_M
 AWAY_M: Final = 0.2
 ISLANDS: Final = 10  # lost after more islands
 ABOUT: Final = 1251  # 110 degrees: a larger turn is made away from the boundary
-STRAIGHT: Final = 170  # brads, 15 degrees: heading error at which a proof may begin
-MARK_AFTER: Final = 2  # points of the way before a proof begins
+STRAIGHT: Final = 170  # 15 degrees: maximum heading error at which a proof may begin
+MARK_AFTER: Final = 2  # points of the path before a proof begins
 MAX_LOOPS: Final = 4  # lost after so many loops along boundaries with gaps
 SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
 
@@ -62,15 +64,22 @@ SHUT: Final = 20  # choices without an open heading, then all echoes are dropped
 class Memory:
     """State of the navigator; `side` is where the followed obstacle is passed.
 
-    `anchor` is the place of the followed echo. `best_m` is the shortest distance to the goal so
-    far, `left_m` that at the last leave, `left_place` the place of it, `hit_m` the distance at the
-    last hit. `failed_leaves` counts leaves without progress. `aside` is the side of the last small
-    detour, kept for `aside_ticks` choices. `passed` counts the changes of side. `sound` is set
-    while the boundary has had no gap since the side was latched; `open_loops` counts the loops
-    along boundaries with gaps. `given_up` is set by a proof, `lost` if there is neither a way nor a
-    proof. `heading` is the last choice, `rotation` its angle from the goal's direction. `still`
-    counts the choices at one place. `phase` selects the work of
-    a tick; `before` is the pose one tick ago.
+    `following` is set while one is followed, and `anchor_*` is the place of the followed echo.
+    `best_m` is the shortest distance to the goal so far, `left_m` that at the last leave,
+    `left_place` the place of it, `hit_m` the distance at the last hit. `failed_leaves` counts
+    leaves without progress. `aside` is the side of the last small detour, kept for `aside_ticks`
+    choices. `passed` holds the number of changes of side and the last side (`changes`).
+    `reversed` is set once the side was changed because the path only led away from the goal.
+
+    `awaits_proof` is set until one loop has been ignored because its proof might still close.
+    `open_loops` counts the loops that were not, `islands` the islands left. After an open loop
+    `ease_mm` is subtracted from all margins. `given_up` is set by a proof, `lost` if the robot has
+    found neither a path nor a proof.
+
+    `heading` is the last choice, `rotation` its angle from the goal's direction. `held` are the
+    ranges that limit the speed (`pace`). `shut` counts the choices without an open heading. `still`
+    counts the choices near `still_*_mm`. `phase` selects the work of a tick; `before` is the pose
+    one tick ago.
     """
 
     __slots__ = (
@@ -78,6 +87,7 @@ class Memory:
         "anchor_y_mm",
         "aside",
         "aside_ticks",
+        "awaits_proof",
         "before",
         "best_m",
         "ease_mm",
@@ -106,7 +116,6 @@ class Memory:
         "sectors",
         "shut",
         "side",
-        "sound",
         "still",
         "still_x_mm",
         "still_y_mm",
@@ -129,7 +138,7 @@ class Memory:
         self.left_place = self.passed = 0
         self.aside = self.aside_ticks = 0
         self.still = self.still_x_mm = self.still_y_mm = 0
-        self.following = self.given_up = self.lost = self.sound = self.reversed = False
+        self.following = self.given_up = self.lost = self.awaits_proof = self.reversed = False
         self.best_m = self.left_m = self.hit_m = inf
         self.failed_leaves = self.islands = self.open_loops = self.shut = self.ease_mm = 0
 
@@ -137,7 +146,7 @@ class Memory:
 def begin(memory: Memory) -> None:
     """Reset for a new goal; the echoes stay valid."""
     memory.best_m = memory.left_m = memory.hit_m = inf
-    memory.following = memory.given_up = memory.lost = memory.sound = memory.reversed = False
+    memory.following = memory.given_up = memory.lost = memory.awaits_proof = memory.reversed = False
     memory.open_loops = memory.rotation = memory.passed = 0
     memory.failed_leaves = memory.islands = memory.shut = memory.ease_mm = 0
     memory.loops.hits = 0
@@ -184,10 +193,10 @@ def room_m(ring: Ring, sonars: "tuple[int, ...]") -> float:
 
 
 def restart(memory: Memory) -> None:
-    """Start the way, and with the next choice the proof, on another side or boundary."""
+    """Start the path, and with the next choice the proof, on another side or boundary."""
     loops.restart(memory.loops)
     proofs.void(memory.proof)
-    memory.sound = True
+    memory.awaits_proof = True
 
 
 def hold(memory: Memory, sector: int) -> None:
@@ -218,7 +227,7 @@ def follow(memory: Memory, pose: Pose, distance_m: float) -> None:
         # Turn away from the boundary: so the sonars of the followed flank sweep over it.
         memory.heading = heading + memory.side * QUARTER
     if -SHARP < off < SHARP:
-        # On a sharp turn the point is kept: the sonars may still see a way past it.
+        # On a sharp turn the point is kept: the sonars may still see an opening past it.
         hold(memory, memory.sectors.closing)
     closed = loops.drop(memory.loops, x_mm // 10, y_mm // 10, heading)
     found = prove(memory, pose, off)
@@ -240,9 +249,9 @@ def watch_boundary(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> No
     """Continue the chain of the proof by the scan of this tick."""
     proof = memory.proof
     chains.look(proof.chain, ring, memory.before or pose, pose, radius_mm)
-    if proof.whole:
-        proofs.seal(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
-        if not proof.whole:
+    if proof.is_valid:
+        proofs.continue_chain(proof, memory.side, radius_mm, memory.goal_x_m, memory.goal_y_m)
+        if not proof.is_valid:
             begin_beyond(memory)
 
 
@@ -253,7 +262,7 @@ def begin_beyond(memory: Memory) -> None:
     """
     memory.open_loops += 1
     memory.lost = memory.open_loops >= MAX_LOOPS
-    memory.sound = True
+    memory.awaits_proof = True
 
 
 def prove(memory: Memory, pose: Pose, off: int) -> int:
@@ -262,7 +271,7 @@ def prove(memory: Memory, pose: Pose, off: int) -> int:
     It begins where the robot drives along the boundary, not where it still turns at the hit.
     """
     proof = memory.proof
-    if not proof.whole:
+    if not proof.is_valid:
         if -STRAIGHT < off < STRAIGHT and memory.loops.count >= MARK_AFTER:
             proofs.mark(proof, pose, memory.side, memory.goal_x_m, memory.goal_y_m)
         return proofs.OPEN
@@ -310,9 +319,9 @@ def shut_in(memory: Memory, heading: int) -> None:
 
 
 def is_astray(memory: Memory, distance_m: float) -> bool:
-    """Return whether a long straight way on this side has only led away from the goal.
+    """Return whether a long straight path on this side has only led away from the goal.
 
-    The other side is then tried, once for each obstacle. Within a bend the way out of a trap leads
+    The other side is then tried, once for each obstacle. Within a bend the path out of a trap leads
     away at first, too.
     """
     return (
@@ -327,16 +336,16 @@ def is_astray(memory: Memory, distance_m: float) -> bool:
 def close_loop(memory: Memory) -> None:
     """Handle a closed loop without a proof: an island, or a boundary with gaps.
 
-    While the boundary has had no gap, the proof should close as well, so one loop is ignored. Else
-    the other direction is tried with smaller margins, which may find the way through a gap.
+    While the lap may still prove something, its chain should close soon as well, so one loop is
+    ignored. Else the other direction is tried with smaller margins, which may lead through a gap.
     """
-    way = memory.loops
-    if memory.sound and proofs.may_close(memory.proof):
-        memory.sound = False
-        loops.restart(way)
+    path = memory.loops
+    if memory.awaits_proof and proofs.may_close(memory.proof):
+        memory.awaits_proof = False
+        loops.restart(path)
         return
-    island = loops.turns_left(way) != (memory.side == states.LEFT)
-    inside = loops.encloses(way, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
+    island = loops.turns_left(path) != (memory.side == states.LEFT)
+    inside = loops.encloses(path, int(100.0 * memory.goal_x_m), int(100.0 * memory.goal_y_m))
     if island != inside:
         leave_island(memory)
         return

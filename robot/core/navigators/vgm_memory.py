@@ -1,11 +1,14 @@
 """The Virtual Goal Method with a memory: rotate the goal by the smallest open angle.
 
-It extends the paper's method. The echoes of the last metre are stored, the side is latched while an
-obstacle is followed, and following ends only with progress. Closed loops between robot and goal
-prove in the end that the goal is unreachable.
+It extends the paper's method. At most 64 echoes are stored, within 0.9 m of the robot. The side is
+latched while an obstacle is followed, and following ends only with progress. A closed chain of
+echoes between robot and goal proves that the goal is unreachable (`memory/proof.py`); a loop alone
+proves nothing.
 
 The work is spread over three ticks: record echoes, measure open headings, choose one. All at once
 would take more than half of the period on the LPC1768.
+
+Headings and turns without a unit in their names are brads: integers, 4096 to the circle.
 """
 
 from math import sqrt
@@ -34,7 +37,7 @@ __all__ = ["Memory", "step"]
 PHASES: Final = 3  # ticks: record, measure, choose
 RECORD: Final = 1
 MEASURE: Final = 2
-NEAR_GOAL_M: Final = 0.6  # nearer, a free straight way is taken without a margin
+NEAR_GOAL_M: Final = 0.6  # nearer, a free straight path is taken without a margin
 SAME_SIDE: Final = 228  # 20 degrees: a rotation on the other side must be smaller by this
 MAX_FAILED_LEAVES: Final = 2  # then free ranges no longer count for leaving
 LATCH: Final = 7  # choices for which the side of a small detour is kept
@@ -46,7 +49,11 @@ FARTHEST: Final = 1e5  # metres or radians: larger values overflow millimetres o
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Return where to drive and the speed limit; GIVE_UP if no way leads to the goal."""
+    """Return where to drive and the speed limit, by the contract of `registry.NavigatorStep`.
+
+    The branch is GIVE_UP if no path leads to the goal, and LOST if neither a path nor a proof was
+    found. If the pose or the goal is not finite or too far away, the speed limit is 0.
+    """
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     if not is_somewhere(pose, distance_m):
@@ -85,7 +92,7 @@ def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> 
 
 
 def measure(memory: Memory, pose: Pose, ring: Ring, radius_mm: int) -> None:
-    """Find out which headings the stored echoes close."""
+    """Compute which headings the stored echoes close."""
     sectors, echoes = memory.sectors, memory.echoes
     echo_decay.update_through(echoes, ring, radius_mm)
     open_headings.measure(sectors, echoes, pose, ring, memory.ease_mm, radius_mm)
@@ -205,7 +212,7 @@ def turn_aside(memory: Memory, to_goal: int, most: int) -> None:
 def leaves(
     memory: Memory, pose: Pose, ring: Ring, to_goal: int, distance_m: float, params: Params
 ) -> bool:
-    """Return whether the way to the goal is open and leads nearer than ever (DistBug's rule).
+    """Return whether the path to the goal is open and leads nearer than ever (DistBug's rule).
 
     The free ranges count only until too many leaves have failed.
     """
@@ -229,7 +236,7 @@ def leave(memory: Memory, x_cm: int, y_cm: int) -> None:
 
 
 def is_clear(memory: Memory, pose: Pose, to_goal: int, distance_m: float, params: Params) -> bool:
-    """Return whether no stored echo touches the straight way to a near goal, without a margin."""
+    """Return whether no stored echo touches the straight path to a near goal, without a margin."""
     echoes = memory.echoes
     along_x, along_y = whole_cos_sin(to_goal / BRADS)
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)

@@ -35,7 +35,7 @@ LEAN_M: Final = 0.10  # a neighbour farther by this counts as without an echo
 NOISE_M: Final = 0.003
 NOISE_SHARE: Final = 0.01
 SURE: Final = 8  # scans of a track until its rate counts
-MOST: Final = 24  # scans in the line of best fit
+MAX_SCANS: Final = 24  # scans in the line of best fit
 LEAST_M_S: Final = 0.025  # slower echoes, or within the noise, are static
 SIGMAS: Final = 2.5
 FASTEST_M_S: Final = 0.32  # a faster echo is another one
@@ -57,11 +57,13 @@ WAIT_S: Final = 2.0
 
 UNSURE: Final = tuple([cos(max(abs(b) - HALF_CONE, 0.0)) - cos(b) for b in BEARINGS])
 """Share of the robot's speed by which an echo in this cone may differ from one in its middle."""
-GAIN: Final = tuple([1.0, 1.0] + [2.0 * (2 * n - 1) / (n * (n + 1)) for n in range(2, MOST + 1)])
-RATE_GAIN: Final = tuple([0.0, 0.0] + [6.0 / (n * (n + 1)) for n in range(2, MOST + 1)])
+GAIN: Final = tuple(
+    [1.0, 1.0] + [2.0 * (2 * n - 1) / (n * (n + 1)) for n in range(2, MAX_SCANS + 1)]
+)
+RATE_GAIN: Final = tuple([0.0, 0.0] + [6.0 / (n * (n + 1)) for n in range(2, MAX_SCANS + 1)])
 """Shares of an innovation after n scans that correct end and slope of a line of best fit."""
 DOUBT: Final = tuple(
-    [SIGMAS * sqrt(12.0 / (n or 1)) / (DEFAULTS.period_s * (n or 1)) for n in range(MOST + 1)]
+    [SIGMAS * sqrt(12.0 / (n or 1)) / (DEFAULTS.period_s * (n or 1)) for n in range(MAX_SCANS + 1)]
 )
 """Uncertainty of that slope per metre of noise, in 1/s."""
 
@@ -222,7 +224,7 @@ def learn(
     w.taken |= 1 << k
     w.missed[k] = 0
     n = w.seen[k]
-    if n < MOST:
+    if n < MAX_SCANS:
         w.seen[k] = n = n + 1
     gain, rate_gain = GAIN[n], RATE_GAIN[n] / params.period_s
     off_m, turn_rad = here_m - w.range_m[k], off_rad - w.off_rad[k]
@@ -268,7 +270,7 @@ def walks(
 def crossing(w: Pedestrians, k: int) -> bool:
     """Return whether a track crosses in front of the robot, for long enough to be sure."""
     across_m_s = w.across_m_s[k]
-    if w.seen[k] < MOST or not (across_m_s > ACROSS_M_S or across_m_s < -ACROSS_M_S):
+    if w.seen[k] < MAX_SCANS or not (across_m_s > ACROSS_M_S or across_m_s < -ACROSS_M_S):
         return False
     return (across_m_s > 0.0) != (w.off_rad[k] > 0.0)
 

@@ -1,4 +1,7 @@
-"""Remove stored echoes that are far away, old, or contradicted by longer echoes."""
+"""Remove stored echoes that are far away, old, or contradicted by longer echoes.
+
+Bearings and cones are brads: integers, 4096 to the circle.
+"""
 
 from typing import Final
 

@@ -20,7 +20,7 @@ from runtime.elementary import cos, sin
 POINTS: Final = 64
 SURE: Final = 2
 """Minimum weight of a point that counts."""
-MOST_WEIGHT: Final = 4
+MAX_WEIGHT: Final = 4
 FIRM_MM: Final = 16
 FIRM_STEP: Final = 4
 FIRM_WEIGHT: Final = 16
@@ -241,7 +241,7 @@ def confirm(echoes: Echoes, k: int) -> None:
         if weight < FIRM_WEIGHT:
             weight += FIRM_STEP
             echoes.weight[k] = FIRM_WEIGHT if weight > FIRM_WEIGHT else weight
-    elif weight < MOST_WEIGHT:
+    elif weight < MAX_WEIGHT:
         echoes.weight[k] = weight + 1
 
 

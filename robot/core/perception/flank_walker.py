@@ -3,6 +3,8 @@
 A static obstacle that only the last sonar of a flank detects is behind the robot after a short
 straight drive. An echo that is still there after a longer one moves alongside, and following it
 would follow a person. The robot then turns away and lets it go ahead.
+
+Headings are brads: integers, 4096 to the circle.
 """
 
 from typing import Final

@@ -13,13 +13,13 @@ from robot.core.perception.odometry import Odometry
 from robot.core.values import SONARS, Pose
 from runtime.elementary import coarse_atan2, cos_sin
 
-MOST: Final = 4
-SLOTS: Final = tuple(range(MOST))
+MAX_PEOPLE: Final = 4
+SLOTS: Final = tuple(range(MAX_PEOPLE))
 BODY_M: Final = 0.20
 """Radius of a person."""
 BEGIN: Final = 30  # scans for which a new person is believed
 PROVEN: Final = 8  # scans of motion until a person is evaded
-MOST_LEFT: Final = 120  # scans for which that person is believed without an echo
+MAX_LEFT: Final = 120  # scans for which that person is believed without an echo
 LEAST_M_S: Final = 0.025  # slower along the line of sight an echo may be static
 RECEDES_M_S: Final = 0.05
 SEEN_THROUGH: Final = 6  # scans less for an echo from beyond
@@ -53,9 +53,9 @@ class People:
     )
 
     def __init__(self) -> None:
-        self.x_m, self.y_m = [0.0] * MOST, [0.0] * MOST
-        self.vx_m_s, self.vy_m_s = [0.0] * MOST, [0.0] * MOST
-        self.left, self.proof = [0] * MOST, [0] * MOST
+        self.x_m, self.y_m = [0.0] * MAX_PEOPLE, [0.0] * MAX_PEOPLE
+        self.vx_m_s, self.vy_m_s = [0.0] * MAX_PEOPLE, [0.0] * MAX_PEOPLE
+        self.left, self.proof = [0] * MAX_PEOPLE, [0] * MAX_PEOPLE
         self.any = self.through = False
         self.cones, self.off_m, self.aside_m = 0, 0.0, 0.0
 
@@ -63,7 +63,7 @@ class People:
 def update(
     people: People, range_m: "list[float | None]", odometry: Odometry, params: Params
 ) -> None:
-    """Move everybody by one period and correct the places by the scan."""
+    """Move every person by one period and correct the places by the scan."""
     x_m, y_m, _ = odometry.pose
     people.any = False
     for k in SLOTS:
@@ -169,11 +169,11 @@ def agree(people: People, k: int, nears_m_s: float) -> None:
         if not proven and people.proof[k] > 0:
             people.proof[k] -= 1
     elif proven:
-        people.left[k] = min(people.left[k] + 2, MOST_LEFT)
+        people.left[k] = min(people.left[k] + 2, MAX_LEFT)
     else:
         people.proof[k] += 1
         if people.proof[k] == PROVEN:
-            people.left[k] = MOST_LEFT
+            people.left[k] = MAX_LEFT
 
 
 def confirm(

@@ -1,5 +1,6 @@
 """Detect wheel slip with the sonars ahead.
 
+A robot that slips drives less far than its encoders show, and an echo ahead comes nearer by less.
 The foremost echo ahead, if nearer than the echoes of the neighbouring cones, is a point or a
 surface. If static, its range must shrink by at least cos 22.5 deg of the distance driven. If it
 shrinks by less over `WINDOW_M`, the wheels slip. A pedestrian that walks away looks the same; the
@@ -27,11 +28,11 @@ UNSURE: Final = 0.04  # maximum difference of cosines up to 22.5 degrees from CL
 SETTLE: Final = 6  # scans in the first level of a stretch
 NEW: Final = 0.25  # weight of a new scan in the level
 LATE: Final = 5.5  # scans between the middles of the first and the last level
-LEAST_SCANS: Final = 16
+MIN_SCANS: Final = 16
 STRIKES: Final = 3  # scans in a row that do not fit: another obstacle is ahead
 GATE_M: Final = 0.08
 SIGMAS: Final = 2.5  # of a single scan; the difference of the two levels has half of that
-LEAST_SHARE: Final = 0.15
+MIN_SHARE: Final = 0.15
 SPLIT: Final = 0.06  # a larger difference would turn the robot away
 
 
@@ -76,7 +77,7 @@ def watch(slip: Slip, odometry: Odometry, ring: Ring, params: Params) -> None:
     carry(slip, odometry, params)
     slip.way_m += 0.5 * (odometry.left_m + odometry.right_m)
     follow(slip, foremost_m(ring, params))
-    if slip.seen >= LEAST_SCANS and slip.way_m >= WINDOW_M:
+    if slip.seen >= MIN_SCANS and slip.way_m >= WINDOW_M:
         judge(slip, odometry)
         slip.seen = 0
 
@@ -178,7 +179,7 @@ def judge(slip: Slip, odometry: Odometry) -> None:
     way_m = slip.way_m * (1.0 - LATE / slip.seen)
     chance_m = UNSURE * way_m + SIGMAS * sqrt(slip.scatter_m2)
     share = min(lost_m / way_m, 1.0)
-    if lost_m > chance_m and share > LEAST_SHARE:
+    if lost_m > chance_m and share > MIN_SHARE:
         if slip.share > 0.0:
             widen(slip, odometry, -slip.share)
         slip.share, slip.unseen_m = max(slip.share, share), 0.0

@@ -16,9 +16,9 @@ from robot.core.geometry import wrap
 from robot.core.perception.odometry import Odometry
 
 BLOCK_MM: Final = 170
-LEAST: Final = 8
+MIN_ECHOES: Final = 8
 """Echoes in a block."""
-MOST: Final = 80
+MAX_ECHOES: Final = 80
 FAR_M: Final = 0.6
 CLAMPED_M: Final = 0.03  # nearer than a sonar can measure
 AWAY_RAD: Final = 0.2  # turned farther away, the normal of the wall is outside of the cone
@@ -28,8 +28,8 @@ GATE_PER_M: Final = 400
 STRIKES: Final = 3  # echoes in a row that do not fit: another obstacle is beside the robot
 STEEPEST: Final = 0.25
 ALONG: Final = 0.08
-LEAST_SCATTER: Final = 900.0  # variance of a distance in tenths of a millimetre squared
-MOST_SCATTER: Final = 60000.0
+MIN_SCATTER: Final = 900.0  # variance of a distance in tenths of a millimetre squared
+MAX_SCATTER: Final = 60000.0
 BENT: Final = 12.0  # chi-square of two lines against one, with two degrees of freedom
 
 
@@ -112,7 +112,7 @@ def add(stretch: Stretch, odometry: Odometry, range_m: float, radius_m: float) -
         stretch.strikes += 1
         return False
     stretch.strikes, stretch.last = 0, distance
-    if count < MOST:
+    if count < MAX_ECHOES:
         accumulate(newer, way_mm, distance)
     if -BLOCK_MM < way_mm - stretch.begin_mm < BLOCK_MM:
         return False
@@ -152,7 +152,7 @@ def fit(sums: list[int]) -> tuple[float, float, float]:
 def direction(stretch: Stretch, odometry: Odometry) -> tuple[float, float] | None:
     """Return the angle of the wall from the way and its variance, None if it is not straight."""
     older, newer = stretch.older, stretch.newer
-    if older[0] < LEAST or newer[0] < LEAST:
+    if older[0] < MIN_ECHOES or newer[0] < MIN_ECHOES:
         return None
     _, older_rest, _ = fit(older)
     _, newer_rest, _ = fit(newer)
@@ -160,8 +160,8 @@ def direction(stretch: Stretch, odometry: Odometry) -> tuple[float, float] | Non
         older[i] += newer[i]
     slope, rest, spread = fit(older)
     scatter = (older_rest + newer_rest) / (older[0] - 4)
-    if scatter < LEAST_SCATTER:
-        scatter = LEAST_SCATTER
+    if scatter < MIN_SCATTER:
+        scatter = MIN_SCATTER
     slope *= 0.1
     dx_m, dy_m = odometry.pose.x_m - stretch.x_m, odometry.pose.y_m - stretch.y_m
     way_m = stretch.cosine * dx_m + stretch.sine * dy_m
@@ -170,7 +170,7 @@ def direction(stretch: Stretch, odometry: Odometry) -> tuple[float, float] | Non
     if not abs(nearer_m) <= ALONG * abs(way_m):
         return None
     bent = rest - older_rest - newer_rest > BENT * scatter
-    if bent or scatter > MOST_SCATTER or not -STEEPEST < slope < STEEPEST or spread <= 0.0:
+    if bent or scatter > MAX_SCATTER or not -STEEPEST < slope < STEEPEST or spread <= 0.0:
         return None
     angle_rad = slope * (1.0 + slope * slope / 6.0)
     return (angle_rad if stretch.side > 0 else -angle_rad), 0.01 * scatter / spread

@@ -2,8 +2,11 @@
 
 An echo at some range shows that a surface touches the arc of its cone at that distance, but not
 where. Two arcs are linked if every point of one is nearer to every point of the other than the
-robot is wide: wherever the two surfaces touch their arcs, the robot does not fit between them.
-Millimetres in the odometry frame; an arc is stored by its two ends.
+robot is wide: wherever the two surfaces touch their arcs, the robot does not fit between them. An
+arc is stored by its two ends. The ends are enough for the comparison: an arc of one cone is short
+against its radius, so the two points that are farthest apart are ends.
+
+Integers: millimetres in the odometry frame.
 """
 
 from math import pi
@@ -32,7 +35,7 @@ JUMP_MM: Final = 50
 
 A false one that differs by less cannot bridge a gap that the robot enters.
 """
-BEHIND_MM: Final = 400
+BEHIND_MM: Final = 400  # LEAD is taken back to the scan once the robot has left it this far
 SLACK_MM: Final = 10  # for errors of range and odometry
 EDGES: Final = tuple(
     [
@@ -63,14 +66,17 @@ Found = NamedTuple(
 )
 """How the chain has reached arcs of a scan; `ahead` from LEAD, `beside` from TAIL, as bits.
 
-`tail` is the arc that became TAIL, `lead` LEAD, or NOTHING. `tail_joint` and `lead_joint` are the
-arcs where the chain came to the scan on its way there; `tail` if it came by TAIL to a lead.
+`tail` is the arc that became TAIL. `lead` is the arc that became LEAD, or NOTHING if LEAD stays.
+`tail_joint` and `lead_joint` are the arcs of the scan that are linked to the old end and from which
+the chain leads on to `tail` and `lead`. If `lead` was reached only from TAIL, `lead_joint` is
+`tail`.
 """
 
 
 class Chain:
     """The ends of the arcs of the newest scan, of both ends of the chain, and of its first arc.
 
+    `x_mm` and `y_mm` are the right end of each arc, seen from the robot, `left_*` the left one.
     `range_mm` and `before_mm` are the ranges of this and of the last scan, or NOTHING, with a
     NOTHING before and after them. `seen` has a bit for each usable arc.
     """
@@ -154,7 +160,7 @@ def extend(chain: Chain, x_mm: int, y_mm: int, side: int, width_mm: int) -> Foun
 
     It stays where no linked arc is ahead or at the followed flank: behind a gap, the other flank
     would lead back. LEAD stays while no arc is linked to it, unless the robot at `x_mm` and `y_mm`
-    has left it behind. `width_mm` is that of the robot, less the errors.
+    is farther from it than BEHIND_MM. `width_mm` is that of the robot, less the errors.
     """
     width_mm2 = width_mm * width_mm
     from_lead = linked(chain, LEAD, chain.seen, width_mm2)

@@ -1,7 +1,9 @@
 """Evade people: choose a heading by the closest approach that it leads to.
 
 A person keeps its velocity, and the robot turns on the spot before it drives. The robot keeps its
-heading if that stays clear of everybody, else it takes the heading, or the wait, that costs least.
+heading if that stays clear of all people, else it takes the heading, or the wait, that costs least.
+
+Headings are brads: integers, 4096 to the circle.
 """
 
 from math import inf, sqrt

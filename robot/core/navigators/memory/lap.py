@@ -13,7 +13,7 @@ MARK_AFTER_M: Final = 0.35  # at the hit itself the robot is still turning
 CLOSE_M: Final = 0.25
 SAME_WAY_RAD: Final = pi / 3.0
 ROUND_RAD: Final = 300.0 * pi / 180.0
-SHORTEST_M: Final = 0.5
+MIN_LAP_M: Final = 0.5
 WOUND_RAD: Final = 4.0 * pi  # without passing the mark: it is on another boundary
 SPUN_RAD: Final = 6.0 * pi  # boxed in
 
@@ -55,7 +55,7 @@ def closed(lap: Lap, pose: Pose) -> bool:
         return False
     if abs(lap.turned_rad) < ROUND_RAD:
         return False
-    if not spun and lap.at_m - lap.mark_at_m < SHORTEST_M:
+    if not spun and lap.at_m - lap.mark_at_m < MIN_LAP_M:
         return False
     same_way = abs(wrap(pose.heading_rad - lap.mark.heading_rad)) <= SAME_WAY_RAD
     if not same_way or apart_m(lap.mark, pose) > CLOSE_M:

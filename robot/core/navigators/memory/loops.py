@@ -1,4 +1,4 @@
-"""Detect loops: hits are stored by place, the way by points along it.
+"""Detect loops: hits are stored by place, the path by points along it.
 
 A loop is the same places in the same order and direction; the place alone would confuse the two
 sides of a corridor. Integers: centimetres, and brads (4096 to the circle).
@@ -13,9 +13,9 @@ HITS: Final = 8
 HIT_CM: Final = 35
 CRUMBS: Final = 52
 SPACING_CM: Final = 25
-LEAST_AWAY: Final = 5
+MIN_AWAY: Final = 5
 """Minimum number of points between a place and its second visit."""
-STRAIGHT: Final = 97  # percent of the way that the ends of a straight one are apart
+STRAIGHT: Final = 97  # percent of its length that the ends of a straight path are apart
 IN_A_ROW: Final = 3
 STEPS: Final = 16
 """Headings of points are stored as bytes, 256 to the circle: this many brads each."""
@@ -27,7 +27,7 @@ LOW: Final = 32767
 
 
 class Loops:
-    """A ring buffer of hits, and the points of the way since the last hit.
+    """A ring buffer of hits, and the points of the path since the last hit.
 
     A hit has a place and a side (1 left, 0 right), a point a place and a heading. Every second
     point is removed when the memory is full. `first` is the start of the loop that closed.
@@ -74,18 +74,18 @@ def y_of(place: int) -> int:
 
 
 def restart(loops: Loops) -> None:
-    """Forget the way."""
+    """Forget the path."""
     loops.count = loops.matches = 0
     loops.spacing_cm = SPACING_CM
 
 
 def walked_cm(loops: Loops) -> int:
-    """Return the approximate length of the way since `restart`."""
+    """Return the approximate length of the path since `restart`."""
     return loops.count * loops.spacing_cm
 
 
 def is_straight(loops: Loops) -> bool:
-    """Return whether the way since `restart` is a straight line."""
+    """Return whether the path since `restart` is a straight line."""
     last = loops.count - 1
     if last < 1:
         return False
@@ -106,7 +106,7 @@ def side_at(loops: Loops, x_cm: int, y_cm: int, side: int) -> int:
 
 
 def remember(loops: Loops, x_cm: int, y_cm: int, side: int) -> None:
-    """Store a hit passed on this side, and restart the way."""
+    """Store a hit passed on this side, and restart the path."""
     i = loops.hits % HITS
     loops.hit_place[i], loops.hit_side[i] = packed(x_cm, y_cm), side == states.LEFT
     loops.hits += 1
@@ -119,7 +119,7 @@ def is_near(dx_cm: int, dy_cm: int, least_cm: int) -> bool:
 
 
 def drop(loops: Loops, x_cm: int, y_cm: int, heading: int) -> bool:
-    """Store a point at each spacing; return whether the way has closed upon itself."""
+    """Store a point at each spacing; return whether the path is a closed loop."""
     n = loops.count
     if n:
         last = loops.place[n - 1]
@@ -142,7 +142,7 @@ def visited(loops: Loops, x_cm: int, y_cm: int, heading: int) -> int:
     """Return the oldest point at this place and heading, without the newest few; -1 if none."""
     same_cm = loops.spacing_cm if loops.spacing_cm == SPACING_CM else loops.spacing_cm * 6 // 10 + 5
     places, x_cm, y_cm = loops.place, x_cm + BIAS, y_cm + BIAS
-    for k in range(loops.count - LEAST_AWAY):
+    for k in range(loops.count - MIN_AWAY):
         dx_cm, dy_cm = (places[k] >> SHIFT) - x_cm, (places[k] & LOW) - y_cm
         if -same_cm < dx_cm < same_cm and -same_cm < dy_cm < same_cm:
             off = (loops.heading[k] - heading + 128) % 256 - 128

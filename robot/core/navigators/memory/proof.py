@@ -1,16 +1,22 @@
 """Prove by a lap along a boundary that it separates robot and goal.
 
-A proof needs three facts about the way since a mark on the boundary:
+A proof has four parts, all about the time since a mark on the boundary:
 
-- A chain of echoes through which the robot cannot pass (`chain`) leads along the boundary and back
-  to its beginning: the robot is at the mark again, within the doubt that its odometry has collected
-  since the mark, and has turned once round.
-- The closed chain winds round the goal otherwise than round the mark, so it separates them.
-- There is room for the doubt: at no place of the lap could the true goal lie on the robot's side.
+- Chain: echoes between which the robot does not fit (`chain`) lead along the boundary and back to
+  their beginning.
+- Closed lap: the robot is at the mark again, within the drift of its odometry since the mark, and
+  has turned once round.
+- Separation: the winding number of the closed chain about the goal differs from that about the
+  mark.
+- Room: at no place of the lap could the true goal lie on the robot's side of the boundary.
 
 At a gap that the robot neither passes nor proves, the chain waits, while the robot follows another
 surface. It goes on where the robot meets the same surface beyond the gap: then the surface of the
-chain's end and the new one are linked, with room for the doubt collected between.
+chain's end and the new one are linked, with room for the drift in between.
+
+The drift since a place is SIGMAS times the root of the variance that the position, x and y
+together, has gained since. It is not the doubt that `lost` reports, which is the half axis of the
+95 % ellipse.
 
 Integers: millimetres, and brads (4096 to the circle).
 """
@@ -39,11 +45,15 @@ OPEN_LAP, CLOSED, MET = 0, 1, 2
 NO_GAP, WAITING, HOPPED, SPENT = 0, 1, 2, 3
 """States of the chain at gaps; a SPENT one has proved nothing, and ends at the next gap."""
 
-LAG_MM: Final = 500  # the chain is broken if its end is farther away
-LEAST_MM: Final = 500  # length of the shortest lap
-MAX_WITHIN_MM: Final = 500  # with more doubt another place may be taken for the mark
+LAG_MM: Final = 500  # the chain waits at a gap once the robot is farther from its end
+MIN_LAP_MM: Final = 500  # length of the shortest lap
+MAX_WITHIN_MM: Final = 500  # with more drift another place may be taken for the mark
 SIGMAS: Final = 4.0
-BOUNDARY_M: Final = 0.12  # from the rim to the boundary, at most
+BOUNDARY_M: Final = 0.12
+"""Assumed limit of the distance from the robot's rim to the boundary.
+
+On its side of the boundary the robot's centre can come nearer to the goal by this much.
+"""
 ONCE: Final = 340  # brads, 30 degrees: tolerance of a full turn
 SAME_SIDE: Final = 800  # brads, 70 degrees: the chain ends on the same side of the mark as it began
 PAST_MM: Final = 250  # the chain must continue this far past the mark
@@ -52,16 +62,20 @@ PAST_MM: Final = 250  # the chain must continue this far past the mark
 class Proof:
     """A lap along a boundary since the mark.
 
-    `whole` is set while the lap may prove something, `sealed` while its chain reaches the newest
-    scan. `gap` is the state of the chain at gaps, and `broke_mm2` the variance of the position when
-    it last began to wait. `way_mm` is the length of the lap, `turned` its net turn. `goal_angle`
-    and `mark_angle` are the directions from the goal and from the mark to TAIL, `lead_*` those to
-    LEAD, `start_*` those to the first arc; they count whole turns. `closed` is CLOSED at the mark
-    again, where the chain ended at `closed_*`, and MET once the chain reaches its first arc;
-    `separates` is set if the chain closed there separates mark and goal. `room_m` is the least
-    distance that the goal keeps from the robot's side of the boundary. `mark_*` are the pose at the
-    mark and the variance of its position. `odometry` is the estimate with its covariance. Parallel
-    ways along a boundary are farther apart than `radius_mm`, the robot's radius.
+    `is_valid` is set while the lap may prove something, `is_attached` while its chain reaches the
+    newest scan. `gap` is the state of the chain at gaps, and `broke_mm2` the variance of the
+    position when it last began to wait. `way_mm` is the distance driven, `turned` the net turn of
+    the robot. `x_mm` and `y_mm` are the last place, `heading` is the heading up to which `turned`
+    counts.
+
+    `goal_angle` and `mark_angle` are the directions from the goal and from the mark to TAIL,
+    `lead_*` those to LEAD, `start_*` those to the first arc; they count whole turns. `closed` is
+    CLOSED at the mark again, where the chain ended at `closed_*`, and MET once the chain reaches
+    its first arc; `separates` is set if the chain closed there separates mark and goal. `room_m` is
+    the least distance that the goal keeps from the robot's side of the boundary. `mark_*_mm` are
+    the place of the mark, `mark_mm2` the variance of the position there. `odometry` is the estimate
+    with its covariance. `radius_mm` is the robot's radius: without drift a place counts as the mark
+    within it, because two passes along the two sides of a wall are farther apart.
     """
 
     __slots__ = (
@@ -73,6 +87,8 @@ class Proof:
         "gap",
         "goal_angle",
         "heading",
+        "is_attached",
+        "is_valid",
         "lead_goal_angle",
         "lead_mark_angle",
         "mark_angle",
@@ -82,13 +98,11 @@ class Proof:
         "odometry",
         "radius_mm",
         "room_m",
-        "sealed",
         "separates",
         "start_goal_angle",
         "start_mark_angle",
         "turned",
         "way_mm",
-        "whole",
         "x_mm",
         "y_mm",
     )
@@ -96,7 +110,7 @@ class Proof:
     def __init__(self) -> None:
         self.odometry = Odometry()
         self.chain = Chain()
-        self.whole = self.sealed = self.separates = False
+        self.is_valid = self.is_attached = self.separates = False
         self.x_mm = self.y_mm = self.heading = 0
         self.goal_angle = self.mark_angle = self.lead_goal_angle = self.lead_mark_angle = 0
         self.start_goal_angle = self.start_mark_angle = 0
@@ -111,13 +125,13 @@ class Proof:
 
 
 def void(proof: Proof) -> None:
-    """Drop the lap: the robot does not follow a boundary, or another one."""
-    proof.whole = False
+    """Drop the lap: the robot follows no boundary now, or another one."""
+    proof.is_valid = False
 
 
 def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) -> None:
     """Begin a lap here, if there is an echo at which its chain can begin."""
-    proof.whole = chains.begin(proof.chain, side)
+    proof.is_valid = chains.begin(proof.chain, side)
     proof.mark_x_mm = proof.x_mm = int(1000.0 * pose.x_m)
     proof.mark_y_mm = proof.y_mm = int(1000.0 * pose.y_m)
     proof.heading = int(BRADS * pose.heading_rad)
@@ -131,9 +145,9 @@ def mark(proof: Proof, pose: Pose, side: int, goal_x_m: float, goal_y_m: float) 
 
 
 def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
-    """Add the way since the last call: its length, its turn, and the room for the doubt.
+    """Add the motion since the last call to the lap: distance driven, turn, and least room.
 
-    While the chain waits at a gap, the turn waits, too.
+    A turn made while the chain waits at a gap is added after the gap, modulo a full turn.
     """
     x_mm, y_mm = int(1000.0 * pose.x_m), int(1000.0 * pose.y_m)
     heading = int(BRADS * pose.heading_rad)
@@ -145,7 +159,7 @@ def advance(proof: Proof, pose: Pose, goal_x_m: float, goal_y_m: float) -> None:
     proof.x_mm, proof.y_mm = x_mm, y_mm
     away_x_m, away_y_m = pose.x_m - goal_x_m, pose.y_m - goal_y_m
     room_m = sqrt(away_x_m * away_x_m + away_y_m * away_y_m) - BOUNDARY_M
-    room_m -= SIGMAS * doubt_m(proof.odometry)
+    room_m -= SIGMAS * position_sigma_m(proof.odometry)
     if room_m < proof.room_m:
         proof.room_m = room_m
 
@@ -198,28 +212,30 @@ def turn(before: int, now: int) -> int:
     return (now - before + HALF_CIRCLE) % CIRCLE - HALF_CIRCLE
 
 
-def doubt_m(odometry: Odometry) -> float:
+def position_sigma_m(odometry: Odometry) -> float:
     """Return the standard deviation of the position in its most uncertain direction."""
     half_m2 = 0.5 * (odometry.pxx - odometry.pyy)
     mean_m2, across_m2 = 0.5 * (odometry.pxx + odometry.pyy), odometry.pxy
     return sqrt(mean_m2 + sqrt(half_m2 * half_m2 + across_m2 * across_m2))
 
 
-def seal(proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: float) -> None:
+def continue_chain(
+    proof: Proof, side: int, radius_mm: int, goal_x_m: float, goal_y_m: float
+) -> None:
     """Continue the chain by the newest scan; it waits at a gap if it stays behind.
 
     Where the robot meets the same surface again beyond the gap, the chain goes on. For this hop it
-    needs room for the doubt collected on the way between.
+    needs room for the drift since it began to wait.
     """
     chain = proof.chain
     proof.radius_mm = radius_mm
     width_mm = chains.width_mm(radius_mm)
     if proof.gap == WAITING:
-        width_mm -= int(SIGMAS * gained_mm(proof, proof.broke_mm2))
+        width_mm -= int(SIGMAS * sigma_gained_mm(proof, proof.broke_mm2))
     found = None
     if width_mm > 0:
         found = chains.extend(chain, proof.x_mm, proof.y_mm, side, width_mm)
-    proof.sealed = found is not None
+    proof.is_attached = found is not None
     if found is not None:
         wind(proof, found, goal_x_m, goal_y_m)
         if proof.gap == WAITING:
@@ -241,9 +257,13 @@ def verdict(proof: Proof, side: int) -> int:
     The chain must reach its first arc again: at a gap its end may lead past the mark on the other
     side. As the odometry has drifted, it must also go on past the mark for longer than the drift.
     """
-    if not (proof.whole and proof.sealed) or proof.gap == SPENT or proof.way_mm < LEAST_MM:
+    if (
+        not (proof.is_valid and proof.is_attached)
+        or proof.gap == SPENT
+        or proof.way_mm < MIN_LAP_MM
+    ):
         return OPEN
-    drift_mm = int(SIGMAS * gained_mm(proof, proof.mark_mm2))
+    drift_mm = int(SIGMAS * sigma_gained_mm(proof, proof.mark_mm2))
     if proof.closed == OPEN_LAP:
         if is_at_mark(proof, drift_mm) and is_simple(proof, side):
             proof.closed, proof.separates = CLOSED, separates(proof)
@@ -267,28 +287,28 @@ def verdict(proof: Proof, side: int) -> int:
     return SEPARATED if proof.room_m > 0.0 else DOUBTED
 
 
-def wound(proof: Proof) -> int:
-    """Return the net turn of the line from the goal to the end of the chain."""
+def goal_winding(proof: Proof) -> int:
+    """Return the net turn of the line from the goal to the end of the chain, in brads."""
     return proof.goal_angle - proof.start_goal_angle
 
 
-def ringed(proof: Proof) -> int:
-    """Return the net turn of the line from the mark to the end of the chain."""
+def mark_winding(proof: Proof) -> int:
+    """Return the net turn of the line from the mark to the end of the chain, in brads."""
     return proof.mark_angle - proof.start_mark_angle
 
 
 def separates(proof: Proof) -> bool:
-    """Return whether the chain, closed here, separates mark and goal."""
-    return rounds(wound(proof)) != rounds(ringed(proof))
+    """Return whether the chain, closed here, winds differently about mark and goal."""
+    return winding_number(goal_winding(proof)) != winding_number(mark_winding(proof))
 
 
 def may_close(proof: Proof) -> bool:
     """Return whether the lap may still prove something, and its chain does not wait at a gap."""
-    return proof.whole and (proof.gap == NO_GAP or proof.gap == HOPPED)
+    return proof.is_valid and (proof.gap == NO_GAP or proof.gap == HOPPED)
 
 
-def rounds(turned: int) -> int:
-    """Return the number of whole turns nearest to a turn in brads."""
+def winding_number(turned: int) -> int:
+    """Return the number of whole turns nearest to a net turn in brads."""
     return (turned + HALF_CIRCLE) // CIRCLE
 
 
@@ -299,7 +319,7 @@ def is_at_mark(proof: Proof, drift_mm: int) -> bool:
         once = CIRCLE + turn(0, once)
     if not CIRCLE - ONCE < once < CIRCLE + ONCE:
         return False
-    off, goal_off = turn(0, ringed(proof)), turn(0, wound(proof))
+    off, goal_off = turn(0, mark_winding(proof)), turn(0, goal_winding(proof))
     if not (-SAME_SIDE < off < SAME_SIDE and -SAME_SIDE < goal_off < SAME_SIDE):
         return False
     dx_mm, dy_mm = proof.x_mm - proof.mark_x_mm, proof.y_mm - proof.mark_y_mm
@@ -314,11 +334,13 @@ def is_simple(proof: Proof, side: int) -> bool:
     In a small room the sonars see the walls all round, and the chain may lead back to its beginning
     without going round the mark.
     """
-    return proof.gap == HOPPED or (proof.turned * side > 0) == (rounds(ringed(proof)) != 0)
+    return proof.gap == HOPPED or (proof.turned * side > 0) == (
+        winding_number(mark_winding(proof)) != 0
+    )
 
 
-def gained_mm(proof: Proof, since_mm2: int) -> float:
-    """Return the standard deviation of the position's error since a variance, in mm.
+def sigma_gained_mm(proof: Proof, since_mm2: int) -> float:
+    """Return the standard deviation that the position has gained since a variance, in mm.
 
     Where walls have corrected the position, the variance has shrunk, and the estimate has moved by
     as much as that.
@@ -328,5 +350,5 @@ def gained_mm(proof: Proof, since_mm2: int) -> float:
 
 
 def variance_mm2(proof: Proof) -> int:
-    """Return the variance of the position, in both directions together."""
+    """Return the variance of the position, x and y together."""
     return int(1e6 * (proof.odometry.pxx + proof.odometry.pyy))

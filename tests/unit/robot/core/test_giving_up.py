@@ -21,7 +21,7 @@ def close_loop(memory: Memory, turn: int, x_cm: int, *, times: int = 1) -> None:
     """
     corners = [(-100, -100), (100, -100), (100, 100), (-100, 100)][::turn]
     for _ in range(times):
-        memory.following, memory.sound = True, False
+        memory.following, memory.awaits_proof = True, False
         way = memory.loops
         for k, (dx_cm, dy_cm) in enumerate(corners):
             way.place[k] = loops.packed(x_cm + dx_cm, dy_cm)
@@ -67,25 +67,25 @@ def test_open_loops_between_robot_and_goal_end_lost(side: int, round_goal: bool,
 @SIDES
 def test_one_loop_without_a_gap_waits_for_the_proof(side: int) -> None:
     memory = heading_for(GOAL, side)
-    memory.following = memory.sound = memory.proof.whole = True
+    memory.following = memory.awaits_proof = memory.proof.is_valid = True
     memory.loops.count = 4
     vgm_following.close_loop(memory)
     assert (memory.side, memory.following, memory.open_loops) == (side, True, 0)
-    assert not memory.sound
+    assert not memory.awaits_proof
     assert memory.loops.count == 0
 
 
 @SIDES
-@pytest.mark.parametrize(("whole", "gap"), [(False, NO_GAP), (True, WAITING), (True, SPENT)])
-def test_a_loop_without_a_chain_does_not_wait(side: int, whole: bool, gap: int) -> None:
+@pytest.mark.parametrize(("is_valid", "gap"), [(False, NO_GAP), (True, WAITING), (True, SPENT)])
+def test_a_loop_without_a_chain_does_not_wait(side: int, is_valid: bool, gap: int) -> None:
     memory = heading_for(GOAL, side)
-    memory.sound = True
-    memory.proof.whole, memory.proof.gap = whole, gap
+    memory.awaits_proof = True
+    memory.proof.is_valid, memory.proof.gap = is_valid, gap
     assert not proofs.may_close(memory.proof)
     memory.loops.count = 4
     vgm_following.close_loop(memory)
     assert memory.loops.count == 0
-    assert memory.sound, "of the next boundary"
+    assert memory.awaits_proof, "of the next boundary"
 
 
 BOX: list[Wall] = [(2.4, -0.6, 3.6, -0.6), (3.6, -0.6, 3.6, 0.6)]
@@ -127,20 +127,20 @@ def test_repeated_goal_starts_like_a_new_memory() -> None:
     stand(fresh, SILENT, 1)
     close_loop(memory, 1, 0)
     vgm_following.begin(memory)
-    for name in ("following", "given_up", "lost", "reversed", "sound", "left_m", "hit_m"):
+    for name in ("following", "given_up", "lost", "reversed", "awaits_proof", "left_m", "hit_m"):
         assert getattr(memory, name) == getattr(fresh, name)
     for name in ("open_loops", "failed_leaves", "islands", "shut", "ease_mm"):
         assert getattr(memory, name) == getattr(fresh, name) == 0
-    assert not memory.proof.whole
+    assert not memory.proof.is_valid
 
 
 def test_a_lap_that_separates_nothing_ends_at_the_next_gap_as_a_loop() -> None:
     memory = heading_for(GOAL, states.LEFT)
-    memory.following = memory.proof.whole = True
+    memory.following = memory.proof.is_valid = True
     for loop in range(1, MAX_LOOPS + 1):
-        memory.proof.whole, memory.proof.gap, memory.sound = True, SPENT, False
+        memory.proof.is_valid, memory.proof.gap, memory.awaits_proof = True, SPENT, False
         memory.proof.x_mm = 9000  # the chain has stayed far behind
         vgm_following.watch_boundary(memory, HERE, SILENT, RADIUS_MM)
-        assert not memory.proof.whole
-        assert (memory.open_loops, memory.sound) == (loop, True)
+        assert not memory.proof.is_valid
+        assert (memory.open_loops, memory.awaits_proof) == (loop, True)
         assert memory.lost == (loop == MAX_LOOPS)

@@ -27,7 +27,7 @@ from robot.core.perception.echoes import (
     CIRCLE,
     FIRM_MM,
     HALF_CIRCLE,
-    MOST_WEIGHT,
+    MAX_WEIGHT,
     NOTHING,
     QUARTER,
     SURE,
@@ -50,7 +50,7 @@ SLIM_MM = RADIUS_MM + SQUEEZE_MM
 sides = st.sampled_from([1, -1])
 
 
-def points(*places_mm: tuple[int, int], weight: int = MOST_WEIGHT, spread_mm: int = 0) -> Echoes:
+def points(*places_mm: tuple[int, int], weight: int = MAX_WEIGHT, spread_mm: int = 0) -> Echoes:
     echoes = Echoes()
     echoes.count = len(places_mm)
     for k, (x_mm, y_mm) in enumerate(places_mm):

@@ -34,12 +34,12 @@ def test_free_range_counts_as_far_and_missing_one_as_none() -> None:
 @SIDES
 def test_other_side_is_tried_with_smaller_margins(side: int) -> None:
     memory = Memory()
-    memory.side, memory.following, memory.proof.whole = side, True, True
+    memory.side, memory.following, memory.proof.is_valid = side, True, True
     memory.loops.count = 5
     vgm_following.try_other_side(memory, 1)
     assert (memory.side, memory.ease_mm) == (-side, EASE_MM)
-    assert (memory.following, memory.sound, memory.lost) == (True, True, False)
-    assert not memory.proof.whole
+    assert (memory.following, memory.awaits_proof, memory.lost) == (True, True, False)
+    assert not memory.proof.is_valid
     assert memory.loops.count == 0
 
 

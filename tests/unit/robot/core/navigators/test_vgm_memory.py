@@ -13,7 +13,7 @@ from robot.core.navigators.vgm_memory import MAX_FAILED_LEAVES, MAX_STILL, rotat
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import flank_walker as flank_walkers
 from robot.core.perception import sonar_ring as rings
-from robot.core.perception.echoes import MOST_WEIGHT, REACH_M, SURE
+from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Goal, Pose, Scan
 from tests.support.robot.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
@@ -288,7 +288,7 @@ def test_heading_without_progress_is_blocked_in_the_end() -> None:
     memory = Memory()
     assert stand(memory, SILENT, 3 * MAX_STILL).branch == states.TO_GOAL
     assert stand(memory, SILENT, 6).branch in PASSING
-    assert memory.echoes.weight[0] > MOST_WEIGHT
+    assert memory.echoes.weight[0] > MAX_WEIGHT
     x_m = 0.0
     moving = Memory()
     for _ in range(5 * MAX_STILL):

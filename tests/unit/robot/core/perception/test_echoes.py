@@ -17,7 +17,7 @@ from robot.core.perception.echoes import (
     FIRM_STEP,
     FIRM_WEIGHT,
     HALF_CIRCLE,
-    MOST_WEIGHT,
+    MAX_WEIGHT,
     NEAR_M,
     NOTHING,
     POINTS,
@@ -183,14 +183,14 @@ def test_halfway_between_two_headings_is_the_short_way_round() -> None:
 
 def test_a_longer_echo_through_its_place_erases_a_point() -> None:
     echoes = remembered(ring({2: 300}))
-    look(echoes, ring({2: 2000}), SLICES * (MOST_WEIGHT + 1))
+    look(echoes, ring({2: 2000}), SLICES * (MAX_WEIGHT + 1))
     assert echoes.count == 0
 
 
 @pytest.mark.parametrize("sonar", [3, 4])
 def test_a_point_ahead_is_not_forgotten_at_once(sonar: int) -> None:
     echoes = remembered(ring({sonar: 300}))
-    look(echoes, ring({sonar: 2000}), SLICES * (MOST_WEIGHT + 1))
+    look(echoes, ring({sonar: 2000}), SLICES * (MAX_WEIGHT + 1))
     assert echoes.count == 1
     assert 0 < echoes.weight[0] < SURE
     look(echoes, ring({sonar: 2000}), FADE_TURNS)
@@ -207,26 +207,26 @@ def test_longer_echoes_erase_a_single_one_unless_it_is_ahead(sonar: int, count: 
 @pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])
 def test_no_echo_at_all_erases_nothing(seen: Ring) -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, seen, SLICES * (MOST_WEIGHT + 1))
+    look(echoes, seen, SLICES * (MAX_WEIGHT + 1))
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 
 
 def test_a_longer_echo_elsewhere_erases_nothing() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, ring({6: 2000}), SLICES * (MOST_WEIGHT + 1))
+    look(echoes, ring({6: 2000}), SLICES * (MAX_WEIGHT + 1))
     assert echoes.count == 1
 
 
 def test_point_without_new_echoes_is_dropped_in_the_end() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, SILENT, FADE_TURNS * (MOST_WEIGHT + 1))
+    look(echoes, SILENT, FADE_TURNS * (MAX_WEIGHT + 1))
     assert echoes.count == 0
 
 
 def test_what_is_seen_all_the_time_stays() -> None:
     echoes = remembered(ring({3: 300}))
-    look(echoes, ring({3: 300}), FADE_TURNS * (MOST_WEIGHT + 1))
+    look(echoes, ring({3: 300}), FADE_TURNS * (MAX_WEIGHT + 1))
     assert echoes.count == 1
     assert echoes.weight[0] >= SURE
 

@@ -6,7 +6,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import people as peoples
 from robot.core.perception.odometry import Odometry
-from robot.core.perception.people import BEGIN, BODY_M, MOST, MOST_LEFT, PROVEN, People
+from robot.core.perception.people import BEGIN, BODY_M, MAX_LEFT, MAX_PEOPLE, PROVEN, People
 from robot.core.values import Pose
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -24,12 +24,12 @@ def confirmed(x_m: float, y_m: float, vx_m_s: float, vy_m_s: float) -> People:
     """Return people with one that has proved to move."""
     people = People()
     peoples.confirm(people, x_m, y_m, vx_m_s, vy_m_s, 0.0, HERE)
-    people.proof[0], people.left[0] = PROVEN, MOST_LEFT
+    people.proof[0], people.left[0] = PROVEN, MAX_LEFT
     return people
 
 
 def used(people: People) -> list[int]:
-    return [k for k in range(MOST) if people.left[k]]
+    return [k for k in range(MAX_PEOPLE) if people.left[k]]
 
 
 def test_person_is_followed_and_its_velocity_found() -> None:
@@ -40,7 +40,7 @@ def test_person_is_followed_and_its_velocity_found() -> None:
     (k,) = used(people)
     assert hypot(people.x_m[k] - x_m, people.y_m[k] - 0.1) < 0.03
     assert abs(people.vx_m_s[k] + 0.1) < 0.02
-    assert people.left[k] == MOST_LEFT
+    assert people.left[k] == MAX_LEFT
 
 
 def test_person_walks_on_behind_the_robot_and_is_forgotten() -> None:
@@ -48,7 +48,7 @@ def test_person_walks_on_behind_the_robot_and_is_forgotten() -> None:
     for _ in range(60):
         peoples.update(people, NO_ECHO, Odometry(), DEFAULTS)
     assert abs(people.x_m[0] + 0.45) < 1e-9
-    for _ in range(MOST_LEFT - 60):
+    for _ in range(MAX_LEFT - 60):
         peoples.update(people, NO_ECHO, Odometry(), DEFAULTS)
     assert used(people) == []
     assert not people.any
@@ -92,7 +92,7 @@ def test_slow_departure_is_no_proof() -> None:
 
 def test_full_memory_replaces_the_farthest_person() -> None:
     people = People()
-    for k in range(MOST + 1):
+    for k in range(MAX_PEOPLE + 1):
         peoples.confirm(people, 2.0 - 0.5 * k, 1.0, 0.0, 0.0, 0.0, HERE)
     assert sorted(people.x_m) == [0.0, 0.5, 1.0, 1.5]
 

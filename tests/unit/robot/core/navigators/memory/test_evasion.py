@@ -11,7 +11,7 @@ from robot.core.navigators.memory.evasion import Evasion
 from robot.core.navigators.open_headings import Sectors
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, QUARTER
-from robot.core.perception.people import MOST, MOST_LEFT, PROVEN, People
+from robot.core.perception.people import MAX_LEFT, MAX_PEOPLE, PROVEN, People
 from robot.core.values import Pose
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -24,7 +24,7 @@ def people_of(*each: tuple[float, float, float, float]) -> People:
     for k, (x_m, y_m, vx_m_s, vy_m_s) in enumerate(each):
         people.x_m[k], people.y_m[k] = x_m, y_m
         people.vx_m_s[k], people.vy_m_s[k] = vx_m_s, vy_m_s
-        people.left[k], people.proof[k] = MOST_LEFT, PROVEN
+        people.left[k], people.proof[k] = MAX_LEFT, PROVEN
         people.any = True
     return people
 
@@ -107,7 +107,7 @@ def test_robot_waits_where_no_other_way_is_open() -> None:
 
 
 @given(
-    st.lists(st.tuples(places, places, speeds, speeds), min_size=1, max_size=MOST),
+    st.lists(st.tuples(places, places, speeds, speeds), min_size=1, max_size=MAX_PEOPLE),
     st.integers(-HALF_CIRCLE, HALF_CIRCLE),
     st.floats(0.0, 4.0),
     st.floats(0.0, 12.0),

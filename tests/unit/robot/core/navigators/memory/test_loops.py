@@ -12,7 +12,7 @@ from robot.core.navigators.memory.loops import (
     HIT_CM,
     HITS,
     IN_A_ROW,
-    LEAST_AWAY,
+    MIN_AWAY,
     SPACING_CM,
     Loops,
 )
@@ -101,10 +101,10 @@ def test_stationary_robot_stores_one_point() -> None:
 
 def test_the_newest_crumbs_are_no_earlier_visit() -> None:
     loops = Loops()
-    for k in range(LEAST_AWAY):
+    for k in range(MIN_AWAY):
         way.drop(loops, k * SPACING_CM, 0, 0)
     assert way.visited(loops, 0, 0, 0) == -1
-    way.drop(loops, LEAST_AWAY * SPACING_CM, 0, 0)
+    way.drop(loops, MIN_AWAY * SPACING_CM, 0, 0)
     assert way.visited(loops, 0, 0, 0) == 0
     assert way.visited(loops, 0, 0, 128) == -1
 

@@ -17,7 +17,7 @@ from robot.core.navigators.memory.proof import (
     CLOSED,
     DOUBTED,
     HOPPED,
-    LEAST_MM,
+    MIN_LAP_MM,
     NO_GAP,
     OPEN,
     OPEN_LAP,
@@ -78,11 +78,11 @@ def lap(
         chains.look(proof.chain, seen_from(pose, walls, discs), before, pose, RADIUS_MM)
         before = pose
         proof.odometry.pxx += grows_m2
-        if proof.whole:
-            proofs.seal(proof, side, RADIUS_MM, *goal)
+        if proof.is_valid:
+            proofs.continue_chain(proof, side, RADIUS_MM, *goal)
         if tick == EVERY:
             proofs.mark(proof, pose, side, *goal)
-        elif tick % EVERY == 0 and proof.whole:
+        elif tick % EVERY == 0 and proof.is_valid:
             proofs.advance(proof, pose, *goal)
             found = proofs.verdict(proof, side)
             if found != OPEN:
@@ -155,7 +155,7 @@ def test_lap_is_open_until_it_has_passed_the_mark() -> None:
         proof = Proof()
         way = (INSIDE_M, 1, states.LEFT, (3.0, 0.0), around())
         assert lap(proof, *way, [], laps=laps) == found
-    assert 1000.0 * length_m > LEAST_MM
+    assert 1000.0 * length_m > MIN_LAP_MM
     past_mm = hypot(
         *(a - b for a, b in zip(chains.middle(proof.chain, TAIL), ends(proof), strict=True))
     )
@@ -170,7 +170,7 @@ def test_lap_is_open_again_if_the_chain_passes_by_its_first_arc(drift_m: float) 
     """
     proof = marked()
     proof.odometry.pxx += drift_m * drift_m
-    proof.way_mm, proof.sealed, proof.closed, proof.separates = 5000, True, CLOSED, True
+    proof.way_mm, proof.is_attached, proof.closed, proof.separates = 5000, True, CLOSED, True
     for end in (TAIL, LEAD):
         proof.chain.x_mm[end] = proof.chain.left_x_mm[end] = 2000
     assert proofs.verdict(proof, states.LEFT) == OPEN
@@ -181,7 +181,7 @@ def test_mark_without_an_echo_begins_no_lap() -> None:
     proof = Proof()
     chains.look(proof.chain, SILENT, HERE, HERE, RADIUS_MM)
     proofs.mark(proof, HERE, states.LEFT, 3.0, 0.0)
-    assert not proof.whole
+    assert not proof.is_valid
     assert proofs.verdict(proof, states.LEFT) == OPEN
 
 
@@ -198,8 +198,13 @@ def marked(odometry: Odometry | None = None) -> Proof:
 
 def test_mark_begins_a_lap_of_length_zero() -> None:
     proof = marked()
-    assert proof.whole
-    assert (proof.way_mm, proof.turned, proofs.wound(proof), proofs.ringed(proof)) == (0, 0, 0, 0)
+    assert proof.is_valid
+    assert (proof.way_mm, proof.turned, proofs.goal_winding(proof), proofs.mark_winding(proof)) == (
+        0,
+        0,
+        0,
+        0,
+    )
     assert (proof.closed, proof.gap, proof.room_m) == (OPEN_LAP, NO_GAP, inf)
 
 
@@ -219,8 +224,8 @@ def test_chain_that_stays_behind_waits() -> None:
         pose = Pose(way_m, 0.0, 0.0)
         proofs.advance(proof, pose, 3.0, 0.0)
         chains.look(proof.chain, SILENT, pose, pose, RADIUS_MM)
-        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
-        assert not proof.sealed
+        proofs.continue_chain(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+        assert not proof.is_attached
     assert 0.4 < way_m < 0.6
 
 
@@ -254,7 +259,7 @@ def test_doubt_is_of_the_most_uncertain_direction(
     odometry = Odometry()
     odometry.pxx, odometry.pyy = a * c * c + b * s * s, a * s * s + b * c * c
     odometry.pxy = (a - b) * c * s
-    assert proofs.doubt_m(odometry) == pytest.approx(max(long_m, short_m), abs=1e-7)
+    assert proofs.position_sigma_m(odometry) == pytest.approx(max(long_m, short_m), abs=1e-7)
 
 
 @given(st.integers(-CIRCLE, CIRCLE), st.integers(-HALF_CIRCLE, HALF_CIRCLE - 1))
@@ -264,8 +269,8 @@ def test_turn_is_the_shorter_way(before: int, turned: int) -> None:
 
 
 @given(st.integers(-3, 3), st.integers(-HALF_CIRCLE, HALF_CIRCLE - 1))
-def test_rounds_are_the_nearest_whole_turns(turns: int, more: int) -> None:
-    assert proofs.rounds(turns * CIRCLE + more) == turns
+def test_winding_number_is_the_nearest_whole_turn(turns: int, more: int) -> None:
+    assert proofs.winding_number(turns * CIRCLE + more) == turns
 
 
 def test_lines_turn_along_the_chain_round_the_robot() -> None:
@@ -274,12 +279,12 @@ def test_lines_turn_along_the_chain_round_the_robot() -> None:
     for heading_rad in (0.25 * pi, 0.25 * pi, 0.0):
         pose = Pose(0.0, 0.0, heading_rad)
         chains.look(proof.chain, all_round, pose, pose, RADIUS_MM)
-        if not proof.whole:
+        if not proof.is_valid:
             proofs.mark(proof, pose, states.RIGHT, 9.0, 0.0)
-    assert proofs.ringed(proof) == 0
-    proofs.seal(proof, states.LEFT, RADIUS_MM, 9.0, 0.0)
-    assert proofs.ringed(proof) == pytest.approx(-CIRCLE * 202.5 / 360.0, abs=10)
-    assert abs(proofs.wound(proof)) < 100
+    assert proofs.mark_winding(proof) == 0
+    proofs.continue_chain(proof, states.LEFT, RADIUS_MM, 9.0, 0.0)
+    assert proofs.mark_winding(proof) == pytest.approx(-CIRCLE * 202.5 / 360.0, abs=10)
+    assert abs(proofs.goal_winding(proof)) < 100
 
 
 def hop(away_m: float, gained_m: float = 0.0) -> Proof:
@@ -293,7 +298,7 @@ def hop(away_m: float, gained_m: float = 0.0) -> Proof:
         proofs.advance(proof, pose, 3.0, 0.0)
         seen = SILENT if range_mm is None else ring({0: range_mm})
         chains.look(proof.chain, seen, pose, pose, RADIUS_MM)
-        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+        proofs.continue_chain(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
         if range_mm is None and x_m > 0.6:
             assert proof.gap == WAITING
             proof.odometry.pxx += gained_m * gained_m
@@ -302,12 +307,12 @@ def hop(away_m: float, gained_m: float = 0.0) -> Proof:
 
 def test_chain_hops_to_the_same_surface_beyond_a_gap() -> None:
     assert hop(0.1).gap == HOPPED
-    assert hop(0.1).sealed
+    assert hop(0.1).is_attached
 
 
 def test_chain_does_not_hop_over_a_gap_for_the_robot() -> None:
     assert hop(0.3).gap == WAITING
-    assert not hop(0.3).sealed
+    assert not hop(0.3).is_attached
 
 
 def test_hop_needs_room_for_the_doubt() -> None:
@@ -322,20 +327,20 @@ def test_correction_of_the_position_counts_as_doubt_of_a_hop() -> None:
     proof.odometry.pxx = 0.0004
     before_mm2 = proofs.variance_mm2(proof)
     proof.odometry.pxx = 0.0003
-    assert proofs.gained_mm(proof, before_mm2) == pytest.approx(10.0)
+    assert proofs.sigma_gained_mm(proof, before_mm2) == pytest.approx(10.0)
     proof.odometry.pxx = 0.0005
-    assert proofs.gained_mm(proof, before_mm2) == pytest.approx(10.0)
+    assert proofs.sigma_gained_mm(proof, before_mm2) == pytest.approx(10.0)
 
 
 def test_spent_lap_is_void_at_the_next_gap() -> None:
     proof, way_m = marked(), 0.0
     proof.gap = SPENT
     assert proofs.verdict(proof, states.LEFT) == OPEN
-    while proof.whole and way_m < 9.0:
+    while proof.is_valid and way_m < 9.0:
         way_m += STEP_M
         proofs.advance(proof, Pose(way_m, 0.0, 0.0), 3.0, 0.0)
         chains.look(proof.chain, SILENT, HERE, HERE, RADIUS_MM)
-        proofs.seal(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
+        proofs.continue_chain(proof, states.LEFT, RADIUS_MM, 3.0, 0.0)
     assert way_m == pytest.approx(0.45, abs=0.1)
 
 
