@@ -83,13 +83,18 @@ def rarer_than(what: str, noise: str, found: Share, most: float) -> StudyTarget:
     return StudyTarget(what, noise, wanted, measured, span, verdict_of(PER * found.rate <= most))
 
 
-def bounded(what: str, noise: str, found: Share, most: float, bound: float) -> StudyTarget:
-    """Return a target for a rate and for its exact one-sided upper bound, both per 10,000."""
-    wanted = f"≤ {most:g} (bound ≤ {bound:g})"
+def bounded(
+    what: str, noise: str, found: Share, most: float, bound: float | None = None
+) -> StudyTarget:
+    """Return a target for a rate per 10,000, with its exact one-sided upper bound.
+
+    With `bound` the upper bound has a limit, too; without it the upper bound is only shown.
+    """
+    wanted = f"≤ {most:g}" if bound is None else f"≤ {most:g} (bound ≤ {bound:g})"
     if not found.of:
         return unmeasured(what, noise, wanted)
     measured = f"{number(PER * found.rate, 2)} ({found.count} of {found.of})"
-    met = PER * found.rate <= most and PER * found.most <= bound
+    met = PER * found.rate <= most and (bound is None or PER * found.most <= bound)
     return StudyTarget(
         what, noise, wanted, measured, f"≤ {number(PER * found.most, 2)}", verdict_of(met)
     )

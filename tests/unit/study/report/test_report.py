@@ -161,6 +161,14 @@ def test_failed_trials_are_counted(tmp_path: Path) -> None:
     assert "1 trials could not be run" in page
 
 
+@pytest.mark.parametrize(("navigator", "is_unknown"), [("oracle_grid", False), ("other", True)])
+def test_only_a_foreign_navigator_is_unknown(
+    tmp_path: Path, navigator: str, is_unknown: bool
+) -> None:
+    page = written(table_of([row(), row(navigator=navigator)]), tmp_path)
+    assert ("unknown here" in page) == is_unknown
+
+
 def test_names_like_markup_are_escaped(tmp_path: Path) -> None:
     odd = row(world="<b>|&amp;", family="a|b<i>", navigator="<script>", **STUCK)
     page = written(table_of([odd]), tmp_path)

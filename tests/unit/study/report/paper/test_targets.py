@@ -87,9 +87,29 @@ def test_no_wrong_claim_needs_enough_trials_for_its_bound(runs: int, verdict: st
 def test_wrong_claims_are_counted_in_grid_maps_but_not_apart() -> None:
     rows = [row(family="grid_maze", **GAVE_UP), row(family="comb", noise="none", **GAVE_UP)]
     found = targets(trials(row(), *rows))
-    corpus, fooled = [one for one in found if one.what.startswith("reachable goals called")]
-    assert (corpus.measured, corpus.noise) == ("5000.00 (1 of 2)", "all")
-    assert (fooled.measured, fooled.noise) == ("10000.0 (1 of 1)", "none")
+    corpus = target(found, "reachable goals called unreachable, corpus", "all")
+    fooled = target(found, "reachable goals called unreachable, adversarial", "none")
+    assert corpus.measured == "5000.00 (1 of 2)"
+    assert fooled.measured == "10000.00 (1 of 1)"
+
+
+def test_each_noise_level_shows_the_bound_of_its_wrong_claims() -> None:
+    rows = [*many(3, 0, {}, noise="none"), *many(2, 1, GAVE_UP, noise="harsh")]
+    found = targets(trials(*rows))
+    what = "reachable goals called unreachable, corpus"
+    calm, harsh = target(found, what, "none"), target(found, what, "harsh")
+    assert (calm.measured, calm.interval, calm.verdict) == ("0.00 (0 of 3)", "≤ 6315.97", MET)
+    assert (harsh.measured, harsh.interval, harsh.verdict) == (
+        "5000.00 (1 of 2)", "≤ 9746.79", MISSED,
+    )  # fmt: skip
+    assert target(found, what, "all").interval == "≤ 6574.08"
+    assert target(found, what, "lossy").verdict == UNMEASURED
+
+
+def test_adversarial_claims_show_the_exact_bound() -> None:
+    rows = many(193, 0, {}, family="comb", noise="none")
+    one = target(targets(trials(*rows)), "reachable goals called unreachable, adv", "none")
+    assert (one.interval, one.verdict) == ("≤ 154.02", MET)
 
 
 def test_side_change_targets_are_median_and_worst() -> None:
