@@ -58,8 +58,12 @@ def verdict_of(met: bool) -> str:
 
 def at_least(what: str, noise: str, found: Share, wanted: float) -> StudyTarget:
     """Return a target for the lower limit of a share."""
-    words = f"{'≥ ' if wanted < 1.0 else ''}{100 * wanted:g} %"
-    return of_share(what, noise, words, found, found.rate >= wanted)
+    return of_share(what, noise, least(wanted), found, found.rate >= wanted)
+
+
+def least(rate: float) -> str:
+    """Format the lower limit of a share."""
+    return f"{'≥ ' if rate < 1.0 else ''}{100 * rate:g} %"
 
 
 def of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> StudyTarget:

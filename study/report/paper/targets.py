@@ -10,6 +10,7 @@ import numpy as np
 from study.report.groups import CORPUS, PLANNER, in_group
 from study.report.page import PageCell, PageTable
 from study.report.paper.apart_targets import apart_targets, arrivals
+from study.report.paper.evidence import Evidence
 from study.report.paper.target import (
     ELSEWHERE,
     MET,
@@ -44,15 +45,16 @@ LAPS: Final = ((0.5, "median", 1.5), (0.9, "90th percentile", 1.5))
 CHANGES: Final = ((0.5, "median", 1.0), (1.0, "worst", 6.0))
 WORLDS, FAMILIES = 400, 12
 HOURS_PER_MINUTE: Final = 15.0
+NOTHING: Final = Evidence()
 CORES: Final = 2
 
 
-def targets(trials: Trials) -> list[StudyTarget]:
-    """Return all targets; `trials` may be of any navigators."""
+def targets(trials: Trials, found: Evidence = NOTHING) -> list[StudyTarget]:
+    """Return all targets; `trials` may be of any navigators, `found` is of other tools."""
     own = trials.of(navigator=OWN)
     return [
         *_by_noise(in_group(own, CORPUS), in_group(trials.of(navigator=PLANNER), CORPUS)),
-        *apart_targets(own),
+        *apart_targets(own, OWN, found),
         *_size(in_group(own, CORPUS)),
         _speed(trials),
     ]
@@ -167,13 +169,15 @@ def target_table(found: list[StudyTarget]) -> PageTable:
     caption = (
         f"Figures to reach, of `{OWN}` unless stated otherwise: {counts}. Intervals of "
         f"{CONFIDENT}: Wilson's for shares, order statistics for quantiles, the normal "
-        "approximation for means. A single limit `≤` is Clopper and Pearson's one-sided bound. "
-        "Met: the measured figure is at least as good as the wanted one, and so is the bound where "
-        "one is wanted. The bound of wrong claims is wanted of all noise levels together; one "
-        "level has fewer trials, so its own bound is higher. A path is short enough, too, when its "
-        f"quantile is at most {NEAR:g} times that of `{PLANNER}`, a planner with unlimited memory "
-        "and the same senses, over the trials in which both arrived. Figures of other tools are on "
-        "the page that is named."
+        "approximation for means, Katz's for the ratio to the standing robot. A single limit `≤` "
+        "is Clopper and Pearson's one-sided bound. Met: the measured figure is at least as good as "
+        "the wanted one, and so is the bound where one is wanted. The bound of wrong claims is "
+        "wanted of all noise levels together; one level has fewer trials, so its own bound is "
+        "higher. A path is short enough, too, when its quantile is at most "
+        f"{NEAR:g} times that of `{PLANNER}`, a planner with unlimited memory and the same senses, "
+        "over the trials in which both arrived. Published maps, the standing robot, the worst step "
+        "and the memory are figures of other tools; where they were not read, the row names their "
+        "page."
     )
     return PageTable(
         caption, ("what", "noise", "wanted", "measured", "interval", ""), rows, names=2

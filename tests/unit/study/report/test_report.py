@@ -205,6 +205,17 @@ def test_command_writes_report_and_updates_readme(
     assert "report.html" in capsys.readouterr().out
 
 
+def test_command_reads_figures_of_other_tools(tmp_path: Path) -> None:
+    write_table(tmp_path / "results.parquet", study())
+    (tmp_path / "microcontroller").mkdir()
+    cost = {"drives": [{"navigator": "vgm_memory", "whole_ms": 21.5}]}
+    (tmp_path / "microcontroller" / "cost.json").write_text(json.dumps(cost))
+    few = ["--failures", "0", "--paper-seeds", "0", "--jobs", "1"]
+    assert main([str(tmp_path), "--evidence", str(tmp_path), *few]) == 0
+    assert "43.0 % (21.5 of 50 ms)" in (tmp_path / "report.md").read_text()
+    assert "43.0 % (21.5 of 50 ms)" in (tmp_path / "summary.json").read_text()
+
+
 def test_report_lists_the_commands_of_the_study(tmp_path: Path) -> None:
     assert commands_of(tmp_path) == ""
     compact(tmp_path, study(), {"command": "sidestep study --quick"})

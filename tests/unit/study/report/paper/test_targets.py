@@ -74,7 +74,9 @@ def test_unreachable_goals_have_rate_and_lap_targets() -> None:
 
 
 def test_one_wrong_claim_in_the_corpus_is_missed() -> None:
-    one = target(targets(trials(*many(500, 1, GAVE_UP))), "reachable goals called", "all")
+    one = target(
+        targets(trials(*many(500, 1, GAVE_UP))), "reachable goals called unreachable, corpus", "all"
+    )
     assert (one.measured, one.verdict) == ("20.00 (1 of 500)", MISSED)
 
 
@@ -127,7 +129,7 @@ def test_targets_use_the_own_navigator_only() -> None:
 def test_grids_have_their_own_targets(noise: str, verdict: str) -> None:
     grid = many(100, 1, STUCK, family="moving_ai_maze", noise=noise, world="maze512")
     found = targets(trials(row(noise=noise), *grid))
-    assert target(found, "arrives in grid mazes", noise).verdict == verdict
+    assert target(found, "arrives on generated grid maps", noise).verdict == verdict
     assert target(found, "arrives by its own estimate", noise).verdict == MET
     assert target(found, "worlds of the corpus", "all").measured == "1"
 
@@ -147,7 +149,6 @@ def test_crowds_are_judged_by_the_robot_s_own_contacts() -> None:
     rows = [*many(300, 1, {"contacts": 1}, family="crowd"), row(family="crowd_hasty", **COLLIDED)]
     found = targets(trials(*rows))
     assert target(found, "crowds: trials with a contact by its own").verdict == MET
-    assert target(found, "crowds: trials with any contact", "all").verdict == ELSEWHERE
 
 
 def test_published_score_has_a_target_in_clutter() -> None:
@@ -155,10 +156,6 @@ def test_published_score_has_a_target_in_clutter() -> None:
     found = targets(trials(*rows))
     forests = target(found, "published score (at most 0.5), forests")
     assert (forests.measured, forests.verdict) == ("0.441", MISSED)
-    maps = target(found, "published score (at most 0.5), maps", "all")
-    assert (maps.measured, maps.verdict) == ("docs/evidence/published-maps.md", ELSEWHERE)
-    barn = [row(family="barn", seed=seed, time_s=30.0) for seed in range(3)]
-    assert target(targets(trials(*barn)), "published score (at most 0.5), maps").verdict == MET
 
 
 def test_long_path_near_that_of_the_planner_is_met() -> None:
