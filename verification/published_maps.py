@@ -31,7 +31,7 @@ from study.report.paper.evidence_targets import MAP_RATES, SCORE
 from study.report.paper.target import least, verdict_of
 from study.report.words import DASH, percent
 from study.runner.plan import seed_of, time_for
-from study.runner.scores import published_score
+from study.runner.scores import FULL_SCORE, published_score
 from study.runner.sources import digest_of
 from study.statistics.intervals import mean, mean_interval
 from study.trial.trial import Trial, run_trial
@@ -139,8 +139,8 @@ def result(maps: MapSet, level: str, runs: Sequence[Run]) -> MapResult:
         lost=sum(run.outcome == LOST for run in runs),
         other=sum(not run.arrived and not run.touched and run.outcome not in ended for run in runs),
         score=mean(scores),
-        score_low=span.low,
-        score_high=span.high,
+        score_low=max(0.0, span.low),
+        score_high=min(FULL_SCORE, span.high),
     )
 
 
