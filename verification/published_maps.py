@@ -29,7 +29,7 @@ from study.report.page import PageTable
 from study.report.paper.evidence import CYLINDERS, GRID_MAPS, MapResult, PublishedMaps
 from study.report.paper.evidence_targets import MAP_RATES, SCORE
 from study.report.paper.target import least, verdict_of
-from study.report.words import DASH, percent
+from study.report.words import DASH, interval, number, percent
 from study.runner.plan import seed_of, time_for
 from study.runner.scores import FULL_SCORE, published_score
 from study.runner.sources import digest_of
@@ -47,7 +47,7 @@ WINDOWS: Final = 15
 """Windows tried of each map; those without two free places are left out."""
 HEAD: Final = (
     *("maps", "noise", "arrived, touched nothing", "% [interval]", "touched"),
-    *("`unreachable`", "bound, %", "`lost`", "other", "score [interval]", "wanted", ""),
+    *("`unreachable`", "bound, %", "`lost`", "other", "score", "interval", "wanted", ""),
 )
 BEGIN: Final = "<!-- published-maps:begin -->"
 END: Final = "<!-- published-maps:end -->"
@@ -167,7 +167,7 @@ def cells(one: MapResult) -> tuple[str, ...]:
         *map(str, (one.touched, one.unreachable)),
         f"≤ {percent(one.wronged.most, 2)}",
         *map(str, (one.lost, one.other)),
-        f"{one.score:.3f} [{one.score_low:.3f}, {one.score_high:.3f}]",
+        *(number(one.score, 3), interval(one.score_interval, 3)),
         wanted,
         verdict,
     )

@@ -5,13 +5,14 @@ published maps, and `python -m benchmarks.board.measure` the cost on the emulate
 """
 
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Final, TypeVar
 
 import msgspec
 
 from runtime.errors import UserError
-from study.statistics.intervals import Share
+from study.statistics.intervals import Interval, Share
 
 PEOPLE: Final = "people.json"
 MAPS: Final = "published-maps.json"
@@ -52,7 +53,7 @@ class MapResult(msgspec.Struct, frozen=True, kw_only=True):
 
     `arrived` counts arrivals without a contact, `touched` trials with one, however they ended.
     `unreachable` and `lost` count these ends, `other` the trials in none of the others. The score
-    is a mean with its interval.
+    is a mean with its interval; None where only the mean is known.
     """
 
     maps: str
@@ -65,13 +66,20 @@ class MapResult(msgspec.Struct, frozen=True, kw_only=True):
     lost: int
     other: int
     score: float
-    score_low: float
-    score_high: float
+    score_low: float | None = None
+    score_high: float | None = None
 
     @property
     def arrivals(self) -> Share:
         """The share that arrived and touched nothing."""
         return Share(self.arrived, self.trials)
+
+    @property
+    def score_interval(self) -> Interval:
+        """The interval of the mean score; unbounded where it is not known."""
+        if self.score_low is None or self.score_high is None:
+            return Interval(-inf, inf)
+        return Interval(self.score_low, self.score_high)
 
     @property
     def wronged(self) -> Share:

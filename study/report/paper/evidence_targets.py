@@ -16,7 +16,7 @@ from study.report.paper.target import (
     verdict_of,
 )
 from study.report.words import interval, number, percent
-from study.statistics.intervals import Interval, ratio_interval
+from study.statistics.intervals import ratio_interval
 
 CROWD_PAGE: Final = "docs/evidence/people.md"
 BOARD_PAGE: Final = "docs/evidence/microcontroller.md"
@@ -59,7 +59,7 @@ def cylinder_targets(found: Evidence) -> Iterator[StudyTarget]:
     results, wanted = found.of_maps(CYLINDERS), f"≥ {SCORE:g}"
     what = f"published score (at most 0.5), {CYLINDERS}"
     for one in results:
-        span = interval(Interval(one.score_low, one.score_high), 3)
+        span = interval(one.score_interval, 3)
         measured = f"{number(one.score, 3)} ({one.trials} maps)"
         verdict = verdict_of(one.score >= SCORE)
         words = f"{what} x {one.scale:g}, mean"

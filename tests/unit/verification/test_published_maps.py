@@ -82,7 +82,7 @@ def test_each_trial_is_counted_by_its_end() -> None:
     assert (one.trials, one.arrived, one.touched) == (100, 95, 1)
     assert (one.unreachable, one.lost, one.other) == (1, 1, 2)
     assert one.score == pytest.approx(0.475)
-    assert one.score_low < 0.475 < one.score_high
+    assert one.score_interval.low < 0.475 < one.score_interval.high
 
 
 @pytest.mark.parametrize(

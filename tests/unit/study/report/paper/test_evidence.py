@@ -95,6 +95,13 @@ def test_each_scale_of_the_cylinders_has_a_score(score: float, verdict: str) -> 
     assert judged(evidence, "published score (at most 0.5), BARN x 1,", "none").verdict == verdict
 
 
+def test_score_without_an_interval_is_judged_by_its_mean() -> None:
+    unknown = {"maps": "BARN", "score": 0.5, "score_low": None, "score_high": None}
+    evidence = Evidence(maps=(MapResult(**{**GRIDS, **unknown}),))
+    one = judged(evidence, "published score (at most 0.5), BARN", "default")
+    assert (one.interval, one.verdict) == ("-", MET)
+
+
 @pytest.mark.parametrize(
     ("worst_ms", "state_bytes", "verdicts"),
     [(25.0, 4096, (MET, MET)), (25.1, 4097, (MISSED, MISSED))],
