@@ -24,9 +24,16 @@ from plant.model.noise import LEVELS
 from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
+from runtime.errors import UserError
 from study.report.output.markdown import table_lines
 from study.report.page import PageTable
-from study.report.paper.evidence import CYLINDERS, GRID_MAPS, MapResult, PublishedMaps
+from study.report.paper.evidence import (
+    CYLINDERS,
+    GRID_MAPS,
+    MapResult,
+    PublishedMaps,
+    read_maps,
+)
 from study.report.paper.evidence_targets import MAP_RATES, SCORE
 from study.report.paper.target import least, verdict_of
 from study.report.words import DASH, interval, number, percent
@@ -203,34 +210,47 @@ def run_all(sets: Sequence[MapSet], levels: Sequence[str]) -> Iterator[MapResult
                 yield result(maps, level, pool.map(partial(drive, level), maps.worlds, 4))
 
 
+def driven(options: argparse.Namespace) -> list[MapResult]:
+    """Drive the maps of the options, none without a directory; raise WorldError."""
+    results = []
+    for one in run_all(map_sets(options.barn, options.moving_ai), options.noise):
+        print(one, file=sys.stderr, flush=True)
+        results.append(one)
+    return results
+
+
+def write(results: Sequence[MapResult], output: Path | None, page: Path | None) -> None:
+    """Write the results as JSON, and the table into the page."""
+    if output:
+        text = msgspec.json.format(msgspec.json.encode(PublishedMaps(list(results))), indent=1)
+        output.write_bytes(text + b"\n")
+    if page:
+        text_of_page = with_table(page.read_text(encoding="utf-8"), table(results))
+        page.write_text(text_of_page, encoding="utf-8")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table and write the files; return 2 without maps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--barn", type=Path, metavar="DIR", help="directory of world_N.world")
     parser.add_argument("--moving-ai", type=Path, metavar="DIR", help="directory of .map files")
     parser.add_argument("--noise", nargs="+", choices=list(LEVELS), default=["none", "default"])
+    parser.add_argument(
+        "--results", type=Path, metavar="FILE", help="read this JSON, drive nothing"
+    )
     parser.add_argument("--output", type=Path, metavar="FILE", help="write the results as JSON")
     parser.add_argument("--page", type=Path, metavar="FILE", help="replace the table in this page")
-    found = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        sets = map_sets(found.barn, found.moving_ai)
-    except WorldError as error:
+        results = read_maps(options.results) if options.results else driven(options)
+    except (UserError, WorldError) as error:
         print(error, file=sys.stderr)
         return 2
-    if not sets:
+    if not results:
         print("no maps: give --barn or --moving-ai with a directory of them", file=sys.stderr)
         return 2
-    results = []
-    for one in run_all(sets, found.noise):
-        print(one, file=sys.stderr, flush=True)
-        results.append(one)
     print(table(results))
-    if found.output:
-        text = msgspec.json.format(msgspec.json.encode(PublishedMaps(results)), indent=1)
-        found.output.write_bytes(text + b"\n")
-    if found.page:
-        page = with_table(found.page.read_text(encoding="utf-8"), table(results))
-        found.page.write_text(page, encoding="utf-8")
+    write(results, options.output, options.page)
     return 0
 
 

@@ -140,9 +140,14 @@ def read_evidence(directory: Path | None) -> Evidence:
         raise UserError(f"--evidence {directory}: no such directory")
     return Evidence(
         crowds=tuple(_read(directory / PEOPLE, Crowds).crowds),
-        maps=tuple(_read(directory / MAPS, PublishedMaps).maps),
+        maps=tuple(read_maps(directory / MAPS)),
         board=_read(directory / BOARD, BoardCost),
     )
+
+
+def read_maps(path: Path) -> list[MapResult]:
+    """Read the results in published maps, none without the file; raise UserError."""
+    return _read(path, PublishedMaps).maps
 
 
 def _read(path: Path, kind: type[Kind]) -> Kind:

@@ -125,3 +125,6 @@ def test_results_and_page_are_written(
     assert (one.maps, one.scale, one.noise, one.trials, one.arrived) == ("BARN", 0.55, "none", 1, 1)
     assert table([one]) in page.read_text()
     assert "old" not in page.read_text()
+    page.write_text("<!-- published-maps:begin --><!-- published-maps:end -->\n")
+    assert main(["--results", files[1], "--page", str(page)]) == 0
+    assert table([one]) in page.read_text()
