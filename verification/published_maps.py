@@ -1,8 +1,9 @@
-"""Drive maps of two published benchmarks, and print one line of results for each.
+"""Drive maps of two published benchmarks, and print a row of results for each.
 
 `python -m verification.published_maps --barn DIR --moving-ai DIR` reads the files `world_N.world`
 of the BARN challenge and the `.map` files of Moving AI. Neither is part of this project: both are
-in public repositories (see docs/evidence/published-maps.md).
+in public repositories (see docs/evidence/published-maps.md). `sidestep study report --evidence`
+reads the file that `--output` writes.
 """
 
 import argparse
@@ -15,15 +16,31 @@ from pathlib import Path
 from typing import Final, NamedTuple
 from xml.etree import ElementTree
 
+import msgspec
+
 from plant.imports.anyone import CELL_M, ImportOptions, import_worlds
 from plant.model.errors import Problem, WorldError
 from plant.model.noise import LEVELS
 from plant.model.types import World
 from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
+from runtime.errors import UserError
+from study.report.output.markdown import table_lines
+from study.report.page import PageTable
+from study.report.paper.evidence import (
+    CYLINDERS,
+    GRID_MAPS,
+    MapResult,
+    PublishedMaps,
+    read_maps,
+)
+from study.report.paper.evidence_targets import MAP_RATES, SCORE
+from study.report.paper.target import least, verdict_of
+from study.report.words import DASH, interval, number, percent
 from study.runner.plan import seed_of, time_for
-from study.runner.scores import published_score
+from study.runner.scores import FULL_SCORE, published_score
 from study.runner.sources import digest_of
+from study.statistics.intervals import mean, mean_interval
 from study.trial.trial import Trial, run_trial
 
 SCALES: Final = (1.0, 0.75, 0.55)
@@ -35,9 +52,20 @@ BEYOND_M: Final = 0.5
 WINDOW: Final = 24
 WINDOWS: Final = 15
 """Windows tried of each map; those without two free places are left out."""
-HEADER: Final = (
-    "| maps | noise | arrived, touched nothing | touched | `unreachable` | `lost` | score |"
+HEAD: Final = (
+    *("maps", "noise", "arrived, touched nothing", "% [interval]", "touched"),
+    *("`unreachable`", "bound, %", "`lost`", "other", "score", "interval", "wanted", ""),
 )
+BEGIN: Final = "<!-- published-maps:begin -->"
+END: Final = "<!-- published-maps:end -->"
+
+
+class MapSet(NamedTuple):
+    """Worlds of one benchmark at one scale."""
+
+    name: str
+    scale: float
+    worlds: Sequence[World]
 
 
 class Run(NamedTuple):
@@ -102,49 +130,127 @@ def drive(level: str, world: World) -> Run:
     return Run(arrived, touched, outcome.outcome, score)
 
 
-def line(name: str, level: str, runs: Sequence[Run]) -> str:
+def result(maps: MapSet, level: str, runs: Sequence[Run]) -> MapResult:
+    """Return the counts and the mean score of the trials in a set of maps."""
+    scores = [run.score for run in runs]
+    span = mean_interval(scores)
+    ended = (UNREACHABLE, LOST)
+    return MapResult(
+        maps=maps.name,
+        scale=maps.scale,
+        noise=level,
+        trials=len(runs),
+        arrived=sum(run.arrived for run in runs),
+        touched=sum(run.touched for run in runs),
+        unreachable=sum(run.outcome == UNREACHABLE for run in runs),
+        lost=sum(run.outcome == LOST for run in runs),
+        other=sum(not run.arrived and not run.touched and run.outcome not in ended for run in runs),
+        score=mean(scores),
+        score_low=max(0.0, span.low),
+        score_high=min(FULL_SCORE, span.high),
+    )
+
+
+def table(results: Sequence[MapResult]) -> str:
+    """Return the table of the page."""
+    return table_lines(PageTable("", HEAD, tuple(map(cells, results)), names=2))
+
+
+def cells(one: MapResult) -> tuple[str, ...]:
     """Return one row of the table."""
-    count = len(runs)
-    arrived = sum(run.arrived for run in runs)
-    wrong = sum(run.outcome == UNREACHABLE for run in runs)
-    lost = sum(run.outcome == LOST for run in runs)
-    score = sum(run.score for run in runs) / count
-    share = f"{arrived} of {count} ({100.0 * arrived / count:.1f} %)"
-    touched = sum(run.touched for run in runs)
-    return f"| {name} | {level} | {share} | {touched} | {wrong} | {lost} | {score:.3f} |"
+    is_grid = one.maps == GRID_MAPS
+    wanted, verdict = DASH, DASH
+    if not is_grid:
+        wanted, verdict = f"score ≥ {SCORE:g}", verdict_of(one.score >= SCORE)
+    elif one.noise in MAP_RATES:
+        rate = MAP_RATES[one.noise]
+        wanted, verdict = f"arrives {least(rate)}", verdict_of(one.arrivals.rate >= rate)
+    low, high = one.arrivals.interval
+    return (
+        f"{one.maps}, {CELL_M:g} m cells" if is_grid else f"{one.maps} x {one.scale:g}",
+        one.noise,
+        f"{one.arrived} of {one.trials}",
+        f"{percent(one.arrivals.rate)} [{percent(low)}, {percent(high)}]",
+        *map(str, (one.touched, one.unreachable)),
+        f"≤ {percent(one.wronged.most, 2)}",
+        *map(str, (one.lost, one.other)),
+        *(number(one.score, 3), interval(one.score_interval, 3)),
+        wanted,
+        verdict,
+    )
 
 
-def map_sets(barn: Path | None, moving_ai: Path | None) -> dict[str, list[World]]:
-    """Return the worlds of each set by its name in the table; raise WorldError."""
-    sets: dict[str, list[World]] = {}
+def with_table(page: str, text: str) -> str:
+    """Return the page with this table between its markers.
+
+    Raises ValueError for a page without them.
+    """
+    before, begin, rest = page.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ValueError(f"the page has no {BEGIN} and {END}; add the two lines around the table")
+    return f"{before}{BEGIN}\n\n{text}\n\n{END}{after}"
+
+
+def map_sets(barn: Path | None, moving_ai: Path | None) -> list[MapSet]:
+    """Return the sets of maps that have a directory; raise WorldError."""
+    sets = []
     if barn:
-        for scale in SCALES:
-            sets[f"BARN x {scale:g}"] = list(barn_worlds(barn, scale))
+        sets += [MapSet(CYLINDERS, scale, list(barn_worlds(barn, scale))) for scale in SCALES]
     if moving_ai:
-        sets[f"Moving AI, {CELL_M:g} m cells"] = list(windows(moving_ai))
-    return sets
+        sets.append(MapSet(GRID_MAPS, 1.0, list(windows(moving_ai))))
+    return [one for one in sets if one.worlds]
+
+
+def run_all(sets: Sequence[MapSet], levels: Sequence[str]) -> Iterator[MapResult]:
+    """Drive all maps on all cores, and yield the result of each set at each noise level."""
+    with Pool() as pool:
+        for maps in sets:
+            for level in levels:
+                yield result(maps, level, pool.map(partial(drive, level), maps.worlds, 4))
+
+
+def driven(options: argparse.Namespace) -> list[MapResult]:
+    """Drive the maps of the options, none without a directory; raise WorldError."""
+    results = []
+    for one in run_all(map_sets(options.barn, options.moving_ai), options.noise):
+        print(one, file=sys.stderr, flush=True)
+        results.append(one)
+    return results
+
+
+def write(results: Sequence[MapResult], output: Path | None, page: Path | None) -> None:
+    """Write the results as JSON, and the table into the page."""
+    if output:
+        text = msgspec.json.format(msgspec.json.encode(PublishedMaps(list(results))), indent=1)
+        output.write_bytes(text + b"\n")
+    if page:
+        text_of_page = with_table(page.read_text(encoding="utf-8"), table(results))
+        page.write_text(text_of_page, encoding="utf-8")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return 2 without maps."""
+    """Print the table and write the files; return 2 without maps."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--barn", type=Path, metavar="DIR", help="directory of world_N.world")
     parser.add_argument("--moving-ai", type=Path, metavar="DIR", help="directory of .map files")
     parser.add_argument("--noise", nargs="+", choices=list(LEVELS), default=["none", "default"])
-    found = parser.parse_args(arguments)
+    parser.add_argument(
+        "--results", type=Path, metavar="FILE", help="read this JSON, drive nothing"
+    )
+    parser.add_argument("--output", type=Path, metavar="FILE", help="write the results as JSON")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="replace the table in this page")
+    options = parser.parse_args(arguments)
     try:
-        sets = map_sets(found.barn, found.moving_ai)
-    except WorldError as error:
+        results = read_maps(options.results) if options.results else driven(options)
+    except (UserError, WorldError) as error:
         print(error, file=sys.stderr)
         return 2
-    if not any(sets.values()):
+    if not results:
         print("no maps: give --barn or --moving-ai with a directory of them", file=sys.stderr)
         return 2
-    print(f"{HEADER}\n|---|---|---|---:|---:|---:|---:|")
-    with Pool() as pool:
-        for name, worlds in sets.items():
-            for level in found.noise if worlds else ():
-                print(line(name, level, pool.map(partial(drive, level), worlds, 4)), flush=True)
+    print(table(results))
+    write(results, options.output, options.page)
     return 0
 
 

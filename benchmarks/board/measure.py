@@ -2,8 +2,9 @@
 
 Trials drive with every navigator through all worlds, and the scenarios found by `hardest` follow.
 Each tick's instructions are counted and its cycles modelled by the plugin; the board itself reports
-heap, allocation and stack. A drive that was measured with the same image is not repeated. Exits
-with 1 if a trajectory differs from that of the core in this process, or a ceiling is exceeded.
+heap, allocation and stack. The state of a navigator is counted in this process. A drive that was
+measured with the same image is not repeated. Exits with 1 if a trajectory differs from that of the
+core in this process, or a ceiling is exceeded.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from benchmarks.board import hardest
 from benchmarks.board.counted import CountedBoard, counted, milliseconds
 from benchmarks.board.results import COSTS, Build, Cost, Costs, excesses, read, write
 from benchmarks.board.scenarios import Scenario, run_scenario
+from benchmarks.board.state_size import state_bytes
 from plant.sim.simulation import Plant
 from plant.world.file import load, shipped
 from protocol.wire.messages import BoardReport
@@ -139,6 +141,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     last_s = monotonic() + 60.0 * options.minutes
     costs = resumed(options.output, options.limit)
     with ProcessPoolExecutor(options.jobs) as pool:
+        if set(NAVIGATORS) - set(costs.state_bytes):
+            costs.state_bytes = dict(
+                zip(NAVIGATORS, pool.map(state_bytes, NAVIGATORS), strict=True)
+            )
+            write(costs, options.output)
         if not costs.hardest:
             costs.searched = options.scenarios * hardest.TICKS
             found = pool.map(partial(hardest.search, count=options.scenarios), NAVIGATORS)

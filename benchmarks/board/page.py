@@ -4,13 +4,14 @@ import sys
 from collections.abc import Iterator, Sequence
 from statistics import median
 
-from benchmarks.board import float32, hardest
+from benchmarks.board import float32, hardest, state_size
 from benchmarks.board.results import (
     CEILINGS,
     FLASH_BYTES,
     HEAP_LIVE_BYTES,
     RAM_BYTES,
     STACK_BYTES,
+    STATE_BYTES,
     WANTED_RAM_BYTES,
     Cost,
     Costs,
@@ -65,10 +66,12 @@ MEMORY = """
 Bytes. *Live* is the heap in use after a collection, *peak* the largest use of the heap,
 *allocated* the most in one tick. RAM is static memory, peak and stack. The collector runs after
 each tick, and in a tick only when the heap is full, so the peak depends on the size of the heap.
-The RAM that is necessary is between *live* and *peak*, each with static memory and stack.
+The RAM that is necessary is between *live* and *peak*, each with static memory and stack. *State*
+is what the navigator itself keeps from tick to tick, a part of *live*: the largest in {scenarios}
+scenarios of {ticks} ticks each, counted in this process by `benchmarks/board/memory_size.py`.
 
-| navigator | live | peak | allocated in a tick | stack | RAM |
-|---|---|---|---|---|---|"""
+| navigator | state | live | peak | allocated in a tick | stack | RAM |
+|---|---|---|---|---|---|---|"""
 SEARCH = """
 ## Search for the worst tick
 
@@ -158,10 +161,11 @@ def budget(costs: Costs) -> Iterator[str]:
 
 def memory(costs: Costs) -> Iterator[str]:
     """Yield the section of the memory."""
-    yield MEMORY
+    yield MEMORY.format(scenarios=state_size.SCENARIOS, ticks=state_size.TICKS)
     made, all_costs = costs.build, [*costs.drives, *costs.hardest]
     for navigator, rows in by_navigator(all_costs):
         figures = [
+            costs.state_bytes.get(navigator, "-"),
             max(cost.heap_live for cost in rows),
             max(cost.heap_peak for cost in rows),
             max(cost.allocated for cost in rows),
@@ -174,7 +178,8 @@ def memory(costs: Costs) -> Iterator[str]:
     yield (
         f"\nFlash: {made.flash} of {FLASH_BYTES}. Static RAM besides heap and stack: "
         f"{made.static}; heap {made.heap}, stack {made.stack} by the linker. Ceilings: RAM "
-        f"{RAM_BYTES} (most: {largest}), live heap {HEAP_LIVE_BYTES}, stack {STACK_BYTES}. "
+        f"{RAM_BYTES} (most: {largest}), live heap {HEAP_LIVE_BYTES}, stack {STACK_BYTES}, "
+        f"state {STATE_BYTES}. "
         f"The target of {WANTED_RAM_BYTES} bytes of RAM is "
         f"{'reached' if largest <= WANTED_RAM_BYTES else 'not reached'}. Static memory, live heap "
         f"and stack alone take {live}."

@@ -46,7 +46,10 @@ class Build(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Costs(msgspec.Struct):
-    """All measurements with one image; `searched`: ticks that the search ran for each navigator."""
+    """All measurements with one image; `searched`: ticks that the search ran for each navigator.
+
+    `state_bytes`: the largest state of each navigator on the heap of the board.
+    """
 
     build: Build
     noise: str
@@ -55,6 +58,7 @@ class Costs(msgspec.Struct):
     drives: list[Cost] = []
     searched: int = 0
     hardest: list[Cost] = []
+    state_bytes: dict[str, int] = {}
 
 
 class Ceiling(NamedTuple):
@@ -78,6 +82,8 @@ RAM_BYTES: Final = 64 * 1024
 WANTED_RAM_BYTES: Final = 32 * 1024
 STACK_BYTES: Final = 4 * 1024
 HEAP_LIVE_BYTES: Final = 32 * 1024
+STATE_BYTES: Final = 4 * 1024
+"""Ceiling of what a navigator keeps from tick to tick."""
 
 
 def excesses(build: Build, cost: Cost) -> list[str]:

@@ -24,6 +24,7 @@ from study.report.given_up import given_up_table
 from study.report.groups import CORPUS, CROWDS, GRIDS, NOTES, THIN, apart_of, in_group, main_of
 from study.report.how_run import how_run
 from study.report.page import Block, Paragraph, ReportPage, Section
+from study.report.paper.evidence import Evidence
 from study.report.paper.runs import PaperRuns
 from study.report.paper.section import paper_section
 from study.report.paper.targets import target_table, targets
@@ -41,13 +42,17 @@ def no_world(source: str) -> World:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportRequest:
-    """Inputs of a report besides its trials; `runs` of the paper's figures may be empty."""
+    """Inputs of a report besides its trials.
+
+    `runs` of the paper's figures and `evidence` of other tools may be empty.
+    """
 
     command: str = ""
     runs: PaperRuns = field(default_factory=PaperRuns)
     world_of: WorldOf = no_world
     failures: int = PER_NAVIGATOR
     jobs: int = 1
+    evidence: Evidence = field(default_factory=Evidence)
 
 
 def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
@@ -56,7 +61,9 @@ def page_of(table: pa.Table, request: ReportRequest) -> ReportPage:
     whole = distinct(every)
     size, *origin = how_run(every, len(whole), request.command)
     trials, apart = main_of(whole), apart_of(whole)
-    found, wanted = (summaries(trials), targets(whole)) if len(whole) else ([], [])
+    found, wanted = (
+        (summaries(trials), targets(whole, request.evidence)) if len(whole) else ([], [])
+    )
     if not len(whole):
         nothing = Paragraph("**There is no trial in this study**, so there is nothing to compare.")
         return ReportPage(TITLE, (nothing,), (paper_section(trials, request.runs),))

@@ -14,6 +14,7 @@ from study.report.build import ReportRequest
 from study.report.charts.gallery import PER_NAVIGATOR
 from study.report.output.files import SUMMARY, write
 from study.report.output.readme import update
+from study.report.paper.evidence import read_evidence
 from study.report.paper.runs import SEEDS, run_paper
 from study.runner.sources import world_of
 from study.runner.store import commands_of, read
@@ -33,6 +34,7 @@ def main(argv: Sequence[str]) -> int:
         failures=options.failures,
         jobs=options.jobs,
         paper_seeds=options.paper_seeds,
+        evidence=options.evidence,
     )
     if options.readme is not None:
         update(options.readme, output / SUMMARY)
@@ -47,9 +49,13 @@ def report(
     failures: int = PER_NAVIGATOR,
     jobs: int = 1,
     paper_seeds: int = SEEDS,
+    evidence: Path | None = None,
 ) -> list[Path]:
-    """Write the report of a study, finished or not; return the files written."""
-    table = read(study)
+    """Write the report of a study, finished or not; return the files written.
+
+    `evidence` is the directory with the figures of other tools, if the report is to show them.
+    """
+    table, found = read(study), read_evidence(evidence)
     if paper_seeds:
         print("sidestep study report: running the paper's figures", file=sys.stderr)
     request = ReportRequest(
@@ -58,6 +64,7 @@ def report(
         world_of=partial(world_of, directory=study),
         failures=failures,
         jobs=jobs,
+        evidence=found,
     )
     return write(table, output, request)
 
@@ -68,6 +75,12 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("study", type=Path, metavar="DIR", help="the study's directory")
     made.add_argument("--output", type=Path, metavar="DIR", help="for the report (default DIR)")
     made.add_argument("--readme", type=Path, metavar="FILE", help="also update the table in it")
+    made.add_argument(
+        "--evidence",
+        type=Path,
+        metavar="DIR",
+        help="also show the figures of other tools, from the JSON files in it (default none)",
+    )
     made.add_argument(
         "--failures",
         type=whole(0, MAX_FAILURES),

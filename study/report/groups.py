@@ -13,8 +13,8 @@ ADVERSARIAL: Final = "adversarial worlds"
 THIN: Final = "thin walls"
 CROWDS: Final = "crowds"
 
-BOUND: Final = "oracle_grid"
-"""The navigator with unlimited memory and the same senses: a bound, not a competitor."""
+PLANNER: Final = "oracle_grid"
+"""The navigator with unlimited memory and the same senses: a comparison, not a competitor."""
 
 GRID_PREFIXES: Final = ("moving_ai", "movingai", "grid")
 """Prefixes of the families in Moving AI's format."""

@@ -10,7 +10,7 @@ from study.report.page import Block, CodeBlock, PageTable, Paragraph
 from study.report.trials import Trials
 from study.report.words import count, number
 from study.runner.rows import FAILED
-from study.trial.trial import NAVIGATORS
+from study.trial.trial import ALL_NAVIGATORS
 
 SHOWN: Final = 6
 
@@ -53,7 +53,7 @@ def _facts(trials: Trials, kept: int) -> Mapping[str, str]:
     failed = trials.count(trials.has(outcome=FAILED))
     if failed:
         facts["failed"] = f"{count(failed)} trials could not be run; none counts as a success"
-    strange = [name for name in trials.values("navigator") if name not in NAVIGATORS]
+    strange = [name for name in trials.values("navigator") if name not in ALL_NAVIGATORS]
     if strange:
         facts["unknown here"] = ", ".join(strange)
     return facts

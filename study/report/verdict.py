@@ -3,7 +3,7 @@
 from typing import Final
 
 from study.report.comparisons import LEVEL, Comparison, comparisons
-from study.report.groups import BOUND
+from study.report.groups import PLANNER
 from study.report.page import Paragraph, Section
 from study.report.paper.target import MET, MISSED, StudyTarget
 from study.report.summary import Summary
@@ -20,7 +20,7 @@ def verdict(trials: Trials, found: list[Summary], wanted: list[StudyTarget]) -> 
     noises = trials.values("noise")
     noise = USUAL_NOISE if USUAL_NOISE in noises else noises[0]
     rows = sorted(
-        (one for one in found if one.noise == noise and one.success.of and one.label != BOUND),
+        (one for one in found if one.noise == noise and one.success.of and one.label != PLANNER),
         key=lambda one: -one.success.rate,
     )
     sentences = [*best(rows, noise), *paper(trials, noise), *touched(rows), *reached(wanted)]

@@ -93,6 +93,22 @@ def upper_bound(count: int, of: int, confidence: float = CONFIDENCE) -> float:
     return high
 
 
+def ratio_interval(
+    first: int, of_first: int, second: int, of_second: int, confidence: float = CONFIDENCE
+) -> Interval:
+    """Return the log interval of a ratio of two proportions (Katz et al. 1978).
+
+    It takes the two samples as independent. For pairs of trials that tend to end alike it is wider
+    than necessary. Unbounded where one count is zero: then the logarithm has no estimate.
+    """
+    if not first or not second:
+        return Interval(0.0, inf)
+    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
+    half = z * sqrt(1.0 / first - 1.0 / of_first + 1.0 / second - 1.0 / of_second)
+    ratio = (first / of_first) / (second / of_second)
+    return Interval(ratio * exp(-half), ratio * exp(half))
+
+
 def mean_interval(values: Sequence[float] | Floats, confidence: float = CONFIDENCE) -> Interval:
     """Return the interval of a mean by the normal approximation; unbounded below two values."""
     found = _finite(values)

@@ -91,10 +91,7 @@ class WorldMap:
 
     def _wall(self, wall: Polyline) -> None:
         half = max(0.5, wall.thickness_m * self._scale / 2.0)
-        for a, b in pairwise(wall.points_m):
-            self.drawing.polygon(_bar(self.at(a), self.at(b), half), "solid")
-        for point in wall.points_m:
-            self.drawing.circle(self.at(point), half, "solid")
+        wall_parts(self.drawing, [self.at(point) for point in wall.points_m], half)
 
     def _disc(self, disc: Circle) -> None:
         if disc.path_m:
@@ -117,6 +114,14 @@ class WorldMap:
     def _end(self, drive: DrivenTrial, name: str) -> None:
         x_m, y_m, _ = drive.true[-1]
         end_mark(self.drawing, self.at((x_m, y_m)), drive.outcome.outcome, f"mark f-{name}")
+
+
+def wall_parts(drawing: SvgDrawing, dots: Sequence[Dot], half: float) -> None:
+    """Draw a wall with round ends and joints; `half` is half its width in pixels."""
+    for a, b in pairwise(dots):
+        drawing.polygon(_bar(a, b, half), "solid")
+    for dot in dots:
+        drawing.circle(dot, half, "solid")
 
 
 def end_mark(drawing: SvgDrawing, at: Dot, outcome: str, kind: str) -> None:

@@ -17,6 +17,7 @@ from study.report.output.html import html
 from study.report.output.markdown import markdown
 from study.report.page import figures_of, numbered
 from study.report.paper.claims import Claim, claims
+from study.report.paper.evidence import Evidence
 from study.report.paper.targets import targets
 from study.report.summary import as_json, numbers, summaries
 from study.report.trials import Trials, distinct, trials_of
@@ -70,7 +71,7 @@ def summary_of(table: pa.Table, request: ReportRequest) -> dict[str, Any]:
         "families": len(counted.values("family")),
         "rows": as_json(summaries(trials)),
         "rows_apart": {group: as_json(summaries(some)) for group, some in apart.items()},
-        "figures_to_reach": _targets(whole),
+        "figures_to_reach": _targets(whole, request.evidence),
         "claims": [_claim(claim) for claim in claims(trials, request.runs)],
     }
 
@@ -84,8 +85,8 @@ def _claim(claim: Claim) -> dict[str, str]:
     return {"says": fields.pop("statement"), **fields}
 
 
-def _targets(trials: Trials) -> list[Mapping[str, str]]:
-    return [asdict(target) for target in targets(trials)]
+def _targets(trials: Trials, found: Evidence) -> list[Mapping[str, str]]:
+    return [asdict(target) for target in targets(trials, found)]
 
 
 def _csv(rows: Sequence[Mapping[str, object]]) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from runtime.errors import UserError
-from study.report.groups import BOUND
+from study.report.groups import PLANNER
 from study.report.output.markdown import table_lines
 from study.report.page import PageTable
 from study.report.summary import HEAD
@@ -39,7 +39,7 @@ def lines_of(rows: Rows) -> str:
     )
     body = []
     labels = dict.fromkeys(str(row[NAVIGATOR]) for row in rows)
-    for label in (one for one in labels if one != BOUND):
+    for label in (one for one in labels if one != PLANNER):
         at = {row[NOISE]: row for row in rows if row[NAVIGATOR] == label}
         successes = [str(at[noise][SUCCESS]) if noise in at else DASH for noise in noises]
         rest = [str(at[usual][name]) if usual in at else DASH for name in REST]

@@ -58,8 +58,12 @@ def verdict_of(met: bool) -> str:
 
 def at_least(what: str, noise: str, found: Share, wanted: float) -> StudyTarget:
     """Return a target for the lower limit of a share."""
-    words = f"{'≥ ' if wanted < 1.0 else ''}{100 * wanted:g} %"
-    return of_share(what, noise, words, found, found.rate >= wanted)
+    return of_share(what, noise, least(wanted), found, found.rate >= wanted)
+
+
+def least(rate: float) -> str:
+    """Format the lower limit of a share."""
+    return f"{'≥ ' if rate < 1.0 else ''}{100 * rate:g} %"
 
 
 def of_share(what: str, noise: str, wanted: str, found: Share, met: bool) -> StudyTarget:
@@ -83,13 +87,18 @@ def rarer_than(what: str, noise: str, found: Share, most: float) -> StudyTarget:
     return StudyTarget(what, noise, wanted, measured, span, verdict_of(PER * found.rate <= most))
 
 
-def bounded(what: str, noise: str, found: Share, most: float, bound: float) -> StudyTarget:
-    """Return a target for a rate and for its exact one-sided upper bound, both per 10,000."""
-    wanted = f"≤ {most:g} (bound ≤ {bound:g})"
+def bounded(
+    what: str, noise: str, found: Share, most: float, bound: float | None = None
+) -> StudyTarget:
+    """Return a target for a rate per 10,000, with its exact one-sided upper bound.
+
+    With `bound` the upper bound has a limit, too; without it the upper bound is only shown.
+    """
+    wanted = f"≤ {most:g}" if bound is None else f"≤ {most:g} (bound ≤ {bound:g})"
     if not found.of:
         return unmeasured(what, noise, wanted)
     measured = f"{number(PER * found.rate, 2)} ({found.count} of {found.of})"
-    met = PER * found.rate <= most and PER * found.most <= bound
+    met = PER * found.rate <= most and (bound is None or PER * found.most <= bound)
     return StudyTarget(
         what, noise, wanted, measured, f"≤ {number(PER * found.most, 2)}", verdict_of(met)
     )

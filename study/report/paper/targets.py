@@ -7,9 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from study.report.groups import BOUND, CORPUS, in_group
+from study.report.groups import CORPUS, PLANNER, in_group
 from study.report.page import PageCell, PageTable
 from study.report.paper.apart_targets import apart_targets, arrivals
+from study.report.paper.evidence import Evidence
 from study.report.paper.target import (
     ELSEWHERE,
     MET,
@@ -35,29 +36,31 @@ ELLIPSE: Final = (0.93, 0.97)
 CONTACTS: Final = {"default": 0.0, "lossy": 10.0}
 OWN_CONTACTS: Final = {"default": 1.0, "lossy": 5.0}
 RATIO: Final = ((0.5, "median", 1.10), (0.9, "90th percentile", 2.0))
-NEAR_BOUND: Final = 1.15
-"""A path that is at most so many times that of the bound is short enough, too."""
+"""Quantiles of the path over the shortest one, and the largest value wanted of each."""
+NEAR: Final = 1.15
+"""A path that is at most so many times that of the planner is short enough, too."""
 
 RECOGNISED: Final = {"none": 1.0, "default": 0.995}
 LAPS: Final = ((0.5, "median", 1.5), (0.9, "90th percentile", 1.5))
 CHANGES: Final = ((0.5, "median", 1.0), (1.0, "worst", 6.0))
 WORLDS, FAMILIES = 400, 12
 HOURS_PER_MINUTE: Final = 15.0
+NOTHING: Final = Evidence()
 CORES: Final = 2
 
 
-def targets(trials: Trials) -> list[StudyTarget]:
-    """Return all targets; `trials` may be of any navigators."""
+def targets(trials: Trials, found: Evidence = NOTHING) -> list[StudyTarget]:
+    """Return all targets; `trials` may be of any navigators, `found` is of other tools."""
     own = trials.of(navigator=OWN)
     return [
-        *_by_noise(in_group(own, CORPUS), in_group(trials.of(navigator=BOUND), CORPUS)),
-        *apart_targets(own),
+        *_by_noise(in_group(own, CORPUS), in_group(trials.of(navigator=PLANNER), CORPUS)),
+        *apart_targets(own, OWN, found),
         *_size(in_group(own, CORPUS)),
         _speed(trials),
     ]
 
 
-def _by_noise(corpus: Trials, bound: Trials) -> Iterator[StudyTarget]:
+def _by_noise(corpus: Trials, planner: Trials) -> Iterator[StudyTarget]:
     noises = {noise: corpus.of(noise=noise) for noise in NOISES}
     for noise, trials in noises.items():
         what = "arrives by its own estimate, touches nothing"
@@ -73,7 +76,7 @@ def _by_noise(corpus: Trials, bound: Trials) -> Iterator[StudyTarget]:
         for noise, per in limits.items():
             yield _contacts(noises[noise].numbers(column) > 0.0, noise, per, what)
     for noise, trials in noises.items():
-        yield from _ratio(trials, bound.of(noise=noise), noise)
+        yield from _ratio(trials, planner.of(noise=noise), noise)
     for noise, least in RECOGNISED.items():
         yield from _recognised(noises[noise], noise, least)
     for noise, trials in noises.items():
@@ -112,18 +115,18 @@ def _contacts(touched: Flags, noise: str, most: float, what: str) -> StudyTarget
     return rarer_than(f"trials with a contact{what}, per 10,000", noise, found, most)
 
 
-def _ratio(trials: Trials, bound: Trials, noise: str) -> Iterator[StudyTarget]:
-    """Yield the quantiles of the path, also over those of the bound in the same trials."""
+def _ratio(trials: Trials, planner: Trials, noise: str) -> Iterator[StudyTarget]:
+    """Yield the quantiles of the path, also over those of the planner in the same trials."""
     values = trials.where(trials.possible).ratio
-    common = trials.paired_with(bound).ratio
-    best = bound.paired_with(trials).ratio
+    common = trials.paired_with(planner).ratio
+    best = planner.paired_with(trials).ratio
     for at, name, most in RATIO:
         what = f"path over shortest path, {name} of arrivals"
         found = quantile_at_most(what, noise, values, at, most)
         times = quantile(common, at) / quantile(best, at)
         if isfinite(times):
-            measured = f"{found.measured}, {number(times, 3)} x that of `{BOUND}`"
-            verdict = MET if times <= NEAR_BOUND else found.verdict
+            measured = f"{found.measured}, {number(times, 3)} x that of `{PLANNER}`"
+            verdict = MET if times <= NEAR else found.verdict
             found = replace(found, measured=measured, verdict=verdict)
         yield found
 
@@ -140,7 +143,7 @@ def _recognised(trials: Trials, noise: str, rate: float) -> Iterator[StudyTarget
 
 def _speed(trials: Trials) -> StudyTarget:
     forest = np.char.startswith(trials.texts("family"), "forest")
-    own = ~trials.has(navigator=BOUND)
+    own = ~trials.has(navigator=PLANNER)
     chosen = trials.where(forest & own & np.isfinite(trials.numbers("wall_s")))
     wall_s = float(chosen.numbers("wall_s").sum())
     hours = float(chosen.numbers("time_s").sum()) / 3600.0
@@ -166,11 +169,15 @@ def target_table(found: list[StudyTarget]) -> PageTable:
     caption = (
         f"Figures to reach, of `{OWN}` unless stated otherwise: {counts}. Intervals of "
         f"{CONFIDENT}: Wilson's for shares, order statistics for quantiles, the normal "
-        "approximation for means, and Clopper and Pearson's one-sided bound where the target is a "
-        "bound. Met: the measured figure is at least as good as the wanted one, and the bound "
-        f"where there is one. A path is short enough, too, when its quantile is at most "
-        f"{NEAR_BOUND:g} times that of `{BOUND}`, a planner with unlimited memory and the same "
-        "senses. Figures of other tools are on the page that is named."
+        "approximation for means, Katz's for the ratio to the standing robot. A single limit `≤` "
+        "is Clopper and Pearson's one-sided bound. Met: the measured figure is at least as good as "
+        "the wanted one, and so is the bound where one is wanted. The bound of wrong claims is "
+        "wanted of all noise levels together; one level has fewer trials, so its own bound is "
+        "higher. A path is short enough, too, when its quantile is at most "
+        f"{NEAR:g} times that of `{PLANNER}`, a planner with unlimited memory and the same senses, "
+        "over the trials in which both arrived. Published maps, the standing robot, the worst step "
+        "and the memory are figures of other tools; where they were not read, the row names their "
+        "page."
     )
     return PageTable(
         caption, ("what", "noise", "wanted", "measured", "interval", ""), rows, names=2

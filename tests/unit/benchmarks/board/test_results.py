@@ -6,7 +6,15 @@ import msgspec
 import pytest
 
 from benchmarks.board import float32, page, results
-from benchmarks.board.results import CEILINGS, FLASH_BYTES, RAM_BYTES, Cost, excesses, read
+from benchmarks.board.results import (
+    CEILINGS,
+    FLASH_BYTES,
+    RAM_BYTES,
+    STATE_BYTES,
+    Cost,
+    excesses,
+    read,
+)
 from plant.world.file import shipped
 from study.trial.trial import NAVIGATORS
 from verification.same_bits import board
@@ -21,6 +29,12 @@ def test_committed_costs_are_within_their_ceilings() -> None:
     assert [cost for cost in rows if not cost.equal] == []
     assert {cost.navigator for cost in costs.drives} == set(NAVIGATORS)
     assert {cost.navigator for cost in costs.hardest} == set(NAVIGATORS)
+
+
+def test_committed_states_of_all_navigators_are_within_their_ceiling() -> None:
+    sizes = read().state_bytes
+    assert set(sizes) == set(NAVIGATORS)
+    assert max(sizes.values()) <= STATE_BYTES
 
 
 @pytest.mark.parametrize(

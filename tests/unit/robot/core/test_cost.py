@@ -7,14 +7,10 @@ from random import Random
 
 import pytest
 
-from benchmarks.board.memory_size import heap_bytes, lengths
-from benchmarks.board.scenarios import (
-    CarriedBody,
-    EnclosedBody,
-    Scenario,
-    ScenarioBody,
-    run_scenario,
-)
+from benchmarks.board.memory_size import lengths
+from benchmarks.board.results import STATE_BYTES
+from benchmarks.board.scenarios import CarriedBody, EnclosedBody, ScenarioBody
+from benchmarks.board.state_size import state_bytes
 from robot.core import states
 from robot.core.geometry import wrap
 from robot.core.motion.controller import HALT
@@ -23,11 +19,8 @@ from robot.core.navigators.registry import new_memory
 from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.values import Goal, Outputs, Pose
-from robot.hosting.in_process import InProcessCore
 from study.trial.trial import NAVIGATORS
 
-SCENARIOS, TICKS = 4, 80
-STATE_BYTES = 4096
 AWAY = Goal(9.0, 4.0, None, 0.05, 0.05)
 
 
@@ -37,16 +30,7 @@ def test_every_registered_navigator_has_a_name() -> None:
 
 @pytest.mark.parametrize("name", NAVIGATORS)
 def test_memory_of_a_navigator_is_within_its_limit(name: str) -> None:
-    sizes = []
-    for number in range(SCENARIOS):
-        scenario = Scenario(name, number)
-        core = InProcessCore(scenario.params())
-        body = scenario.body()
-        estimate = {id(core.state.odometry)}  # the robot's, which a proof only reads
-        sizes += [
-            heap_bytes(core.state.memory, set(estimate)) for _ in run_scenario(core, body, TICKS)
-        ]
-    assert 0 < max(sizes) <= STATE_BYTES
+    assert 0 < state_bytes(name) <= STATE_BYTES
 
 
 @pytest.mark.parametrize("kind", [EnclosedBody, CarriedBody])

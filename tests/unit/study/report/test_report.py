@@ -161,6 +161,14 @@ def test_failed_trials_are_counted(tmp_path: Path) -> None:
     assert "1 trials could not be run" in page
 
 
+@pytest.mark.parametrize(("navigator", "is_unknown"), [("oracle_grid", False), ("other", True)])
+def test_only_a_foreign_navigator_is_unknown(
+    tmp_path: Path, navigator: str, is_unknown: bool
+) -> None:
+    page = written(table_of([row(), row(navigator=navigator)]), tmp_path)
+    assert ("unknown here" in page) == is_unknown
+
+
 def test_names_like_markup_are_escaped(tmp_path: Path) -> None:
     odd = row(world="<b>|&amp;", family="a|b<i>", navigator="<script>", **STUCK)
     page = written(table_of([odd]), tmp_path)
@@ -195,6 +203,17 @@ def test_command_writes_report_and_updates_readme(
     assert (tmp_path / "out" / "report.html").exists()
     assert "| vgm_memory |" in readme.read_text()
     assert "report.html" in capsys.readouterr().out
+
+
+def test_command_reads_figures_of_other_tools(tmp_path: Path) -> None:
+    write_table(tmp_path / "results.parquet", study())
+    (tmp_path / "microcontroller").mkdir()
+    cost = {"drives": [{"navigator": "vgm_memory", "whole_ms": 21.5}]}
+    (tmp_path / "microcontroller" / "cost.json").write_text(json.dumps(cost))
+    few = ["--failures", "0", "--paper-seeds", "0", "--jobs", "1"]
+    assert main([str(tmp_path), "--evidence", str(tmp_path), *few]) == 0
+    assert "43.0 % (21.5 of 50 ms)" in (tmp_path / "report.md").read_text()
+    assert "43.0 % (21.5 of 50 ms)" in (tmp_path / "summary.json").read_text()
 
 
 def test_report_lists_the_commands_of_the_study(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from study.statistics.intervals import (
     mean_interval,
     quantile,
     quantile_interval,
+    ratio_interval,
     signed_rank,
     upper_bound,
     wilson,
@@ -48,6 +49,19 @@ def test_wilson_agrees_with_newcombe_1998(count: int, of: int, low: float, high:
 )
 def test_exact_bound_agrees_with_newcombe_1998(count: int, of: int, high: float) -> None:
     assert upper_bound(count, of, 0.975) == pytest.approx(high, abs=5e-5)
+
+
+def test_ratio_interval_agrees_with_the_aspirin_study() -> None:
+    """Physicians' Health Study (1989): 189 of 11,034 against 104 of 11,037, 1.82 (1.43 to 2.31)."""
+    found = ratio_interval(189, 11_034, 104, 11_037)
+    assert found == pytest.approx((1.43, 2.31), abs=5e-3)
+    inverse = ratio_interval(104, 11_037, 189, 11_034)
+    assert inverse == pytest.approx((1.0 / found.high, 1.0 / found.low))
+
+
+@pytest.mark.parametrize(("first", "second"), [(0, 5), (5, 0), (0, 0)])
+def test_ratio_without_events_is_unbounded(first: int, second: int) -> None:
+    assert ratio_interval(first, 10, second, 10) == (0.0, inf)
 
 
 def test_bound_without_events_shrinks_with_the_trials() -> None:

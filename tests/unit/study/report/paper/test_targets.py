@@ -74,7 +74,9 @@ def test_unreachable_goals_have_rate_and_lap_targets() -> None:
 
 
 def test_one_wrong_claim_in_the_corpus_is_missed() -> None:
-    one = target(targets(trials(*many(500, 1, GAVE_UP))), "reachable goals called", "all")
+    one = target(
+        targets(trials(*many(500, 1, GAVE_UP))), "reachable goals called unreachable, corpus", "all"
+    )
     assert (one.measured, one.verdict) == ("20.00 (1 of 500)", MISSED)
 
 
@@ -87,9 +89,29 @@ def test_no_wrong_claim_needs_enough_trials_for_its_bound(runs: int, verdict: st
 def test_wrong_claims_are_counted_in_grid_maps_but_not_apart() -> None:
     rows = [row(family="grid_maze", **GAVE_UP), row(family="comb", noise="none", **GAVE_UP)]
     found = targets(trials(row(), *rows))
-    corpus, fooled = [one for one in found if one.what.startswith("reachable goals called")]
-    assert (corpus.measured, corpus.noise) == ("5000.00 (1 of 2)", "all")
-    assert (fooled.measured, fooled.noise) == ("10000.0 (1 of 1)", "none")
+    corpus = target(found, "reachable goals called unreachable, corpus", "all")
+    fooled = target(found, "reachable goals called unreachable, adversarial", "none")
+    assert corpus.measured == "5000.00 (1 of 2)"
+    assert fooled.measured == "10000.00 (1 of 1)"
+
+
+def test_each_noise_level_shows_the_bound_of_its_wrong_claims() -> None:
+    rows = [*many(3, 0, {}, noise="none"), *many(2, 1, GAVE_UP, noise="harsh")]
+    found = targets(trials(*rows))
+    what = "reachable goals called unreachable, corpus"
+    calm, harsh = target(found, what, "none"), target(found, what, "harsh")
+    assert (calm.measured, calm.interval, calm.verdict) == ("0.00 (0 of 3)", "≤ 6315.97", MET)
+    assert (harsh.measured, harsh.interval, harsh.verdict) == (
+        "5000.00 (1 of 2)", "≤ 9746.79", MISSED,
+    )  # fmt: skip
+    assert target(found, what, "all").interval == "≤ 6574.08"
+    assert target(found, what, "lossy").verdict == UNMEASURED
+
+
+def test_adversarial_claims_show_the_exact_bound() -> None:
+    rows = many(193, 0, {}, family="comb", noise="none")
+    one = target(targets(trials(*rows)), "reachable goals called unreachable, adv", "none")
+    assert (one.interval, one.verdict) == ("≤ 154.02", MET)
 
 
 def test_side_change_targets_are_median_and_worst() -> None:
@@ -107,7 +129,7 @@ def test_targets_use_the_own_navigator_only() -> None:
 def test_grids_have_their_own_targets(noise: str, verdict: str) -> None:
     grid = many(100, 1, STUCK, family="moving_ai_maze", noise=noise, world="maze512")
     found = targets(trials(row(noise=noise), *grid))
-    assert target(found, "arrives in grid mazes", noise).verdict == verdict
+    assert target(found, "arrives on generated grid maps", noise).verdict == verdict
     assert target(found, "arrives by its own estimate", noise).verdict == MET
     assert target(found, "worlds of the corpus", "all").measured == "1"
 
@@ -127,7 +149,6 @@ def test_crowds_are_judged_by_the_robot_s_own_contacts() -> None:
     rows = [*many(300, 1, {"contacts": 1}, family="crowd"), row(family="crowd_hasty", **COLLIDED)]
     found = targets(trials(*rows))
     assert target(found, "crowds: trials with a contact by its own").verdict == MET
-    assert target(found, "crowds: trials with any contact", "all").verdict == ELSEWHERE
 
 
 def test_published_score_has_a_target_in_clutter() -> None:
@@ -135,10 +156,6 @@ def test_published_score_has_a_target_in_clutter() -> None:
     found = targets(trials(*rows))
     forests = target(found, "published score (at most 0.5), forests")
     assert (forests.measured, forests.verdict) == ("0.441", MISSED)
-    maps = target(found, "published score (at most 0.5), maps", "all")
-    assert (maps.measured, maps.verdict) == ("docs/evidence/published-maps.md", ELSEWHERE)
-    barn = [row(family="barn", seed=seed, time_s=30.0) for seed in range(3)]
-    assert target(targets(trials(*barn)), "published score (at most 0.5), maps").verdict == MET
 
 
 def test_long_path_near_that_of_the_planner_is_met() -> None:
