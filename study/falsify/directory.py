@@ -38,7 +38,7 @@ class ClassRecord:
 
 @dataclass(slots=True)
 class SearchProgress:
-    """What a search has done so far, in all calls."""
+    """Progress of a search: sums over all its calls, and the classes of failure."""
 
     climbs: int = 0
     trials: int = 0
@@ -48,7 +48,7 @@ class SearchProgress:
 
 
 def settings_json(settings: SearchSettings, code: str) -> dict[str, Any]:
-    """Return all that determines a search, as stored."""
+    """Return the settings that determine a search, as stored."""
     values = asdict(settings)
     subject = values.pop("subject")
     listed = {

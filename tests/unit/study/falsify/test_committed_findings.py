@@ -10,12 +10,12 @@ import pytest
 import study.falsify
 from plant.placement.shortest_path import shortest_path_m
 from study.falsify.finding import read
-from study.falsify.properties import NAMES
+from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in
 
 WORLDS = Path(study.falsify.__file__).parent / "worlds"
 OPEN, MENDED, PAPER = (
-    sorted((WORLDS / name).glob("*.toml")) for name in ("open", "mended", "paper")
+    sorted((WORLDS / name).glob("*.toml")) for name in ("open", "fixed", "paper")
 )
 EVERY = [*OPEN, *MENDED, *PAPER]
 
@@ -27,7 +27,7 @@ def name_of(file: Path) -> str:
 @pytest.mark.parametrize("file", EVERY, ids=name_of)
 def test_finding_states_its_property_and_its_shortest_way(file: Path) -> None:
     finding = read(file)
-    assert finding.letter in NAMES
+    assert finding.letter in LETTERS
     assert finding.sentence.endswith(".")
     length_m = shortest_path_m(finding.world)
     assert (length_m is not None) == finding.world.reachable
@@ -38,10 +38,10 @@ def test_finding_states_its_property_and_its_shortest_way(file: Path) -> None:
 def test_finding_ends_as_its_folder_states(file: Path) -> None:
     finding = read(file)
     violated = finding.replay().violated
-    if file.parent.name == "mended":
+    if file.parent.name == "fixed":
         assert not set(violated) & {finding.letter, "b", "c"}, finding.sentence
     else:
-        assert finding.letter in violated, "it holds now: move the file to mended/"
+        assert finding.letter in violated, "it holds now: move the file to fixed/"
 
 
 @pytest.mark.parametrize("navigator", ["bug", "vgm"])

@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +17,7 @@ from study.falsify.directory import SearchProgress, opened, save, settings_json
 from study.falsify.finding import finding_of, read
 from study.falsify.search import Budget, Search, Shrunk
 from study.falsify.search_line import SearchLine
-from study.falsify.workers import InPlace
+from study.falsify.workers import InPlace, Workers
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
 
 SETTINGS = search_of("vgm", "ab")
@@ -47,7 +49,7 @@ def run(directory: Path, trials: int, jobs: int = 1) -> SearchProgress:
     wanted = settings_json(SETTINGS, "code")
     with opened(directory, wanted) as progress:
         search = Search(SETTINGS, directory, progress, lambda: float(next(clock)))
-        for _ in search.run(InPlace(), jobs, Budget(trials=trials)):
+        for _ in search.run(Workers(InPlace(), lambda: jobs), Budget(trials=trials)):
             pass
         search.save()
     return progress
@@ -94,7 +96,7 @@ def test_search_ends_when_its_time_is_used_up(tmp_path: Path) -> None:
     clock = count(0, 10)
     with opened(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
         search = Search(SETTINGS, tmp_path / "out", progress, lambda: float(next(clock)))
-        steps = sum(1 for _ in search.run(InPlace(), 1, Budget(span_s=300.0)))
+        steps = sum(1 for _ in search.run(Workers(InPlace(), lambda: 1), Budget(span_s=300.0)))
     assert 1 <= steps < 30
     assert search.is_over(Budget(span_s=progress.spent_s))
     assert progress.climbs < 30
@@ -153,3 +155,23 @@ def test_progress_line_shows_classes_and_time_left(tmp_path: Path) -> None:
         progress.trials, progress.climbs, progress.simulated_s = 30, 4, 7200.0
         line = SearchLine(search, budget, sys.stderr, lambda: 60.0).line()
     assert line == ("30 trials in 4 climbs, 2.0 simulated h/min, classes of failure: 0, 60 s left")
+
+
+class Endless(Executor):
+    """Accept tasks and end none."""
+
+    def submit(self, _call: Any, /, *_args: Any, **_keywords: Any) -> "Future[Any]":
+        return Future()
+
+
+def test_climbs_in_flight_follow_the_threads_of_the_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(searches, "REFRESH_S", 0.0)
+    search = Search(SETTINGS, tmp_path, SearchProgress(), lambda: 0.0)
+    threads = iter([*[6] * 13, *[9] * 7])
+    steps = search.run(Workers(Endless(), lambda: next(threads)), Budget(span_s=1.0))
+    next(steps)
+    assert len(search.running) == 12
+    next(steps)  # more workers have joined
+    assert len(search.running) == 18
