@@ -216,7 +216,12 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
     progress = running.progress
     if as_json:
         classes = {
-            name: {"seen": one.seen, "walls": one.walls, "sentence": one.sentence}
+            name: {
+                "seen": one.seen,
+                "walls": one.walls,
+                "after_s": round(one.after_s, 1),
+                "sentence": one.sentence,
+            }
             for name, one in sorted(progress.classes.items())
         }
         values = {

@@ -27,13 +27,15 @@ INDEX: Final = "findings.md"
 class ClassRecord:
     """A class of failure: the climb that found it first, how often it was seen, and its finding.
 
-    `sentence` is empty until the finding has been shrunk and written.
+    `sentence` is empty until the finding has been shrunk and written, which was when the search had
+    used `after_s` seconds.
     """
 
     climb: int
     seen: int = 1
     walls: int = 0
     sentence: str = ""
+    after_s: float = 0.0
 
 
 @dataclass(slots=True)
@@ -98,12 +100,14 @@ def save_index(directory: Path, progress: SearchProgress) -> None:
     lines = [
         f"# Findings in {progress.trials} trials",
         "",
-        "| class | seen | walls | failure |",
-        "|---|---:|---:|---|",
+        "| class | seen | walls | small after | failure |",
+        "|---|---:|---:|---:|---|",
     ]
     for name, one in rows:
         shown = f"[{name}]({name}.toml)" if one.sentence else name
-        lines.append(f"| {shown} | {one.seen} | {one.walls} | {one.sentence or 'not shrunk'} |")
+        after = f"{one.after_s:.0f} s" if one.sentence else ""
+        sentence = one.sentence or "not shrunk"
+        lines.append(f"| {shown} | {one.seen} | {one.walls} | {after} | {sentence} |")
     with replacing(directory / INDEX) as file:
         file.write(("\n".join(lines) + "\n").encode())
 

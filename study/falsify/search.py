@@ -131,6 +131,7 @@ class Search:
             save_finding(self.directory, result.finding, result.drawn)
             record = self.progress.classes[result.failure_class]
             record.walls, record.sentence = result.walls, result.finding.sentence
+            record.after_s = self.spent_s
             self.save()
             return
         self.early[result.number] = result

@@ -24,7 +24,7 @@ def _no_climbs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(search: Search, *_: object) -> Iterator[None]:
         search.started_s = search.monotonic_s()
         search.progress.trials = 7
-        search.progress.classes["a-wedge-blocked"] = ClassRecord(0, 2, 3, "It stops.")
+        search.progress.classes["a-wedge-blocked"] = ClassRecord(0, 2, 3, "It stops.", 4.56)
         yield
 
     monkeypatch.setattr(Search, "run", run)
@@ -75,7 +75,7 @@ def test_json_has_one_entry_for_each_class(
     printed = json.loads(capsys.readouterr().out)
     assert printed["verb"] == "falsify"
     assert printed["classes"] == {
-        "a-wedge-blocked": {"seen": 2, "walls": 3, "sentence": "It stops."}
+        "a-wedge-blocked": {"seen": 2, "walls": 3, "after_s": 4.6, "sentence": "It stops."}
     }
 
 
