@@ -28,7 +28,7 @@ LOOK_EVERY: Final = 10
 
 TOUCHING_M: Final = 1e-3
 CLOSE_M: Final = 0.1
-"""Clearance below which the speed is recorded, in case that a contact follows."""
+"""Clearance below which the speed is kept, because a contact may follow."""
 
 LATE: Final = 1200
 """Ticks, one minute: the distance driven in the last of them distinguishes kinds of time-out."""
@@ -38,7 +38,7 @@ FLOOR_M2: Final = 1e-6
 
 MS_PER_S: Final = 1000.0
 DECIMALS: Final = 6
-"""Of distances in metres that are compared: a wall's end is as near as the wall itself there."""
+"""Decimals to which distances in metres are compared: a wall is as near as its end there."""
 
 
 class Monitor:
@@ -92,16 +92,14 @@ class Monitor:
         self._way_mm, self._gap = proof.way_mm, proof.gap
 
     def _watch_contact(self, plant: Plant, onboard: CoreLoop) -> None:
-        """Keep the newest echo of each sonar; record the first contact."""
-        keep_echoes(self._echoes, onboard.state.ring)
+        """Keep speed and newest echoes until the first contact, and record that."""
         clearance_m = plant.attitude()[1]
-        if clearance_m >= CLOSE_M:
-            return
-        truth = plant.truth()
         if clearance_m >= TOUCHING_M:
-            self._speed_m_s = truth.speed_m_s
+            keep_echoes(self._echoes, onboard.state.ring)
+            if clearance_m < CLOSE_M:
+                self._speed_m_s = plant.truth().speed_m_s
             return
-        touched, bearing_rad = nearest_thing(plant.world, truth)
+        touched, bearing_rad = nearest_thing(plant.world, plant.truth())
         sonar = sonar_towards(bearing_rad)
         echo = None if sonar is None else self._echoes[sonar]
         self.contact = ContactRecord(
