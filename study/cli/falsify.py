@@ -179,8 +179,8 @@ def search(options: argparse.Namespace) -> int:
         running = Search(settings, directory, progress, monotonic)
         line = SearchLine(running, budget, sys.stderr, monotonic)
         try:
-            with workers(options.jobs, options.dask) as force:
-                for _ in running.run(force, budget):
+            with workers(options.jobs, options.dask) as pool:
+                for _ in running.run(pool, budget):
                     line.show_if_due()
         except KeyboardInterrupt:
             return _interrupted(running, line, directory)
@@ -249,14 +249,14 @@ def replay(options: argparse.Namespace) -> int:
 
     subject = _subject(options)
     still = 0
-    pool = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
-    with pool as force:
+    many = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
+    with many as pool:
         for file in files_of(options.replay):
             stored = read(file)
             tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
             one = replace(stored, subject=tried)
             violates, seen = (
-                _from_near_starts(one, options.starts, force.executor) if force else _once(one)
+                _from_near_starts(one, options.starts, pool.executor) if pool else _once(one)
             )
             still += violates
             print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {seen}", flush=True)

@@ -21,9 +21,9 @@ def address() -> Iterator[str]:
 
 
 def test_search_uses_every_thread_of_the_cluster(address: str) -> None:
-    with workers(1, address) as force:
-        assert force.threads() == 6
-        assert force.executor.submit(abs, -3).result() == 3
+    with workers(1, address) as pool:
+        assert pool.threads() == 6
+        assert pool.executor.submit(abs, -3).result() == 3
 
 
 def test_findings_on_dask_are_those_of_our_own_processes(address: str, tmp_path: Path) -> None:

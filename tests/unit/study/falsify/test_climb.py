@@ -14,7 +14,7 @@ from study.falsify.evaluate import evaluate
 from study.falsify.shrink import Shrinker, walls_in
 from tests.unit.study.falsify.examples import SCENES, first_violation, search_of
 
-SEEDS = {"bug": 32, "vgm": 7}
+SEEDS = {"bug": 32, "bug:right": 1, "vgm": 7}
 """Seeds whose first failure comes soon, and is small after MOST_WORLDS worlds."""
 
 MOST_TRIALS = 12
@@ -35,7 +35,7 @@ def test_climb_is_determined_by_its_number() -> None:
     assert digests[0] == digests[1]
 
 
-@pytest.mark.parametrize("navigator", ["bug", "vgm"])
+@pytest.mark.parametrize("navigator", SEEDS)
 def test_paper_method_fails_at_most_three_walls(navigator: str) -> None:
     violation = found(navigator)
     settings = search_of(navigator, "ab", SEEDS[navigator])

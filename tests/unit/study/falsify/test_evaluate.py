@@ -88,15 +88,15 @@ def test_picture_has_the_walls_and_the_way() -> None:
 
 def test_death_of_a_worker_is_an_error_with_advice(tmp_path: Path) -> None:
     search = Search(search_of("vgm"), tmp_path, SearchProgress(), lambda: 0.0)
-    with workers(1, None) as force:
-        search.running[force.executor.submit(os._exit, 1)] = "class"
-        steps = search.run(force, Budget(trials=0))
+    with workers(1, None) as pool:
+        search.running[pool.executor.submit(os._exit, 1)] = "class"
+        steps = search.run(pool, Budget(trials=0))
         with pytest.raises(UserError, match="a worker process died"):
             list(steps)
 
 
 def test_workers_end_with_their_context() -> None:
-    with workers(1, None) as force:
-        number = force.executor.submit(os.getpid).result()
+    with workers(1, None) as pool:
+        number = pool.executor.submit(os.getpid).result()
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)
