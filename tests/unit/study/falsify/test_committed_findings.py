@@ -53,7 +53,9 @@ def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
     assert f"<title>{escape(stored.sentence)}</title>" in file.with_suffix(".svg").read_text()
 
 
-@pytest.mark.parametrize(("navigator", "side"), [("bug", "left"), ("vgm", "left")])
+@pytest.mark.parametrize(
+    ("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")]
+)
 def test_paper_method_has_a_counterexample_of_three_walls(navigator: str, side: str) -> None:
     subjects = [one.subject for one in map(read, PAPER) if walls_in(one.world) <= 3]
     assert (navigator, side) in {(one.navigator, one.side) for one in subjects}
