@@ -18,6 +18,8 @@ from protocol.options import above_zero, whole
 from runtime.cli.parsers import new_parser
 from runtime.errors import UserError
 from study.cli.study import INSTALL, NEEDED
+from study.falsify.properties import DETOUR, LETTERS, PROPERTIES
+from study.falsify.space import VARIED
 from study.trial.trial import NAVIGATORS, SIDES
 
 if TYPE_CHECKING:
@@ -33,16 +35,13 @@ OUTPUT: Final = "findings"
 USUAL_S: Final = 600.0
 MAX_UNITS: Final = 1e6
 MIN_DETOUR: Final = 1.0
-PROPERTIES: Final = "abcdef"
-DETAILS: Final = (
-    "properties:\n"
-    "  a  a reachable goal is reached in time\n"
-    "  b  a goal that is called unreachable is unreachable\n"
-    "  c  the robot touches nothing by its own motion\n"
-    "  d  the position error is within the claimed ellipse (chi-square 23.0: one in 10^5)\n"
-    "  e  the way is at most K times the shortest (--detour K)\n"
-    "  f  an unreachable goal is recognised in time\n\n"
-    "Give the same command again to continue. Exit code 1: failures were found."
+DETAILS: Final = "\n".join(
+    (
+        "properties:",
+        *(f"  {one.letter}  {one.states}" for one in PROPERTIES),
+        "",
+        "Give the same command again to continue. Exit code 1: failures were found.",
+    )
 )
 
 
@@ -70,9 +69,9 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--properties",
         type=_letters,
-        default=PROPERTIES,
+        default=LETTERS,
         metavar="LETTERS",
-        help=f"properties to violate, as listed below (default {PROPERTIES})",
+        help=f"properties to violate, as listed below (default {LETTERS})",
     )
     made.add_argument("--noise", choices=tuple(LEVELS), default="none", help="default none")
     made.add_argument(
@@ -86,12 +85,16 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--vary",
         nargs="*",
-        choices=("robots", "people", "faults"),
+        choices=VARIED,
         default=["robots"],
-        help="what is varied besides the worlds (default robots)",
+        help="parts that vary besides the walls (default robots)",
     )
     made.add_argument(
-        "--detour", type=_detour, default=20.0, metavar="K", help="for property e (default 20)"
+        "--detour",
+        type=_detour,
+        default=DETOUR,
+        metavar="K",
+        help=f"longest way for property e, as a multiple of the shortest (default {DETOUR:g})",
     )
     _add_how(made)
     return made
@@ -99,15 +102,19 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_how(made: argparse.ArgumentParser) -> None:
     span = above_zero(MAX_UNITS)
+    usual = f"time to search; the three add up (default {USUAL_S / 60.0:g} minutes)"
     for name, unit in (("hours", "H"), ("minutes", "M"), ("seconds", "S")):
-        made.add_argument(f"--{name}", type=span, default=0.0, metavar=unit, help="time to search")
+        made.add_argument(f"--{name}", type=span, default=0.0, metavar=unit, help=usual)
     made.add_argument(
-        "--trials", type=whole(1), metavar="N", help="end after N trials instead of a time"
+        "--trials", type=whole(1), metavar="N", help="end after N trials; no time is set by default"
     )
     made.add_argument(
-        "--jobs", type=whole(1), default=cpu_count() or 1, help="processes (default all cores)"
+        "--jobs",
+        type=whole(1),
+        default=cpu_count() or 1,
+        help="processes (default all cores); without effect with --dask",
     )
-    made.add_argument("--dask", metavar="ADDRESS", help="run on the Dask cluster of this scheduler")
+    made.add_argument("--dask", metavar="ADDRESS", help="run on all threads of this Dask cluster")
     made.add_argument("--seed", type=whole(0), default=1, help="of the search (default 1)")
     made.add_argument(
         "--output", type=Path, default=Path(OUTPUT), metavar="DIR", help=f"default {OUTPUT}"
@@ -129,9 +136,9 @@ def _add_how(made: argparse.ArgumentParser) -> None:
 
 
 def _letters(text: str) -> str:
-    unknown = sorted(set(text) - set(PROPERTIES))
+    unknown = sorted(set(text) - set(LETTERS))
     if unknown or not text:
-        raise argparse.ArgumentTypeError(f"{text!r}: use letters of {PROPERTIES}")
+        raise argparse.ArgumentTypeError(f"{text!r}: use letters of {LETTERS}")
     return "".join(sorted(set(text)))
 
 
@@ -172,8 +179,8 @@ def search(options: argparse.Namespace) -> int:
         running = Search(settings, directory, progress, monotonic)
         line = SearchLine(running, budget, sys.stderr, monotonic)
         try:
-            with workers(options.jobs, options.dask) as executor:
-                for _ in running.run(executor, options.jobs, budget):
+            with workers(options.jobs, options.dask) as pool:
+                for _ in running.run(pool, budget):
                     line.show_if_due()
         except KeyboardInterrupt:
             return _interrupted(running, line, directory)
@@ -209,7 +216,12 @@ def _summary(running: "Search", directory: Path, *, as_json: bool) -> int:
     progress = running.progress
     if as_json:
         classes = {
-            name: {"seen": one.seen, "walls": one.walls, "sentence": one.sentence}
+            name: {
+                "seen": one.seen,
+                "walls": one.walls,
+                "after_s": round(one.after_s, 1),
+                "sentence": one.sentence,
+            }
             for name, one in sorted(progress.classes.items())
         }
         values = {
@@ -237,14 +249,14 @@ def replay(options: argparse.Namespace) -> int:
 
     subject = _subject(options)
     still = 0
-    pool = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
-    with pool as executor:
+    many = workers(options.jobs, options.dask) if options.starts else nullcontext(None)
+    with many as pool:
         for file in files_of(options.replay):
             stored = read(file)
             tried = replace(subject, noise=stored.subject.noise, detour=stored.subject.detour)
             one = replace(stored, subject=tried)
             violates, seen = (
-                _from_near_starts(one, options.starts, executor) if executor else _once(one)
+                _from_near_starts(one, options.starts, pool.executor) if pool else _once(one)
             )
             still += violates
             print(f"{'violates' if violates else 'holds'} {one.letter} {file}: {seen}", flush=True)

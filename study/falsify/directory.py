@@ -27,18 +27,20 @@ INDEX: Final = "findings.md"
 class ClassRecord:
     """A class of failure: the climb that found it first, how often it was seen, and its finding.
 
-    `sentence` is empty until the finding has been shrunk and written.
+    `sentence` is empty until the finding has been shrunk and written, which was when the search had
+    used `after_s` seconds.
     """
 
     climb: int
     seen: int = 1
     walls: int = 0
     sentence: str = ""
+    after_s: float = 0.0
 
 
 @dataclass(slots=True)
 class SearchProgress:
-    """What a search has done so far, in all calls."""
+    """Progress of a search: sums over all its calls, and the classes of failure."""
 
     climbs: int = 0
     trials: int = 0
@@ -48,7 +50,7 @@ class SearchProgress:
 
 
 def settings_json(settings: SearchSettings, code: str) -> dict[str, Any]:
-    """Return all that determines a search, as stored."""
+    """Return the settings that determine a search, as stored."""
     values = asdict(settings)
     subject = values.pop("subject")
     listed = {
@@ -98,12 +100,14 @@ def save_index(directory: Path, progress: SearchProgress) -> None:
     lines = [
         f"# Findings in {progress.trials} trials",
         "",
-        "| class | seen | walls | failure |",
-        "|---|---:|---:|---|",
+        "| class | seen | walls | small after | failure |",
+        "|---|---:|---:|---:|---|",
     ]
     for name, one in rows:
         shown = f"[{name}]({name}.toml)" if one.sentence else name
-        lines.append(f"| {shown} | {one.seen} | {one.walls} | {one.sentence or 'not shrunk'} |")
+        after = f"{one.after_s:.0f} s" if one.sentence else ""
+        sentence = one.sentence or "not shrunk"
+        lines.append(f"| {shown} | {one.seen} | {one.walls} | {after} | {sentence} |")
     with replacing(directory / INDEX) as file:
         file.write(("\n".join(lines) + "\n").encode())
 

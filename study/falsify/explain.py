@@ -1,8 +1,8 @@
-"""One sentence on a failure, from what was recorded of its trial."""
+"""Describe a failure in one sentence, from the records of its trial."""
 
 from protocol.wire.reasons import Reason, reason_text
 from robot.core import states
-from study.falsify.properties import ELLIPSE, Evaluation, ratio_of
+from study.falsify.properties import ELLIPSE, ContactRecord, Evaluation, ratio_of
 
 BRANCHES = {
     states.TO_GOAL: "while it drives straight to the goal",
@@ -21,12 +21,14 @@ def sentence_of(letter: str, navigator: str, one: Evaluation) -> str:
     if letter == "a":
         return f"{navigator} {_end(one)} {spent} {exists}{_driven(one)}."
     if letter == "b":
-        return f"{navigator} calls the goal unreachable {spent} {exists}{_driven(one)}."
+        return (
+            f"{navigator} calls the goal unreachable {spent} {exists}{_claimed(one)}{_driven(one)}."
+        )
     if letter == "c":
         place = BRANCHES.get(one.contact_branch, "while it stands or turns")
         return (
-            f"{navigator} touches something by its own motion {place}, at the latest {spent}"
-            f"{_driven(one)}."
+            f"{navigator} touches {_touched(one.contact)} by its own motion {place}, at the latest"
+            f" {spent}{_echo(one.contact)}{_driven(one)}."
         )
     if letter == "d":
         return (
@@ -50,6 +52,39 @@ def _end(one: Evaluation) -> str:
     if one.outcome.reached:
         return "arrives"
     return f"ends ({reason_text(Reason(one.goal_reason)).partition(':')[0]})"
+
+
+def _claimed(one: Evaluation) -> str:
+    """Return the records behind a claim: the last lap, and the doubt about the position."""
+    lap, doubt_m = one.lap, one.outcome.doubt_m
+    found = []
+    if lap is not None:
+        gaps = f"{lap.gaps} gap{'' if lap.gaps == 1 else 's'}" if lap.gaps else "no gap"
+        found.append(f"a lap of {lap.length_m:.1f} m with {gaps} in the chain of echoes")
+    if doubt_m is not None:
+        found.append(f"a position doubt of {doubt_m:.2f} m")
+    return f", with {' and '.join(found)}" if found else ""
+
+
+def _touched(contact: ContactRecord | None) -> str:
+    """Return what was touched, and at which speed."""
+    if contact is None:
+        return "something"
+    return f"{contact.touched} at {contact.speed_m_s:.2f} m/s"
+
+
+def _echo(contact: ContactRecord | None) -> str:
+    """Return the last echo towards what was touched."""
+    if contact is None:
+        return ""
+    if not contact.is_in_view:
+        return ", where no sonar points"
+    if contact.range_m is None or contact.age_s is None:
+        return ", when the sonar towards it had measured no echo"
+    return (
+        f", when the sonar towards it had last measured {contact.range_m:.2f} m,"
+        f" {contact.age_s:.2f} s before"
+    )
 
 
 def _driven(one: Evaluation) -> str:

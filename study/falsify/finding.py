@@ -1,6 +1,7 @@
 """Findings as files: a world file whose first lines explain it and repeat its trial, and a picture.
 
-The line that begins with `falsify:` has all that the trial needs besides the world.
+The line that begins with `falsify:` has all that the trial needs besides the world. People may add
+lines that begin with `found:`, the search that found it, and `fixed:`, the change that fixed it.
 """
 
 import re
@@ -17,6 +18,7 @@ from study.falsify.explain import sentence_of
 from study.falsify.properties import Evaluation
 
 RECIPE: Final = re.compile(r"^# falsify: (.+)$", re.MULTILINE)
+NOTE: Final = re.compile(r"^# (found|fixed): (.+)$", re.MULTILINE)
 KEYS: Final = ("property", "navigator", "side", "noise", "seed", "limit_s", "detour", "kind")
 PICTURE_WIDTH: Final = 420.0
 
@@ -32,6 +34,8 @@ class Finding:
     limit_s: float
     kind: str
     sentence: str
+    found: str = ""
+    fixed: str = ""
 
     def text(self) -> str:
         """Return the finding as the text of a world file."""
@@ -41,7 +45,10 @@ class Finding:
             *(f"{self.limit_s:g}", f"{subject.detour:g}", self.kind),
         )
         recipe = " ".join(f"{key}={value}" for key, value in zip(KEYS, values, strict=True))
-        return dumps(self.world, f"{self.sentence}\nfalsify: {recipe}")
+        lines = [self.sentence, f"falsify: {recipe}"]
+        lines += [f"found: {self.found}"] if self.found else []
+        lines += [f"fixed: {self.fixed}"] if self.fixed else []
+        return dumps(self.world, "\n".join(lines))
 
     def replay(self) -> Evaluation:
         """Run the trial again."""
@@ -82,6 +89,7 @@ def read(file: Path) -> Finding:
             limit_s=float(pairs["limit_s"]),
             kind=pairs["kind"],
             sentence=text.partition("\n")[0].removeprefix("# "),
+            **dict(NOTE.findall(text)),
         )
     except (KeyError, ValueError) as error:
         if isinstance(error, UserError):

@@ -1,4 +1,4 @@
-"""The properties that a navigator must have, how far a drive is from violating each, and limits."""
+"""The properties that a navigator must have, scores of a drive for each, and time limits."""
 
 from dataclasses import dataclass
 from math import inf, pi
@@ -17,40 +17,69 @@ DETOUR: Final = 20.0
 """Default of the longest way that is no violation, as a multiple of the shortest."""
 
 START_UP_S: Final = 60.0
-REACH_FACTOR: Final = 25.0
-"""Time limit of a reachable goal: that of a way this many times the shortest, and START_UP_S."""
+"""Part of each time limit that does not depend on the world."""
 
+REACH_FACTOR: Final = 25.0
 MAX_REACH_S: Final = 900.0
+LEAST_FACTOR: Final = 8.0
+"""Time limit of a reachable goal: START_UP_S, and REACH_FACTOR times the shortest way at top speed.
+
+It is at most MAX_REACH_S, but never less than START_UP_S and LEAST_FACTOR times the shortest way.
+"""
+
 LAPS: Final = 3.0
-"""Time limit for an unreachable goal: that of so many laps along all walls, and START_UP_S."""
+"""Time limit for an unreachable goal: START_UP_S, and this many laps along all walls at top speed.
+
+A lap follows both sides of all walls, and the outer boundary.
+"""
 
 MIN_LENGTH_M: Final = 0.5
 """A path shorter than this counts as this long in ratios, since turning takes time, too."""
 
 
 class Property(NamedTuple):
-    """One property: its letter, a short name for files, and what it states."""
+    """A property: its letter and its statement."""
 
     letter: str
-    name: str
     states: str
 
 
 PROPERTIES: Final = (
-    Property("a", "arrives", "a reachable goal is reached in time"),
-    Property("b", "true_claim", "a goal that is called unreachable is unreachable"),
-    Property("c", "no_contact", "the robot touches nothing by its own motion"),
-    Property("d", "honest_doubt", f"the position error is within chi-square {ELLIPSE:g} (1e-5)"),
-    Property("e", "short_way", "the way is at most K times the shortest"),
-    Property("f", "recognises", "an unreachable goal is recognised in time"),
+    Property("a", "a reachable goal is reached in time"),
+    Property("b", "a goal that is called unreachable is unreachable"),
+    Property("c", "the robot touches nothing by its own motion"),
+    Property(
+        "d", f"the position error is within the claimed ellipse (chi-square {ELLIPSE:g}: 1 in 10^5)"
+    ),
+    Property("e", "the way is at most K times the shortest (--detour K)"),
+    Property("f", "an unreachable goal is recognised in time"),
 )
 LETTERS: Final = "".join(one.letter for one in PROPERTIES)
-NAMES: Final = {one.letter: one.name for one in PROPERTIES}
+
+
+class LapRecord(NamedTuple):
+    """The last lap along a boundary: its length, and the gaps that its chain of echoes crossed."""
+
+    length_m: float
+    gaps: int
+
+
+class ContactRecord(NamedTuple):
+    """The first contact: the thing touched, the speed, and the last echo of the sonar towards it.
+
+    `is_in_view`: a sonar points there. `range_m` and `age_s` are None if it has had no echo.
+    """
+
+    touched: str
+    speed_m_s: float
+    is_in_view: bool
+    range_m: float | None
+    age_s: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """One trial: its world and seed, its end, what was recorded, and the properties it violates.
+    """One trial: its world and seed, its end, its records, and the properties it violates.
 
     `kind` is the kind of end, a part of the class of a finding. `scores` has one number for each
     property, larger nearer to a violation; -inf where the property states nothing.
@@ -69,6 +98,8 @@ class Evaluation:
     nearest_goal_m: float
     contact_branch: int
     moved_late_m: float
+    lap: LapRecord | None = None
+    contact: ContactRecord | None = None
 
 
 def time_limit_s(world: World) -> float:
@@ -77,7 +108,7 @@ def time_limit_s(world: World) -> float:
     if world.shortest_path_m is None:
         return round(START_UP_S + LAPS * both_sides_m(world) / speed_m_s)
     wanted_s = START_UP_S + REACH_FACTOR * max(MIN_LENGTH_M, world.shortest_path_m) / speed_m_s
-    least_s = START_UP_S + 8.0 * world.shortest_path_m / speed_m_s
+    least_s = START_UP_S + LEAST_FACTOR * world.shortest_path_m / speed_m_s
     return round(max(least_s, min(wanted_s, MAX_REACH_S)))
 
 

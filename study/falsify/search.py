@@ -22,9 +22,10 @@ from study.falsify.directory import (
 from study.falsify.finding import Finding, finding_of, picture
 from study.falsify.properties import time_limit_s
 from study.falsify.shrink import shrunk, walls_in
+from study.falsify.workers import Workers
 
 AHEAD: Final = 2
-"""Climbs given to each process in advance."""
+"""Climbs in flight for each task that the workers run at the same time."""
 
 SAVE_EVERY_S: Final = 5.0
 REFRESH_S: Final = 0.5
@@ -32,7 +33,7 @@ REFRESH_S: Final = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Budget:
-    """When a search ends: after a time, or after so many trials; None: never."""
+    """Limits of a search: the time, and the number of trials; None is no limit."""
 
     span_s: float | None = None
     trials: int | None = None
@@ -64,11 +65,12 @@ class Search:
     before_s: float = 0.0
     saved_s: float = 0.0
 
-    def run(self, executor: Executor, jobs: int, budget: Budget) -> Iterator[None]:
+    def run(self, workers: Workers, budget: Budget) -> Iterator[None]:
         """Search until the budget is used up; yield about twice a second and after each result.
 
         Raises UserError when a process has died.
         """
+        executor = workers.executor
         self.started_s = self.saved_s = self.monotonic_s()
         self.before_s = self.progress.spent_s
         self.next_climb = self.progress.climbs
@@ -77,7 +79,7 @@ class Search:
         ):
             self._submit_again(executor, number)
         while True:
-            while len(self.running) < AHEAD * jobs and not self.is_over(budget):
+            while len(self.running) < AHEAD * workers.threads() and not self.is_over(budget):
                 self._submit(executor, self.next_climb, climb, self.settings, self.next_climb)
                 self.next_climb += 1
             if not self.running:
@@ -129,6 +131,7 @@ class Search:
             save_finding(self.directory, result.finding, result.drawn)
             record = self.progress.classes[result.failure_class]
             record.walls, record.sentence = result.walls, result.finding.sentence
+            record.after_s = self.spent_s
             self.save()
             return
         self.early[result.number] = result

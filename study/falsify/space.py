@@ -8,12 +8,14 @@ from typing import Final
 from plant.corpus.adversarial.axes import Axis
 from plant.corpus.adversarial.families import ADVERSARIES, drawn, drawn_value, measured, world_of
 from plant.model.draws import Draws
+from plant.model.faults import SONAR_TARGETS, WHEEL_TARGETS
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, Settings, World
+from robot.core.values import SONARS
 from runtime.elementary import cos_sin
 
 VARIED: Final = ("robots", "people", "faults")
-"""What is varied besides the world, on request."""
+"""Parts of a trial that vary besides the world, on request."""
 
 SEED: Final = Axis("seed", 0, 9999, whole=True)
 USUAL_ROBOT: Final = Axis("usual_robot", 0, 1, whole=True)
@@ -41,10 +43,21 @@ PEOPLE: Final = (
         )
     ),
 )
-FAULTS: Final = ("sonar_dead", "sonar_frozen", "sonar_dropout", "sonar_offset")
+SONAR_FAULTS: Final = ("sonar_dead", "sonar_frozen", "sonar_dropout", "sonar_offset")
+WHEEL_FAULTS: Final = ("encoder_stuck", "encoder_jump", "wheel_slip", "wheel_stuck")
+FAULTS: Final = (*SONAR_FAULTS, *WHEEL_FAULTS)
+"""Faults of one sonar, or of one or both wheels.
+
+`sonar_fixed` is left out, since a frozen sonar repeats one range, too. Stopped messages and a
+stuck bumper are left out, since the robot stops at once.
+"""
+MAX_OFFSET_M: Final = 0.05
+MAX_JUMP_TICKS: Final = 200
+"""4 cm: the robot detects longer jumps as impossible."""
+
 FAULT: Final = (
     Axis("fault", 0, len(FAULTS), whole=True),
-    Axis("fault_sonar", 0, 7, whole=True),
+    Axis("fault_target", 0, SONARS - 1, whole=True),
     Axis("fault_start_s", 0.0, 60.0),
     Axis("fault_value", 0.0, 1.0),
 )
@@ -136,18 +149,27 @@ def people_of(values: Mapping[str, float], world: World) -> tuple[Circle, ...]:
 
 
 def faults_of(values: Mapping[str, float]) -> tuple[Settings, ...]:
-    """Return the fault of one sonar, if any."""
+    """Return the fault of one sonar or of the wheels, if any."""
     number = round(values.get("fault", 0.0))
     if number == 0:
         return ()
-    kind, share = FAULTS[number - 1], values["fault_value"]
+    kind, target = FAULTS[number - 1], round(values["fault_target"])
+    targets = WHEEL_TARGETS if kind in WHEEL_FAULTS else SONAR_TARGETS
     fault: dict[str, float | str] = {
         "kind": kind,
-        "target": str(round(values["fault_sonar"])),
+        "target": targets[target % len(targets)],
         "start_s": round(values["fault_start_s"], 1),
     }
-    if kind == "sonar_dropout":
-        fault["value"] = round(share, 2)
-    elif kind == "sonar_offset":
-        fault["value"] = round(0.1 * share - 0.05, 3)
-    return (fault,)
+    value = fault_value(kind, values["fault_value"])
+    return ({**fault, "value": value} if value is not None else fault,)
+
+
+def fault_value(kind: str, share: float) -> float | None:
+    """Return the value of a fault from a share of its range; None for a fault without a value."""
+    if kind in ("sonar_dropout", "wheel_slip"):
+        return round(share, 2)
+    if kind == "sonar_offset":
+        return round(MAX_OFFSET_M * (2.0 * share - 1.0), 3)
+    if kind == "encoder_jump":
+        return float(round(MAX_JUMP_TICKS * (2.0 * share - 1.0)))
+    return None

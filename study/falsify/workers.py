@@ -1,14 +1,14 @@
-"""Where climbs and shrinking run: in processes of this machine, on a Dask cluster, or in place."""
+"""Executors for climbs and shrinking: processes of this machine, a Dask cluster, or in place."""
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import wait
-from typing import Any
+from typing import Any, NamedTuple
 
 from study.runner import on_dask
 
@@ -26,20 +26,32 @@ class InPlace(Executor):
         return done
 
 
-@contextmanager
-def workers(jobs: int, dask: str | None) -> Iterator[Executor]:
-    """Yield an executor; its processes end with the context, also in the middle of a task.
+class Workers(NamedTuple):
+    """An executor, and a function that returns how many tasks it runs at the same time.
 
-    Raises UserError for a Dask cluster that cannot be used.
+    The function raises UserError if the scheduler of a Dask cluster has gone.
+    """
+
+    executor: Executor
+    threads: Callable[[], int]
+
+
+@contextmanager
+def workers(jobs: int, dask: str | None) -> Iterator[Workers]:
+    """Yield workers; their processes end with the context, also in the middle of a task.
+
+    `jobs` is the number of processes; a Dask cluster has its own number of threads, which may
+    change. Raises UserError for a Dask cluster that cannot be used.
     """
     if dask is not None:
         with on_dask.cluster(dask) as client:
-            yield client.get_executor(pure=False)
+            capacity = on_dask.ClusterCapacity(client)
+            yield Workers(client.get_executor(pure=False), capacity.threads)
         return
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(jobs, spawn, initializer=_begin)
     try:
-        yield pool
+        yield Workers(pool, lambda: jobs)
     finally:
         # Only the tasks of this search are children of this process.
         for child in multiprocessing.active_children():

@@ -116,7 +116,7 @@ def run(
 
 
 class ClusterCapacity:
-    """Number of tasks the cluster should hold, queried seldom as it costs a round trip."""
+    """Number of threads and tasks of the cluster, queried seldom as it costs a round trip."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -125,10 +125,14 @@ class ClusterCapacity:
 
     def max_tasks(self) -> int:
         """Return how many tasks to keep in the cluster; UserError if the scheduler has gone."""
+        return AHEAD * self.threads()
+
+    def threads(self) -> int:
+        """Return the number of threads, at least 1; UserError if the scheduler has gone."""
         if self._times % ASK_EVERY == 0:
             self.query(0.0)
         self._times += 1
-        return AHEAD * max(1, self._threads)
+        return max(1, self._threads)
 
     def query(self, waited_s: float) -> None:
         """Count the threads; raise UserError if the scheduler or its workers have gone."""

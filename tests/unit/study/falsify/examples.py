@@ -13,8 +13,9 @@ SCENES = ("symmetric_trap", "three_walls", "wedge")
 
 
 def search_of(navigator: str, properties: str = "abc", seed: int = 1) -> SearchSettings:
-    """Return a search in scenes of few walls, without noise."""
-    subject = Subject(navigator=navigator, side="left", noise="none", detour=20.0)
+    """Return a search in scenes of few walls, without noise; the side may follow a colon."""
+    name, _, side = navigator.partition(":")
+    subject = Subject(navigator=name, side=side or "left", noise="none", detour=20.0)
     return SearchSettings(subject=subject, properties=properties, families=SCENES, seed=seed)
 
 

@@ -2,16 +2,19 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any, cast
 
 import pytest
 
 from plant.model.draws import Draws
+from plant.model.faults import KINDS, Fault
 from study.falsify import space
 from study.falsify.climb import STEPS, Violation, class_of, climb
+from study.falsify.evaluate import evaluate
 from study.falsify.shrink import Shrinker, walls_in
 from tests.unit.study.falsify.examples import SCENES, first_violation, search_of
 
-SEEDS = {"bug": 32, "vgm": 7}
+SEEDS = {"bug": 32, "bug:right": 1, "vgm": 7}
 """Seeds whose first failure comes soon, and is small after MOST_WORLDS worlds."""
 
 MOST_TRIALS = 12
@@ -32,7 +35,7 @@ def test_climb_is_determined_by_its_number() -> None:
     assert digests[0] == digests[1]
 
 
-@pytest.mark.parametrize("navigator", ["bug", "vgm"])
+@pytest.mark.parametrize("navigator", SEEDS)
 def test_paper_method_fails_at_most_three_walls(navigator: str) -> None:
     violation = found(navigator)
     settings = search_of(navigator, "ab", SEEDS[navigator])
@@ -75,3 +78,28 @@ def test_people_and_faults_are_part_of_the_world() -> None:
     assert any(getattr(one, "path_m", ()) for world in made for one in world.obstacles)
     assert all(world.faults[0]["kind"] == "sonar_dropout" for world in made)
     assert made
+
+
+@pytest.mark.parametrize("number", range(1, len(space.FAULTS) + 1))
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_every_fault_of_the_space_is_valid(number: int, share: float) -> None:
+    for target in range(8):
+        values = {"fault": float(number), "fault_target": float(target), "fault_start_s": 1.5}
+        (fault,) = space.faults_of({**values, "fault_value": share})
+        made = Fault(**cast("dict[str, Any]", fault))
+        assert made.kind == space.FAULTS[number - 1]
+        assert made.target in KINDS[made.kind].targets
+        if KINDS[made.kind].lowest == KINDS[made.kind].highest:
+            assert "value" not in fault
+
+
+def test_each_wheel_fault_changes_the_drive() -> None:
+    subject, digests = search_of("vgm", "c").subject, set[str]()
+    one = space.draw(Draws("faults/0"), "wedge", ("faults",))
+    numbers = [0, *(space.FAULTS.index(kind) + 1 for kind in space.WHEEL_FAULTS)]
+    for number in numbers:
+        values = {**one.values, "fault": float(number), "fault_start_s": 1.0, "fault_value": 0.8}
+        world = space.built(replace(one, values=values), "w", 1)
+        assert world is not None
+        digests.add(evaluate(subject, world, 0, 10.0).outcome.digest)
+    assert len(digests) == len(numbers)

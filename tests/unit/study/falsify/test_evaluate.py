@@ -12,9 +12,10 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.errors import UserError
 from study.falsify.directory import SearchProgress
-from study.falsify.evaluate import Monitor, Subject, evaluate, kind_of
+from study.falsify.evaluate import Subject, evaluate, kind_of
 from study.falsify.explain import sentence_of
 from study.falsify.finding import finding_of, picture
+from study.falsify.monitor import Monitor
 from study.falsify.properties import LETTERS
 from study.falsify.search import Budget, Search
 from study.falsify.workers import workers
@@ -87,15 +88,15 @@ def test_picture_has_the_walls_and_the_way() -> None:
 
 def test_death_of_a_worker_is_an_error_with_advice(tmp_path: Path) -> None:
     search = Search(search_of("vgm"), tmp_path, SearchProgress(), lambda: 0.0)
-    with workers(1, None) as executor:
-        search.running[executor.submit(os._exit, 1)] = "class"
-        steps = search.run(executor, 1, Budget(trials=0))
+    with workers(1, None) as pool:
+        search.running[pool.executor.submit(os._exit, 1)] = "class"
+        steps = search.run(pool, Budget(trials=0))
         with pytest.raises(UserError, match="a worker process died"):
             list(steps)
 
 
 def test_workers_end_with_their_context() -> None:
-    with workers(1, None) as executor:
-        number = executor.submit(os.getpid).result()
+    with workers(1, None) as pool:
+        number = pool.executor.submit(os.getpid).result()
     with pytest.raises(ProcessLookupError):
         os.kill(number, 0)

@@ -8,12 +8,11 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import UserError
-from study.cli.falsify import PROPERTIES, files_of, main, parser
+from study.cli.falsify import files_of, main, parser
 from study.falsify import workers
 from study.falsify.directory import ClassRecord
 from study.falsify.finding import finding_of, read
 from study.falsify.nearby import near
-from study.falsify.properties import LETTERS
 from study.falsify.search import Search
 from tests.unit.study.falsify.examples import first_violation, search_of
 
@@ -25,7 +24,7 @@ def _no_climbs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(search: Search, *_: object) -> Iterator[None]:
         search.started_s = search.monotonic_s()
         search.progress.trials = 7
-        search.progress.classes["a-wedge-blocked"] = ClassRecord(0, 2, 3, "It stops.")
+        search.progress.classes["a-wedge-blocked"] = ClassRecord(0, 2, 3, "It stops.", 4.56)
         yield
 
     monkeypatch.setattr(Search, "run", run)
@@ -35,8 +34,7 @@ def run(tmp_path: Path, *words: str) -> int:
     return main(["vgm", "--jobs", "1", "--output", str(tmp_path / "out"), *words])
 
 
-def test_letters_of_the_verb_are_those_of_the_properties() -> None:
-    assert PROPERTIES == LETTERS
+def test_letters_of_properties_are_sorted() -> None:
     assert parser().parse_args(["vgm", "--properties", "ca"]).properties == "ac"
 
 
@@ -77,7 +75,7 @@ def test_json_has_one_entry_for_each_class(
     printed = json.loads(capsys.readouterr().out)
     assert printed["verb"] == "falsify"
     assert printed["classes"] == {
-        "a-wedge-blocked": {"seen": 2, "walls": 3, "sentence": "It stops."}
+        "a-wedge-blocked": {"seen": 2, "walls": 3, "after_s": 4.6, "sentence": "It stops."}
     }
 
 
@@ -111,7 +109,9 @@ def test_replay_tells_violations_from_repaired_ones(
 def test_replay_from_near_starts_counts_the_drives_that_fail(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(workers, "workers", lambda *_: nullcontext(workers.InPlace()))
+    monkeypatch.setattr(
+        workers, "workers", lambda *_: nullcontext(workers.Workers(workers.InPlace(), lambda: 1))
+    )
     settings = search_of("vgm", "a", seed=3)
     found = finding_of(settings.subject, "a", first_violation(settings, 12).evaluation, 400, "one")
     file = tmp_path / "one.toml"

@@ -16,7 +16,7 @@ WORLDS = Path(__file__).parents[4] / "study" / "falsify" / "worlds"
 
 
 def finding() -> Finding:
-    return read(WORLDS / "mended" / "b-wedge-claim.toml")
+    return read(WORLDS / "fixed" / "b-wedge-claim.toml")
 
 
 def test_starts_differ_a_little_and_are_drawn_again_alike() -> None:

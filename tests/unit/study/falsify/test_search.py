@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -15,7 +17,7 @@ from study.falsify.directory import SearchProgress, opened, save, settings_json
 from study.falsify.finding import finding_of, read
 from study.falsify.search import Budget, Search, Shrunk
 from study.falsify.search_line import SearchLine
-from study.falsify.workers import InPlace
+from study.falsify.workers import InPlace, Workers
 from tests.unit.study.falsify.examples import evaluation_of, search_of, violation_of
 
 SETTINGS = search_of("vgm", "ab")
@@ -47,10 +49,16 @@ def run(directory: Path, trials: int, jobs: int = 1) -> SearchProgress:
     wanted = settings_json(SETTINGS, "code")
     with opened(directory, wanted) as progress:
         search = Search(SETTINGS, directory, progress, lambda: float(next(clock)))
-        for _ in search.run(InPlace(), jobs, Budget(trials=trials)):
+        for _ in search.run(Workers(InPlace(), lambda: jobs), Budget(trials=trials)):
             pass
         search.save()
     return progress
+
+
+def timeless(progress: SearchProgress) -> SearchProgress:
+    """Return the progress without its times."""
+    classes = {name: replace(one, after_s=0.0) for name, one in progress.classes.items()}
+    return replace(progress, spent_s=0.0, classes=classes)
 
 
 def files_in(directory: Path) -> dict[str, bytes]:
@@ -61,6 +69,7 @@ def test_each_class_has_one_finding(tmp_path: Path) -> None:
     progress = run(tmp_path / "out", 60)
     assert len(progress.classes) == 3
     assert sum(one.seen for one in progress.classes.values()) == progress.climbs // 2
+    assert all(0.0 < one.after_s <= progress.spent_s for one in progress.classes.values())
     assert sorted(files_in(tmp_path / "out")) == sorted(
         f"a-wedge-{kind}{suffix}" for kind in KINDS for suffix in (".svg", ".toml")
     )
@@ -68,14 +77,14 @@ def test_each_class_has_one_finding(tmp_path: Path) -> None:
 
 def test_findings_do_not_depend_on_the_number_of_jobs(tmp_path: Path) -> None:
     one, two = run(tmp_path / "1", 60, jobs=1), run(tmp_path / "2", 60, jobs=3)
-    assert replace(one, spent_s=0.0) == replace(two, spent_s=0.0)
+    assert timeless(one) == timeless(two)
     assert files_in(tmp_path / "1") == files_in(tmp_path / "2")
 
 
 def test_continued_search_equals_one_without_a_stop(tmp_path: Path) -> None:
     run(tmp_path / "1", 25)
     continued, whole = run(tmp_path / "1", 60), run(tmp_path / "2", 60)
-    assert replace(continued, spent_s=0.0) == replace(whole, spent_s=0.0)
+    assert timeless(continued) == timeless(whole)
     assert files_in(tmp_path / "1") == files_in(tmp_path / "2")
 
 
@@ -94,7 +103,7 @@ def test_search_ends_when_its_time_is_used_up(tmp_path: Path) -> None:
     clock = count(0, 10)
     with opened(tmp_path / "out", settings_json(SETTINGS, "code")) as progress:
         search = Search(SETTINGS, tmp_path / "out", progress, lambda: float(next(clock)))
-        steps = sum(1 for _ in search.run(InPlace(), 1, Budget(span_s=300.0)))
+        steps = sum(1 for _ in search.run(Workers(InPlace(), lambda: 1), Budget(span_s=300.0)))
     assert 1 <= steps < 30
     assert search.is_over(Budget(span_s=progress.spent_s))
     assert progress.climbs < 30
@@ -153,3 +162,23 @@ def test_progress_line_shows_classes_and_time_left(tmp_path: Path) -> None:
         progress.trials, progress.climbs, progress.simulated_s = 30, 4, 7200.0
         line = SearchLine(search, budget, sys.stderr, lambda: 60.0).line()
     assert line == ("30 trials in 4 climbs, 2.0 simulated h/min, classes of failure: 0, 60 s left")
+
+
+class Endless(Executor):
+    """Accept tasks and end none."""
+
+    def submit(self, _call: Any, /, *_args: Any, **_keywords: Any) -> "Future[Any]":
+        return Future()
+
+
+def test_climbs_in_flight_follow_the_threads_of_the_workers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(searches, "REFRESH_S", 0.0)
+    search = Search(SETTINGS, tmp_path, SearchProgress(), lambda: 0.0)
+    threads = iter([*[6] * 13, *[9] * 7])
+    steps = search.run(Workers(Endless(), lambda: next(threads)), Budget(span_s=1.0))
+    next(steps)
+    assert len(search.running) == 12
+    next(steps)  # more workers have joined
+    assert len(search.running) == 18
