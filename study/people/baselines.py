@@ -36,7 +36,7 @@ STANDING_M_S: Final = (0.0, 0.0)
 
 
 class Standing(NamedTuple):
-    """A place, and the number of contacts of a robot that stands there."""
+    """A place, and the number of contacts of a robot standing there."""
 
     at_m: Point
     contacts: int
@@ -70,7 +70,7 @@ def _along(path: list[Point], way_m: float) -> Point:
 
 
 def stand(world: World, at_m: Point, duration_s: float, begin_s: float = 0.0) -> Standing:
-    """Count the contacts of a robot that stands at a place for a time.
+    """Count the contacts of a robot standing at a place for a time.
 
     A person that is there at the beginning does not count until it comes back, because no robot
     can begin inside of a person.
@@ -89,7 +89,7 @@ def stand(world: World, at_m: Point, duration_s: float, begin_s: float = 0.0) ->
 
 
 def stay(world: World, at_m: Point, duration_s: float) -> Stay:
-    """Measure a robot that stands at a place, from its first free tick to its first contact."""
+    """Measure a robot standing at a place, from its first free tick to its first contact."""
     walkers, exposure, free = Walkers(world), Exposure(), False
     for tick in range(round(duration_s / STEP_S) + 1):
         people = walkers.at(tick * STEP_S)

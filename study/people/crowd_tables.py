@@ -28,7 +28,7 @@ BEARINGS: Final = (
 
 ORIGIN_COLUMNS: Final = (
     *("family", "the person came from", "contacts", "own contacts"),
-    *("it drove", "it turned on the spot", "it stood"),
+    *("robot drove", "turned on the spot", "did not move"),
     *("tracked at the contact", "tracked in the 6 s before", "not tracked"),
     "faster than the robot",
 )
@@ -125,14 +125,14 @@ def _baseline_cells(row: Comparison) -> list[list[str]]:
 def _origin_cells(origins: list[Origin]) -> list[str]:
     contacts = [one.contact for one in origins]
     drove = sum(abs(one.speed_m_s) >= DRIVING_M_S for one in contacts)
-    stood = sum(
+    still = sum(
         abs(one.speed_m_s) < DRIVING_M_S and abs(one.yaw_rate_rad_s) < TURNING_RAD_S
         for one in contacts
     )
     now = sum(one.tracked_s <= TRACKED_S for one in contacts)
     lately = sum(TRACKED_S < one.tracked_s <= LATELY_S for one in contacts)
     counts = len(origins), sum(one.own for one in origins)
-    motions = drove, len(origins) - drove - stood, stood
+    motions = drove, len(origins) - drove - still, still
     faster = sum(one.person_m_s > ROBOT_M_S for one in contacts)
     return [*map(str, (*counts, *motions, now, lately, len(origins) - now - lately, faster))]
 

@@ -28,7 +28,7 @@ class Series(NamedTuple):
 
     A navigator is NAME:SIDE. `repeats` is the number of trials of each navigator in each world,
     with different noise. With `is_exposed` the exposure of both baselines is measured, too; the
-    standing robot then stands as long as the first trial of the last navigator took.
+    standing robot then stays as long as the first trial of the last navigator took.
     """
 
     family: str
@@ -45,7 +45,7 @@ class CrowdTrial:
     """Result of one trial.
 
     `arrived` means without a contact. `standing` is the share of places along the shortest path
-    at which a robot is touched that stands there for as long as the trial took.
+    at which a standing robot is touched within the time of the trial.
     """
 
     arrived: bool

@@ -1,4 +1,4 @@
-"""The robot that stands still and the omniscient one."""
+"""The standing robot and the omniscient one."""
 
 from itertools import pairwise
 from math import inf, isclose
