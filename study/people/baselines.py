@@ -4,6 +4,7 @@ People in the simulator evade nothing. So each person that passes a standing rob
 omniscient robot has all positions and paths beforehand.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple, TypeAlias
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m
 from plant.model.scene import moves
-from plant.model.types import Point, World
+from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.placement.shortest_path import path_length_m, shortest_path
 from study.people.encounters import Exposure, gap_of
 from study.people.walkers import STEP_S, Walkers
@@ -69,23 +70,22 @@ def _along(path: list[Point], way_m: float) -> Point:
     return path[-1]
 
 
-def stand(world: World, at_m: Point, duration_s: float, begin_s: float = 0.0) -> Standing:
-    """Count the contacts of a robot standing at a place for a time.
+def stand(world: World, places: Sequence[Point], duration_s: float) -> list[Standing]:
+    """Count the contacts of a robot standing at each of the places for a time.
 
     A person that is there at the beginning does not count until it comes back, because no robot
     can begin inside of a person.
     """
-    walkers, ticks = Walkers(world), round(duration_s / STEP_S)
-    before = contacts = 0
-    for tick in range(ticks + 1):
-        touching = 0
-        for number, (x_m, y_m, least_m) in enumerate(walkers.places(begin_s + tick * STEP_S)):
-            x_m, y_m = x_m - at_m[0], y_m - at_m[1]
-            touching |= (x_m * x_m + y_m * y_m < least_m * least_m) << number
-        if tick:
-            contacts += (touching & ~before).bit_count()
-        before = touching
-    return Standing(at_m, contacts)
+    times_s = [tick * STEP_S for tick in range(round(duration_s / STEP_S) + 1)]
+    tracks = Walkers(world).tracks(times_s)
+    found = []
+    for at_m in places:
+        contacts = 0
+        for x_m, y_m, least_m in tracks:
+            touching = (x_m - at_m[0]) ** 2 + (y_m - at_m[1]) ** 2 < least_m * least_m
+            contacts += int((touching[1:] & ~touching[:-1]).sum())
+        found.append(Standing(at_m, contacts))
+    return found
 
 
 def stay(world: World, at_m: Point, duration_s: float) -> Stay:
@@ -142,19 +142,23 @@ class _Floor:
     def __init__(self, world: World) -> None:
         radius_m = body_of(world).radius_m
         self._x_m, self._y_m = (np.arange(0.5 * CELL_M, side_m, CELL_M) for side_m in world.size_m)
-        still = [one for one in world.obstacles if not moves(one)]
         least_m = radius_m + MARGIN_M
-        self.open: Mask = np.array(
-            [
-                [
-                    all(clearance_m((x_m, y_m), one) >= least_m for one in still)
-                    and least_m <= x_m <= world.size_m[0] - least_m
-                    and least_m <= y_m <= world.size_m[1] - least_m
-                    for y_m in self._y_m.tolist()
-                ]
-                for x_m in self._x_m.tolist()
-            ]
+        across, up = (
+            (least_m <= at_m) & (at_m <= side_m - least_m)
+            for at_m, side_m in zip((self._x_m, self._y_m), world.size_m, strict=True)
         )
+        self.open: Mask = across[:, None] & up[None, :]
+        for one in world.obstacles:
+            if not moves(one):
+                self._close(one, least_m)
+
+    def _close(self, obstacle: Obstacle, least_m: float) -> None:
+        """Close the cells too near to an obstacle; only those around it are compared with it."""
+        x_m, y_m, reach_m = around(obstacle)
+        for i, j in np.argwhere(self.open & ~self._beyond(x_m, y_m, reach_m + least_m)).tolist():
+            place_m = float(self._x_m[i]), float(self._y_m[j])
+            if clearance_m(place_m, obstacle) < least_m:
+                self.open[i, j] = False
 
     def near(self, x_m: float, y_m: float) -> Mask:
         """Return the cells whose centres are within a cell of a point."""
@@ -191,6 +195,17 @@ class _Floor:
         across_m2, up_m2 = (self._x_m - x_m) ** 2, (self._y_m - y_m) ** 2
         beyond: Mask = across_m2[:, None] + up_m2[None, :] > away_m * away_m
         return beyond
+
+
+def around(obstacle: Obstacle) -> tuple[float, float, float]:
+    """Return centre and radius in metres of a circle that contains an obstacle."""
+    if isinstance(obstacle, Circle):
+        return obstacle.x_m, obstacle.y_m, obstacle.radius_m
+    points = np.array(obstacle.points_m)
+    x_m, y_m = points.mean(axis=0).tolist()
+    reach_m = float(np.hypot(points[:, 0] - x_m, points[:, 1] - y_m).max())
+    wide_m = obstacle.thickness_m / 2.0 if isinstance(obstacle, Polyline) else 0.0
+    return x_m, y_m, reach_m + wide_m + 1e-9
 
 
 def _grown(here: Mask) -> Mask:

@@ -96,12 +96,12 @@ def run_crowd_trial(world: World, navigator: str, noise: str, seed: int) -> Crow
     encounters = Encounters(world)
     trial = Trial(world=world, navigator=name, side=side, noise=noise, seed=seed, timeout_s=LIMIT_S)
     outcome = run_trial(trial, encounters)
-    touched = sum(stand(world, place, outcome.time_s).contacts > 0 for place in places_along(world))
+    stays = stand(world, places_along(world), outcome.time_s)
     return CrowdTrial(
         arrived=outcome.reached and not outcome.contacts,
         touched=outcome.contacts > 0,
         own_contacts=outcome.own_contacts,
-        standing=touched / PLACES,
+        standing=sum(one.contacts > 0 for one in stays) / PLACES,
         exposure=encounters.exposure,
         contacts=tuple(encounters.contacts),
     )

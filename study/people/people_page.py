@@ -23,9 +23,9 @@ CONTACTS: Final = (
     Series("crowd", "default", FRESH, 2000),
     Series("crowd", "default", EARLIER, 1000),
     Series("crowd", "default", STUDIED, 100, repeats=4),
-    Series("crowd", "lossy", FRESH, 1000),
-    Series("crowd_hasty", "default", FRESH, 1000),
-    Series("moving", "default", FRESH, 400),
+    Series("crowd", "lossy", FRESH, 600),
+    Series("crowd_hasty", "default", FRESH, 600),
+    Series("moving", "default", FRESH, 300),
 )
 TOGETHER: Final = 2
 """The first series of this number are also shown as one: worlds of other seeds than the study."""

@@ -1,6 +1,10 @@
 """Positions and velocities of the people of a world, as functions of time."""
 
-from typing import Final, NamedTuple
+from collections.abc import Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from plant.model.configuration import body_of
 from plant.model.movers import Mover
@@ -19,6 +23,10 @@ class Walker(NamedTuple):
     at_m: Point
     velocity_m_s: Point
     touching_m: float
+
+
+Track: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], float]
+"""Arrays of x and y of a person over time, and the distance of the centres at a contact."""
 
 
 class Walkers:
@@ -49,3 +57,11 @@ class Walkers:
             (*mover.position_m(time_s), mover.radius_m + self._robot_radius_m)
             for mover in self._movers
         ]
+
+    def tracks(self, times_s: Sequence[float]) -> list[Track]:
+        """Return the track of each person over the given times."""
+        found = []
+        for mover in self._movers:
+            at_m = np.array([mover.position_m(time_s) for time_s in times_s])
+            found.append((at_m[:, 0], at_m[:, 1], mover.radius_m + self._robot_radius_m))
+        return found

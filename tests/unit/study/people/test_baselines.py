@@ -45,15 +45,15 @@ def test_places_divide_the_shortest_path_evenly() -> None:
 
 def test_standing_robot_is_touched_at_every_passage() -> None:
     world = floor_with(walker(0.2, (2.0, 1.7), (2.0, 0.3)))
-    assert stand(world, (2.0, 1.0), 1.0).contacts == 0
-    assert stand(world, (2.0, 1.0), 7.0).contacts == 1
-    assert stand(world, (2.0, 1.0), 14.0).contacts == 2
-    assert stand(world, (1.0, 1.0), 14.0).contacts == 0
+    assert stand(world, [(2.0, 1.0)], 1.0)[0].contacts == 0
+    assert stand(world, [(2.0, 1.0)], 7.0)[0].contacts == 1
+    assert stand(world, [(2.0, 1.0)], 14.0)[0].contacts == 2
+    assert stand(world, [(1.0, 1.0)], 14.0)[0].contacts == 0
 
 
 def test_standing_robot_is_not_touched_by_a_person_on_it() -> None:
     world = floor_with(walker(0.2, (2.0, 1.0), (2.0, 0.3)))
-    assert stand(world, (2.0, 1.0), 3.0).contacts == 0
+    assert stand(world, [(2.0, 1.0)], 3.0)[0].contacts == 0
 
 
 def test_stay_ends_at_its_first_contact() -> None:
