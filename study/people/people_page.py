@@ -2,8 +2,10 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import Any, Final
 
+from plant.corpus import CROWD_FAMILIES
 from study.people.comparison import Comparison, pooled
 from study.people.crowd_tables import contact_table, name_of, navigator_table, origin_table
 from study.people.crowd_trial import Series
@@ -24,12 +26,10 @@ CONTACTS: Final = (
     Series("crowd", "default", EARLIER, 1000),
     Series("crowd", "default", STUDIED, 100, repeats=4),
     Series("crowd", "lossy", FRESH, 600),
+    Series("crowd", "lossy", EARLIER, 400),
     Series("crowd_hasty", "default", FRESH, 600),
     Series("moving", "default", FRESH, 300),
 )
-TOGETHER: Final = 2
-"""The first series of this number are also shown as one: worlds of other seeds than the study."""
-
 NAVIGATORS: Final = tuple(
     Series(family, "default", FRESH, 100, EVERY_NAVIGATOR, is_exposed=True)
     for family in ("crowd", "crowd_hasty")
@@ -46,14 +46,37 @@ def tables_of(
     `contacts` has one comparison for each of CONTACTS, `navigators` one sequence for each of
     NAVIGATORS.
     """
-    together = contacts[:TOGETHER]
-    columns = [*together, pooled(*together), *contacts[TOGETHER:]]
-    hasty = [one for one in contacts if one.series[0].family == "crowd_hasty"]
+    crowds = [
+        one
+        for one in contacts
+        if one.series[0].family in CROWD_FAMILIES
+        and one.series[0].noise == "default"
+        and one.series[0].seed != STUDIED
+    ]
     return {
-        "contacts": contact_table(columns),
+        "contacts": contact_table(with_pooled(contacts)),
         **{rows[0].series[0].family: navigator_table(rows) for rows in navigators},
-        "origins": origin_table([*together, *hasty]),
+        "origins": origin_table(crowds),
     }
+
+
+def with_pooled(contacts: Sequence[Comparison]) -> list[Comparison]:
+    """Insert the pooled worlds of several seeds behind those of the same family and noise.
+
+    The worlds of the study stay apart, because each has several drives.
+    """
+    columns: list[Comparison] = []
+    for (_, _, studied), group in groupby(contacts, _kind):
+        some = list(group)
+        columns += some
+        if len(some) > 1 and not studied:
+            columns.append(pooled(*some))
+    return columns
+
+
+def _kind(one: Comparison) -> tuple[str, str, bool]:
+    series = one.series[0]
+    return series.family, series.noise, series.seed == STUDIED
 
 
 def with_tables(page: str, tables: Mapping[str, str]) -> str:

@@ -8,7 +8,7 @@ import pytest
 
 from study.people import __main__ as command
 from study.people.crowd_trial import Series
-from study.people.people_page import BEGIN, CONTACTS, END, NAVIGATORS, TOGETHER
+from study.people.people_page import BEGIN, CONTACTS, END, NAVIGATORS
 from tests.support.docs.session import ROOT
 
 MARKS = ("contacts", "crowd", "crowd_hasty", "origins")
@@ -22,7 +22,7 @@ def table_in(page: str, name: str) -> list[str]:
 def test_command_fills_every_table_of_the_committed_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    contacts = [series._replace(worlds=1, repeats=1, seed=3) for series in CONTACTS]
+    contacts = [series._replace(worlds=1, repeats=1) for series in CONTACTS]
     navigators = [series._replace(worlds=1, navigators=("bug2:left",)) for series in NAVIGATORS]
     monkeypatch.setattr(command, "CONTACTS", contacts)
     monkeypatch.setattr(command, "NAVIGATORS", navigators)
@@ -32,18 +32,11 @@ def test_command_fills_every_table_of_the_committed_page(
         command.write_page(workers, page, counts)
     text = page.read_text(encoding="utf-8")
     assert all(len(table_in(text, name)) > 3 for name in MARKS)
-    assert table_in(text, "contacts")[0].count("crowd") == 6
-    assert "| worlds | 1 | 1 | 2 | 1 | 1 | 1 | 1 |" in table_in(text, "contacts")
+    assert table_in(text, "contacts")[0].count("crowd") == 8
+    assert "| worlds | 1 | 1 | 2 | 1 | 1 | 1 | 2 | 1 | 1 |" in table_in(text, "contacts")
     found = json.loads(counts.read_text(encoding="utf-8"))
     assert [one["noise"] for one in found["crowds"]] == [one.noise for one in CONTACTS]
     assert [one["navigator"] for one in found["navigators"]] == ["bug2", "bug2"]
-
-
-def test_series_shown_together_are_of_one_family_and_noise() -> None:
-    together = CONTACTS[:TOGETHER]
-    assert {(one.family, one.noise) for one in together} == {("crowd", "default")}
-    assert len({one.seed for one in together}) == TOGETHER
-    assert all(one.repeats == 1 for one in together)
 
 
 def test_other_worlds_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
