@@ -1,1 +1,1 @@
-"""Measure how a robot gets along with people, against fair baselines."""
+"""Measure contacts with people and nearness to them, beside two baselines in the same worlds."""

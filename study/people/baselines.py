@@ -1,9 +1,10 @@
-"""Fair baselines for contacts with people: a robot that stands still, and an omniscient one.
+"""Two baselines for contacts with people: a standing robot and an omniscient one.
 
-People in the simulator evade nobody. So a robot that stands at a place is touched by everyone who
-passes there. The omniscient robot has all positions and paths beforehand.
+People in the simulator evade nothing. So each person that passes a standing robot touches it. The
+omniscient robot has all positions and paths beforehand.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple, TypeAlias
 
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 from plant.model.configuration import body_of
 from plant.model.geometry import clearance_m, distance_m
 from plant.model.scene import moves
-from plant.model.types import Point, World
+from plant.model.types import Circle, Obstacle, Point, Polyline, World
 from plant.placement.shortest_path import path_length_m, shortest_path
+from study.people.encounters import Exposure, gap_of
 from study.people.walkers import STEP_S, Walkers
 
 Mask: TypeAlias = NDArray[np.bool_]
@@ -29,14 +31,23 @@ MOVING_M: Final = 0.071
 
 MARGIN_M: Final = 0.01
 SAMPLES: Final = 4
-"""Positions of people per layer; between two samples 0.4 m/s is 5 cm, half of it to either."""
+"""Positions of people per layer. At 0.4 m/s two samples are 5 cm apart."""
+
+STANDING_M_S: Final = (0.0, 0.0)
 
 
 class Standing(NamedTuple):
-    """A place along the way, and whether a robot that stands there is touched, and how often."""
+    """A place, and the number of contacts of a robot standing there."""
 
     at_m: Point
     contacts: int
+
+
+class Stay(NamedTuple):
+    """Exposure of a standing robot until its first contact, if it has one."""
+
+    exposure: Exposure
+    touched: bool
 
 
 def places_along(world: World, count: int = PLACES) -> list[Point]:
@@ -59,43 +70,70 @@ def _along(path: list[Point], way_m: float) -> Point:
     return path[-1]
 
 
-def stand(world: World, at_m: Point, duration_s: float, begin_s: float = 0.0) -> Standing:
-    """Count the contacts of a robot that stands at a place for a time.
+def stand(world: World, places: Sequence[Point], duration_s: float) -> list[Standing]:
+    """Count the contacts of a robot standing at each of the places for a time.
 
-    A person who is there at the beginning does not count until it comes back, as no robot can
-    begin inside of a person.
+    A person that is there at the beginning does not count until it comes back, because no robot
+    can begin inside of a person.
     """
-    walkers, ticks = Walkers(world), round(duration_s / STEP_S)
-    before = contacts = 0
-    for tick in range(ticks + 1):
-        touching = 0
-        for number, (x_m, y_m, least_m) in enumerate(walkers.places(begin_s + tick * STEP_S)):
-            x_m, y_m = x_m - at_m[0], y_m - at_m[1]
-            touching |= (x_m * x_m + y_m * y_m < least_m * least_m) << number
-        if tick:
-            contacts += (touching & ~before).bit_count()
-        before = touching
-    return Standing(at_m, contacts)
+    times_s = [tick * STEP_S for tick in range(round(duration_s / STEP_S) + 1)]
+    tracks = Walkers(world).tracks(times_s)
+    found = []
+    for at_m in places:
+        contacts = 0
+        for x_m, y_m, least_m in tracks:
+            touching = (x_m - at_m[0]) ** 2 + (y_m - at_m[1]) ** 2 < least_m * least_m
+            contacts += int((touching[1:] & ~touching[:-1]).sum())
+        found.append(Standing(at_m, contacts))
+    return found
 
 
-def omniscient_s(world: World, limit_s: float) -> float | None:
-    """Return the time of arrival of a robot that has all paths beforehand and touches nothing.
+def stay(world: World, at_m: Point, duration_s: float) -> Stay:
+    """Measure a robot standing at a place, from its first free tick to its first contact."""
+    walkers, exposure, free = Walkers(world), Exposure(), False
+    for tick in range(round(duration_s / STEP_S) + 1):
+        people = walkers.at(tick * STEP_S)
+        touching = any(gap_of(at_m, walker) < 0.0 for walker in people)
+        free = free or not touching
+        if free:
+            exposure.add(at_m, STANDING_M_S, people)
+            if touching:
+                return Stay(exposure, True)
+    return Stay(exposure, False)
 
-    Searches layers of a grid, LAYER_S apart. The margins cover what happens between the layers, so
-    the result is possible for a point robot that turns at once. None if there is no such way.
+
+def omniscient_route(world: World, limit_s: float) -> list[Point] | None:
+    """Return the fastest way of a robot that has all paths beforehand and touches nothing.
+
+    The points are LAYER_S apart. The search is over layers of a grid in time. Margins cover what
+    happens between the layers, so a point robot that turns at once can drive the result. Of equal
+    ways it takes the one that leaves the start last. None if there is no such way.
     """
     floor = _Floor(world)
     here = floor.near(world.start.x_m, world.start.y_m) & floor.open
     goal = floor.near(world.goal.x_m, world.goal.y_m)
-    walkers = Walkers(world)
+    walkers, layers = Walkers(world), list[Mask]()
     for layer in range(round(limit_s / LAYER_S) + 1):
-        here &= floor.free_of(walkers, layer * LAYER_S)
-        if (here & goal).any():
-            return layer * LAYER_S
-        if not here.any():
+        layers.append(here & floor.free_of(walkers, layer * LAYER_S))
+        if (layers[-1] & goal).any():
+            layers[-1] &= goal
+            return floor.route(layers, (world.start.x_m, world.start.y_m))
+        if not layers[-1].any():
             return None
-        here = _grown(here) & floor.open
+        here = _grown(layers[-1]) & floor.open
     return None
+
+
+def route_exposure(world: World, route: list[Point]) -> Exposure:
+    """Measure a robot on a route with points LAYER_S apart."""
+    walkers, exposure, ticks = Walkers(world), Exposure(), round(LAYER_S / STEP_S)
+    for layer, (a, b) in enumerate(pairwise(route)):
+        velocity_m_s = (b[0] - a[0]) / LAYER_S, (b[1] - a[1]) / LAYER_S
+        for tick in range(ticks):
+            share = tick / ticks
+            at_m = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+            exposure.add(at_m, velocity_m_s, walkers.at((layer * ticks + tick) * STEP_S))
+    return exposure
 
 
 class _Floor:
@@ -104,26 +142,48 @@ class _Floor:
     def __init__(self, world: World) -> None:
         radius_m = body_of(world).radius_m
         self._x_m, self._y_m = (np.arange(0.5 * CELL_M, side_m, CELL_M) for side_m in world.size_m)
-        still = [one for one in world.obstacles if not moves(one)]
         least_m = radius_m + MARGIN_M
-        self.open: Mask = np.array(
-            [
-                [
-                    all(clearance_m((x_m, y_m), one) >= least_m for one in still)
-                    and least_m <= x_m <= world.size_m[0] - least_m
-                    and least_m <= y_m <= world.size_m[1] - least_m
-                    for y_m in self._y_m.tolist()
-                ]
-                for x_m in self._x_m.tolist()
-            ]
+        across, up = (
+            (least_m <= at_m) & (at_m <= side_m - least_m)
+            for at_m, side_m in zip((self._x_m, self._y_m), world.size_m, strict=True)
         )
+        self.open: Mask = across[:, None] & up[None, :]
+        for one in world.obstacles:
+            if not moves(one):
+                self._close(one, least_m)
+
+    def _close(self, obstacle: Obstacle, least_m: float) -> None:
+        """Close the cells too near to an obstacle; only those around it are compared with it."""
+        x_m, y_m, reach_m = around(obstacle)
+        for i, j in np.argwhere(self.open & ~self._beyond(x_m, y_m, reach_m + least_m)).tolist():
+            place_m = float(self._x_m[i]), float(self._y_m[j])
+            if clearance_m(place_m, obstacle) < least_m:
+                self.open[i, j] = False
 
     def near(self, x_m: float, y_m: float) -> Mask:
         """Return the cells whose centres are within a cell of a point."""
         return self._beyond(x_m, y_m, CELL_M) ^ True
 
+    def route(self, layers: list[Mask], start_m: Point) -> list[Point]:
+        """Return a way from the first layer to a cell of the last one.
+
+        The way is found backwards. Of the cells that lead to the next one, it takes the one that
+        is nearest to the start.
+        """
+        next_cell: NDArray[np.int64] | None = None
+        route: list[Point] = []
+        for layer in reversed(layers):
+            cells = np.argwhere(layer)
+            if next_cell is not None:
+                cells = cells[np.abs(cells - next_cell).max(axis=1) <= 1]
+            x_m, y_m = self._x_m[cells[:, 0]], self._y_m[cells[:, 1]]
+            best = int(np.argmin((x_m - start_m[0]) ** 2 + (y_m - start_m[1]) ** 2))
+            next_cell = cells[best]
+            route.append((float(x_m[best]), float(y_m[best])))
+        return route[::-1]
+
     def free_of(self, walkers: Walkers, time_s: float) -> Mask:
-        """Return the cells that nobody touches from half a layer before a time until after it."""
+        """Return the cells without a contact within half a layer before and after a time."""
         free = np.ones_like(self.open)
         for sample in range(-SAMPLES // 2, SAMPLES // 2 + 1):
             moment_s = max(0.0, time_s + sample * LAYER_S / SAMPLES)
@@ -135,6 +195,17 @@ class _Floor:
         across_m2, up_m2 = (self._x_m - x_m) ** 2, (self._y_m - y_m) ** 2
         beyond: Mask = across_m2[:, None] + up_m2[None, :] > away_m * away_m
         return beyond
+
+
+def around(obstacle: Obstacle) -> tuple[float, float, float]:
+    """Return centre and radius in metres of a circle that contains an obstacle."""
+    if isinstance(obstacle, Circle):
+        return obstacle.x_m, obstacle.y_m, obstacle.radius_m
+    points = np.array(obstacle.points_m)
+    x_m, y_m = points.mean(axis=0).tolist()
+    reach_m = float(np.hypot(points[:, 0] - x_m, points[:, 1] - y_m).max())
+    wide_m = obstacle.thickness_m / 2.0 if isinstance(obstacle, Polyline) else 0.0
+    return x_m, y_m, reach_m + wide_m + 1e-9
 
 
 def _grown(here: Mask) -> Mask:
