@@ -18,7 +18,7 @@ SLOTS: Final = tuple(range(MAX_PEOPLE))
 BODY_M: Final = 0.20
 """Radius of a person."""
 BEGIN: Final = 30  # scans for which a new person is believed
-PROVEN: Final = 8  # scans of motion until a person is evaded
+PROVEN: Final = 8  # counts of motion, at most two in a scan, until a person is evaded
 MAX_LEFT: Final = 120  # scans for which that person is believed without an echo
 LEAST_M_S: Final = 0.025  # slower along the line of sight an echo may be static
 RECEDES_M_S: Final = 0.05
@@ -43,7 +43,7 @@ FASTEST_M_S: Final = 0.45
 class People:
     """The people; `left` counts down to 0, at which a slot is free; `any` is set if one is used.
 
-    `proof` counts the scans that showed motion, up to PROVEN. The other fields are the working
+    `proof` counts motion, up to PROVEN. The other fields are the working
     memory of `compare`.
     """
 
