@@ -112,7 +112,7 @@ def cells(found: Summary) -> tuple[str, ...]:
         f"{number(found.error_m[0], 3)} / {number(found.error_m[1], 3)}",
         percent(found.inside.rate),
         f"{number(found.ratio[0])} ({number(found.ratio[1])})",
-        f"{percent(unreachable.rate)} of {unreachable.of}" if unreachable.of else DASH,
+        f"{percent(unreachable.rate)} (of {count(unreachable.of)})" if unreachable.of else DASH,
         *(percent(one.rate, 2) for one in (wronged, found.lost, found.stuck)),
         *(number(found.spl, 3), number(found.score, 3)),
     )

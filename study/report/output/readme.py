@@ -21,8 +21,8 @@ NAVIGATOR, NOISE, SUCCESS, TOUCHED, ERROR, RATIO = (
     *("navigator", "noise", "success %", "touched something %"),
     *("true error m, median / 95th", "path / shortest, median (90th)"),
 )
-RECOGNISED: Final = "unreachable recognised %"
-REST: Final = (TOUCHED, RATIO, ERROR, RECOGNISED)
+RECOGNISED, WRONGED = "unreachable recognised %", "wrongly called %"
+REST: Final = (TOUCHED, RATIO, ERROR, RECOGNISED, WRONGED)
 assert {NAVIGATOR, NOISE, SUCCESS, *REST} <= set(HEAD)
 
 Rows = Sequence[Mapping[str, Any]]
@@ -53,7 +53,7 @@ def block(summary: Mapping[str, Any]) -> str:
         f"{summary['trials']:,} trials in {summary['worlds']:,} worlds of {summary['families']} "
         f"families; in brackets {CONFIDENT} intervals.\nSuccess: reached the goal by its own "
         "estimate and touched nothing, in worlds with a path.\nRecognised: reported `unreachable` "
-        "in worlds without one."
+        "in worlds without one; wrongly called: in worlds with one."
     )
     return f"{lines_of(summary['rows'])}\n\n{note}"
 
