@@ -61,11 +61,9 @@ def main(argv: Sequence[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the verb."""
     made = new_parser("falsify", details=DETAILS)
-    made.add_argument(
-        "navigator",
-        metavar="NAVIGATOR[:SIDE]",
-        help=f"one of {', '.join(NAVIGATORS)}; the side is left by default",
-    )
+    names = ", ".join(NAVIGATORS)
+    told = f"one of {names}; the side is left by default"
+    made.add_argument("navigator", metavar="NAVIGATOR[:SIDE]", help=told)
     made.add_argument(
         "--properties",
         type=_letters,

@@ -6,7 +6,7 @@ unreachable goal. No failure can then be an artefact of the computed shortest pa
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import dist, radians
+from math import radians
 from typing import Final
 
 from plant.corpus.adversarial import enclosures, passages, scenes
@@ -15,6 +15,7 @@ from plant.model.body import Body
 from plant.model.configuration import body_of
 from plant.model.draws import Draws
 from plant.model.errors import Report
+from plant.model.geometry import distance_m
 from plant.model.types import GoalPose, Settings, Start, World
 from plant.placement.clear_places import Floor, check_places
 from plant.placement.shortest_path import shortest_path_m
@@ -81,7 +82,9 @@ def world_of(
     if found is None or found.shortest_path_m is None:
         return found
     return (
-        found if found.shortest_path_m >= adversary.detour * dist(draft.start, draft.goal) else None
+        found
+        if found.shortest_path_m >= adversary.detour * distance_m(draft.start, draft.goal)
+        else None
     )
 
 

@@ -37,8 +37,7 @@ from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
 from runtime.elementary import atan2
 
-STEP_M: Final = 0.10
-"""Following ends only where the remaining distance becomes shorter than ever by this much."""
+STEP_M: Final = 0.10  # following ends where the remaining distance is this much shorter than ever
 FAR_M: Final = 3.0
 ROOM_PER_BRAD: Final = 1.0 / 800.0  # metres of room that make up for one brad of rotation
 RIGHT_SONARS: Final = (0, 1, 2, 3)

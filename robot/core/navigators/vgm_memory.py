@@ -49,11 +49,7 @@ FARTHEST: Final = 1e5  # metres or radians: larger values overflow millimetres o
 
 
 def step(memory: Memory, pose: Pose, ring: Ring, goal: Goal, params: Params) -> Decision:
-    """Return where to drive and the speed limit, by the contract of `registry.NavigatorStep`.
-
-    The branch is GIVE_UP if no path leads to the goal, and LOST if neither a path nor a proof was
-    found. If the pose or the goal is not finite or too far away, the speed limit is 0.
-    """
+    """Decide by the contract of `registry.NavigatorStep`; LOST: neither a path nor a proof."""
     dx_m, dy_m = goal.x_m - pose.x_m, goal.y_m - pose.y_m
     distance_m = sqrt(dx_m * dx_m + dy_m * dy_m)
     if not is_somewhere(pose, distance_m):

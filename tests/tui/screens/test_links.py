@@ -40,7 +40,8 @@ def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
             assert "system 1: 2 clients (1 signed), 255 commands" in words
             assert "in 12 Hz, out 4.2 kB/s   1.5 % lost, 7 refused" in words
             assert max(map(len, words.splitlines())) <= 80
-            assert stage.app.screen.query_one("#about").content_size.height == 9
+            about = stage.app.screen.query_one("#about")
+            await stage.until(lambda: about.content_size.height == 9)
             stage.station.clock.advance(12 * NS_PER_S)
             await stage.redraw()
             words = stage.words("about")
