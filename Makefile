@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits same-bits-mcu generate-docs clean afresh study firmware
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -80,12 +80,12 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 up: setup
 	@exec "$(BIN)/sidestep" up $(ARGS)
 
-# A study with compiled modules: several times as fast, with the same results. They are built in
-# build/compiled, never in the checkout, and again whenever a source or the commit has changed.
+# The compiled modules are built in build/compiled, never in the checkout, and again whenever a
+# source or the commit has changed.
 COMPILED := build/compiled
 COMPILED_FROM := runtime protocol robot plant ground study sidestep.py hatch_build.py pyproject.toml
 
-study: setup
+compiled: setup
 	@built=$(COMPILED)/built
 	commit=$$("$(BIN)/python" -c 'import hatch_build, pathlib; print(hatch_build.commit_of(pathlib.Path()))')
 	if [ ! -e $$built ] || ! grep -qF "\"$$commit\"" $(COMPILED)/runtime/compiled.json ||
@@ -97,7 +97,10 @@ study: setup
 			--no-deps --no-build-isolation --target $(COMPILED) .
 		touch $$built
 	fi
-	PYTHONPATH="$(CURDIR)/$(COMPILED)" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
+
+# Several times as fast as with pure Python, with the same results.
+study: compiled
+	@PYTHONPATH="$(CURDIR)/$(COMPILED)" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
 # Needs packages of Debian, which it names when they are missing.
 firmware: setup
 	@exec "$(BIN)/python" -m robot.mcu.firmware.build $(ARGS)

@@ -30,7 +30,7 @@ BRIEF: Final = ("--examples", "brief")
 REAL_TIME: Final = "stack and not compose"
 REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects such a test elsewhere."""
-WORKERS: Final = 3
+WORKERS: Final = 4
 """Of the tests with processes: more would start so many at once that robots miss deadlines. Those
 with containers and with MAVLink clients have one each: a stack of containers keeps a core busy."""
 ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"

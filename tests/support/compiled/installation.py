@@ -1,7 +1,11 @@
-"""A compiled installation, built once for all workers of a test run."""
+"""A compiled installation, built once for all workers of a test run.
+
+In the environment of `make setup` it is a copy of the one that `make study` uses.
+"""
 
 import fcntl
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +18,7 @@ import hatch_build
 from benchmarks.compiled.wheel import ROOT, install_compiled
 
 DONE = "built"
+COMPILED = ROOT / "build" / "compiled"
 
 
 @contextmanager
@@ -34,7 +39,11 @@ def built(shared: Path) -> Path:
     folder = shared / "compiled"
     with locked(folder):
         if not (folder / DONE).exists():
-            install_compiled(folder)
+            if Path(sys.prefix) == ROOT / ".venv":
+                subprocess.run(("make", "--silent", "compiled"), cwd=ROOT, check=True)
+                shutil.copytree(COMPILED, folder / "installation")
+            else:
+                install_compiled(folder)
             (folder / DONE).touch()
     return folder / "installation"
 
