@@ -76,7 +76,8 @@ def read(file: Path) -> Finding:
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise UserError(f"{file}: cannot be read: {error}; give a file of a finding") from None
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"{file}: cannot be read: {why}; give a file of a finding") from None
     found = RECIPE.search(text)
     pairs = dict(pair.partition("=")[::2] for pair in found[1].split()) if found else {}
     try:
