@@ -102,8 +102,8 @@ HEAD: Final = f"""\
 Each trial of the [study](study/report.md) in which `{OWN}` touched something by its own motion,
 with `default` and `lossy` noise: in the corpus, among thin walls, in generated grid maps and among
 people up to 0.2 m/s. Every trial was driven again to record the seconds before its contact. The
-kind follows from a rule. [Contacts](../concepts/navigators.md#contacts) describes what the
-navigator does against them.
+kind follows from a rule. [Thin walls and corners](../concepts/navigators.md#thin-walls-and-corners)
+describes what the navigator does against them.
 
 In the drawings the line is the true way of the last ten seconds, the ring is the robot at the
 contact, and the cross is the touched place. Dots are stored points that the navigator keeps clear
