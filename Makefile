@@ -101,6 +101,7 @@ compiled: setup
 # Several times as fast as with pure Python, with the same results.
 study: compiled
 	@PYTHONPATH="$(CURDIR)/$(COMPILED)" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
+
 # Needs packages of Debian, which it names when they are missing.
 firmware: setup
 	@exec "$(BIN)/python" -m robot.mcu.firmware.build $(ARGS)
@@ -136,8 +137,9 @@ same-bits: setup
 	@exec "$(BIN)/python" -m verification.same_bits --libraries --compiled $(ARGS)
 
 # About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
-same-bits-mcu: firmware
-	@exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
+same-bits-mcu: setup
+	@"$(BIN)/python" -m robot.mcu.firmware.build
+	exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
 
 generate: setup
 	@exec "$(BIN)/python" -m verification.dialect.generate
