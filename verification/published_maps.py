@@ -26,6 +26,7 @@ from protocol.outcome import LOST, UNREACHABLE
 from robot.core.parameters import DEFAULTS
 from runtime.errors import UserError
 from study.report.output.markdown import table_lines
+from study.report.output.marks import with_text
 from study.report.page import PageTable
 from study.report.paper.evidence import (
     CYLINDERS,
@@ -181,15 +182,8 @@ def cells(one: MapResult) -> tuple[str, ...]:
 
 
 def with_table(page: str, text: str) -> str:
-    """Return the page with this table between its markers.
-
-    Raises ValueError for a page without them.
-    """
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ValueError(f"the page has no {BEGIN} and {END}; add the two lines around the table")
-    return f"{before}{BEGIN}\n\n{text}\n\n{END}{after}"
+    """Return the page with this table between its marks; raise ValueError without marks."""
+    return with_text(page, BEGIN, END, f"\n\n{text}\n\n")
 
 
 def map_sets(barn: Path | None, moving_ai: Path | None) -> list[MapSet]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
+from study.report.output.marks import with_text
 from verification.harness.figures import digits
 
 PAGE: Final = Path("docs/evidence/lockstep.md")
@@ -50,16 +51,12 @@ def merged(files: Sequence[Path]) -> Reports:
 
 def with_tables(page: str, before: Reports, after: Reports) -> str:
     """Return the page with new tables between its marks."""
-    head, begin, rest = page.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page has no {BEGIN.strip()} and {END.strip()}")
     tables = "\n".join(
         f"## sidestep bench {name}\n\n{table(before[name], after[name])}"
         for name in after
         if name in before
     )
-    return f"{head}{begin}\n{tables}\n{end}{tail}"
+    return with_text(page, BEGIN, END, f"\n{tables}\n")
 
 
 def table(before: Mapping[str, Any], after: Mapping[str, Any]) -> str:

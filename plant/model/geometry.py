@@ -38,14 +38,19 @@ def twice_area_m2(points: tuple[Point, ...]) -> float:
     return total_m2
 
 
-def from_segment_m(point: Point, a: Point, b: Point) -> float:
-    """Return the distance of a point from a segment; a may equal b."""
+def nearest_share(point: Point, a: Point, b: Point) -> float:
+    """Return the share of segment ab, from 0 to 1, at which it is nearest to a point."""
     along_x, along_y = b[0] - a[0], b[1] - a[1]
     length2 = along_x * along_x + along_y * along_y
-    share = 0.0
-    if length2 > 0.0:
-        share = ((point[0] - a[0]) * along_x + (point[1] - a[1]) * along_y) / length2
-        share = min(1.0, max(0.0, share))
+    if length2 == 0.0:
+        return 0.0
+    share = ((point[0] - a[0]) * along_x + (point[1] - a[1]) * along_y) / length2
+    return min(1.0, max(0.0, share))
+
+
+def from_segment_m(point: Point, a: Point, b: Point) -> float:
+    """Return the distance of a point from a segment; a may equal b."""
+    along_x, along_y, share = b[0] - a[0], b[1] - a[1], nearest_share(point, a, b)
     return hypot(point[0] - a[0] - share * along_x, point[1] - a[1] - share * along_y)
 
 

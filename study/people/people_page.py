@@ -1,4 +1,4 @@
-"""The measurements of the page docs/evidence/people.md: what is driven, tables, and JSON."""
+"""The measurements of the page docs/evidence/people.md: series, tables, and JSON."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ from study.people.comparison import Comparison, pooled
 from study.people.crowd_tables import contact_table, name_of, navigator_table, origin_table
 from study.people.crowd_trial import Series
 from study.people.rates import HOUR_S
+from study.report.output.marks import with_text
 from study.runner.plan import EVERY_NAVIGATOR
 
 FRESH: Final = 2024
@@ -82,11 +83,7 @@ def _kind(one: Comparison) -> tuple[str, str, bool]:
 def with_tables(page: str, tables: Mapping[str, str]) -> str:
     """Return the page with new tables between their marks; raise ValueError for missing marks."""
     for name, table in tables.items():
-        before, begin, rest = page.partition(BEGIN.format(name))
-        _, end, after = rest.partition(END.format(name))
-        if not (begin and end):
-            raise ValueError(f"the page has no table {name!r}: {BEGIN.format(name).strip()}")
-        page = f"{before}{begin}\n{table}\n{end}{after}"
+        page = with_text(page, BEGIN.format(name), END.format(name), f"\n{table}\n")
     return page
 
 

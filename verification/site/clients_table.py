@@ -11,6 +11,8 @@ from pathlib import Path
 from statistics import median
 from typing import Final, NamedTuple
 
+from study.report.output.marks import with_text
+
 ROOT: Final = Path(__file__).resolve().parents[2]
 RESULTS: Final = ROOT / "build" / "interop" / "results.jsonl"
 PAGE: Final = ROOT / "docs" / "how-to" / "other-ground-stations.md"
@@ -91,11 +93,7 @@ def run_of(line: str) -> Run:
 
 def with_tables(page: str, runs: Sequence[Run]) -> str:
     """Return the page with new tables between its marks."""
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page has no {BEGIN.strip()} and {END.strip()}")
-    return f"{before}{BEGIN}\n{summary(runs)}\n{by_step(runs)}\n{END}{after}"
+    return with_text(page, BEGIN, END, f"\n{summary(runs)}\n{by_step(runs)}\n")
 
 
 def summary(runs: Sequence[Run]) -> str:

@@ -13,6 +13,7 @@ from typing import Final
 from study.falsify.climb import class_of
 from study.falsify.finding import Finding, read
 from study.falsify.shrink import walls_in
+from study.report.output.marks import with_text
 from verification.findings import WORLDS
 from verification.site.reference import table
 
@@ -41,11 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def with_tables(page: str, worlds: Path) -> str:
     """Return the page with new tables between its marks; raise ValueError without marks."""
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page has no {BEGIN.strip()} and {END.strip()}")
-    return f"{before}{BEGIN}\n{tables(worlds)}\n{END}{after}"
+    return with_text(page, BEGIN, END, f"\n{tables(worlds)}\n")
 
 
 def tables(worlds: Path) -> str:

@@ -13,6 +13,7 @@ from shutil import copyfile
 from typing import Any, Final, NamedTuple
 
 from ground.vehicle_check.verdict import Status, rows
+from study.report.output.marks import with_text
 from verification.site.reference import table
 
 ROOT: Final = Path(__file__).resolve().parents[2]
@@ -70,12 +71,8 @@ def results_of(path: Path) -> Results:
 
 def with_table(page: str, found: Mapping[str, Results]) -> str:
     """Return the page with a new table between its marks."""
-    before, begin, rest = page.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not (begin and end):
-        raise ValueError(f"the page has no {BEGIN.strip()} and {END.strip()}")
     tables = f"{summary(found)}\n\n{row_table(found)}\n\n{exceptions(found)}"
-    return f"{before}{BEGIN}\n{tables}{END}{after}"
+    return with_text(page, BEGIN, END, f"\n{tables}")
 
 
 def summary(found: Mapping[str, Results]) -> str:

@@ -8,6 +8,7 @@ from typing import Any, Final
 from runtime.errors import UserError
 from study.report.groups import PLANNER
 from study.report.output.markdown import table_lines
+from study.report.output.marks import with_text
 from study.report.page import PageTable
 from study.report.summary import HEAD
 from study.report.trials import NOISES
@@ -60,11 +61,10 @@ def block(summary: Mapping[str, Any]) -> str:
 
 def with_block(readme: str, text: str, file: str = "README.md") -> str:
     """Return the README with this text between its markers; UserError without markers."""
-    before, begin, rest = readme.partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise UserError(f"{file}: has no {BEGIN} and {END}; add the two lines where the table goes")
-    return f"{before}{BEGIN}\n\n{text}\n\n{END}{after}"
+    try:
+        return with_text(readme, BEGIN, END, f"\n\n{text}\n\n")
+    except ValueError as error:
+        raise UserError(f"{file}: {error}") from None
 
 
 def update(readme: Path, summary: Path) -> None:

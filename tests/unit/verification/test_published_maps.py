@@ -109,7 +109,7 @@ def test_committed_page_has_the_table_of_the_committed_results() -> None:
 
 
 def test_page_without_markers_is_refused() -> None:
-    with pytest.raises(ValueError, match="add the two lines"):
+    with pytest.raises(ValueError, match="add both where the text goes"):
         with_table("# Page", "table")
 
 

@@ -115,7 +115,7 @@ def test_page_keeps_its_text_and_gets_new_tables() -> None:
 
 
 def test_page_without_marks_is_refused() -> None:
-    with pytest.raises(ValueError, match="no table 'contacts'"):
+    with pytest.raises(ValueError, match=r"has no <!-- begin: python -m study\.people, contacts"):
         with_tables("text\n", {"contacts": "new\n"})
 
 

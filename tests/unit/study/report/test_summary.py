@@ -80,7 +80,7 @@ def test_block_replaces_only_the_text_between_markers() -> None:
 
 @pytest.mark.parametrize("page", ["# A\n", f"{END}\n{BEGIN}\n", f"{BEGIN}\n"])
 def test_readme_without_markers_is_refused(page: str) -> None:
-    with pytest.raises(UserError, match=r"R\.md: has no <!-- study:begin -->"):
+    with pytest.raises(UserError, match=r"R\.md: the page has no <!-- study:begin -->"):
         with_block(page, "new", "R.md")
 
 
