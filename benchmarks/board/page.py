@@ -67,7 +67,7 @@ Bytes. *Live* is the heap in use after a collection, *peak* the largest use of t
 *allocated* the most in one tick. RAM is static memory, peak and stack. The collector runs after
 each tick, and in a tick only when the heap is full, so the peak depends on the size of the heap.
 The RAM that is necessary is between *live* and *peak*, each with static memory and stack. *State*
-is what the navigator itself keeps from tick to tick, a part of *live*: the largest in {scenarios}
+is the memory of the navigator itself, a part of *live*: the largest in {scenarios}
 scenarios of {ticks} ticks each, counted in this process by `benchmarks/board/memory_size.py`.
 
 | navigator | state | live | peak | allocated in a tick | stack | RAM |

@@ -83,7 +83,7 @@ WANTED_RAM_BYTES: Final = 32 * 1024
 STACK_BYTES: Final = 4 * 1024
 HEAP_LIVE_BYTES: Final = 32 * 1024
 STATE_BYTES: Final = 4 * 1024
-"""Ceiling of what a navigator keeps from tick to tick."""
+"""Ceiling of the state that a navigator keeps from tick to tick."""
 
 
 def excesses(build: Build, cost: Cost) -> list[str]:

@@ -1,4 +1,4 @@
-"""Size of what a navigator keeps from tick to tick, as on the heap of the board.
+"""Size of the state that a navigator keeps from tick to tick, as on the heap of the board.
 
 The scenarios of the search run in this process, and `memory_size` counts the objects of the
 navigator after every tick. The result is the largest state found.

@@ -67,14 +67,14 @@ def _claimed(one: Evaluation) -> str:
 
 
 def _touched(contact: ContactRecord | None) -> str:
-    """Return what was touched, and at which speed."""
+    """Return the touched thing and the speed of the contact."""
     if contact is None:
         return "something"
     return f"{contact.touched} at {contact.speed_m_s:.2f} m/s"
 
 
 def _echo(contact: ContactRecord | None) -> str:
-    """Return the last echo towards what was touched."""
+    """Return the last echo towards the touched thing."""
     if contact is None:
         return ""
     if not contact.is_in_view:

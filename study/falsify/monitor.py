@@ -1,4 +1,4 @@
-"""Watch a trial, and record what explains a failure: the lap before a claim, and a contact."""
+"""Watch a trial, and record the causes of a failure: the lap before a claim, and a contact."""
 
 from collections.abc import Iterator
 from math import inf, pi
@@ -139,7 +139,7 @@ def sonar_towards(bearing_rad: float) -> int | None:
 
 
 def nearest_thing(world: World, truth: GroundTruth) -> tuple[str, float]:
-    """Return the name of what is nearest to the robot, and its bearing in the robot's frame.
+    """Return the name of the thing nearest to the robot, and its bearing in the robot's frame.
 
     The number in a name is that of the obstacle in the world file, counted from 1.
     """

@@ -105,9 +105,9 @@ def stay(world: World, at_m: Point, duration_s: float) -> Stay:
 def omniscient_route(world: World, limit_s: float) -> list[Point] | None:
     """Return the fastest way of a robot that has all paths beforehand and touches nothing.
 
-    The points are LAYER_S apart. The search is over layers of a grid in time. Margins cover what
-    happens between the layers, so a point robot that turns at once can drive the result. Of equal
-    ways it takes the one that leaves the start last. None if there is no such way.
+    The points are LAYER_S apart. The search is over layers of a grid in time. Margins cover
+    the motion between the layers, so a point robot that turns at once can drive the result. Of
+    equal ways it takes the one that leaves the start last. None if there is no such way.
     """
     floor = _Floor(world)
     here = floor.near(world.start.x_m, world.start.y_m) & floor.open

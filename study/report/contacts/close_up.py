@@ -60,10 +60,10 @@ class CloseUp:
         self.drawing.line(self.at((x_m, y_m)), self.at(tip), "goal")
 
     def memory(self, tick: Tick) -> None:
-        """Draw the stored points where the robot believed them, seen from its true pose."""
+        """Draw the stored points where the robot estimated them, seen from its true pose."""
         x_m, y_m, heading_rad = tick.true
         for point in tick.points:
-            ahead, left = seen_from(tick.believed, (point.x_m, point.y_m))
+            ahead, left = seen_from(tick.estimated, (point.x_m, point.y_m))
             true = (
                 x_m + ahead * cos(heading_rad) - left * sin(heading_rad),
                 y_m + ahead * sin(heading_rad) + left * cos(heading_rad),

@@ -1,4 +1,4 @@
-"""Kinds of contacts, each by a rule on what the robot had measured and remembered before."""
+"""Kinds of contacts, each by a rule on earlier measurements and stored points."""
 
 from collections.abc import Iterator, Sequence
 from math import atan2, cos, degrees, hypot, inf, isfinite, pi, remainder, sin, tau
@@ -15,10 +15,10 @@ from study.report.contacts.touched import Touched
 PERSON_AHEAD: Final = "a person ahead"
 PERSON_BEHIND: Final = "a person where the robot has no sonars"
 BEHIND: Final = "touched where the robot has no sonars"
-NEARER: Final = "a known place, closely passed"
-BESIDE: Final = "a known place, stored as farther away"
-FORGOTTEN: Final = "a known place that was forgotten"
-LATE: Final = "a place that was known too late"
+NEARER: Final = "a stored place, closely passed"
+BESIDE: Final = "a stored place, nearer than its point"
+DROPPED: Final = "a stored place that was dropped"
+LATE: Final = "a place that was stored too late"
 SINGLE: Final = "an echo that did not count"
 UNSEEN_AHEAD: Final = "an edge without an echo, on the way to the goal"
 UNSEEN_FOLLOWING: Final = "an edge without an echo, while passing an obstacle"
@@ -28,16 +28,16 @@ RULES: Final = {
     PERSON_AHEAD: "a moving obstacle, within 90° of the heading",
     PERSON_BEHIND: "a moving obstacle, more than 90° from the heading",
     BEHIND: "another obstacle, more than 90° from the heading",
-    FORGOTTEN: "known in the ten seconds before, but not all of the last half second",
-    LATE: "known for less than half a second",
-    NEARER: "known for longer, as at most 2 cm from the rim",
-    BESIDE: "known for longer, as more than 2 cm from the rim",
-    SINGLE: "never known, but an echo came from there, from nearer than 0.75 m",
+    DROPPED: "stored in the ten seconds before, but not during all of the last half second",
+    LATE: "stored for less than half a second",
+    NEARER: "stored for longer, at most 2 cm from the rim",
+    BESIDE: "stored for longer, more than 2 cm from the rim",
+    SINGLE: "never stored, but an echo came from this place, from nearer than 0.75 m",
     UNSEEN_AHEAD: "no such echo; the end of a wall or a corner; the robot headed for its goal",
     UNSEEN_FOLLOWING: "no such echo; the end of a wall or a corner; the robot passed an obstacle",
     FLAT: "no such echo; not an edge",
 }
-"""The rule of each kind, applied in this order. Known: a stored point counted within 10 cm."""
+"""The rule of each kind, applied in this order. Stored: a point that counts is within 10 cm."""
 
 SENSED_RAD: Final = pi / 2.0
 PLACE_M: Final = 0.10
@@ -49,8 +49,8 @@ ECHO_M: Final = 0.05
 """An echo whose range differs by no more from the true one is from the touched place."""
 
 
-class Knowledge(NamedTuple):
-    """What the robot had measured of the touched place; None where it had nothing.
+class PlaceRecord(NamedTuple):
+    """Measurements and stored points of the touched place; None without any.
 
     `bearing_rad` is that of the place at the contact. `stored_m` is the range of the nearest
     stored point that counts in the tick before, from the rim, `aside_m` its distance from the
@@ -74,8 +74,8 @@ class Knowledge(NamedTuple):
         return degrees(self.bearing_rad)
 
 
-def knowledge_of(ticks: Sequence[Tick], place: Touched, radius_m: float) -> Knowledge:
-    """Return what the robot had measured of the touched place before the last tick."""
+def knowledge_of(ticks: Sequence[Tick], place: Touched, radius_m: float) -> PlaceRecord:
+    """Return the measurements of the touched place before the last tick."""
     end, before = ticks[-1], ticks[:-1]
     bearing_rad, _ = polar(seen_from(end.true, place.at(end.time_s, end.true[:2])))
     stored_m, aside_m = (before and nearest_stored(before[-1], place, radius_m)) or (None, None)
@@ -89,10 +89,10 @@ def knowledge_of(ticks: Sequence[Tick], place: Touched, radius_m: float) -> Know
             since_s = ago_s if since_s is None else since_s
         for range_m in echoes_of(tick, place, radius_m):
             echo_s, echo_m = ago_s, range_m
-    return Knowledge(bearing_rad, stored_m, aside_m, first_s, last_s, since_s, echo_s, echo_m)
+    return PlaceRecord(bearing_rad, stored_m, aside_m, first_s, last_s, since_s, echo_s, echo_m)
 
 
-def kind_of(place: Touched, known: Knowledge, branch: int) -> str:
+def kind_of(place: Touched, known: PlaceRecord, branch: int) -> str:
     """Return the kind of a contact; `branch` is that of the last decision."""
     sensed = abs(known.bearing_rad) <= SENSED_RAD
     if place.mover is not None:
@@ -101,7 +101,7 @@ def kind_of(place: Touched, known: Knowledge, branch: int) -> str:
         return BEHIND
     if known.first_s is not None and known.first_s > LATE_S:
         if known.since_s is None or known.since_s <= LATE_S or known.stored_m is None:
-            return FORGOTTEN
+            return DROPPED
         return NEARER if known.stored_m <= CLOSE_M else BESIDE
     if known.first_s is not None:
         return LATE
@@ -121,7 +121,7 @@ def nearest_stored(tick: Tick, place: Touched, radius_m: float) -> tuple[float, 
     found = []
     for point in tick.points:
         if point.counts:
-            px_m, py_m = seen_from(tick.believed, (point.x_m, point.y_m))
+            px_m, py_m = seen_from(tick.estimated, (point.x_m, point.y_m))
             found.append((hypot(px_m - x_m, py_m - y_m), hypot(px_m, py_m) - radius_m))
     aside_m, range_m = min(found, default=(inf, inf))
     return (range_m, aside_m) if aside_m <= PLACE_M else None

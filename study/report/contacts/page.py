@@ -15,7 +15,7 @@ from protocol.wire.reasons import reason_text
 from study.report.charts.gallery import WorldOf, command_of
 from study.report.charts.svg import SvgDrawing
 from study.report.contacts.close_up import close_up
-from study.report.contacts.kinds import RULES, Knowledge, kind_of, knowledge_of
+from study.report.contacts.kinds import RULES, PlaceRecord, kind_of, knowledge_of
 from study.report.contacts.recorder import MM_PER_M, Tick, before_contact
 from study.report.contacts.touched import BLOCK, Touched, touched
 from study.report.output.markdown import table_lines
@@ -37,12 +37,12 @@ EDGES: Final = ("its end", "a corner")
 
 
 class ExplainedContact(NamedTuple):
-    """A contact with what led to it; `same`: the drive is the recorded one."""
+    """A contact with its kind and records; `same`: the drive is the recorded one."""
 
     row: TrialRow
     kind: str
     place: Touched
-    known: Knowledge
+    known: PlaceRecord
     ticks: Sequence[Tick]
     drawing: SvgDrawing
     same: bool
@@ -65,7 +65,7 @@ def chosen_rows(table: pa.Table) -> list[TrialRow]:
 
 
 def explained(row: TrialRow, world: World) -> ExplainedContact:
-    """Drive a trial again and find out what it touched, and why."""
+    """Drive a trial again, and find the touched place and the kind of the contact."""
     trial, radius_m = trial_of(row, world), body_of(world).radius_m
     ticks, outcome = before_contact(trial)
     end, last = ticks[-1], ticks[-2] if len(ticks) > 1 else ticks[-1]
@@ -103,9 +103,9 @@ Each trial of the [study](study/report.md) in which `{OWN}` touched something by
 with `default` and `lossy` noise: in the corpus, among thin walls, in generated grid maps and among
 people up to 0.2 m/s. Every trial was driven again to record the seconds before its contact. The
 kind follows from a rule. [Thin walls and corners](../concepts/navigators.md#thin-walls-and-corners)
-describes what the navigator does against them.
+describes the rules against them.
 
-In the drawings the line is the true way of the last ten seconds, the ring is the robot at the
+In the drawings the line is the true path of the last ten seconds, the ring is the robot at the
 contact, and the cross is the touched place. Dots are stored points that the navigator keeps clear
 of. Circles are stored points that do not count yet. Both are drawn as seen from the true pose. The
 bar is 0.1 m long. A range is measured from the rim of the robot."""
@@ -143,13 +143,13 @@ def kinds_table(found: Sequence[ExplainedContact]) -> str:
         rows.append((kind, rule, *(str(counts[noise]) for noise in NOISES), str(worlds)))
     head = ("kind", "rule, the first that applies", *NOISES, "worlds")
     table = PageTable("", head, tuple(rows), names=2)
-    return f"## Kinds\n\n{KNOWN}\n\n{table_lines(table)}"
+    return f"## Kinds\n\n{STORED}\n\n{table_lines(table)}"
 
 
-KNOWN: Final = (
-    "A place is *known* while a stored point that counts is within 10 cm of it. An edge is the end "
-    "of a wall or the corner of a block. Several contacts in one world are often the same edge, so "
-    "the worlds are counted, too."
+STORED: Final = (
+    "A place is *stored* while a point of the memory that counts is within 10 cm of it. An edge is "
+    "the end of a wall or the corner of a block. Several contacts in one world are often the same "
+    "edge, so the worlds are counted, too."
 )
 
 
@@ -170,10 +170,10 @@ def _section(one: ExplainedContact, folder: str) -> str:
 
 
 def facts_of(one: ExplainedContact) -> list[str]:
-    """Return what was touched and measured, as short sentences."""
+    """Return the touched place and the measurements as short sentences."""
     known, ticks = one.known, one.ticks
     last = ticks[-2] if len(ticks) > 1 else ticks[-1]
-    edge = f" at {EDGES[one.place.what == BLOCK]}" if one.place.is_edge else ""
+    edge = f" at {EDGES[one.place.name == BLOCK]}" if one.place.is_edge else ""
     side = "left" if known.bearing_rad > 0.0 else "right"
     stored = "no stored point within 10 cm of the place"
     if known.stored_m is not None and known.aside_m is not None:
@@ -190,7 +190,7 @@ def facts_of(one: ExplainedContact) -> list[str]:
             f"{round(MM_PER_M * known.echo_m)} mm"
         )
     return [
-        f"Touched: {one.place.what}{edge}, {abs(known.bearing_deg):.0f}° to the {side} of the "
+        f"Touched: {one.place.name}{edge}, {abs(known.bearing_deg):.0f}° to the {side} of the "
         "heading.",
         f"Commanded in the tick before: {number(last.speed_m_s)} m/s, "
         f"{round(degrees(last.yaw_rate_rad_s))}°/s.",

@@ -32,7 +32,7 @@ class Tick(NamedTuple):
 
     time_s: float
     true: Pose
-    believed: Pose
+    estimated: Pose
     clearance_m: float
     branch: int
     guard: int
@@ -55,7 +55,7 @@ class ContactRecorder:
             Tick(
                 time_s=plant.now_ns / NS_PER_S,
                 true=Pose(truth.x_m, truth.y_m, truth.heading_rad),
-                believed=state.odometry.pose,
+                estimated=state.odometry.pose,
                 clearance_m=plant.attitude()[1],
                 branch=0 if outputs.decision is None else outputs.decision.branch,
                 guard=outputs.guard,

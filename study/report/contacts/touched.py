@@ -1,4 +1,4 @@
-"""What the robot touched: the obstacle, the place on its surface, and whether that is an edge."""
+"""The touched obstacle, the place on its surface, and whether that is an edge."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,7 +6,7 @@ from itertools import pairwise
 from math import hypot
 from typing import Final, NamedTuple
 
-from plant.model.geometry import clearance_m, distance_m
+from plant.model.geometry import clearance_m, distance_m, nearest_share
 from plant.model.movers import Mover
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline, World
 from study.report.contacts.recorder import MM_PER_M
@@ -18,9 +18,12 @@ BLOCK: Final = "block"
 
 
 class Touched(NamedTuple):
-    """The touched place; `mover` is set if it belongs to a person or another moving disc."""
+    """The touched place, with a short name of its obstacle.
 
-    what: str
+    `mover` is set if the place belongs to a person or another moving disc.
+    """
+
+    name: str
     point: Point
     is_edge: bool
     mover: Circle | None = None
@@ -47,7 +50,7 @@ def _placed(circle: Circle, time_s: float) -> Circle:
 
 
 def touched(world: World, robot: Point, time_s: float) -> Touched:
-    """Return what is nearest to the robot at a time."""
+    """Return the obstacle nearest to the robot at a time, and its nearest place."""
     found = [
         (distance_m(robot, one.point), index, one) for index, one in _places(world, robot, time_s)
     ]
@@ -101,13 +104,8 @@ def edges_of(obstacle: Obstacle, others: list[Obstacle]) -> list[Point]:
 
 
 def _on_segment(point: Point, a: Point, b: Point) -> Point:
-    along = b[0] - a[0], b[1] - a[1]
-    length2 = along[0] ** 2 + along[1] ** 2
-    share = (
-        ((point[0] - a[0]) * along[0] + (point[1] - a[1]) * along[1]) / length2 if length2 else 0.0
-    )
-    share = min(1.0, max(0.0, share))
-    return a[0] + share * along[0], a[1] + share * along[1]
+    share = nearest_share(point, a, b)
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
 
 
 def _towards(start: Point, end: Point, way_m: float) -> Point:

@@ -115,7 +115,7 @@ class BoardCost(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Figures of other tools; what was not read is empty."""
+    """Figures of other tools, empty for a file that was not read."""
 
     crowds: tuple[CrowdResult, ...] = ()
     maps: tuple[MapResult, ...] = ()

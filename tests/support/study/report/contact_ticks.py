@@ -18,7 +18,7 @@ def tick(time_s: float, **changes: Any) -> Tick:
     """Return a tick of a robot at the origin that has measured and remembered nothing."""
     usual: dict[str, Any] = {
         "true": ORIGIN,
-        "believed": ORIGIN,
+        "estimated": ORIGIN,
         "clearance_m": 0.1,
         "branch": TO_GOAL,
         "guard": 0,

@@ -9,8 +9,8 @@ from robot.core.values import Pose
 from study.report.contacts.kinds import (
     BEHIND,
     BESIDE,
+    DROPPED,
     FLAT,
-    FORGOTTEN,
     LATE,
     NEARER,
     PERSON_AHEAD,
@@ -47,8 +47,8 @@ def every(*times_s: float, **changes: object) -> list[Tick]:
         (AHEAD, every(9.0, 9.4, 9.9, **AT_RIM), NEARER),
         (AHEAD, every(9.0, 9.4, 9.9, **OUTSIDE), BESIDE),
         (AHEAD, every(9.6, 9.9, **AT_RIM), LATE),
-        (AHEAD, [*every(9.0, **AT_RIM), tick(9.9)], FORGOTTEN),
-        (AHEAD, [*every(9.0, **AT_RIM), tick(9.7), *every(9.9, **AT_RIM)], FORGOTTEN),
+        (AHEAD, [*every(9.0, **AT_RIM), tick(9.9)], DROPPED),
+        (AHEAD, [*every(9.0, **AT_RIM), tick(9.7), *every(9.9, **AT_RIM)], DROPPED),
         (AHEAD, every(9.0, 9.9, **stored(RADIUS_M, counts=False)), UNSEEN_AHEAD),
         (AHEAD, every(9.0, 9.9, **stored(RADIUS_M + 0.11)), UNSEEN_AHEAD),
         (AHEAD, [tick(9.0, true=Pose(-0.3, 0.0, 0.0), **echo(3, 0.3)), tick(9.9)], SINGLE),
@@ -70,7 +70,7 @@ def test_every_kind_has_a_rule() -> None:
 def test_stored_point_is_compared_in_the_robot_s_frame() -> None:
     """The estimate is off by a metre and a quarter turn, and so is the memory."""
     wrong = Pose(1.0, 0.0, pi / 2.0)
-    last = tick(9.9, believed=wrong, **stored(1.0, RADIUS_M + 0.015))
+    last = tick(9.9, estimated=wrong, **stored(1.0, RADIUS_M + 0.015))
     known = knowledge_of([last, END], AHEAD, RADIUS_M)
     assert known.stored_m == pytest.approx(0.015)
     assert known.aside_m == pytest.approx(0.015)

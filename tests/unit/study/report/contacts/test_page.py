@@ -61,7 +61,7 @@ def test_recording_ends_with_the_contact(oncoming: Any) -> None:
 
 def test_contact_is_explained_and_drawn(oncoming: Any) -> None:
     one = explained(row(noise="none", timeout_s=20.0, **COLLIDED), oncoming)
-    assert (one.kind, one.place.what, one.same) == (PERSON_AHEAD, "person", False)
+    assert (one.kind, one.place.name, one.same) == (PERSON_AHEAD, "person", False)
     drawing = ElementTree.fromstring(one.drawing.alone())
     crosses = [part for part in drawing if part.get("class") == "cross"]
     assert len(crosses) == 2

@@ -31,7 +31,7 @@ def test_nearest_surface_is_touched(
     obstacle: Obstacle, robot: Point, what: str, point: Point, is_edge: bool
 ) -> None:
     found = touched(replace(floor(), obstacles=(obstacle,)), robot, 0.0)
-    assert (found.what, found.is_edge, found.mover) == (what, is_edge, None)
+    assert (found.name, found.is_edge, found.mover) == (what, is_edge, None)
     assert found.point == pytest.approx(point)
 
 
@@ -46,7 +46,7 @@ def test_person_is_touched_where_it_has_walked_to() -> None:
     walker = person((1.0, 1.0), (3.0, 1.0))
     world = replace(floor(), obstacles=(walker,))
     found = touched(world, (2.3, 1.0), 10.0)
-    assert (found.what, found.mover) == ("person", walker)
+    assert (found.name, found.mover) == ("person", walker)
     assert found.point == pytest.approx((2.2, 1.0))
     assert found.at(5.0, (2.3, 1.0)) == pytest.approx((1.7, 1.0))
     (moved,) = world_at(world, 10.0).obstacles
