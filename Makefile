@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -25,6 +25,8 @@ help:
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    the documentation as a web site, in build/site"
 	echo "make generate-docs  the committed pages that are made from the code"
+	echo "make prose   suggestions for plainer English, never an error; ARGS=\"docs/how-to\" for a part"
+	echo "make refresh  renew screens and outputs on pages, and show the difference; ARGS=\"screens\""
 	echo "make pictures  the drawings in docs/pictures"
 	echo "make clean   remove .venv and what the tools have cached"
 
@@ -146,6 +148,13 @@ generate: setup
 
 docs: setup
 	@exec "$(BIN)/python" -m verification.site
+
+prose: setup
+	@exec "$(BIN)/python" -m verification.language $(ARGS)
+
+# Pages run for minutes in real time; ARGS="docs/tutorial/mission.md" or ARGS="screens" for a part.
+refresh: setup
+	@exec "$(BIN)/python" -m tests.support.docs.refresh $(ARGS)
 
 pictures: setup
 	@exec "$(BIN)/python" -m verification.site.pictures

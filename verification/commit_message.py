@@ -1,6 +1,7 @@
 """Checks the form of a commit message: `area: imperative subject`, 72 columns, then the reason.
 
-The hook `.githooks/commit-msg` calls this with the file of the message. It imports nothing of the
+The hook `.githooks/commit-msg` calls this with the file of the message. It refuses a wrong form; a
+subject that does not seem to begin with an imperative is only advice. It imports nothing of the
 project, so that it also works without `make setup`.
 """
 
@@ -40,8 +41,6 @@ def problems(message: str) -> list[str]:
     found = []
     if not SUBJECT.fullmatch(subject):
         found.append("line 1: write `area: imperative subject`, without a full stop")
-    elif not is_imperative(verb := subject.partition(": ")[2].split()[0].lower()):
-        found.append(f"line 1: {verb!r} is no imperative: write what the commit does")
     if len(subject) > MAX_COLUMNS:
         found.append(f"line 1: {len(subject)} characters: use at most {MAX_COLUMNS}")
     if body and body[0].strip():
@@ -54,16 +53,23 @@ def problems(message: str) -> list[str]:
     return found
 
 
-def is_imperative(verb: str) -> bool:
-    """Return whether a verb may be an imperative: it has no ending of another form."""
-    return verb in IMPERATIVES or not NO_IMPERATIVE.fullmatch(verb)
+def advice(message: str) -> list[str]:
+    """Return a line if the subject begins with another form of a verb, such as "added"."""
+    subject = message.partition("\n")[0]
+    verb = subject.partition(": ")[2].partition(" ")[0].lower()
+    if subject.startswith(GENERATED) or verb in IMPERATIVES or not NO_IMPERATIVE.fullmatch(verb):
+        return []
+    return [f"{verb!r} may be no imperative: write what the commit does"]
 
 
 def main(argv: list[str]) -> int:
-    """Print the defects of the message in a file; 1 if there are any."""
-    found = problems(Path(argv[0]).read_text(encoding="utf-8"))
-    for problem in found:
-        print(f"commit message: {problem}", file=sys.stderr)
+    """Print defects and advice for the message in a file; 1 if there are defects."""
+    message = Path(argv[0]).read_text(encoding="utf-8")
+    found = problems(message)
+    for line in found:
+        print(f"commit message: {line}", file=sys.stderr)
+    for line in advice(message):
+        print(f"commit message: advice: {line}", file=sys.stderr)
     if found:
         print("see CONTRIBUTING.md, Commits", file=sys.stderr)
     return int(bool(found))

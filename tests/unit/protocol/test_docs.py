@@ -21,7 +21,6 @@ from runtime.cli.verb_table import VERBS
 from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]
-README = (ROOT / "README.md").read_text()
 DOCS = ROOT / "docs"
 PAGES = {path.relative_to(ROOT).as_posix(): path.read_text() for path in DOCS.rglob("*.md")}
 PAGES |= {path.name: path.read_text() for path in ROOT.glob("*.md")}
@@ -69,10 +68,6 @@ def toml_of(page: str) -> str:
     found = re.search(r"```toml\n(.*?)```", PAGES[page], re.DOTALL)
     assert found
     return found[1]
-
-
-def test_readme_is_short() -> None:
-    assert len(README.splitlines()) <= 120
 
 
 def test_every_verb_used_in_a_command_exists() -> None:
