@@ -82,31 +82,18 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 up: setup
 	@exec "$(BIN)/sidestep" up $(ARGS)
 
-# The compiled modules are built in build/compiled, never in the checkout, and again whenever a
-# source or the commit has changed.
-COMPILED := build/compiled
-COMPILED_FROM := runtime protocol robot plant ground study sidestep.py hatch_build.py pyproject.toml
-
+# The compiled modules are kept for all checkouts, by the content of their sources; see
+# verification/built.py.
 compiled: setup
-	@built=$(COMPILED)/built
-	commit=$$("$(BIN)/python" -c 'import hatch_build, pathlib; print(hatch_build.commit_of(pathlib.Path()))')
-	if [ ! -e $$built ] || ! grep -qF "\"$$commit\"" $(COMPILED)/runtime/compiled.json ||
-		[ -n "$$(find $(COMPILED_FROM) -newer $$built \
-			! -name '*.pyc' ! -name __pycache__ -print -quit)" ]; then
-		echo "Compiling into $(COMPILED); it takes one to two minutes."
-		rm -rf $(COMPILED)
-		SIDESTEP_COMPILE=1 "$(BIN)/python" -m pip --disable-pip-version-check install --quiet \
-			--no-deps --no-build-isolation --target $(COMPILED) .
-		touch $$built
-	fi
+	@"$(BIN)/python" -m verification.built compiled build/compiled
 
 # Several times as fast as with pure Python, with the same results.
 study: compiled
-	@PYTHONPATH="$(CURDIR)/$(COMPILED)" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
+	@PYTHONPATH="$(CURDIR)/build/compiled" exec "$(BIN)/python" -P -m sidestep study $(ARGS)
 
 # Needs packages of Debian, which it names when they are missing.
 firmware: setup
-	@exec "$(BIN)/python" -m robot.mcu.firmware.build $(ARGS)
+	@exec "$(BIN)/python" -m verification.built firmware $(ARGS)
 
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)
@@ -140,7 +127,7 @@ same-bits: setup
 
 # About half an hour; it continues where it was interrupted. ARGS="--minutes 10" ends earlier.
 same-bits-mcu: setup
-	@"$(BIN)/python" -m robot.mcu.firmware.build
+	@"$(BIN)/python" -m verification.built firmware
 	exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
 
 generate: setup

@@ -4,6 +4,9 @@ The modules are named in pyproject.toml. mypyc translates them to C; a compiled 
 wheel beside its source, and Python prefers it. `runtime/compiled.json` has the commit, and the
 sources with their hashes, by which `runtime.cli.compiled` detects a module that does not match its
 source. Nothing is written into the checkout, and an editable install is never compiled.
+
+`python hatch_build.py FOLDER` compiles into a folder. With its name in SIDESTEP_COMPILED the build
+takes the modules from there, if they are those of its sources, and compiles nothing.
 """
 
 import json
@@ -13,16 +16,20 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
+import tomllib
 from collections.abc import Sequence
 from hashlib import sha256
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 SWITCH = "SIDESTEP_COMPILE"
+READY = "SIDESTEP_COMPILED"
 LIST = "runtime/compiled.json"
 TOOLS = ("mypy>=2.4", "setuptools>=65.5")
+HASHES = "sources.json"
 OPTIMISATION = "2"
 GIT_TIMEOUT_S = 10.0
 FLAGS = ("-ffp-contract=off", "-Wno-error")
@@ -48,8 +55,15 @@ class CompilingHook(BuildHookInterface[Any]):
         root = Path(self.root)
         sources = sources_in(root, self.config["modules"])
         self._folder = tempfile.mkdtemp(prefix="sidestep-compile-")
-        built = compile_into(Path(self._folder), root, sources)
-        build_data["force_include"].update({str(path): name for name, path in built.items()})
+        folder = Path(os.environ.get(READY) or self._folder)
+        if not os.environ.get(READY):
+            compile_into(folder, root, sources)
+        check(folder, root, sources)
+        listed = Path(self._folder) / Path(LIST).name
+        content = {"commit": commit_of(root), "sources": hashes(root, sources)}
+        listed.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
+        built = {str(path): path.relative_to(folder).as_posix() for path in modules_in(folder)}
+        build_data["force_include"].update({**built, str(listed): LIST})
         build_data["pure_python"] = False
         build_data["infer_tag"] = True
 
@@ -82,32 +96,41 @@ def sources_in(root: Path, patterns: Sequence[str]) -> list[str]:
     return found
 
 
-def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> dict[str, Path]:
-    """Return the compiled files and their list, by their names in the wheel."""
+def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> None:
+    """Write the compiled modules, by their names in the wheel, and the hashes of their sources."""
     check_compiler()
     from mypyc.build import mypycify  # needed only here
     from setuptools import Distribution
 
     os.chdir(root)
-    extensions = mypycify(
-        [f"--cache-dir={folder / 'types'}", *sources],
-        opt_level=OPTIMISATION,
-        debug_level="0",
-        target_dir=str(folder / "c"),
-    )
-    for extension in extensions:
-        if os.name == "posix":
-            extension.extra_compile_args.extend(FLAGS)
-    command = Distribution({"ext_modules": extensions}).get_command_obj("build_ext")
-    command.build_lib, command.build_temp = str(folder / "lib"), str(folder / "objects")
-    command.ensure_finalized()
-    command.run()
-    listed = folder / "compiled.json"
-    content = {"commit": commit_of(root), "sources": hashes(root, sources)}
-    listed.write_text(json.dumps(content, indent=1) + "\n", "utf-8")
-    library = folder / "lib"
-    built = {path.relative_to(library).as_posix(): path for path in library.rglob("*.*")}
-    return {LIST: listed, **{name: path for name, path in built.items() if path.is_file()}}
+    with tempfile.TemporaryDirectory(prefix="sidestep-compile-") as temporary:
+        extensions = mypycify(
+            [f"--cache-dir={temporary}/types", *sources],
+            opt_level=OPTIMISATION,
+            debug_level="0",
+            target_dir=f"{temporary}/c",
+        )
+        for extension in extensions:
+            if os.name == "posix":
+                extension.extra_compile_args.extend(FLAGS)
+        command = Distribution({"ext_modules": extensions}).get_command_obj("build_ext")
+        command.build_lib, command.build_temp = str(folder), f"{temporary}/objects"
+        command.ensure_finalized()
+        command.parallel = os.cpu_count()
+        command.run()
+    (folder / HASHES).write_text(json.dumps(hashes(root, sources)), "utf-8")
+
+
+def check(folder: Path, root: Path, sources: Sequence[str]) -> None:
+    """End the build if compiled modules are not those of the sources."""
+    listed = folder / HASHES
+    if not listed.exists() or json.loads(listed.read_text("utf-8")) != hashes(root, sources):
+        refuse(f"{READY}: the modules in {folder} are those of other sources")
+
+
+def modules_in(folder: Path) -> list[Path]:
+    """Return the compiled modules in a folder."""
+    return [path for path in folder.rglob("*") if path.name.endswith(tuple(EXTENSION_SUFFIXES))]
 
 
 def commit_of(root: Path) -> str:
@@ -145,3 +168,15 @@ def check_compiler() -> None:
 def hashes(root: Path, sources: Sequence[str]) -> dict[str, str]:
     """Return the SHA-256 of each source."""
     return {name: sha256((root / name).read_bytes()).hexdigest() for name in sources}
+
+
+def main(folder: Path) -> None:
+    """Compile the modules that pyproject.toml names."""
+    root = Path(__file__).resolve().parent
+    project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
+    wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
+    compile_into(folder.resolve(), root, sources_in(root, wheel["hooks"]["custom"]["modules"]))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

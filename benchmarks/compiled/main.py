@@ -18,9 +18,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
-from benchmarks.compiled.wheel import ROOT, install_compiled
 from benchmarks.irsim import peer as irsim_peer
 from plant.world.file import load
+from verification.built import ROOT, install_compiled
 from verification.harness import machine
 from verification.harness.figures import Figure, Report, digits, ratios
 
@@ -80,7 +80,7 @@ def measure(options: argparse.Namespace) -> Report:
     figures: list[Figure] = []
     tables: list[str] = []
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
-        folders = {"compiled": install_compiled(Path(folder)), "pure": ROOT}
+        folders = {"compiled": install_compiled(Path(folder) / "installation"), "pure": ROOT}
         if options.before:
             folders["before"] = options.before.resolve()
         children = {name: stack.enter_context(running(at)) for name, at in folders.items()}

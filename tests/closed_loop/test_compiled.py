@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import hatch_build
-from benchmarks.compiled.wheel import ROOT, wheel_of
 from runtime.cli import compiled
-from tests.support.compiled.installation import built, run_python
+from tests.support.compiled.installation import installed, run_python
 from tests.support.compiled.trials import is_compiled, outcomes
+from verification.built import ROOT, wheel
 
 TRIALS = ("-m", "tests.support.compiled.trials")
 CORE = "robot/core/brain.py"
@@ -22,7 +22,7 @@ CORE = "robot/core/brain.py"
 @pytest.fixture(scope="session")
 def installation(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = tmp_path_factory.getbasetemp()
-    return built(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
+    return installed(base.parent if "PYTEST_XDIST_WORKER" in os.environ else base)
 
 
 @pytest.fixture
@@ -79,8 +79,8 @@ def test_a_changed_source_of_a_compiled_module_is_refused(
     assert f"{CORE} has changed since it was compiled" in run.stderr
 
 
-def test_a_build_without_the_switch_is_pure(tmp_path: Path) -> None:
-    assert wheel_of(tmp_path, switch="").name.endswith("-py3-none-any.whl")
+def test_a_build_without_the_switch_is_pure() -> None:
+    assert wheel(compiled=False).name.endswith("-py3-none-any.whl")
 
 
 def test_an_editable_build_is_refused_by_name() -> None:

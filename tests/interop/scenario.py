@@ -3,12 +3,11 @@
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from tests.interop.environments import ROOT, Environment
 from tests.interop.vehicle import RobotOnAir
+from verification.built import ROOT
 
 SCENARIO_S: Final = 270.0
 """Less than what faulthandler leaves a test."""
@@ -60,10 +59,9 @@ class Scenario(NamedTuple):
         return found
 
 
-def run(client: Client, environment: Environment | None, robot: RobotOnAir, folder: Path) -> str:
-    """Run a client against the robot; return its output."""
-    python = sys.executable if environment is None else str(environment.python)
-    words = [python, "-m", f"tests.interop.clients.{client.module}", *client.arguments]
+def run(client: Client, python: Path, robot: RobotOnAir, folder: Path) -> str:
+    """Run a client with its Python against the robot; return its output."""
+    words = [str(python), "-m", f"tests.interop.clients.{client.module}", *client.arguments]
     words += ["--port", str(robot.port), "--recording", str(robot.recording)]
     words += ["--folder", str(folder)]
     dialect = {"PYTHONPATH": str(ROOT), "MAVLINK20": "1", "MAVLINK_DIALECT": "all"}

@@ -18,7 +18,7 @@ from tests.interop.clients.shaped_client import (
     ordered_lengths,
 )
 from tests.interop.clients.steps import STEPS, StepError
-from tests.interop.environments import NotInstalledError, clients, environment_of, install, pins_of
+from tests.interop.environments import clients, pins_of
 from tests.interop.scenario import CLIENTS, read
 
 NAMES = sorted(path.stem for path in SCRIPTS.glob("*.toml"))
@@ -136,28 +136,6 @@ def test_each_environment_belongs_to_a_client_and_pins_exact_versions() -> None:
     assert clients() == sorted(one.environment for one in CLIENTS if one.environment)
     for client in clients():
         assert all(re.fullmatch(r"[\w.-]+==[\w.]+", pin) for pin in pins_of(client))
-
-
-def test_failed_installation_says_why(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(NotInstalledError, match="venv"):
-        install(tmp_path / "file" / "place", ["none==1"])
-
-
-def test_environment_that_is_ready_is_not_made_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[Path] = []
-
-    def pretend(place: Path, _pins: object) -> None:
-        made.append(place)
-        place.mkdir()
-        (place / "ready").touch()
-
-    monkeypatch.setattr("tests.interop.environments.install", pretend)
-    first, again = (environment_of("mavsdk", tmp_path) for _ in range(2))
-    assert first == again
-    assert len(made) == 1
 
 
 def lines(*fields: dict[str, object]) -> str:

@@ -1,5 +1,6 @@
 """The build compiles only when asked to, and says why it cannot."""
 
+import json
 import subprocess
 import tomllib
 from pathlib import Path
@@ -49,6 +50,16 @@ def test_missing_headers_of_python_are_named(
 def test_a_pattern_without_a_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SystemExit, match=r"no file matches modules = 'robot/cor/\*.py'"):
         hatch_build.sources_in(tmp_path, ["robot/cor/*.py"])
+
+
+def test_modules_of_other_sources_are_refused(tmp_path: Path) -> None:
+    sources = ["runtime/elementary.py"]
+    (tmp_path / hatch_build.HASHES).write_text(json.dumps(hatch_build.hashes(ROOT, sources)))
+    hatch_build.check(tmp_path, ROOT, sources)
+    with pytest.raises(SystemExit, match="are those of other sources"):
+        hatch_build.check(tmp_path, ROOT, [*sources, "robot/core/brain.py"])
+    with pytest.raises(SystemExit, match="are those of other sources"):
+        hatch_build.check(tmp_path / "nowhere", ROOT, sources)
 
 
 def test_the_modules_named_in_the_project_are_found() -> None:
