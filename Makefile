@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test interop clients-table rows-table mutation bench evidence generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -22,6 +22,7 @@ help:
 	echo "make same-bits-mcu  compares digests of all worlds and navigators with the emulated board"
 	echo "make study   a study with compiled modules; ARGS=\"--quick\" is handed on"
 	echo "make bench   measurements; ARGS=... is handed on"
+	echo "make evidence  measure the pages of docs/evidence again; ARGS=--list shows them with minutes"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    the documentation as a web site, in build/site"
 	echo "make generate-docs  the committed pages that are made from the code"
@@ -97,6 +98,11 @@ firmware: setup
 
 bench: setup
 	@exec "$(BIN)/sidestep" bench $(ARGS)
+
+# Hours; it continues where it was interrupted. ARGS="figures compiled" measures only these pages,
+# ARGS="--max-minutes 20" those that take at most so long, and ARGS=--list shows all.
+evidence: setup
+	@exec "$(BIN)/python" -m verification.evidence --measure $(ARGS)
 
 # The steps are in verification/gate.py. With CI set a skipped test fails.
 test: setup
