@@ -1,4 +1,4 @@
-"""Run the commands on a page of the documentation and compare their output.
+"""Read the commands on a page of the documentation, and compare or renew their output.
 
 A block of the language `console` has commands behind `$ ` and the output of each below it. A block
 with a title is a file that is written first. A comment before a block changes how it is run:
@@ -28,6 +28,9 @@ CONTINUED: Final = "\\"
 ANYTHING: Final = "..."
 TRIES: Final = ("try", "tries")
 """Their number may be another one."""
+REPLACED: Final = 2
+SHIFTED: Final = 3
+"""Costs of a changed line, and of a missing or additional one, when output is renewed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,3 +143,37 @@ def matches(expected: Sequence[str], printed: Sequence[str], *, is_exact: bool =
         for line in wanted
     )
     return re.fullmatch(whole, "".join(f"{line}\n" for line in found)) is not None
+
+
+def renewed(
+    expected: Sequence[str], printed: Sequence[str], *, is_exact: bool = False
+) -> list[str]:
+    """Return lines that match the printed ones; expected lines stay wherever they match.
+
+    A number that may differ and a line `...` therefore stay, and only what has changed differs.
+    """
+    if not any(line.strip() for line in expected):
+        return [line.rstrip() for line in printed]
+    found = [line.rstrip() for line in printed if line.strip()]
+    # rest[j]: how the lines from here on become the printed ones from j on: the cost, the lines.
+    rest = [(SHIFTED * (len(found) - j), tuple(found[j:])) for j in range(len(found) + 1)]
+    for line in reversed(expected):
+        pattern = re.compile(pattern_of(line, is_exact=is_exact))
+        is_any = line.strip() == ANYTHING
+        if is_any or not line.strip():
+            here = [(cost, (line, *lines)) for cost, lines in rest]
+        else:
+            here = [(cost + SHIFTED, lines) for cost, lines in rest]
+        for j in reversed(range(len(found) if line.strip() else 0)):
+            (cost, lines), (next_cost, next_lines) = rest[j + 1], here[j + 1]
+            if is_any:
+                ways = [here[j], (next_cost, next_lines)]
+            elif pattern.fullmatch(found[j].strip()):
+                ways = [(cost, (line, *lines)), here[j]]
+            else:
+                ways = [(cost + REPLACED, (found[j], *lines)), here[j]]
+            if not is_any:
+                ways.append((next_cost + SHIFTED, (found[j], *next_lines)))
+            here[j] = min(ways, key=lambda way: way[0])
+        rest = here
+    return list(rest[0][1])

@@ -8,14 +8,18 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from tests.support.docs.console import Command, File, Step, Stop, matches
 from tests.support.until import until
 
 ROOT: Final = Path(__file__).resolve().parents[3]
+PAGES: Final = tuple(
+    path for name in ("tutorial", "how-to") for path in sorted((ROOT / "docs" / name).glob("*.md"))
+)
+"""The pages whose commands are run."""
 PATIENCE_S: Final = 60.0
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
 HOLDER: Final = "from tests.support.docs.session import hold; hold()"
@@ -53,13 +57,47 @@ def private_network() -> Iterator[tuple[str, ...]]:
         holder.stdin.close()
 
 
+class CommandError(RuntimeError):
+    """A command ended otherwise than its page says: the command, its output and its end."""
+
+    def __init__(self, command: Command, printed: Sequence[str], end: str) -> None:
+        super().__init__("\n".join((f"line {command.line}: $ {command.words}", *printed, end)))
+
+
+class Running(NamedTuple):
+    """The process of a command, which leads a group of its own, and the file of its output."""
+
+    command: Command
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    def printed(self) -> list[str]:
+        """Return the lines printed so far."""
+        return self.log.read_text(encoding="utf-8", errors="replace").splitlines()
+
+    def end(self, number: signal.Signals) -> None:
+        """Send a signal to the group, and wait; raise CommandError if the process stays."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, number)
+        try:
+            self.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+            raise self.error(f"not ended {PATIENCE_S:g} s after {number.name}") from None
+
+    def error(self, end: str) -> CommandError:
+        """Return the error of a command with this end."""
+        return CommandError(self.command, self.printed(), end)
+
+
 class Session:
     """Runs the steps of a page in a folder; processes in the background end with it."""
 
     def __init__(self, folder: Path, prefix: Sequence[str]) -> None:
         self._folder = folder
         self._prefix = tuple(prefix)
-        self._background: list[subprocess.Popen[bytes]] = []
+        self._background: list[Running] = []
         tools = folder / ".bin"
         tools.mkdir()
         program = tools / "sidestep"
@@ -78,7 +116,11 @@ class Session:
         }
 
     def run(self, step: Step) -> list[str] | None:
-        """Do one step. Return the printed lines of a command, None for other steps."""
+        """Do one step. Return the printed lines of a command, None for other steps.
+
+        The lines may be others than those of the page. Raises CommandError if a command ends with
+        another exit code, or not at all.
+        """
         if isinstance(step, File):
             path = self._folder / step.name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -95,56 +137,53 @@ class Session:
 
     def stop(self) -> None:
         """End the processes in the background, the last one first."""
-        while self._background:
-            process = self._background.pop()
-            os.killpg(process.pid, signal.SIGINT)
-            process.wait(PATIENCE_S)
+        with ExitStack() as stack:
+            for running in self._background:
+                stack.callback(running.end, signal.SIGINT)
+            self._background.clear()
 
-    def _words(self, command: Command) -> tuple[str, ...]:
-        return (*self._prefix, "bash", "-c", command.words)
-
-    def _start(self, command: Command) -> list[str]:
+    def _begin(self, command: Command) -> Running:
         log = self._folder / f".{command.line}.log"
         with log.open("wb") as output:
-            self._background.append(
-                subprocess.Popen(
-                    self._words(command),
-                    cwd=self._folder,
-                    env=self._environment,
-                    stdout=output,
-                    stderr=subprocess.STDOUT,
-                    stdin=subprocess.DEVNULL,
-                    start_new_session=True,
-                )
+            process = subprocess.Popen(
+                (*self._prefix, "bash", "-c", command.words),
+                cwd=self._folder,
+                env=self._environment,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,
             )
-        process = self._background[-1]
+        return Running(command, process, log)
+
+    def _start(self, command: Command) -> list[str]:
+        running = self._begin(command)
+        self._background.append(running)
 
         def printed() -> list[str]:
-            return log.read_text(encoding="utf-8").splitlines()
+            return running.printed()[: len(command.output)]
 
-        until(
-            lambda: (
-                matches(command.output, printed()[: len(command.output)])
-                or process.poll() is not None
-            ),
-            PATIENCE_S,
-        )
-        return printed()[: len(command.output)]
+        with suppress(AssertionError):
+            until(
+                lambda: matches(command.output, printed()) or running.process.poll() is not None,
+                PATIENCE_S,
+            )
+        lines = printed()
+        if running.process.poll() and not matches(command.output, lines):
+            raise running.error(f"exit code {running.process.returncode} in the background")
+        return lines
 
     def _call(self, command: Command) -> list[str]:
-        done = subprocess.run(
-            self._words(command),
-            cwd=self._folder,
-            env=self._environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
-        assert done.returncode == command.exit_code, f"{command.words}\n{done.stdout}"
-        return done.stdout.splitlines()
+        running = self._begin(command)
+        try:
+            code = running.process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            raise running.error(f"not ended within {PATIENCE_S:g} s") from None
+        finally:
+            running.end(signal.SIGKILL)
+        if code != command.exit_code:
+            raise running.error(f"exit code {code}, not {command.exit_code}")
+        return running.printed()
 
     def _repeat(self, command: Command) -> list[str]:
         printed: list[str] = []
@@ -153,7 +192,8 @@ class Session:
             printed[:] = self._call(command)
             return matches(command.output, printed)
 
-        until(is_expected, PATIENCE_S)
+        with suppress(AssertionError):
+            until(is_expected, PATIENCE_S)
         return printed
 
 

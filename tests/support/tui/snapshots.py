@@ -4,6 +4,8 @@ import re
 from pathlib import Path
 from typing import Final
 
+from runtime import atomic_file
+
 FOLDER: Final = Path(__file__).parents[2] / "tui" / "snapshots"
 TERMINAL_ID: Final = re.compile(r"terminal-\d+-")
 ACTUAL: Final = ".actual.svg"
@@ -24,12 +26,12 @@ def compare(svg: str, name: str, *, update: bool, folder: Path = FOLDER) -> str:
     beside = folder / f"{name}{ACTUAL}"
     if beside.exists():  # the tree may be read-only
         beside.unlink()
+    if committed.exists() and committed.read_text(encoding="utf-8") == actual:
+        return ""
     if update:
         folder.mkdir(exist_ok=True)
-        committed.write_text(actual, encoding="utf-8")
-        return ""
-    if committed.exists() and committed.read_text(encoding="utf-8") == actual:
+        atomic_file.replace(committed, actual)
         return ""
     beside.write_text(actual, encoding="utf-8")
     what = "differs from" if committed.exists() else "has no"
-    return f"{name} {what} {committed}; look at {beside}, and take it with --update-screens"
+    return f'{name} {what} {committed}; look at {beside}, take it with make refresh ARGS="screens"'

@@ -163,5 +163,5 @@ def test_differing_screen_is_saved_beside_the_committed_one(tmp_path: Path) -> N
     assert compare("<svg terminal-12-x/>", "one", update=True, folder=tmp_path) == ""
     assert compare("<svg terminal-99-x/>", "one", update=False, folder=tmp_path) == ""
     wrong = compare("<svg other/>", "one", update=False, folder=tmp_path)
-    assert "--update-screens" in wrong
+    assert "make refresh" in wrong
     assert (tmp_path / f"one{ACTUAL}").read_text() == "<svg other/>\n"
