@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from tests.support.docs.console import Command, File, Stop, matches, steps, steps_of
+from tests.support.docs.console import Command, File, Stop, matches, renewed, steps, steps_of
 
 PAGE = """\
 Text.
@@ -81,6 +83,35 @@ def test_other_output_does_not_match(expected: list[str], printed: list[str]) ->
 def test_exact_numbers_must_be_equal() -> None:
     assert matches(["5.25 m"], ["5.25 m"], is_exact=True)
     assert not matches(["5.25 m"], ["5.26 m"], is_exact=True)
+
+
+@pytest.mark.parametrize(
+    ("expected", "printed", "lines"),
+    [
+        (["a 1", "b 2"], ["a 7", "c 3"], ["a 1", "c 3"]),
+        (["a", "...", "z 1"], ["b", "x", "y", "z 2"], ["b", "...", "z 1"]),
+        (["a", "", "z"], ["a", "", "m"], ["a", "", "m"]),
+        (["a", "b", "c"], ["a", "c"], ["a", "c"]),
+        ([], ["  a", "", "b"], ["  a", "", "b"]),
+        (["..."], [], ["..."]),
+    ],
+)
+def test_renewed_output_keeps_the_lines_that_match(
+    expected: list[str], printed: list[str], lines: list[str]
+) -> None:
+    assert renewed(expected, printed) == lines
+
+
+LINES = st.lists(st.sampled_from(["", "...", "a", "a 1", "a 2.5", "b", "b ... c", "1 try"]))
+PRINTED = st.lists(st.sampled_from(["", "a", "  a 2", "a -3.5", "b", "b x c", "2 tries", "1e5."]))
+
+
+@given(expected=LINES, printed=PRINTED, is_exact=st.booleans())
+def test_renewed_output_matches(expected: list[str], printed: list[str], is_exact: bool) -> None:
+    lines = renewed(expected, printed, is_exact=is_exact)
+    assert matches(lines, printed, is_exact=is_exact)
+    if matches(expected, printed, is_exact=is_exact) and any(map(str.strip, expected)):
+        assert lines == expected
 
 
 def test_page_is_read_from_its_file(tmp_path: Path) -> None:
