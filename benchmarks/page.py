@@ -1,53 +1,57 @@
-"""`python -m benchmarks.page`: run every benchmark, write docs/evidence/figures.md.
+"""`python -m benchmarks.page NAME...`: run benchmarks, renew their sections on a page of evidence.
 
-Each runs in a process of its own, so that none affects another. Missed thresholds are written like
-any other figure.
+Each benchmark runs in a process of its own, so that none affects another, and its section is
+written at once. The sections are between two marks; those of other benchmarks stay. Missed
+thresholds are written like any other figure. `make evidence` names the measured commit on the page.
 """
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.__main__ import BENCHMARKS
+from study.report.output.marks import with_text
+from verification.evidence import FIGURES
 from verification.harness.figures import digits
 
 HOURS: Final = ("--hours", "10")
-OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {"robot": HOURS, "faults": ("--short",)}
+OPTIONS: Final[Mapping[str, tuple[str, ...]]] = {"robot": HOURS}
 HEAD: Final = "| figure | median | spread | threshold | |\n|---|---|---|---|---|"
+BEGIN: Final = "<!-- begin: python -m benchmarks.page -->\n"
+END: Final = "<!-- end: python -m benchmarks.page -->\n"
+SECTION: Final = re.compile(r"^## (\w+): .*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Return 0 when every figure was measured, 1 when a benchmark failed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.page", description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="NAME", default=list(BENCHMARKS))
+    parser.add_argument("names", nargs="*", metavar="NAME", default=list(FIGURES))
     parser.add_argument("--output", type=Path, default=Path("docs/evidence/figures.md"))
     options = parser.parse_args(argv)
-    sections = [introduction()]
     for name in options.names:
         print(f"{name} ...", file=sys.stderr)
         arguments = (name, *OPTIONS.get(name, ()))
         report = measured(arguments)
         if report is None:
             return 1
-        sections.append(section(arguments, report))
-    options.output.write_text("\n\n".join(sections) + "\n", encoding="utf-8")
+        text = options.output.read_text(encoding="utf-8")
+        new = with_section(text, name, section(arguments, report))
+        options.output.write_text(new, encoding="utf-8")
     return 0
 
 
-def introduction() -> str:
-    """Return the head of the page."""
-    return (
-        "# Figures\n\n"
-        f"Measured on {datetime.now(UTC):%Y-%m-%d} by `python -m benchmarks.page`. Each section"
-        " names its command.\nThe threshold applies to the median of the repetitions; the spread"
-        " is their minimum and maximum.\nMachines differ and this one was shared: rely on ratios"
-        " rather than on times."
-    )
+def with_section(page: str, name: str, text: str) -> str:
+    """Return the page with a new section of one benchmark, in the order of the benchmarks."""
+    between = page.partition(BEGIN)[2].partition(END)[0]
+    sections = {found[1]: found[0].strip() for found in SECTION.finditer(between)}
+    sections[name] = text
+    ordered = [sections[one] for one in BENCHMARKS if one in sections]
+    return with_text(page, BEGIN, END, "\n" + "\n\n".join(ordered) + "\n\n")
 
 
 def measured(arguments: Sequence[str]) -> dict[str, Any] | None:

@@ -13,7 +13,6 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -21,7 +20,6 @@ from typing import Any, Final
 from benchmarks.irsim import peer as irsim_peer
 from plant.world.file import load
 from verification.built import ROOT, install_compiled
-from verification.harness import machine
 from verification.harness.figures import Figure, Report, digits, ratios
 
 STAGES: Final = Path(__file__).with_name("stages.py")
@@ -90,7 +88,7 @@ def measure(options: argparse.Namespace) -> Report:
             figures += figures_of(world, found)
             tables.append(table(world, found))
     if options.page:
-        options.page.write_text(page(tables, figures, circumstances(options)), encoding="utf-8")
+        options.page.write_text(page(tables, figures, options.before), encoding="utf-8")
     return Report(benchmark="compiled", figures=tuple(figures))
 
 
@@ -138,31 +136,22 @@ def table(world: str, found: Measured) -> str:
     return "\n".join(lines)
 
 
-def circumstances(options: argparse.Namespace) -> str:
-    """Return date, commits and machine."""
-    facts = [f"{datetime.now(UTC):%Y-%m-%d}", f"commit `{commit_of(ROOT)}`"]
-    if options.before:
-        facts.append(f"before: `{commit_of(options.before)}`")
-    facts += [f"{name} {value}" for name, value in machine.described(machine.load()).items()]
-    return "Measured on " + ", ".join(facts) + "."
-
-
 def commit_of(folder: Path) -> str:
     """Return the commit that is checked out in a folder."""
     words = ("git", "-C", str(folder), "describe", "--always", "--dirty")
     return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
 
 
-def page(tables: Sequence[str], figures: Sequence[Figure], measured: str) -> str:
-    """Return the page of evidence."""
+def page(tables: Sequence[str], figures: Sequence[Figure], before: Path | None = None) -> str:
+    """Return the page of evidence; `before` is the older checkout."""
+    older = f"commit `{commit_of(before)}`" if before else "an older commit"
     head = (
         "# Compiled modules\n\n"
         "Made by `sidestep bench compiled --page docs/evidence/compiled.md`. CPU time of one"
         " control period, medians.\n*pure* is this commit in pure Python, *compiled* the same"
-        " sources compiled with mypyc, *before* an older commit.\nA stage is measured alone, along"
+        f" sources compiled with mypyc, *before* {older}.\nA stage is measured alone, along"
         " the path of a recorded trial; *rest* is the difference to the whole trial\nwith its"
-        " set-up. The machine was shared: rely on ratios.\n"
-        f"{measured}"
+        " set-up. The machine was shared: rely on ratios."
     )
     rows = ["| figure | median | spread | at least |", "|---|---|---|---|"]
     for one in figures:

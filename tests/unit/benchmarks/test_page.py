@@ -1,4 +1,4 @@
-import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks import page
 from benchmarks.__main__ import BENCHMARKS
+from verification.evidence import EVIDENCE, FIGURES, GATEWAY, LONG_FIGURES, ROOT, TICK
 from verification.harness.figures import Figure, Report
 
 REPORT = Report(
@@ -20,8 +21,11 @@ REPORT = Report(
 )
 
 
-def reported(arguments: object) -> dict[str, Any]:
-    return REPORT.as_json()
+EMPTY = f"# Page\n\n{page.BEGIN}{page.END}\nthe end\n"
+
+
+def reported(arguments: Sequence[str]) -> dict[str, Any]:
+    return REPORT.as_json() | {"benchmark": arguments[0]}
 
 
 def test_met_and_missed_figures_are_written(
@@ -29,8 +33,11 @@ def test_met_and_missed_figures_are_written(
 ) -> None:
     monkeypatch.setattr(page, "measured", reported)
     output = tmp_path / "figures.md"
+    output.write_text(EMPTY)
     assert page.main(["codec", "--output", str(output)]) == 0
     text = output.read_text()
+    assert text.startswith("# Page\n")
+    assert text.endswith("\nthe end\n")
     assert "| ratio | 4 x | 3 to 5 | >= 3 | met |" in text
     assert "| cost | 2.5 us |  | <= 2 | **missed** |" in text
     assert "| shown | 1 |  |  |  |" in text
@@ -44,9 +51,9 @@ def test_a_benchmark_that_breaks_down_leaves_the_old_page(
 ) -> None:
     monkeypatch.setattr(page, "measured", lambda _: None)
     output = tmp_path / "figures.md"
-    output.write_text("old")
+    output.write_text(EMPTY)
     assert page.main(["codec", "--output", str(output)]) == 1
-    assert output.read_text() == "old"
+    assert output.read_text() == EMPTY
 
 
 def test_missing_report_is_printed_with_its_exit_code(capfd: pytest.CaptureFixture[str]) -> None:
@@ -54,15 +61,42 @@ def test_missing_report_is_printed_with_its_exit_code(capfd: pytest.CaptureFixtu
     assert "exit code 2" in capfd.readouterr().err
 
 
-def test_page_contains_every_benchmark_by_default(
+def test_section_is_replaced_in_the_order_of_the_benchmarks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(page, "measured", reported)
     output = tmp_path / "figures.md"
+    output.write_text(EMPTY.replace(page.END, f"a table written by hand\n{page.END}"))
+    assert page.main(["nees", "core", "--output", str(output)]) == 0
+    text = output.read_text()
+    assert "by hand" not in text
+    assert text.index("\n## core: ") < text.index("\n## nees: ")
+    monkeypatch.setattr(page, "measured", lambda words: reported(words) | {"notes": ["newer"]})
+    assert page.main(["core", "--output", str(output)]) == 0
+    new = output.read_text()
+    assert new.count("\n## core: ") == new.count("- newer") == new.count("- byte-identical") == 1
+    assert new.index("- newer") < new.index("\n## nees: ")
+
+
+def test_figures_are_measured_by_default(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "measured", reported)
+    output = tmp_path / "figures.md"
+    output.write_text(EMPTY)
     assert page.main(["--output", str(output)]) == 0
-    commands = re.findall(r"^`sidestep bench (\w+)", output.read_text(), re.MULTILINE)
-    assert {"core", "nees", "arrival"} < set(commands)
-    assert commands == list(BENCHMARKS)
+    assert [found[1] for found in page.SECTION.finditer(output.read_text())] == list(FIGURES)
+
+
+def test_every_benchmark_is_on_a_page_of_evidence() -> None:
+    sections = (*FIGURES, *LONG_FIGURES, *TICK, *GATEWAY)
+    whole = ("compiled", "faults")
+    assert sorted((*sections, *whole)) == sorted(BENCHMARKS)
+    assert {*whole} <= {one.name for one in EVIDENCE}
+
+
+@pytest.mark.parametrize("name", ["figures", "long-figures", "lockstep", "mavlink-gateway"])
+def test_committed_page_has_marks_for_its_sections(name: str) -> None:
+    text = (ROOT / "docs" / "evidence" / f"{name}.md").read_text(encoding="utf-8")
+    assert text.count(page.BEGIN) == text.count(page.END) == 1
 
 
 def test_growth_is_measured_over_ten_hours() -> None:
