@@ -19,18 +19,24 @@ RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sid
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a
 # certificate authority of your own: PIP_CONFIG_FILE and SSL_CERT_FILE, see docker-compose.yml.
+FROM base AS requirements
+COPY docker/wanted pyproject.toml ./
+RUN python3 ./wanted web keys >wanted.txt && python3 ./wanted dev >dev.txt
+
 FROM base AS wanted
 ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
 RUN python3 -m venv /pip && python3 -m venv --without-pip /opt/sidestep
 WORKDIR /source
-COPY docker/install docker/wanted pyproject.toml constraints.txt ./
+COPY docker/install constraints.txt ./
+# Not pyproject.toml itself, whose other changes would install everything again.
+COPY --from=requirements wanted.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./wanted web keys >wanted.txt && ./install -r wanted.txt
+    ./install -r wanted.txt
 
 # Control core and simulation are compiled: SIDESTEP_COMPILE=0 as a build argument leaves them in
 # pure Python and needs no compiler. The compiler stays in this stage.
-FROM wanted AS built
+FROM wanted AS compiler
 ARG SIDESTEP_COMPILE=1
 # python3-dev only for a base whose Python is that of the distribution.
 RUN [ "$SIDESTEP_COMPILE" != 1 ] || { \
@@ -42,21 +48,37 @@ RUN [ "$SIDESTEP_COMPILE" != 1 ] || { \
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
     /source/install --python /pip/bin/python hatchling mypy setuptools -r wanted.txt
-COPY README.md LICENSE sidestep.py hatch_build.py ./
+
+FROM compiler AS sources
+COPY README.md LICENSE sidestep.py hatch_build.py pyproject.toml ./
 COPY runtime runtime
 COPY protocol protocol
 COPY robot robot
 COPY plant plant
 COPY ground ground
 COPY study study
-RUN /pip/bin/pip wheel --quiet --no-deps --no-build-isolation --wheel-dir /wheel . \
+RUN /pip/bin/python hatch_build.py sources /compiled-from
+
+# Only what the compiler reads: another change does not compile again.
+FROM compiler AS compiled
+ARG SIDESTEP_COMPILE=1
+COPY --from=sources /compiled-from /compiled-from
+RUN mkdir /compiled && { [ "$SIDESTEP_COMPILE" != 1 ] \
+    || /pip/bin/python /compiled-from/hatch_build.py compile /compiled; }
+
+FROM sources AS built
+ARG SIDESTEP_COMPILE=1
+COPY --from=compiled /compiled /compiled
+RUN SIDESTEP_COMPILED=/compiled /pip/bin/pip wheel --quiet --no-deps --no-build-isolation \
+        --wheel-dir /wheel . \
     && ./install --no-deps /wheel/*.whl
 
 # For tests and measurements: the tools as well, and the tree beside them as in a checkout.
 FROM wanted AS tools
+COPY --from=requirements dev.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./wanted dev >wanted.txt && ./install hatchling editables -r wanted.txt \
+    ./install hatchling editables -r dev.txt \
     && cp -r /pip/lib/python3.13/site-packages/pip /opt/sidestep/lib/python3.13/site-packages/
 
 FROM base AS tests

@@ -5,10 +5,12 @@ wheel beside its source, and Python prefers it. `runtime/compiled.json` has the 
 sources with their hashes, by which `runtime.cli.compiled` detects a module that does not match its
 source. Nothing is written into the checkout, and an editable install is never compiled.
 
-`python hatch_build.py FOLDER` compiles into a folder. With its name in SIDESTEP_COMPILED the build
-takes the modules from there, if they are those of its sources, and compiles nothing.
+`python hatch_build.py compile FOLDER` compiles into a folder. With its name in SIDESTEP_COMPILED
+the build takes the modules from there, if they are those of its sources, and compiles nothing.
+`python hatch_build.py sources FOLDER` copies all that the compiler reads.
 """
 
+import ast
 import json
 import os
 import shutil
@@ -17,7 +19,7 @@ import sys
 import sysconfig
 import tempfile
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from hashlib import sha256
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
@@ -170,13 +172,49 @@ def hashes(root: Path, sources: Sequence[str]) -> dict[str, str]:
     return {name: sha256((root / name).read_bytes()).hexdigest() for name in sources}
 
 
-def main(folder: Path) -> None:
-    """Compile the modules that pyproject.toml names."""
+def reached(root: Path, sources: Iterable[str]) -> set[Path]:
+    """Return these sources and all modules of the tree that they import, directly or not.
+
+    mypyc reads the types of the latter: a change of one may change the compiled code.
+    """
+    found: set[Path] = set()
+    todo = [root / name for name in sources]
+    while todo:
+        path = todo.pop()
+        if path not in found:
+            found.add(path)
+            packages = [place / "__init__.py" for place in path.parents if root in place.parents]
+            stems = [root.joinpath(*name.split(".")) for name in imports(path)]
+            modules = [stem.with_suffix(".py") for stem in stems]
+            others = [*packages, *modules, *(stem / "__init__.py" for stem in stems)]
+            todo += [file for file in others if file.exists()]
+    return found
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Yield the names that a module imports, anywhere in it; some are no modules."""
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def main(what: str, folder: Path) -> None:
+    """Compile the modules that pyproject.toml names, or copy what this needs."""
     root = Path(__file__).resolve().parent
     project = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
     wheel = project["tool"]["hatch"]["build"]["targets"]["wheel"]
-    compile_into(folder.resolve(), root, sources_in(root, wheel["hooks"]["custom"]["modules"]))
+    sources = sources_in(root, wheel["hooks"]["custom"]["modules"])
+    if what == "compile":
+        compile_into(folder.resolve(), root, sources)
+        return
+    for path in (*reached(root, sources), root / "pyproject.toml", root / "hatch_build.py"):
+        target = folder / path.relative_to(root)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, target)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(sys.argv[1], Path(sys.argv[2]))

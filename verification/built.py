@@ -11,7 +11,6 @@ program of the product reads it.
 """
 
 import argparse
-import ast
 import contextlib
 import fcntl
 import json
@@ -22,7 +21,7 @@ import sys
 import sysconfig
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -58,8 +57,8 @@ def built(kind: str, key: str, make: Callable[[Path], None]) -> Path:
     """Return the folder of an entry; if it is missing or damaged, let `make` fill a new one.
 
     `make` is called with an empty folder, which is renamed when it returns: what it writes must not
-    depend on the name. Other processes that need an entry of this kind wait meanwhile. Nobody
-    writes into the result, except files that are not in it.
+    depend on the name. Other processes that need an entry of this kind wait meanwhile. A caller
+    changes no file of the result.
     """
     kind_folder = cache() / kind
     entry = kind_folder / key
@@ -163,33 +162,6 @@ def compiled_sources() -> list[str]:
     return hatch_build.sources_in(ROOT, wheel["hooks"]["custom"]["modules"])
 
 
-def reached(sources: Iterable[str]) -> set[Path]:
-    """Return these sources and all modules of the tree that they import, directly or not.
-
-    mypyc reads the types of the latter: a change of one may change the compiled code.
-    """
-    found: set[Path] = set()
-    todo = [ROOT / name for name in sources]
-    while todo:
-        path = todo.pop()
-        if path in found:
-            continue
-        found.add(path)
-        for name in _imports(path):
-            stem = ROOT.joinpath(*name.split("."))
-            todo += [one for one in (stem.with_suffix(".py"), stem / "__init__.py") if one.exists()]
-    return found
-
-
-def _imports(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
 def compiled_modules() -> Path:
     """Return a folder with the compiled modules of this tree, by their names in the wheel.
 
@@ -201,11 +173,11 @@ def compiled_modules() -> Path:
     libraries = [f"{name} {_version(name)}" for name in map(_name_of, wanted)]
     sources = compiled_sources()
     facts = [json.dumps([sources, settings["tool"]["mypy"]]), *libraries, *_compiler()]
-    key = key_of([*reached(sources), ROOT / "hatch_build.py"], *facts)
+    key = key_of([*hatch_build.reached(ROOT, sources), ROOT / "hatch_build.py"], *facts)
 
     def make(place: Path) -> None:
         print("Compiling; it takes about a minute.", file=sys.stderr, flush=True)
-        _run([sys.executable, str(ROOT / "hatch_build.py"), str(place)])
+        _run([sys.executable, str(ROOT / "hatch_build.py"), "compile", str(place)])
 
     return built("compiled", key, make)
 
@@ -275,7 +247,7 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
     chosen = image.IMAGES[variant]
     package = ROOT / "robot" / "mcu" / "firmware"
     roots = [package / "build.py", *image.core_sources().values(), *package.glob("onboard/*.py")]
-    sources = reached(path.relative_to(ROOT).as_posix() for path in roots)
+    sources = hatch_build.reached(ROOT, (path.relative_to(ROOT).as_posix() for path in roots))
     sources |= {*package.glob("port/*"), *(ROOT / "protocol").rglob("*.xml")}
     facts = [project()["project"]["version"], toolchain.TARBALL_SHA256, variant]
     facts += [_output([tool, "--version"]) for tool in ("arm-none-eabi-gcc", "arm-none-eabi-ld")]

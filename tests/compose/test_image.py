@@ -1,12 +1,14 @@
-"""The image: small, complete, compiled, and without secrets."""
+"""The image: small, complete, compiled, and without secrets; and the one with tree and tools."""
 
 import json
 import re
+from collections.abc import Iterator
 from typing import Final
 
 import pytest
 
-from tests.support.compose.compose import Done, docker, tried
+from tests.support.compose import images
+from tests.support.compose.compose import Compose, Done, docker, project, tried
 
 pytestmark = pytest.mark.compose
 
@@ -84,3 +86,22 @@ def test_no_key_is_in_its_files(image: str) -> None:
     sought = ("(", "-name", "*.key", "-o", "-name", "*.pem", "-o", "-name", "pip.conf", ")")
     done = within(image, "find", *places, *sought, "-type", "f")
     assert [line for line in done.said.splitlines() if line.startswith("/")] == []
+
+
+@pytest.fixture(scope="module")
+def checkout(image: str) -> Iterator[Compose]:
+    """Build the image with the tree and the tools."""
+    with project(images.image("tests")) as compose:
+        yield compose
+
+
+def test_measurements_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    done = checkout.tries("run", "--rm", "-T", "bench", "codec")
+    assert done.code == 0, done.said
+
+
+def test_the_tests_run_in_the_image_with_the_tree(checkout: Compose) -> None:
+    modules = ("tests/bus/tls/test_locks.py", "tests/stack/operator/test_terminal.py")
+    chosen = ("-k", "valid_certificate or poor and environment0")
+    done = checkout.tries("run", "--rm", "-T", "tests", "-q", *modules, *chosen)
+    assert (done.code, "2 passed" in done.said) == (0, True), done.said

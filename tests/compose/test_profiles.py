@@ -1,24 +1,39 @@
-"""Several robots, the black box, measurements and tests: what a profile adds."""
+"""Profiles: two robots behind mutual TLS, each with a recorder, and a MAVLink gateway.
+
+One stack serves all tests of this file. A client without a key, or with a wrong one, is refused.
+"""
 
 from collections.abc import Iterator
+from math import nan
 from pathlib import Path
 from typing import Final
 
 import pytest
 
-from tests.support.compose.compose import BUILD_S, LAST_WORDS, Compose, docker, project
+from ground.gateway.dialect import mavlink
+from protocol.wire.enums import Vehicle
+from tests.support.compose.compose import LAST_WORDS, POLL_S, Compose, docker, project
+from tests.support.stack.mavlink_client import MavlinkClient, free_port
 from tests.support.until import until
 
 pytestmark = pytest.mark.compose
 
+SERVICES: Final = ("router", "plant", "robot", "web")
+OPEN_DOOR: Final = ("--connect", "tcp/router:7447")
+SOON_S: Final = 60.0
 TRIES: Final = 12
 
 
 @pytest.fixture(scope="module")
 def fleet(image: str) -> Iterator[Compose]:
-    """Start two robots with a recorder each."""
-    settings = {"ROBOTS": "2", "WORLD": "open"}
-    with project(image, "record", settings=settings) as compose:
+    """Start two robots with a recorder each and a gateway, all with keys of their own."""
+    settings = {
+        "ROBOTS": "2",
+        "WORLD": "open",
+        "MAVLINK_PORT": str(free_port()),
+        "MAVLINK_TCP_PORT": "0",
+    }
+    with project(image, "secure", "mavlink", "record", settings=settings) as compose:
         compose.up()
         yield compose
 
@@ -40,8 +55,8 @@ def test_robots_of_one_world_have_names_and_places_of_their_own(fleet: Compose) 
 
 def test_restarted_robot_keeps_its_name(fleet: Compose) -> None:
     fleet.inside("robot", "sh", "-c", "kill -9 -1", number=2)
-    until(lambda: fleet.inspected("robot", 2)["RestartCount"] == 1, 30.0, "another r2")
-    fleet.becomes("healthy", "robot", 2)
+    until(lambda: fleet.inspected("robot", 2)["RestartCount"] == 1, SOON_S, "another r2", POLL_S)
+    fleet.recovers()
     assert docker("logs", fleet.container("robot", 2)).count("robot r2: ready") == 2
 
 
@@ -60,6 +75,89 @@ def test_each_robot_of_a_fleet_drives_to_its_goal(fleet: Compose) -> None:
     assert arrived == {"r1", "r2"}, fleet.logs("drive")[-LAST_WORDS:]
 
 
+def test_a_script_commands_a_robot_behind_locked_doors(fleet: Compose) -> None:
+    assert "router at tls/" in fleet.logs("router")
+    done = fleet.goes("1.0", "2.0")
+    assert (done.code, done.object["outcome"]) == (0, "reached"), done.said
+
+
+def test_mavlink_client_of_the_host_drives_a_robot(fleet: Compose) -> None:
+    client = MavlinkClient(int(fleet.settings["MAVLINK_PORT"]))
+    before = client.next("GLOBAL_POSITION_INT")
+    change_mode = float(mavlink.MAV_DO_REPOSITION_FLAGS_CHANGE_MODE)
+    to_the_east = (-1.0, change_mode, 0.0, nan, before.lat, before.lon + 80, 0.0)  # 0.7 m
+
+    def has_moved() -> bool:  # a busy machine may stop a robot: it drives on when armed again
+        client.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        frame = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT
+        client.link.mav.command_int_send(
+            1, 1, frame, mavlink.MAV_CMD_DO_REPOSITION, 0, 0, *to_the_east
+        )
+        return bool(client.next("GLOBAL_POSITION_INT").lon > before.lon + 20)
+
+    until(has_moved, SOON_S, "motion")
+    assert client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0) == mavlink.MAV_RESULT_ACCEPTED
+    client.link.close()
+    keys = fleet.inside("mavlink", "ls", "/keys").said.split()
+    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem"]
+
+
+def test_client_without_a_key_is_refused_with_a_reason(fleet: Compose) -> None:
+    words = ("run", "--rm", "--network", fleet.network(), fleet.image, "hold", *OPEN_DOOR)
+    with pytest.raises(AssertionError, match="accepts only TLS, and this one uses plain TCP"):
+        docker(*words)
+
+
+def test_key_of_a_robot_cannot_command_others(fleet: Compose) -> None:
+    words = ("sidestep", "estop", "--config", "/keys/r1/bus.toml")
+    done = fleet.inside("robot", *words, user="20001")
+    assert (done.code, "is the robot r1 and may not" in done.said) == (1, True), done.said
+    seen = fleet.verb("watch", "--json").object["streams"]["tlm/status"]["message"]
+    assert seen["vehicle"] != Vehicle.EMERGENCY_STOP
+
+
+def test_each_service_has_its_own_keys_and_no_others(fleet: Compose) -> None:
+    for service in SERVICES:
+        fleet.becomes("healthy", service)
+    keys = {
+        service: sorted(
+            name
+            for name in fleet.inside(service, "ls", "/keys").said.split()
+            if name.endswith(".key")
+        )
+        for service in SERVICES
+    }
+    assert keys.pop("robot") == []
+    assert keys == {"router": ["router.key"], "plant": ["plant.key"], "web": ["ground.key"]}
+
+
+def test_a_robot_can_read_its_own_keys_and_those_of_no_other(fleet: Compose) -> None:
+    own = fleet.inside("robot", "ls", "/keys/r1", user="20001").said.split()
+    assert own == ["bus.toml", "ca.pem", "robot-r1.key", "robot-r1.pem"]
+    for number in range(2, 21):
+        done = fleet.inside("robot", "cat", f"/keys/r{number}/robot-r{number}.key", user="20001")
+        assert (done.code, "Permission denied" in done.said) == (1, True), done.said
+    assert fleet.inside("robot", "ls", "/state/r1", user="20002").code != 0
+    (key,) = (who for words, who in fleet.users("robot").items() if "sidestep run robot" in words)
+    assert key == "20001"
+
+
+def test_no_key_is_in_a_log_an_environment_or_the_image(fleet: Compose) -> None:
+    for service in SERVICES:
+        told = fleet.inside(service, "env").said + str(fleet.inspected(service)) + fleet.logs()
+        assert "PRIVATE KEY" not in told
+    done = fleet.inside("web", "find", "/", "-name", "*.key", "-not", "-path", "/proc/*")
+    found = [line for line in done.said.splitlines() if line.endswith(".key")]
+    assert found == ["/keys/ground.key"]
+
+
+def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:
+    fleet.profiles = ()
+    fleet.does("up", "-d", "--no-build", "--no-deps", "--force-recreate", "router")
+    until(lambda: "router at tls/" in fleet.logs("router"), SOON_S, "a router", POLL_S)
+    until(lambda: fleet.verb("doctor").code == 0, 2 * SOON_S, "all find each other", POLL_S)
+
+
 def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None:
     fleet.does("stop", "record")
     for number in (1, 2):
@@ -67,24 +165,3 @@ def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None
     robots = {path.stem.rpartition("-")[2] for path in tmp_path.rglob("*.mcap")}
     assert robots == {"r1", "r2"}
     assert min(path.stat().st_size for path in tmp_path.rglob("*.tlog")) > 10_000
-
-
-@pytest.fixture(scope="module")
-def checkout(image: str) -> Iterator[Compose]:
-    """Build the image with the tree and the tools."""
-    with project(image) as compose:
-        compose.does("build", "tests", within_s=BUILD_S)
-        yield compose
-        docker("rmi", "--force", f"{image}-tests")
-
-
-def test_measurements_run_in_the_image_with_the_tree(checkout: Compose) -> None:
-    done = checkout.tries("run", "--rm", "-T", "bench", "codec")
-    assert done.code == 0, done.said
-
-
-def test_the_tests_run_in_the_image_with_the_tree(checkout: Compose) -> None:
-    modules = ("tests/bus/tls/test_locks.py", "tests/stack/operator/test_terminal.py")
-    chosen = ("-k", "valid_certificate or poor and environment0")
-    done = checkout.tries("run", "--rm", "-T", "tests", "-q", *modules, *chosen)
-    assert (done.code, "2 passed" in done.said) == (0, True), done.said

@@ -9,8 +9,7 @@ import pytest
 from robot.mcu.board import Board
 from robot.mcu.emulator import QEMU
 from robot.mcu.firmware import toolchain
-from robot.mcu.firmware.build import main
-from robot.mcu.image import IMAGE
+from verification import built
 
 
 @pytest.fixture(scope="session")
@@ -21,8 +20,7 @@ def firmware() -> Path:
         missing.append("qemu-system-arm")
     if missing:
         pytest.skip(f"packages are not installed: {toolchain.advice(missing)}")
-    assert main([]) == 0
-    return IMAGE.elf
+    return built.firmware()
 
 
 @pytest.fixture

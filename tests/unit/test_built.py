@@ -9,7 +9,7 @@ from time import time
 import pytest
 
 from verification import built as cache
-from verification.built import ROOT, BuildError, built, environment, key_of, reached
+from verification.built import ROOT, BuildError, built, environment, key_of
 
 MakesCounted = tuple[list[Path], Callable[[Path], None]]
 
@@ -92,12 +92,6 @@ def test_key_depends_on_contents_and_facts_only() -> None:
     assert key_of(files, "gcc 12") == key_of(reversed(files), "gcc 12")
     others = {key_of(files, "gcc 12"), key_of(files, "gcc 13"), key_of(files[:1], "gcc 12")}
     assert len(others) == 3
-
-
-def test_sources_reach_what_they_import() -> None:
-    found = {path.relative_to(ROOT).as_posix() for path in reached(["study/trial/drive.py"])}
-    assert {"study/trial/drive.py", "robot/core/brain.py", "runtime/elementary.py"} <= found
-    assert not [name for name in found if name.startswith("ground/")]
 
 
 def test_failed_installation_of_a_client_says_why() -> None:

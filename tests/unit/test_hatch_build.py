@@ -70,6 +70,13 @@ def test_the_modules_named_in_the_project_are_found() -> None:
     assert not [name for name in sources if name.endswith("__init__.py")]
 
 
+def test_sources_reach_what_they_import() -> None:
+    paths = hatch_build.reached(ROOT, ["study/trial/drive.py"])
+    found = {path.relative_to(ROOT).as_posix() for path in paths}
+    assert {"study/trial/drive.py", "robot/core/brain.py", "robot/core/__init__.py"} <= found
+    assert not [name for name in found if name.startswith("ground/")]
+
+
 @pytest.mark.skipif(which("git") is None, reason="no git on this machine")
 def test_the_commit_is_known_in_a_checkout_only(tmp_path: Path) -> None:
     assert hatch_build.commit_of(tmp_path) == "unknown"

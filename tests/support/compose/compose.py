@@ -23,9 +23,12 @@ ROOT: Final = Path(__file__).parents[3]
 BUILD_S: Final = 600.0
 WITHIN_S: Final = 120.0
 HEALTHY_S: Final = 180.0
+POLL_S: Final = 0.2
+"""Between two calls of docker, which would keep a core busy."""
 PARTS: Final = ("plant", "robot")
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
+LABEL: Final = "com.docker.compose"
 LEFTOVERS: Final = (
     (("ps", "--all"), ("rm", "--force")),
     (("network", "ls"), ("network", "rm")),
@@ -76,19 +79,6 @@ def tried(words: list[str], environment: Mapping[str, str], within_s: float) -> 
     return Done(done.returncode, done.stdout.decode(errors="replace"))
 
 
-def why_no_docker() -> str:
-    """Why containers cannot be tried on this machine; empty when they can."""
-    for words in (["docker", "info"], ["docker", "compose", "version"]):
-        try:
-            done = tried(words, os.environ, WITHIN_S)
-        except FileNotFoundError:
-            return "no docker on this machine"
-        if done.code:
-            lines = done.said.strip().splitlines()
-            return f"{' '.join(words)}: {lines[-1] if lines else 'fails'}"
-    return ""
-
-
 @dataclass
 class Compose:
     """One project: its containers, networks and volumes have its name in theirs."""
@@ -124,27 +114,49 @@ class Compose:
         The others are asked for their health less often; `becomes` waits for one of them.
         """
         self.does("up", "-d", "--no-build", *words)
-        until(lambda: not self.ailing(), HEALTHY_S, lambda: f"healthy: {self.ailing()}")
+        self.recovers()
+
+    def recovers(self) -> None:
+        """Wait until the data of plant and robots flow; schedule these in real time."""
+        until(
+            lambda: not self.ailing(),
+            HEALTHY_S,
+            lambda: f"healthy: {self.ailing()}; {self.logs()[-LAST_WORDS:]}",
+            POLL_S,
+        )
         self.in_real_time()
 
     def in_real_time(self) -> None:
         """Schedule robots and plants in real time, if the engine is here and this user may."""
-        for container in self.does("ps", "--quiet", *PARTS).split():
+        for container in self.containers(*PARTS):
             for pid in docker("top", container, "-eo", "pid").split()[1:]:
                 real_time(int(pid))
 
-    def ailing(self) -> list[str]:
-        """Containers of plant and robots whose health is not good, or not yet."""
-        lines = self.does("ps", "--format", "{{.Name}} {{.Health}}", *PARTS).splitlines()
-        return [line for line in lines if not line.endswith(" healthy")]
+    def containers(self, *services: str) -> list[str]:
+        """Return the containers of services, also those that have ended."""
+        found: list[str] = []
+        for service in services:
+            labels = f"{LABEL}.service={service}", f"{LABEL}.project={self.name}"
+            filters = [word for label in labels for word in ("--filter", f"label={label}")]
+            found += docker("ps", "--all", "--quiet", *filters).split()
+        return found
 
-    def verb(self, *words: str, within_s: float = WITHIN_S) -> Done:
-        """`sidestep` with these words in a container of its own, next to the others."""
-        return self.tries("run", "--rm", "-T", "ground", *words, within_s=within_s)
+    def ailing(self) -> list[str]:
+        """Return what plant and robots lack to be healthy."""
+        asked = self.containers(*PARTS)
+        if not asked:
+            return ["no container"]
+        states = docker("inspect", "--format", "{{.Name}} {{.State.Health.Status}}", *asked)
+        return [line for line in states.splitlines() if not line.endswith(" healthy")]
+
+    def verb(self, *words: str) -> Done:
+        """`sidestep` with these words in the container of the ground station."""
+        entry = self.inspected("web")["Config"]["Entrypoint"]
+        return self.inside("web", *entry, *words)
 
     def arms(self, *words: str) -> None:
         """Arm the robot, again while it refuses because the machine is busy."""
-        until(lambda: self.verb("arm", *words).code == 0, HEALTHY_S, "armed")
+        until(lambda: self.verb("arm", *words).code == 0, HEALTHY_S, "armed", POLL_S)
 
     def goes(self, x_m: str, y_m: str) -> Done:
         """Sends the robot there, and again when it stops because the machine is busy."""
@@ -198,13 +210,15 @@ class Compose:
         until(
             lambda: self.health(service, number) == health,
             within_s,
-            f"{service} {number} {health}; it is {self.health(service, number)!r}",
+            lambda: f"{service} {number} {health}; it is {self.health(service, number)!r}",
+            POLL_S,
         )
 
     def inside(self, service: str, *words: str, number: int = 1, user: str = "") -> Done:
         """Run a command in a running container, as its user or as another one."""
         whose = ("--user", user) if user else ()
-        return self.tries("exec", "-T", *whose, "--index", str(number), service, *words)
+        exec_ = ["docker", "exec", *whose, self.container(service, number), *words]
+        return tried(exec_, os.environ, WITHIN_S)
 
     def users(self, service: str, number: int = 1) -> dict[str, str]:
         """Return the user of each process, by the first two words of its command line."""
@@ -215,13 +229,13 @@ class Compose:
     @property
     def address(self) -> str:
         """Return the address that the ground station prints for a browser."""
-        until(lambda: ADDRESS.search(self.logs("web")), 30.0, "an address in the log")
+        until(lambda: ADDRESS.search(self.logs("web")), HEALTHY_S, "an address in the log", POLL_S)
         return str(ADDRESS.findall(self.logs("web"))[-1])
 
     def down(self) -> None:
         """Remove everything, also what docker would keep."""
-        self.tries("--profile", "*", "down", "-v", "--remove-orphans", "-t", "5")
-        label = f"label=com.docker.compose.project={self.name}"
+        self.tries("--profile", "*", "down", "-v", "--remove-orphans", "-t", "0")
+        label = f"label={LABEL}.project={self.name}"
         for kind, remove in LEFTOVERS:
             left = docker(*kind, "--quiet", "--filter", label).split()
             if left:
