@@ -15,7 +15,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
@@ -155,7 +155,7 @@ EVIDENCE: Final = (
         "speed and cost of the programs",
         "`python -m benchmarks.page`",
         (*STACK, "study/trial", "benchmarks"),
-        14,
+        11,
         benched("figures", FIGURES),
     ),
     Evidence(
@@ -448,7 +448,9 @@ class History:
         others = tuple(f":(exclude){path}" for path in WRITTEN)
         known = self._git("diff", "--name-only", commit, "--", ".", *others)
         new = self._git("ls-files", "--others", "--exclude-standard", "--", ".", *others)
-        return [commit] if known is None or new is None else [*known.split(), *new.split()]
+        return (
+            [commit] if known is None or new is None else [*known.splitlines(), *new.splitlines()]
+        )
 
     def _missing(self) -> str:
         shallow = self._git("rev-parse", "--is-shallow-repository")
@@ -594,15 +596,7 @@ class Campaign:
 
     def run(self, pages: Sequence[Evidence], is_afresh: bool = False) -> int:
         """Measure the pages; return the exit code."""
-        head = self.history.head()
-        if changes := self.history.changes_since(head):
-            print(
-                f"evidence: {', '.join(changes[:5])}: uncommitted changes, so that the pages would"
-                " name a commit that was not measured; commit or remove them",
-                file=sys.stderr,
-            )
-            return EXIT_REFUSED
-        self._resume(head, is_afresh)
+        self._resume(self._clean_head(), is_afresh)
         automatic = [page for page in pages if page.is_automatic]
         for number, page in enumerate(automatic, 1):
             where = f"[{number}/{len(automatic)}] {page.name}"
@@ -620,9 +614,25 @@ class Campaign:
             print(f"evidence: FAILED, the old page is kept: {line}", file=sys.stderr)
         return 1 if self.failed else 0
 
-    def name_commit(self, page: Evidence, about: str) -> None:
-        """Name the measured commit on a page and on those of the same measurement."""
-        commit = self._state.commit or self.history.head()
+    def name_commits(self, pages: Sequence[Evidence]) -> int:
+        """Name the present commit on pages that were measured by hand; return the exit code."""
+        commit = self._clean_head()
+        for page in pages:
+            self._name_commit(page, commit, described(machine.load()))
+        return 0
+
+    def _clean_head(self) -> str:
+        """Return the present commit; raise RuntimeError if it is not what would be measured."""
+        head = self.history.head()
+        if changes := self.history.changes_since(head):
+            raise RuntimeError(
+                f"{', '.join(changes[:5])}: uncommitted changes, so that the pages would name a"
+                " commit that was not measured; commit or remove them"
+            )
+        return head
+
+    def _name_commit(self, page: Evidence, commit: str, about: str) -> None:
+        """Name a commit on a page and on those of the same measurement."""
         line = f"Measured on {datetime.now(UTC):%Y-%m-%d} at commit `{commit}`, {about}."
         for one in (page, *(one for one in self.table if one.with_page == page.name)):
             file = self.root / one.path
@@ -657,7 +667,7 @@ class Campaign:
             self._keep()
         if changes := self.history.changes_since(self._state.commit):
             return f"{', '.join(changes[:5])}: changed while it was measured"
-        self.name_commit(page, described(load))
+        self._name_commit(page, self._state.commit, described(load))
         self._state.done.append(page.name)
         self._keep()
         return ""
@@ -780,10 +790,14 @@ def described(load_before: float) -> str:
 
 
 def chosen(table: Sequence[Evidence], names: Sequence[str], minutes: float) -> list[Evidence]:
-    """Return the pages with these names that take at most so long; raise KeyError for others."""
+    """Return the pages with these names that take at most so long; raise KeyError for others.
+
+    A page that is measured with another one stands for that one.
+    """
     known = {page.name: page for page in table}
-    pages = [known[name] for name in names] if names else list(table)
-    return [page for page in pages if page.minutes <= minutes]
+    found = [known[name] for name in names] if names else list(table)
+    found = [known[page.with_page] if names and page.with_page else page for page in found]
+    return [page for page in found if page.minutes <= minutes]
 
 
 def listing(table: Sequence[Evidence]) -> Iterator[str]:
@@ -819,10 +833,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.list:
         print(*listing(pages), sep="\n")
     elif options.measure:
-        return measured(pages, options.afresh)
+        return ended(lambda: Campaign(ROOT).run(pages, options.afresh))
     elif options.measured:
-        for page in (known for known in pages if options.names):
-            Campaign(ROOT).name_commit(page, described(machine.load()))
+        return ended(lambda: Campaign(ROOT).name_commits(pages if options.names else []))
     elif options.mark:
         for line in mark(ROOT):
             print(line)
@@ -835,10 +848,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def measured(pages: Sequence[Evidence], is_afresh: bool) -> int:
-    """Measure the pages; an interruption keeps what has ended."""
+def ended(measure: Callable[[], int]) -> int:
+    """Measure and return the exit code; an interruption keeps what has ended."""
     try:
-        return Campaign(ROOT).run(pages, is_afresh)
+        return measure()
     except RuntimeError as error:
         print(f"evidence: {error}", file=sys.stderr)
         return EXIT_REFUSED

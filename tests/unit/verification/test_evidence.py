@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.each import each
 from verification import evidence
 from verification.evidence import (
     BEGIN,
     EVIDENCE,
-    EXIT_REFUSED,
     FOLDER,
     LIMIT,
     Age,
@@ -21,6 +21,7 @@ from verification.evidence import (
     Status,
     Step,
     brief,
+    chosen,
     commands_under,
     index,
     mark,
@@ -54,7 +55,7 @@ class Repository:
         self.commit()
 
     def git(self, *words: str, folder: Path | None = None) -> str:
-        named = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+        named = ("-c", "user.name=a", "-c", "user.email=a@x", "-c", "commit.gpgsign=false")
         done = subprocess.run(
             ("git", *named, *words),
             cwd=folder or self.root,
@@ -127,7 +128,7 @@ def test_every_source_of_a_page_exists() -> None:
     assert missing == []
 
 
-@pytest.mark.parametrize("page", EVIDENCE, ids=lambda page: page.name)
+@each("page", EVIDENCE)
 def test_page_names_its_commit_unless_a_test_compares_it(page: Evidence) -> None:
     if page.test:
         assert page.path.rpartition("/")[2] in (ROOT / page.test).read_text(encoding="utf-8")
@@ -152,7 +153,7 @@ def test_commands_of_the_study_are_those_of_its_page() -> None:
     assert not any("\\" in word for step in steps for word in step.words)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "found"),
     [
         (line("abcdef12"), Origin("2026-11-24", "abcdef12", True)),
@@ -252,7 +253,24 @@ def test_folder_without_git_knows_no_age(made: Repository, monkeypatch: pytest.M
     assert made.brief() == "evidence: of unknown age (no git history): speed, soak"
 
 
-@pytest.mark.parametrize("option", [(), ("--brief",), ("--list",)])
+def test_only_the_named_or_short_pages_are_measured() -> None:
+    beside = PAGE._replace(name="beside", with_page="speed", steps=())
+    table = (*TABLE, beside)
+    assert chosen(table, [], 1.0) == [PAGE, DERIVED, beside]
+    assert chosen(table, ["soak", "beside"], 99.0) == [BY_HAND, PAGE]
+    with pytest.raises(KeyError):
+        chosen(table, ["none"], 99.0)
+
+
+def test_page_measured_by_hand_gets_the_present_commit(made: Repository) -> None:
+    made.commit_code(1)
+    assert Campaign(made.root, TABLE).name_commits([BY_HAND]) == 0
+    head = made.git("rev-parse", "--short=8", "HEAD")
+    assert f"at commit `{head}`, cpu " in made.read(BY_HAND)
+    assert made.first in made.read()
+
+
+@each("option", [(), ("--brief",), ("--list",)])
 def test_command_never_fails(option: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     assert evidence.main(option) == 0
     assert capsys.readouterr().out
@@ -349,13 +367,11 @@ def test_missed_threshold_is_no_failure_if_the_page_was_written(made: Repository
     assert "new a" in made.read()
 
 
-def test_uncommitted_code_is_refused_and_a_page_is_not(
-    made: Repository, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_uncommitted_code_is_refused_and_a_page_is_not(made: Repository) -> None:
     run = campaign(made, "a")
     made.write("code/new.py", "")
-    assert run() == EXIT_REFUSED
-    assert "code/new.py: uncommitted changes" in capsys.readouterr().err
+    with pytest.raises(RuntimeError, match=r"code/new.py: uncommitted changes"):
+        run()
     (made.root / "code/new.py").unlink()
     made.write(BY_HAND.path, made.read(BY_HAND) + "more\n")
     assert run() == 0
