@@ -58,7 +58,7 @@ def renew_page(page: Path) -> str:
     others = sorted({command.runner for command in commands if command.runner is not None})
     here = sum(command.runner is None for command in commands)
     done = f"{len(changed)} of {here} outputs renewed"
-    return f"{done}; others are run by {', '.join(others)}" if others else done
+    return f"{done}; others, not renewed, are run by {', '.join(others)}" if others else done
 
 
 def replaced(text: str, outputs: Sequence[tuple[Command, list[str]]]) -> str:
@@ -105,10 +105,10 @@ def difference_shown(root: Path, paths: Sequence[Path]) -> Iterator[None]:
     """
     with tempfile.TemporaryDirectory() as folder:
 
-        def git(*words: str) -> None:
+        def git(*words: str) -> int:
             sys.stdout.flush()
             repository = ("--no-pager", "--git-dir", folder, "--work-tree", str(root))
-            subprocess.run(("git", *repository, *words), cwd=root, check=True)
+            return subprocess.run(("git", *repository, *words), cwd=root, check=False).returncode
 
         git("init", "--quiet")
         git("add", "--", *map(str, paths))
@@ -116,7 +116,8 @@ def difference_shown(root: Path, paths: Sequence[Path]) -> Iterator[None]:
             yield
         finally:
             git("add", "--intent-to-add", "--", *map(str, paths))
-            git("diff", "--stat", "--patch")
+            if git("diff", "--exit-code", "--stat", "--patch") == 0:
+                print("nothing has changed")
 
 
 def pages_in(part: str) -> list[Path]:
