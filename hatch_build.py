@@ -22,6 +22,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from hashlib import sha256
 from importlib.machinery import EXTENSION_SUFFIXES
+from multiprocessing.pool import ThreadPool
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,21 @@ def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> None:
     check_compiler()
     from mypyc.build import mypycify  # needed only here
     from setuptools import Distribution
+    from setuptools.command.build_ext import build_ext
+
+    class Parallel(build_ext):  # type: ignore[misc]  # setuptools carries no types
+        """Compile several files of one extension at a time, and several extensions."""
+
+        def build_extensions(self) -> None:
+            compile_files = self.compiler.compile
+
+            def compile_each(files: Sequence[str], **options: Any) -> list[str]:
+                with ThreadPool(os.cpu_count()) as pool:
+                    found = pool.map(lambda file: compile_files([file], **options), files, 1)
+                return [file for files in found for file in files]
+
+            self.compiler.compile = compile_each
+            super().build_extensions()
 
     os.chdir(root)
     with tempfile.TemporaryDirectory(prefix="sidestep-compile-") as temporary:
@@ -111,11 +127,12 @@ def compile_into(folder: Path, root: Path, sources: Sequence[str]) -> None:
             opt_level=OPTIMISATION,
             debug_level="0",
             target_dir=f"{temporary}/c",
+            multi_file=True,
         )
         for extension in extensions:
             if os.name == "posix":
                 extension.extra_compile_args.extend(FLAGS)
-        command = Distribution({"ext_modules": extensions}).get_command_obj("build_ext")
+        command = Parallel(Distribution({"ext_modules": extensions}))
         command.build_lib, command.build_temp = str(folder), f"{temporary}/objects"
         command.ensure_finalized()
         command.parallel = os.cpu_count()
