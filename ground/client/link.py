@@ -29,6 +29,7 @@ from protocol.wire.messages import CommandRequest, Heartbeat
 from runtime.arrivals import Pulse
 from runtime.clock import Clock, WallClock
 from runtime.errors import AccessDeniedError, NoPeerError, PeerHangsError, RemoteError
+from runtime.load import Patience, load_words, slowdown_in
 from runtime.units import NS_PER_S
 
 M = TypeVar("M", bound=Message)
@@ -78,6 +79,7 @@ class Link:
         self.ids = RequestIds()
         self.pulse = Pulse()
         self.endpoint = common.endpoint
+        self._slowdown = slowdown_in(clock)
         self._heartbeat: Publisher[Heartbeat] | None = None
 
     def to(self, robot: str) -> "Link":
@@ -106,8 +108,12 @@ class Link:
     ) -> Answer:
         """Send a request until it is answered; return the answer.
 
-        Raises UnansweredError, which names the process that is missing or hangs.
+        While this machine is busy, a request with several attempts gets more of them; the robot
+        ignores each one that arrives later than its sender waits. Raises UnansweredError, which
+        names the process that is missing or hangs.
         """
+        if attempts > 1:
+            attempts = round(attempts * self._slowdown())
         asking = CommandExchange(
             request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
         )
@@ -135,7 +141,10 @@ class Link:
         self._heartbeat.put(ALIVE)
 
     def diagnosis(self) -> str:
-        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s."""
+        """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
+
+        Listens longer while this machine is busy.
+        """
         with self.subscribed(HEARTBEAT) as telemetry:
             box = telemetry.boxes()[HEARTBEAT.path]
             self.wait(lambda: box.latest() is not None or box.rejected > 0, LISTEN_NS)
@@ -143,9 +152,10 @@ class Link:
             if box.rejected and not is_beating:
                 return f"robot {self.robot} runs, but its heartbeat {box.last_rejection}"
         present = present_processes(self.bus.present())
-        return self.bus.lost() or explain_silence(
+        why = self.bus.lost() or explain_silence(
             present, self.robot, self.endpoint, is_beating=is_beating
         )
+        return why + load_words(self._slowdown())
 
     @contextmanager
     def subscribed(self, *topics: Topic[Any]) -> Iterator[Telemetry]:
@@ -165,12 +175,16 @@ class Link:
             return None if found is None else found[0]
 
     def wait(self, condition: Callable[[], bool], patience_ns: int) -> bool:
-        """Wait until the condition holds, checked at each arrival; return False when time is up."""
-        deadline_ns = self.clock.now_ns() + patience_ns
+        """Wait until the condition holds, checked at each arrival; return False when time is up.
+
+        The time counts less while this machine is busy.
+        """
+        patience = Patience(patience_ns, self.clock.now_ns, self._slowdown)
         while not condition():
-            if self.clock.now_ns() >= deadline_ns:
+            left_ns = patience.left_ns()
+            if not left_ns:
                 return False
-            self.pulse.wait_until(deadline_ns)
+            self.pulse.wait_until(self.clock.now_ns() + left_ns)
         return True
 
 

@@ -51,7 +51,7 @@ def explain_silence(
             "start one with `sidestep run plant`"
         )
     return (
-        f"robot {robot} hangs, its process is alive but sends no heartbeat: "
+        f"robot {robot} is slow or hangs, its process is alive but sends no heartbeat: "
         "restart it, unless its plant is paused"
     )
 

@@ -12,6 +12,7 @@ from typing import IO, Final, NamedTuple, Self
 from ground.launch.child_command import command
 from runtime.clock import Clock
 from runtime.errors import RemoteError
+from runtime.load import Patience, slowdown_in
 
 LAST_LINES: Final = 5
 TAIL_BYTES: Final = 4000
@@ -26,8 +27,8 @@ STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGTERM, 300_000_000),
     (signal.SIGKILL, 400_000_000),
 )
-"""Each signal and the nanoseconds until the next one. `up` promises to end within two seconds, and
-needs some of them for its own end."""
+"""Each signal and the nanoseconds until the next one, which count less while the machine is busy.
+`up` promises to end within two seconds, and needs some of them for its own end."""
 
 
 class ChildExitError(RemoteError):
@@ -158,8 +159,8 @@ class Children:
 
     def check_for_late_exit(self) -> None:
         """Raise ChildExitError if a child has exited or exits within LATE_EXIT_NS."""
-        deadline_ns = self._clock.now_ns() + LATE_EXIT_NS
-        while self._clock.now_ns() < deadline_ns:
+        patience = Patience(LATE_EXIT_NS, self._clock.now_ns, slowdown_in(self._clock))
+        while patience.left_ns():
             self.check()
             self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
 
@@ -174,7 +175,10 @@ class Children:
             child.trim()
 
     def stop(self) -> None:
-        """End all children within two seconds; ignore SIGINT and SIGTERM meanwhile."""
+        """End all children within two seconds; ignore SIGINT and SIGTERM meanwhile.
+
+        A busy machine takes longer: a child that is killed cannot close its files.
+        """
         ends: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
         before = [(number, signal.getsignal(number)) for number in ends]
         for number, _ in before:
@@ -197,9 +201,9 @@ class Children:
                 child.process.send_signal(number)
 
     def _wait_for_exit(self, grace_ns: int, children: Sequence[Child]) -> bool:
-        deadline_ns = self._clock.now_ns() + grace_ns
+        patience = Patience(grace_ns, self._clock.now_ns, slowdown_in(self._clock))
         while any(child.process.poll() is None for child in children):
-            if self._clock.now_ns() >= deadline_ns:
+            if not patience.left_ns():
                 return False
             self._clock.sleep_until(self._clock.now_ns() + POLL_NS)
         return True

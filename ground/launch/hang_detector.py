@@ -1,12 +1,13 @@
 """Detect processes that are running but silent: they hang or are suspended.
 
 All messages pass the hub: the router, or the robot where there is no router. So a silence is
-attributed to the hub first.
+attributed to the hub first. A process that waits for a processor is slow and does not hang.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
+from runtime.load import starved_ns
 from runtime.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
@@ -24,6 +25,8 @@ STALE_MESSAGE_NS: Final = 100 * NS_PER_MS
 """A message that arrives this soon after a restart was sent by the previous process."""
 OWN_SUSPENSION_NS: Final = 500 * NS_PER_MS
 """If the monitor itself was suspended this long, ignore the silence."""
+READ_NS: Final = 200 * NS_PER_MS
+"""Silence from which on the waits of a process for a processor are read."""
 ROUTER: Final = "router"
 
 
@@ -38,13 +41,17 @@ class HangDetector:
         now_ns: int,
         silent_ns: int = SILENT_NS,
         slow: Iterable[str] = (),
+        queued_ns: Callable[[str], Mapping[str, int]] = lambda _: {},
     ) -> None:
         """Create a detector for `roles`, which publish a heartbeat; `silent_ns` without one hang.
 
         A router publishes no heartbeat; `linked` returns whether any link is up. The roles in
-        `slow` send once a second.
+        `slow` send once a second. `queued_ns` returns how long each thread of a role's process has
+        waited for a processor: so much of a silence does not count.
         """
         slow = tuple(slow)
+        self._queued_ns = queued_ns
+        self._queued_at: dict[str, tuple[int, Mapping[str, int]]] = {}
         self.cause = f"hung (silent for {silent_ns / NS_PER_S:g} s)"
         self._silent_ns = silent_ns
         self._hub = hub
@@ -97,4 +104,16 @@ class HangDetector:
         if message_ns is None:
             return now_ns - max(self._started[role], self._listening_since_ns) > STARTING_NS
         limit_ns = self._silent_ns + (SLOW_NS if role in self._slow else 0)
-        return now_ns - max(message_ns, self._listening_since_ns) > limit_ns
+        since_ns = max(message_ns, self._listening_since_ns)
+        return now_ns - since_ns - self._starved_ns(role, since_ns, now_ns) > limit_ns
+
+    def _starved_ns(self, role: str, since_ns: int, now_ns: int) -> int:
+        """Return how long a silent process has waited for a processor."""
+        if now_ns - since_ns < READ_NS:
+            return 0
+        queued_ns = self._queued_ns(role)
+        at_ns, before = self._queued_at.get(role, (None, queued_ns))
+        if at_ns != since_ns:
+            self._queued_at[role] = since_ns, queued_ns
+            return 0
+        return starved_ns(before, queued_ns)

@@ -36,6 +36,7 @@ from protocol.bus.network import Network
 from protocol.topics import GATEWAY, HEARTBEAT, TRUTH
 from runtime.clock import Clock
 from runtime.errors import RemoteError, UserError
+from runtime.load import queued_ns
 from runtime.units import NS_PER_S
 
 PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyType(
@@ -226,13 +227,19 @@ class Stack:
         hub, now_ns = ROUTER if self.scenario.router else robots[0], self._clock.now_ns()
         silent_ns = PACED_SILENT_NS if self.scenario.lockstep else SILENT_NS
         roles, slow = [*robots, PLANT], [GATEWAY_ROLE] if self.scenario.mavlink else []
-        self._detector = HangDetector(hub, roles, lambda: bus.hub().linked, now_ns, silent_ns, slow)
+        self._detector = HangDetector(
+            hub, roles, lambda: bus.hub().linked, now_ns, silent_ns, slow, self._queued_ns
+        )
         self._supervisor = Supervisor(
             self._children,
             RestartSchedule(self._roles, self._policy),
             self._detector,
             self._arguments_of,
         )
+
+    def _queued_ns(self, role: str) -> dict[str, int]:
+        pid = self.processes().get(role)
+        return {} if pid is None else queued_ns(pid)
 
     def _note_message(self, role: str, _key: str, _frame: bytes, at_ns: int) -> None:
         self._detector.note_message(role, at_ns)

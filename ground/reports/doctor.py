@@ -29,6 +29,7 @@ from protocol.topics import (
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
+from runtime.load import slowdown_in
 from runtime.units import NS_PER_S
 
 LISTEN_S: Final = 1.0
@@ -120,7 +121,8 @@ def unanswered(link: Link, service: Service) -> str:
             request_id=link.ids.next(), param1=0.0, param2=0.0, command=NO_COMMAND
         )
     try:
-        link.bus.ask(service, request, REQUEST_TIMEOUT_S, robot=link.robot)
+        timeout_s = REQUEST_TIMEOUT_S * slowdown_in(link.clock)()
+        link.bus.ask(service, request, timeout_s, robot=link.robot)
     except RemoteError as error:
         return str(error)
     return ""

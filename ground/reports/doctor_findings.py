@@ -158,7 +158,7 @@ def streams(seen: Observed) -> Iterator[Finding]:
             yield Finding(f"nothing on {topic.path}", f"restart the {sender} unless it is paused")
         else:
             age = f"{stream.age_ns / NS_PER_MS:.0f} ms"
-            yield Finding(f"{topic.path} is {age} old", f"the {sender} hangs or is overloaded")
+            yield Finding(f"{topic.path} is {age} old", f"the {sender} is slow or hangs")
 
 
 def rejection(stream: Stream) -> Finding:

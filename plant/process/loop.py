@@ -11,6 +11,7 @@ from plant.process.robot_link import RobotLink
 from plant.sim.simulation import Plant
 from runtime.arrivals import WakeUp
 from runtime.clock import Clock, ticks
+from runtime.load import Patience
 from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_S
 
@@ -21,7 +22,7 @@ REPEAT_S: Final = 0.5
 a robot that has just joined receives the tick."""
 PATIENCE_S: Final = 3.0
 """In lockstep, wall time after which simulated time advances without the answer of a robot that is
-present. A supervisor kills a robot that hangs before."""
+present; it counts less while the machine is busy. A supervisor kills a robot that hangs before."""
 
 
 class Wake:
@@ -130,13 +131,14 @@ class Process:
 
     def _await_answers(self) -> None:
         """Wait for the expected robots; after `patience_s` expect the silent ones no more."""
-        deadline_s = monotonic() + self.patience_s
+        patience: Patience | None = None  # most answers come before it is needed
         while not self.wake.stopping:
             self._serve()
             silent = self.silent
             if not silent:
                 return
-            remaining_s = deadline_s - monotonic()
+            patience = patience or Patience(round(self.patience_s * NS_PER_S))
+            remaining_s = patience.left_s()
             if remaining_s <= 0.0:
                 for link in silent:
                     link.expect_no_more()

@@ -23,18 +23,21 @@ from runtime.errors import (
     PeerHangsError,
     UserError,
 )
+from runtime.load import load_words, slowdown
 
 RETRY = {"period_init_ms": 100, "period_max_ms": 200, "period_increase_factor": 2}
 OPEN_MS = 500  # closing a session waits for a reconnection attempt, at most this long
 LARGEST_BYTES = 1 << 23  # of an answer, such as a world; limits the memory for fragments
 DIAL_S = 1.0  # while Zenoh dials, Python handles no signal
-PROBE_S = 0.3
+SLOW_DIAL_S = 2.0
+PROBE_S = 0.3  # the system accepts a connection for its process; stretched while it is busy
+BOUND_S = 10.0  # for our own admin space; the answer is usually there at once
 SOURCE_PLACES = re.compile(r" at /\S+")
 UNCONNECTED = "Unable to connect"
 BOUND_TO = re.compile(r"bound to (\S+?):? ")
 
 
-def settings(network: Network, dial_s: float) -> dict[str, object]:
+def settings(network: Network, dial_s: float, open_ms: int = OPEN_MS) -> dict[str, object]:
     """Return Zenoh's settings. Endpoints are explicit: no discovery, no waiting for peers."""
     return {
         "mode": network.mode,
@@ -47,7 +50,7 @@ def settings(network: Network, dial_s: float) -> dict[str, object]:
         "scouting/delay": 0,
         "transport/link/tx/lease": network.lease_ms,
         "transport/link/tx/keep_alive": 4,
-        "transport/unicast/open_timeout": OPEN_MS,
+        "transport/unicast/open_timeout": open_ms,
         "transport/link/rx/max_message_size": LARGEST_BYTES,
         "transport/shared_memory/enabled": False,
         "adminspace/enabled": bool(network.listen),  # the only source of a bound port
@@ -60,24 +63,47 @@ def open_session(network: Network) -> zenoh.Session:
     """Open a session.
 
     Raises EndpointInUseError, NoPeerError, PeerHangsError, AccessDeniedError, EndpointError or
-    KeysError. Dials in short turns, because Python handles a signal only between them.
+    KeysError. Dials in short turns, because Python handles a signal only between them. A process
+    that listens but has not answered in time may be slow: it then gets `SLOW_DIAL_S` more, with as
+    much time for the handshake, and several times as much while this machine is busy.
     """
     deadline_s = monotonic() + network.connect_timeout_s
     while True:
-        left_s = deadline_s - monotonic()
         try:
-            return zenoh.open(configured(network, min(DIAL_S, left_s)))
+            return zenoh.open(configured(network, min(DIAL_S, deadline_s - monotonic())))
         except zenoh.ZError as error:
             text = SOURCE_PLACES.sub("", str(error))
-            if UNCONNECTED not in text or monotonic() >= deadline_s:
+            if UNCONNECTED not in text:
+                raise in_words(network, text) from error
+            if monotonic() >= deadline_s:
+                if any(map(listens, network.connect)) and not peer_refusal(network):
+                    return open_slowly(network)
                 raise in_words(network, text) from error
 
 
-def configured(network: Network, dial_s: float) -> zenoh.Config:
+def open_slowly(network: Network) -> zenoh.Session:
+    """Open a session to a process that listens, but has not answered in the usual time."""
+    factor = slowdown()
+    left = round(factor)
+    while True:
+        try:
+            return zenoh.open(configured(network, SLOW_DIAL_S, round(SLOW_DIAL_S * 1000)))
+        except zenoh.ZError as error:
+            left -= 1
+            if not left:
+                waited_s = network.connect_timeout_s + round(factor) * SLOW_DIAL_S
+                raise PeerHangsError(
+                    f"a process listens at {', '.join(network.connect)} but does not answer"
+                    f" (waited {waited_s:g} s{load_words(factor)}): it is slow, hangs, is suspended"
+                    " or is another program: try again, restart it, or correct the endpoint"
+                ) from error
+
+
+def configured(network: Network, dial_s: float, open_ms: int = OPEN_MS) -> zenoh.Config:
     """Return Zenoh's configuration."""
     config = zenoh.Config()
     try:
-        for key, value in settings(network, dial_s).items():
+        for key, value in settings(network, dial_s, open_ms).items():
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
         raise in_words(network, SOURCE_PLACES.sub("", str(error))) from error
@@ -101,19 +127,13 @@ def in_words(network: Network, text: str) -> UserError:
 
 
 def unconnected(there: str, network: Network) -> NoPeerError:
-    """Return why there is no connection: no process, refused, or no answer."""
-    waited = f"(waited {network.connect_timeout_s:g} s)"
+    """Return why there is no connection: refused, no such name, or no process."""
     if refusal := peer_refusal(network):
         return refusal
     if host := unknown_host(network.connect):
         return NoPeerError(f"the name {host} of {there} does not resolve: correct the endpoint")
-    if any(listens(endpoint) for endpoint in network.connect):
-        return PeerHangsError(
-            f"a process listens at {there} but does not answer {waited}: "
-            "it hangs, is suspended or is another program: restart it, or correct the endpoint"
-        )
     return NoPeerError(
-        f"no process answers at {there} {waited}: "
+        f"no process answers at {there} (waited {network.connect_timeout_s:g} s): "
         "start the process that listens there, or correct the endpoint"
     )
 
@@ -152,7 +172,7 @@ def probed(endpoint: str) -> Hub:
     if protocol not in ("tcp", "tls"):
         return Hub.ENDED
     try:
-        with socket.create_connection((host, int(port)), timeout=PROBE_S):
+        with socket.create_connection((host, int(port)), timeout=PROBE_S * slowdown()):
             return Hub.HANGS
     except ConnectionError:
         return Hub.ENDED
@@ -163,7 +183,9 @@ def probed(endpoint: str) -> Hub:
 def loss_text(hub: Hub, there: str) -> str:
     """Return what happened to the processes at the endpoints; empty while there is a link."""
     if hub is Hub.HANGS:
-        return f"the process at {there} accepts connections but no longer answers: it hangs"
+        return (
+            f"the process at {there} accepts connections but no longer answers: it is slow or hangs"
+        )
     if hub is Hub.UNREACHABLE:
         return f"no reply from {there}: the network in between is cut"
     return "" if hub.linked else f"the process at {there} has ended"
@@ -174,7 +196,7 @@ def bound_endpoints(session: zenoh.Session) -> tuple[str, ...]:
 
     Only its admin space contains the real port behind a 0.
     """
-    for reply in session.get(f"@/{session.zid()}/*", timeout=1.0):
+    for reply in session.get(f"@/{session.zid()}/*", timeout=BOUND_S):
         if reply.ok is not None:
             found = json.loads(reply.ok.payload.to_bytes()).get("locators")
             if found:

@@ -107,7 +107,9 @@ def gateway_rows(station: Station) -> list[Row]:
     if seen.age_ns is None or not isinstance(status, GatewayStatus):
         return []
     if seen.age is Age.GONE:
-        words = f"no data for {seen.age_ns / NS_PER_S:.0f} s: the gateway has ended or hangs"
+        words = (
+            f"no data for {seen.age_ns / NS_PER_S:.0f} s: the gateway has ended, is slow or hangs"
+        )
         return [row(head(" mavlink "), Span(words, "caution"))]
     owner = f", {status.owner} commands" if status.owner else ""
     is_bad = status.lost_permille >= LOSS_PERMILLE or bool(status.refused)

@@ -91,7 +91,9 @@ def missing_topic(role: str, topic: Topic[Any], rejection: str, link: Link) -> s
     if role != Role.PLANT.value:
         return f"{what}: {link.diagnosis()}"
     has_plant = present_processes(link.bus.present()).has(link.robot, Role.PLANT)
-    return f"{what}: {'the plant hangs or is paused' if has_plant else 'no plant is running'}"
+    return (
+        f"{what}: {'the plant is slow, hangs or is paused' if has_plant else 'no plant is running'}"
+    )
 
 
 def ask_page(address: Address) -> None:

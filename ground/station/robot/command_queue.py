@@ -18,6 +18,7 @@ from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest
 from protocol.wire.reasons import reason_text
 from runtime.clock import Clock
+from runtime.load import slowdown_in
 from runtime.units import NS_PER_MS
 
 AddNote = Callable[[str, Severity], None]
@@ -215,6 +216,8 @@ def ask_lease(
     bus: ReadableBus, clock: Clock, robot: str, request: LeaseRequest, attempts: int = ATTEMPTS
 ) -> JobResult:
     """Take, release or seize the lease; repeat the same request without an answer."""
+    if attempts > 1:  # the one attempt at the end of a session must not delay it
+        attempts = round(attempts * slowdown_in(clock)())
     asking = CommandExchange(request, clock.now_ns(), attempts=attempts, patience_ns=PATIENCE_NS)
     run_exchange(bus, clock, robot, asking, LEASE_SERVICE)
     answer = asking.outcome

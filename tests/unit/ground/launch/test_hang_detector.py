@@ -101,3 +101,22 @@ def test_stale_message_is_no_sign_of_life() -> None:
     assert detector.last_message_ns(ROBOT) is None
     detector.note_message(ROBOT, 3 * SECOND)
     assert detector.last_message_ns(ROBOT) == 3 * SECOND
+
+
+def test_silence_of_a_starved_process_is_not_a_hang() -> None:
+    queued = {"main": 0}
+    detector = Watched(
+        ROBOT, [ROBOT], lambda: True, SECOND - 200 * MS, queued_ns=lambda _: dict(queued)
+    )
+    detector.note_message(ROBOT, SECOND)
+    for _ in range(40):  # 4 s, of which it waits 3 s for a processor
+        queued["main"] += 75 * MS
+        assert detector.until(detector._last_check_ns + 100 * MS) == []
+    assert detector.until(SECOND + SILENT_NS + 3 * SECOND) == [ROBOT]
+
+
+def test_wait_for_a_processor_before_a_message_is_no_excuse() -> None:
+    queued = {"main": 100 * SECOND}
+    detector = Watched(ROBOT, [ROBOT], lambda: True, SECOND - 200 * MS, queued_ns=lambda _: queued)
+    detector.note_message(ROBOT, SECOND)
+    assert detector.until(QUIET_NS + 1) == [ROBOT]
