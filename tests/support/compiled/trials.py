@@ -58,7 +58,7 @@ def trials(whole: bool) -> Iterator[tuple[str, Trial]]:
                 world=load(str(path)),
                 navigator=navigator,
                 noise=list(LEVELS)[noise],
-                side=SIDES[turns % len(SIDES)],
+                side=list(SIDES)[turns % len(SIDES)],
                 seed=seed,
                 timeout_s=TIMEOUT_S,
             )
