@@ -9,7 +9,7 @@ import pytest
 
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason, reason_text
-from tests.support.stack.processes import Crew, Witness, departs
+from tests.support.stack.processes import Crew, Running, Witness, departs
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
@@ -25,28 +25,35 @@ die_with_parent(int(sys.argv.pop(1)))
 whole, signals = brain.step, []
 signal.signal(signal.SIGUSR1, lambda number, _: signals.append(number))
 
-def step(state, inputs, params, *mark):
-    if signals and mark:  # in the loop, not in a rehearsal
+def step(*given):
+    if signals:
         raise ZeroDivisionError("as the test wants it")
-    return whole(state, inputs, params, *mark)
+    return whole(*given)
 
 brain.step = step
 sys.exit(sidestep.main())
 """
 HANGS_ON_SIGNAL = FAILS_ON_SIGNAL.replace(
-    'raise ZeroDivisionError("as the test wants it")', "import time; time.sleep(30)"
+    'raise ZeroDivisionError("as the test wants it")', "import time; time.sleep(600)"
+).replace(
+    "whole, signals",
+    "from runtime.watchdog import Watchdog; Watchdog.reset = lambda self: None\nwhole, signals",
 )
+"""Its watchdog would end it after a few seconds, before a busy machine has started a doctor."""
 
 
-def spoilt_robot(crew: Crew, script: str) -> tuple[str, ...]:
-    words = ("run", "robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint)
-    return (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
+def spoilt_robot(crew: Crew, script: str, *more: str) -> Running:
+    """Start a robot, the hub, that does as its script says when it receives SIGUSR1."""
+    words = ("run", "robot", "--start", "0.6", "2", "0", "--listen", crew.endpoint, *more)
+    start = (sys.executable, "-P", "-c", script, str(ROOT), str(os.getpid()), *words)
+    robot = crew.execute(*start)
+    robot.says("ready")
+    return robot
 
 
 def test_core_exception_stops_the_wheels_and_is_reported() -> None:
-    with Crew() as crew:
-        robot = crew.execute(*spoilt_robot(crew, FAILS_ON_SIGNAL))
-        robot.says("ready")
+    with Crew(lockstep=True) as crew:
+        robot = spoilt_robot(crew, FAILS_ON_SIGNAL, "--lockstep")
         crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
@@ -77,27 +84,28 @@ def test_doctor_distinguishes_suspended_from_absent_robot() -> None:
         code, said = crew.run("doctor")
         assert code == 1
         assert f"a process listens at {crew.endpoint} but does not answer" in said
-        assert "it hangs" in said
+        assert "hangs" in said
         assert "restart the process" in said
-        watch.says("it hangs")
+        watch.says("hangs")
         assert late.ends() == 1
-        assert "it hangs" in late.said
+        assert "hangs" in late.said
 
 
 def test_hanging_loop_is_distinguished_from_a_dead_process() -> None:
+    """Use wall time: in lockstep the thread that hangs is one of the bus, which loses its link."""
     with Crew() as crew:
-        robot = crew.execute(*spoilt_robot(crew, HANGS_ON_SIGNAL))
-        robot.says("ready")
+        robot = spoilt_robot(crew, HANGS_ON_SIGNAL)
         crew.plant()
         with Witness(crew.endpoint) as witness:
             witness.ready()
             watch = crew.dialling("watch")
             departs(crew, witness, "goto", "5.4", "2")
+            told = len(witness.statuses)
             robot.send(signal.SIGUSR1)
             until(witness.standing, what="standing")
-            assert witness.status.vehicle == Vehicle.ACTIVE, f"stopped itself: {witness.texts}"
-            code, said = crew.run("doctor", "--timeout", "0.3")
+            is_active = witness.status.vehicle == Vehicle.ACTIVE
+            assert is_active or witness.was_late(told), f"stopped itself: {witness.texts}"
+            code, said = crew.run("doctor")
             assert code == 1, said
-            assert "robot r1 hangs" in said
-            assert "its process is alive but sends no heartbeat" in said
-            watch.says("robot r1 hangs")
+            assert "hangs, its process is alive but sends no heartbeat" in said
+            watch.says("hangs")

@@ -6,23 +6,24 @@ Its control thread uses no file system while the loop runs: an audit hook would 
 import os
 import signal
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
 from protocol.wire.enums import Vehicle
+from runtime.units import NS_PER_S
 from tests.support.stack.processes import (
     Crew,
     Running,
     Witness,
     departs,
 )
-from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
 ROOT = Path(__file__).parents[3]
-FSYNC_S = 0.5
+FSYNC_S = 1.0
 TOUCHED = "the control thread used the file system"
 SLOW_DISK = f"""
 import os, sys, threading, time
@@ -79,11 +80,10 @@ def slow_robot(crew: Crew, state: Path) -> Running:
     return robot
 
 
-def missed(witness: Witness) -> int:
-    """Ticks that the robot has missed so far."""
-    until(lambda: witness.report, what="a cycle report")
-    assert witness.report is not None
-    return witness.report.missed
+def longest_gap_s(witness: Witness, since: int) -> float:
+    """Return the longest time from a status to the next one, by the robot's own account."""
+    times_ns = [status.time_ns for status, _ in tuple(witness.statuses)[since:]]
+    return max(later - earlier for earlier, later in pairwise(times_ns)) / NS_PER_S
 
 
 def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
@@ -95,14 +95,14 @@ def test_slow_disk_holds_up_answers_and_no_tick(tmp_path: Path) -> None:
         with Witness(crew.endpoint) as witness:
             witness.ready()
             assert departs(crew, witness, "goto", "5.4", "2", "--no-wait").ends() == 0
-            before = missed(witness)
+            before = len(witness.statuses)
             code, said = crew.run("param", "set", "d_obs_m", "0.31")
             assert (code, "saved on the robot" in said) == (0, True), said
             code, said = crew.run("mission", "upload", str(tour))
             robot.send(signal.SIGKILL)
             assert code == 0, said
-            assert missed(witness) - before < FSYNC_S / 0.05 - 3, "one fsync would miss more"
-            assert witness.status.vehicle == Vehicle.ACTIVE, witness.texts
+            assert longest_gap_s(witness, before) < FSYNC_S, "a cycle waited for the disk"
+            assert witness.status.vehicle == Vehicle.ACTIVE or witness.was_late(before)
             assert TOUCHED not in robot.said
         robot.ends()
         robot = crew.robot("--state", str(state))

@@ -13,6 +13,8 @@ from typing import Final
 
 import pytest
 
+from verification import built
+
 pytestmark = pytest.mark.stack
 
 ROOT: Final = Path(__file__).parents[3]
@@ -36,12 +38,9 @@ def run(*command: str | Path, cwd: Path) -> str:
 
 
 @pytest.fixture(scope="session")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("wheel")
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "--quiet"]
-    run(*pip, "--no-deps", "--no-build-isolation", "--wheel-dir", folder, ROOT, cwd=folder)
-    (built,) = folder.glob("*.whl")
-    return built
+def wheel() -> Path:
+    """Return the wheel of this tree, which is built once for all runs."""
+    return built.wheel(compiled=False)
 
 
 @pytest.fixture(scope="session")

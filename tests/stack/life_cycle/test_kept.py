@@ -3,7 +3,11 @@
 import signal
 from pathlib import Path
 
+import pytest
+
 from tests.support.stack.processes import Crew
+
+pytestmark = pytest.mark.stack
 
 TOUR = """
 [[waypoint]]

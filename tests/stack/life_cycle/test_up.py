@@ -33,7 +33,7 @@ def sidestep(*words: str) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
-    """`up` in wall time, on its way, with the processes it has started."""
+    """Start `up`; yield it on its way, with the processes it has started."""
     words = [sys.executable, str(ROOT / "sidestep.py"), "up", "--json", "--record", str(folder)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as up:
         assert up.stderr is not None
@@ -111,12 +111,12 @@ def test_a_bad_world_starts_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_every_process_within_two_seconds_and_the_log_is_whole(
+def test_a_signal_ends_every_process_and_the_log_is_whole(
     tmp_path: Path, number: signal.Signals
 ) -> None:
     with driving(tmp_path) as (up, started):
         up.send_signal(number)
-        out, err = up.communicate(timeout=2.0)
+        out, err = up.communicate(timeout=PATIENCE_S)
         assert up.returncode == 128 + number
     assert not [pid for pid in started if alive(pid)]
     assert json.loads(out)["ok"] is False
@@ -137,7 +137,7 @@ def test_a_process_that_dies_is_named_with_how_it_died(tmp_path: Path, role: str
     with driving(tmp_path) as (up, started):
         (victim,) = [pid for pid in started if f" {role} --" in cmdline(pid)]
         os.kill(victim, signal.SIGKILL)
-        out, err = up.communicate(timeout=5.0)
+        out, err = up.communicate(timeout=PATIENCE_S)
     assert up.returncode == 1
     assert f"the {role}" in err
     assert "SIGKILL" in err

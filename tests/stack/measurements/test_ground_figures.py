@@ -18,8 +18,9 @@ def figures(*words: str) -> dict[str, Figure]:
     return {figure.name: figure for figure in report.figures}
 
 
+@pytest.mark.realtime
 def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_flooded() -> None:
-    short = ("--seconds", "1.5", "--settle", "1", "--slow-presses", "2", "--repetitions", "1")
+    short = ("--seconds", "1.5", "--settle", "0.5", "--slow-presses", "2", "--repetitions", "1")
     found = figures("--parts", "cost", *short)
     for size, cpu, kb in (("80x24", 20.0, 90.0), ("140x40", 32.0, 180.0)):
         assert found[f"CPU of one core, driving, {size}"].median < cpu
@@ -30,6 +31,7 @@ def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_f
     assert found["written, slow line, 140x40"].median < 20.5
 
 
+@pytest.mark.realtime
 def test_a_key_holds_the_robot_and_another_one_stops_it() -> None:
     found = figures("--parts", "keys", "--presses", "2")
     assert len(found["hold: key to robot acts"].values) == 2

@@ -61,7 +61,7 @@ def test_played_in_the_app_it_can_be_haunted_from_any_of_its_instants(recording:
         ghost_runner.poll()
         return not ghost_runner.busy
 
-    until(over, 30.0)
+    until(over)
     player.seek(1.0)
     (trail,) = ghost_runner.trails()
     assert trail.outcome in OUTCOMES
@@ -81,7 +81,7 @@ def test_every_turning_point_of_the_recorded_run_is_explained(recording: Path) -
 
 
 def test_a_robot_that_drives_is_explained_and_others_go_on_from_where_it_is() -> None:
-    with Crew() as crew:
+    with Crew(lockstep=True) as crew:
         crew.robot()
         crew.plant()
         with Witness(crew.endpoint) as witness:

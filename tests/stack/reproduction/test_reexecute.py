@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from protocol.wire.reasons import reason_text
-from tests.support.stack.processes import LATE, TRIES, Crew
+from tests.support.stack.processes import LATE, Crew
 
 pytestmark = pytest.mark.stack
 
@@ -34,7 +34,7 @@ def executed(crew: Crew, log: Path, *words: str) -> tuple[int, dict[str, object]
 
 def test_lockstep_drive_executed_again_is_the_same_in_every_tick(tmp_path: Path) -> None:
     with Crew() as crew:
-        log = driven(crew, tmp_path, "--world", "u_trap", "--speed", "5")
+        log = driven(crew, tmp_path, "--world", "u_trap", "--speed", "max")
         is_the_same(crew, log, ticks=600)
         code, told = executed(crew, log, "--navigator", "bug")
         assert code == 0
@@ -44,29 +44,24 @@ def test_lockstep_drive_executed_again_is_the_same_in_every_tick(tmp_path: Path)
 def test_wall_time_drive_executed_again_is_the_same_in_every_tick(tmp_path: Path) -> None:
     """Pedestrians walk there; a busy machine may stop the robot, and the ticks until then count."""
     with Crew() as crew:
-        for attempt in range(TRIES):
-            words = ("--clock", "wall", "--world", "moving", "--timeout", "4")
-            log = driven(crew, tmp_path / str(attempt), *words)
-            if is_the_same(crew, log) > 20:
-                return
-    raise AssertionError(f"stopped {TRIES} times within a second")
+        words = ("--clock", "wall", "--world", "moving", "--timeout", "4")
+        is_the_same(crew, driven(crew, tmp_path, *words))
 
 
-def is_the_same(crew: Crew, log: Path, *, ticks: int = 0) -> int:
-    """Execute both logs of a drive again, compare them, and return the number of ticks."""
+def is_the_same(crew: Crew, log: Path, *, ticks: int = 0) -> None:
+    """Execute both logs of a drive again, and compare more than so many ticks."""
     for path in (log, log.with_suffix(".tlog")):
         code, told = executed(crew, path)
         assert code == 0, told
         assert told["compared"] == told["ticks"]
         assert int(str(told["compared"])) > ticks
         assert told["first"] is None
-    return int(str(told["compared"]))
 
 
 def test_another_build_is_found_out(tmp_path: Path) -> None:
     """Use the same core with a slower ramp, as another version might have."""
     with Crew() as crew:
-        log = driven(crew, tmp_path, "--world", "open", "--speed", "10")
+        log = driven(crew, tmp_path, "--world", "open", "--speed", "max")
         other = (
             "import sys; from robot.core import brain; from robot.core.motion import controller;"
             " ramp = controller.ramp;"

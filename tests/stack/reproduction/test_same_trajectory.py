@@ -2,6 +2,7 @@
 
 Each case is one that could differ: senses that stay away, a robot of other dimensions, a start and
 a heading that no float holds exactly, things that move, every kind of noise, several navigators.
+The benchmark `digest` compares a plain world, also over a router.
 """
 
 import json
@@ -25,27 +26,22 @@ goal = { x_m = 3.3, y_m = 1.4142135, heading_deg = -123.4 }
 circle_m = { x = 2.0, y = 1.4, radius = 0.2 }
 """
 CASES = {
-    "plain": "",
-    "scan stops for a while": '[[fault]]\nkind = "scan_stopped"\nstart_s = 2.0\nend_s = 2.2\n',
     "scan stops": '[[fault]]\nkind = "scan_stopped"\nstart_s = 2.0\n',
-    "ticks stop for a while": '[[fault]]\nkind = "ticks_stopped"\nstart_s = 2.0\nend_s = 2.12\n',
     "ticks stop": '[[fault]]\nkind = "ticks_stopped"\nstart_s = 2.0\n',
-    "both stop": "".join(
-        f'[[fault]]\nkind = "{kind}"\nstart_s = 2.0\nend_s = 2.1\n'
-        for kind in ("scan_stopped", "ticks_stopped")
-    ),
-    "another robot": (
+    "another robot, something moves, and sensors stop for a while": (
         "[robot]\nradius_m = 0.1\ntrack_m = 0.17\nmax_speed_m_s = 0.23\nticks_per_m = 4321.0\n"
-    ),
-    "something moves": (
         "[[obstacle]]\ncircle_m = { x = 1.5, y = 2.5, radius = 0.1 }\n"
         "path_m = [[1.5, 2.5], [1.5, 0.4]]\nspeed_m_s = 0.07\n"
+        '[[fault]]\nkind = "scan_stopped"\nstart_s = 2.0\nend_s = 2.2\n'
+        '[[fault]]\nkind = "ticks_stopped"\nstart_s = 3.0\nend_s = 3.12\n'
+        '[[fault]]\nkind = "scan_stopped"\nstart_s = 4.0\nend_s = 4.1\n'
+        '[[fault]]\nkind = "ticks_stopped"\nstart_s = 4.0\nend_s = 4.1\n'
     ),
 }
 
 
-def same(file: str, trial: Trial, *, router: bool = False) -> None:
-    alone, bus = run_trial(trial), lockstep_run(file, trial, router=router)
+def same(file: str, trial: Trial) -> None:
+    alone, bus = run_trial(trial), lockstep_run(file, trial)
     assert bus.score.ticks == alone.ticks > 20
     assert bus.digest == alone.digest
 
@@ -61,8 +57,7 @@ def test_in_every_world(case: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("navigator", "side", "noise"),
     [
-        ("bug", "left", "none"),
-        ("bug", "right", "harsh"),
+        ("bug", "right", "none"),
         ("vgm", "left", "lossy"),
         ("vgm_memory", "left", "harsh"),
     ],
@@ -70,11 +65,6 @@ def test_in_every_world(case: str, tmp_path: Path) -> None:
 def test_with_every_navigator_and_noise(navigator: str, side: str, noise: str) -> None:
     trial = Trial(world=load("disc"), navigator=navigator, side=side, noise=noise, seed=2)
     same("disc", trial)
-
-
-def test_by_a_router_too() -> None:
-    trial = Trial(world=load("corner"), seed=3)
-    same("corner", trial, router=True)
 
 
 @pytest.mark.parametrize("world", ["box", "u_trap"])
@@ -85,7 +75,7 @@ def test_first_drive_at_real_time_equals_the_trial(world: str) -> None:
         drives = [crew.start("up", "--headless", *words), crew.start("trial", *words)]
         results = []
         for drive in drives:
-            assert drive.ends(30.0) == 1, drive.said
+            assert drive.ends(60.0) == 1, drive.said
             results.append(json.loads(drive.said.splitlines()[-1]))
     in_real_time, in_one_process = results
     # Its clock begins when the plant's answer to the start has arrived, late on a busy machine.

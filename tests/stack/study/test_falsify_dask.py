@@ -27,12 +27,12 @@ def test_search_uses_every_thread_of_the_cluster(address: str) -> None:
 
 
 def test_findings_on_dask_are_those_of_our_own_processes(address: str, tmp_path: Path) -> None:
-    words = ["vgm", "--properties", "a", "--families", "symmetric_trap", "--trials", "1"]
-    words += ["--vary", "--seed", "3", "--jobs", "1"]
+    words = ["vgm", "--properties", "e", "--detour", "1.0001", "--families", "wedge"]
+    words += ["--trials", "1", "--vary", "--seed", "3", "--jobs", "1"]
     found = {}
     for name, more in (("dask", ["--dask", address]), ("ours", [])):
         output = tmp_path / name
         assert main([*words, *more, "--output", str(output)]) == 1
-        found[name] = {file.name: file.read_bytes() for file in output.glob("a-*")}
+        found[name] = {file.name: file.read_bytes() for file in output.glob("e-*")}
     assert found["dask"] == found["ours"]
     assert len(found["ours"]) == 2

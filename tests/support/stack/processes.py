@@ -40,7 +40,7 @@ from tests.support.until import PATIENCE_S, until
 
 STILL_M_S = 0.001
 FAST_M_S = 0.25
-ARRIVAL_S = 60.0
+DEPARTS_S = 60.0
 TRIES = 3
 BUSY_HUB = "does not answer (waited"
 LATE = (Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
@@ -88,11 +88,16 @@ class Running:
 
 
 class Crew:
-    """Starts `sidestep` verbs at one endpoint; ends them all on the way out."""
+    """Starts `sidestep` verbs at one endpoint; ends them all on the way out.
 
-    def __init__(self, *, router: bool = False) -> None:
+    In `lockstep` robot and plant have simulated time, at most as fast as real time: a busy machine
+    slows them down and stops no robot. Without it they have wall time, and a robot may be late.
+    """
+
+    def __init__(self, *, router: bool = False, lockstep: bool = False) -> None:
         self.endpoint = free_endpoint()
         self._router = router
+        self._lockstep = lockstep
         self._started: list[Running] = []
         self._scope = ExitStack()
 
@@ -137,14 +142,16 @@ class Crew:
     def robot(self, *words: str) -> Running:
         """Ready; without a router it is the hub."""
         start = self.dialling if self._router else self.listening
-        robot = start("robot", "--start", "0.6", "2", "0", *words)
+        own = ("--lockstep",) if self._lockstep else ()
+        robot = start("robot", "--start", "0.6", "2", "0", *own, *words)
         robot.says("ready")
         self.in_real_time()
         return robot
 
     def plant(self, *words: str, waits: bool = True) -> Running:
         """Start the plant, which connects to the robot; with `waits`, wait until it is ready."""
-        plant = self.dialling("plant", "--world", "open", "--noise", "none", *words)
+        own = ("--lockstep", "--speed", "1") if self._lockstep else ()
+        plant = self.dialling("plant", "--world", "open", "--noise", "none", *own, *words)
         if waits:
             plant.says("plant: world")
             self.in_real_time()
@@ -257,17 +264,6 @@ class Witness:
         return (still_ns - since_ns) / NS_PER_MS
 
 
-def arrives(crew: Crew, witness: Witness, *words: str) -> Running:
-    """Run a verb that drives the robot to its end, again if a busy machine stops the robot."""
-    for _ in range(TRIES):
-        told = len(witness.statuses)
-        running = crew.dialling(*words)
-        if running.ends(ARRIVAL_S) == 0 or not witness.was_late(told):
-            break
-        crew.run("arm")
-    return running
-
-
 def prefer(pid: int) -> None:
     """Let a session run before others, if this user may: other load is not under test."""
     with suppress(OSError):
@@ -285,9 +281,13 @@ def real_time(pid: int) -> None:
 
 
 def departs(crew: Crew, witness: Witness, *words: str) -> Running:
-    """Start a verb that drives the robot, and again if a busy machine stops it before it moves."""
+    """Start a verb that drives the robot, and again whenever the robot was late before it moved.
+
+    In lockstep it is never late.
+    """
     crew.in_real_time()
-    for _ in range(TRIES):
+    deadline_s = time.monotonic() + DEPARTS_S
+    while time.monotonic() < deadline_s:
         told = len(witness.statuses)
         running = crew.dialling(*words)
         stopped = partial(witness.was_late, told)
@@ -298,7 +298,7 @@ def departs(crew: Crew, witness: Witness, *words: str) -> Running:
         was_late = stopped() or witness.status.vehicle_reason in LATE
         assert was_late or reason_text(Reason.NO_SENSES) in running.said, running.said
         crew.run("arm")
-    raise AssertionError(f"stopped {TRIES} times: {story(witness)}")
+    raise AssertionError(f"late for {DEPARTS_S:g} s: {story(witness)}")
 
 
 def sets_off_or_not(witness: Witness, running: Running, stopped: Callable[[], bool]) -> bool:
