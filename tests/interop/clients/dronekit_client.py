@@ -30,14 +30,14 @@ from tests.interop.clients.scene import (  # noqa: E402
     goal,
     route,
 )
-from tests.interop.clients.steps import StepError, Steps, repeat, until  # noqa: E402
+from tests.interop.clients.steps import LONG_S, StepError, Steps, repeat, until  # noqa: E402
 
 FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE
 CORNER: int = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 FRAME: int = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
 CALL_S = 2
 """A call of the library without retries is repeated after this time."""
-CALLS = 10
+CALLS = 30
 
 
 class DroneKitStation(Station):
@@ -69,7 +69,7 @@ def main() -> None:
     """Run the scenario."""
     call, steps = called(), Steps("DroneKit")
     with steps.step("connect", is_needed=True):
-        vehicle = connect(f"udpout:{call.address}", wait_ready=False, heartbeat_timeout=20)
+        vehicle = connect(f"udpout:{call.address}", wait_ready=False, heartbeat_timeout=60)
         station = DroneKitStation(vehicle)
     prepare(station, steps, call)
     drive(station, steps)
@@ -84,7 +84,7 @@ def prepare(station: DroneKitStation, steps: Steps, call: Call) -> None:
     """Do the steps before the robot is armed."""
     vehicle = station.vehicle
     with steps.step("parameters"):
-        vehicle.wait_ready("parameters", "gps_0", "armed", "mode", "attitude", timeout=45)
+        vehicle.wait_ready("parameters", "gps_0", "armed", "mode", "attitude", timeout=LONG_S)
         steps.note(f"{len(vehicle.parameters)} parameters")
         until(lambda: vehicle.is_armable, "is_armable")
     with steps.step("home"):
@@ -124,12 +124,12 @@ def drive(station: DroneKitStation, steps: Steps) -> None:
             raise StepError("the mission was over before the pause")
     with steps.step("complete"):
         set_mode(vehicle, "AUTO")
-        until(lambda: place_of(vehicle).is_near(places[-1]), "the last waypoint", 50.0)
+        until(lambda: place_of(vehicle).is_near(places[-1]), "the last waypoint", LONG_S)
     with steps.step("goto"):
         set_mode(vehicle, "GUIDED")
         go = partial(vehicle.simple_goto, LocationGlobalRelative(*there, 0.0))
         repeat(
-            go, lambda: place_of(vehicle).is_near(there), "the place", every_s=5.0, within_s=45.0
+            go, lambda: place_of(vehicle).is_near(there), "the place", every_s=5.0, within_s=LONG_S
         )
     with steps.step("mode"):
         set_mode(vehicle, "HOLD")

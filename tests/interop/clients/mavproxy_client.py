@@ -23,7 +23,15 @@ from tests.interop.clients.scene import (
     goal,
     route,
 )
-from tests.interop.clients.steps import PATIENCE_S, StepError, Steps, pause, repeat, until
+from tests.interop.clients.steps import (
+    LONG_S,
+    PATIENCE_S,
+    StepError,
+    Steps,
+    pause,
+    repeat,
+    until,
+)
 
 MODULES: Final = "log,signing,wp,rally,fence,ftp,param,arm,mode,misc,cmdlong,output"
 WAYPOINT: Final = 16
@@ -78,7 +86,7 @@ class MavProxy:
         lines: Sequence[str],
         condition: Callable[[], object],
         what: str,
-        within_s: float = 30.0,
+        within_s: float = LONG_S,
         every_s: float = AGAIN_S,
     ) -> None:
         """Type lines until a condition holds, at most every `every_s`."""

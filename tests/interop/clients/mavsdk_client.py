@@ -26,7 +26,7 @@ from tests.interop.clients.scene import (
     goal,
     route,
 )
-from tests.interop.clients.steps import StepError, Steps, repeat, until
+from tests.interop.clients.steps import LONG_S, PATIENCE_S, StepError, Steps, repeat, until
 
 TRIES = 6
 NOT_A_NUMBER = float("nan")
@@ -98,9 +98,9 @@ def main() -> None:
     mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
     with steps.step("connect", is_needed=True):
         mavsdk.add_any_connection(f"udpout://{call.address}")
-        system = mavsdk.first_autopilot(20.0)
+        system = mavsdk.first_autopilot(PATIENCE_S)
         if system is None:
-            raise StepError("no autopilot within 20 s")
+            raise StepError(f"no autopilot within {PATIENCE_S:g} s")
         robot = Robot(system)
         until(lambda: abs(robot.place.latitude) > 0.1, "a position")
     prepare(robot, steps, call)
@@ -157,7 +157,7 @@ def drive(robot: Robot, steps: Steps) -> None:
             raise StepError("the mission was over before the pause")
     with steps.step("complete"):
         robot.call(robot.mission.start_mission)
-        robot.until(lambda: robot.place.is_near(places[-1]), "the last waypoint", 50.0)
+        robot.until(lambda: robot.place.is_near(places[-1]), "the last waypoint", LONG_S)
         until(robot.mission.is_mission_finished, "is_mission_finished")
     with steps.step("goto"):
         go = partial(robot.action.goto_location, *there, 0.0, 90.0)
@@ -166,7 +166,7 @@ def drive(robot: Robot, steps: Steps) -> None:
             lambda: robot.place.is_near(there),
             "the place",
             every_s=15.0,
-            within_s=45.0,
+            within_s=LONG_S,
         )
     with steps.step("mode"):
         robot.call(robot.action.hold)
@@ -204,8 +204,8 @@ def download(robot: Robot, entry: Any, path: Path) -> None:
             ended.set()
 
     robot.log_files.download_log_file_async(entry, str(path), progress)
-    if not ended.wait(40.0):
-        raise StepError("TIMEOUT: the log has not come within 40 s")
+    if not ended.wait(PATIENCE_S):
+        raise StepError(f"TIMEOUT: the log has not come within {PATIENCE_S:g} s")
     if results[0] != LogFilesResult.SUCCESS:
         raise StepError(f"download: {results[0]!r}")
 

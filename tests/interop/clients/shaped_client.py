@@ -26,7 +26,7 @@ CORNER: Final = mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION
 BY_NAME: Final = {cls.msgname: cls for cls in mavlink.mavlink_map.values()}
 TARGET: Final = {"target_system": 1, "target_component": 1, "target": 1}
 FEW: Final = 4
-USER_S: Final = 40.0
+USER_S: Final = 90.0
 """The user repeats an action until this time has passed."""
 TRIED_AGAIN: Final = frozenset({"exchange", "parameters", "file", "download"})
 

@@ -27,8 +27,11 @@ STEPS: Final = (
     "stop",
 )
 """The steps of each client, in this order."""
-STEP_S: Final = 60.0
-PATIENCE_S: Final = 20.0
+STEP_S: Final = 120.0
+PATIENCE_S: Final = 60.0
+"""How long a condition may take on a busy machine, on which the robot drives in slow motion."""
+LONG_S: Final = 90.0
+"""Of a drive, or of many requests one after the other."""
 POLL_S: Final = 0.02
 FRAMES: Final = -4
 
