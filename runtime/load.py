@@ -80,7 +80,7 @@ class Patience:
         factor = self._slowdown()
         self.factor = max(self.factor, factor)
         self._at_ns = now_ns
-        self._left_ns -= int(min(passed_ns, self._left_ns) / factor)
+        self._left_ns -= max(1, int(min(passed_ns, self._left_ns) / factor))
         if self._left_ns <= self._least_ns:
             self._left_ns = 0
         return self._left_ns

@@ -94,7 +94,7 @@ def test_an_editable_build_is_refused_by_name() -> None:
         env={**os.environ, hatch_build.SWITCH: "1"},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert run.returncode == 1

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from threading import Event
 from typing import Final
 
-PATIENCE_S: Final = 30.0
+PATIENCE_S: Final = 60.0
 """How long a condition may take on a busy machine. A test that passes does not wait for it."""
 
 POLL_S: Final = 0.003

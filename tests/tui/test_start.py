@@ -12,6 +12,7 @@ from ground.app.appearance import Appearance
 from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import driving
+from tests.support.until import PATIENCE_S
 
 
 class StubApp:
@@ -23,7 +24,7 @@ class StubApp:
         self.frozen = asyncio.Event()
 
     async def run_async(self) -> int:
-        await asyncio.wait_for(self.frozen.wait(), timeout=10.0)
+        await asyncio.wait_for(self.frozen.wait(), timeout=PATIENCE_S)
         return 0
 
 

@@ -177,7 +177,7 @@ def test_silent_robot_delays_the_world_only_once() -> None:
         driver.silent = True
         until(lambda: not drives(driver), what="the wheels stand")
         seq = driver.seen().seq
-        until(lambda: driver.seen().seq >= seq + 40, within_s=6.0, what="two seconds")
+        until(lambda: driver.seen().seq >= seq + 40, within_s=30.0, what="two seconds")
 
 
 def test_time_without_a_robot_is_not_faster_than_real_time() -> None:
@@ -186,19 +186,20 @@ def test_time_without_a_robot_is_not_faster_than_real_time() -> None:
         until(lambda: not drives(driver), what="the wheels stand")
         begun_ns, seq = WallClock().now_ns(), driver.seen().seq
         until(lambda: driver.seen().seq >= seq + 20, what="a second")
-        assert WallClock().now_ns() - begun_ns > 0.8 * SECOND_NS
+        # A frame that was taken late shortens this; without the limit it takes milliseconds.
+        assert WallClock().now_ns() - begun_ns > 0.3 * SECOND_NS
 
 
 def test_paused_plant_in_lockstep_shows_that_it_runs() -> None:
     with running(paused=True) as driver:
         until(lambda: driver.truth.latest() is not None, what="the first truth")
         arrived = [driver.truth.latest()]
-        until(lambda: driver.truth.latest() is not arrived[0], within_s=3.0, what="another one")
+        until(lambda: driver.truth.latest() is not arrived[0], what="another one")
         assert driver.seen().seq == 0
 
 
 def test_speed_limits_the_rate_of_simulated_time() -> None:
     with running(speed=10.0) as driver:
         begun_ns, stamp_ns = WallClock().now_ns(), driver.seen().time_ns
-        until(lambda: driver.seen().time_ns >= stamp_ns + 2 * SECOND_NS, what="two seconds")
-        assert WallClock().now_ns() - begun_ns >= 0.15 * SECOND_NS
+        until(lambda: driver.seen().time_ns >= stamp_ns + 10 * SECOND_NS, what="ten seconds")
+        assert WallClock().now_ns() - begun_ns >= 0.4 * SECOND_NS

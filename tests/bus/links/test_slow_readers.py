@@ -30,8 +30,8 @@ pytestmark = pytest.mark.stack
 BYTES_PER_S = 20_000.0
 LIST = bytes(200_000)
 QUESTIONS = 40
-WAITS_S = 1.0
-"""Zenoh waits 5 s for a reader, one that does not wait takes some milliseconds."""
+WAITS_S = 4.0
+"""Zenoh waits 5 s for a reader; a put that does not wait takes milliseconds on an idle machine."""
 
 
 @contextmanager
@@ -101,7 +101,7 @@ def test_slow_reader_of_long_answers_delays_no_publisher(
     assert worst_put_s(robot) < WAITS_S
     begun_s = time.monotonic()
     assert ground.ask(PARAMETERS, timeout_s=10.0) == b"{}"
-    assert time.monotonic() - begun_s < 2 * WAITS_S
+    assert time.monotonic() - begun_s < WAITS_S
 
 
 def test_slow_reader_of_histories_delays_no_publisher(

@@ -136,6 +136,7 @@ def test_e_stop_does_not_block_and_logs_its_latency() -> None:
         assert all(took > 0.0 for took in took_ms)
 
 
+@pytest.mark.realtime
 def test_close_releases_the_lease_within_two_seconds() -> None:
     with Lively() as stack, stack.going(), watching(stack) as seen:
         seen.until_ready()

@@ -59,7 +59,7 @@ def test_robot_that_appears_is_shown_and_can_be_stopped(network: Net, watching: 
     watching.until(shown)
     assert not stops
     watching.station.estop("r2")
-    watching.until(lambda: stops, within_s=2.0)
+    watching.until(lambda: stops)
 
 
 def test_robot_that_flaps_leaves_nothing_behind(network: Net, watching: Watching) -> None:

@@ -22,8 +22,7 @@ def test_dead_robot_behind_a_router_is_reported_and_returns() -> None:
         with stack.halted():
             stack.start("robot")
         seen.until_ready()
-        assert seen.kinds()[0] == "ROBOT DEAD"
-        assert set(seen.kinds()[1:]) <= {"SENSES STALE"}  # until the plant has found it again
+        assert seen.kinds() == ["ROBOT DEAD"]
         assert seen.station.restarts(Role.ROBOT) == 1
         assert seen.station.log.find("is back after")
 
@@ -37,8 +36,7 @@ def test_the_robot_that_is_the_hub_itself_is_dead_and_comes_back() -> None:
         with stack.halted():
             stack.start("robot")
         seen.until_ready()
-        assert seen.kinds()[0] == "ROBOT DEAD"
-        assert set(seen.kinds()[1:]) <= {"SENSES STALE"}  # until the plant has found it again
+        assert seen.kinds() == ["ROBOT DEAD"]
 
 
 @pytest.mark.parametrize("router", [False, True], ids=["hub", "router"])
@@ -50,8 +48,7 @@ def test_stopped_loop_with_a_live_token_is_hung(router: bool) -> None:
         assert seen.station.present.has("r1", Role.ROBOT)
         stack.hung = False
         seen.until_ready()
-        busy = {"SENSES STALE", "LINK LOST"}  # a busy machine delays plant and link, too
-        assert set(seen.kinds()) - busy == {"ROBOT HUNG"}
+        assert seen.kinds() == ["ROBOT HUNG"]
         assert seen.station.restarts(Role.ROBOT) == 0
 
 

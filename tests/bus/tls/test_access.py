@@ -26,7 +26,7 @@ from protocol.topics import (
 )
 from tests.support.bus.locked import Intruder, Locked, Watchful, locked
 from tests.support.bus.nets import TOPOLOGIES, Topology
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 AT_LEAST = 1000
 OURS = {
@@ -154,7 +154,7 @@ def what_is_allowed_arrives(net: Locked, watchful: Watchful) -> None:
         gateway.put(net.key(topic.path, operator="gateway"), b"sample")
     for service in GATEWAY_ASKS:
         key = net.key(service.path, operator="gateway")
-        replies = [reply.ok for reply in gateway.get(key, payload=b"go", timeout=2.0)]
+        replies = [reply.ok for reply in gateway.get(key, payload=b"go", timeout=PATIENCE_S)]
         assert [one and one.payload.to_bytes() for one in replies] == [b"done"], key
     until(lambda: watchful.good >= before + 4 + len(GATEWAY_PUTS) + len(GATEWAY_ASKS))
 
@@ -176,7 +176,7 @@ def test_only_the_robot_may_answer_its_services(
 
 def answers(net: Locked) -> list[bytes]:
     """Return the answers that the ground station receives to a command."""
-    replies = net.ground.get(net.key(COMMAND.path), payload=b"go", timeout=2.0)
+    replies = net.ground.get(net.key(COMMAND.path), payload=b"go", timeout=PATIENCE_S)
     return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
 
 
@@ -197,8 +197,8 @@ def test_presence_of_another_role_is_rejected(topology: Topology, tmp_path: Path
         ]
         tokens.append(net.plant.liveliness().declare_token(net.key("alive/plant/2")))
         everybody = f"{net.prefix}/*/alive/*/*"
-        until(lambda: list(net.ground.liveliness().get(everybody, timeout=1.0)))
-        seen = [reply.ok for reply in net.ground.liveliness().get(everybody, timeout=1.0)]
+        until(lambda: list(net.ground.liveliness().get(everybody, timeout=PATIENCE_S)))
+        seen = [reply.ok for reply in net.ground.liveliness().get(everybody, timeout=PATIENCE_S)]
         assert [str(one.key_expr) for one in seen if one] == [net.key("alive/plant/2")]
 
 

@@ -20,7 +20,7 @@ from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
 from runtime.errors import AccessDeniedError
 from tests.support.bus.locked import DIAL_S, SESSION
 from tests.support.keyring import Keyring
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 PREFIX = "impostor"
 BEFORE = "before"
@@ -43,7 +43,7 @@ def listening(ring: Keyring, name: str, port: int = 0) -> Iterator[tuple[zenoh.S
     with zenoh.open(config) as session:
         (link,) = (
             one.ok.payload.to_bytes()
-            for one in session.get(f"@/{session.zid()}/*", timeout=1.0)
+            for one in session.get(f"@/{session.zid()}/*", timeout=PATIENCE_S)
             if one.ok is not None
         )
         yield session, int(json.loads(link)["locators"][0].rpartition(":")[2])
@@ -115,7 +115,7 @@ def attack(session: zenoh.Session) -> None:
     """Put and ask everything that makes a robot drive, and wait until it could have arrived."""
     for path in BESIDE:
         session.put(f"{PREFIX}/r1/{path}", b"x", congestion_control=zenoh.CongestionControl.BLOCK)
-        assert list(session.get(f"{PREFIX}/r1/{path}", timeout=1.0)) == []
+        assert list(session.get(f"{PREFIX}/r1/{path}", timeout=PATIENCE_S)) == []
 
 
 def test_impostor_sends_and_receives_nothing_on_reconnect(ring: Keyring) -> None:

@@ -29,7 +29,7 @@ with open_bus(listening, Role.ROBOT, "r1") as bus, audited_connections(bus, told
     dialling = Network(
         mode="client", connect=(endpoint,), robots=("r1",), tls=ring.tls("viewer"))
     with zenoh.open(configured(dialling, 2.0)) as viewer:
-        until_s = time.monotonic() + 20.0
+        until_s = time.monotonic() + 60.0
         for number in range(int(sys.argv[3])):
             key = sys.argv[2].format(zid=bus.zid) * int(sys.argv[4])
             viewer.put(f"sidestep/r1/tlm/{number}{key}", b"x",
@@ -48,7 +48,7 @@ def told(folder: Path, key: str, times: int, length: int) -> tuple[str, int]:
         [sys.executable, "-c", LISTENER, str(folder / "ring"), key, str(times), str(length)],
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=180.0,
         check=False,
         env={"PYTHONPATH": ":".join(sys.path)},
     )

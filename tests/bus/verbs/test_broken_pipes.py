@@ -10,6 +10,7 @@ import pytest
 from ground.recording.tlog import record_bytes
 from protocol.wire.codec import Encoder
 from tests.support.bus.robots import BEAT, played
+from tests.support.until import PATIENCE_S
 
 ROOT = Path(__file__).parents[3]
 BROKEN_PIPE = 141
@@ -29,7 +30,7 @@ def read_one_line_of(*words: str, both: bool = False) -> tuple[str, int, str]:
         line = verb.stdout.readline()
         verb.stdout.close()
         said = "" if verb.stderr is None else verb.stderr.read()
-        return line, verb.wait(timeout=20.0), said
+        return line, verb.wait(timeout=PATIENCE_S), said
 
 
 def test_head_of_a_table_exits_with_broken_pipe(tmp_path: Path) -> None:
@@ -61,7 +62,7 @@ def test_reader_closed_before_output_gives_broken_pipe(words: tuple[str, ...]) -
             stdout=writer,
             stderr=subprocess.PIPE,
             check=False,
-            timeout=20.0,
+            timeout=PATIENCE_S,
         )
     os.close(writer)
     assert (done.returncode, done.stderr) == (BROKEN_PIPE, b"")

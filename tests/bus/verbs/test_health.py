@@ -10,6 +10,7 @@ from threading import Event, Thread
 import pytest
 
 from ground.cli.main import main
+from ground.client import connection
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import HEARTBEAT, Role
@@ -20,6 +21,12 @@ from tests.support.bus.robots import played
 pytestmark = pytest.mark.stack
 
 Ask = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture(autouse=True)
+def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dial an endpoint without a listener only once."""
+    monkeypatch.setattr(connection, "CONNECT_TIMEOUT_S", 0.2)
 
 
 @pytest.fixture
@@ -72,7 +79,7 @@ def test_hung_robot_with_a_live_token_is_unhealthy(tmp_path: Path, ask: Ask) -> 
         code, why = ask("robot", *reach(stack, tmp_path))
     assert code == 1
     assert "no message on tlm/heartbeat of r1 within 1300 ms" in why
-    assert "robot r1 hangs" in why
+    assert "robot r1 is slow or hangs" in why
 
 
 def test_silent_plant_is_unhealthy(tmp_path: Path, ask: Ask) -> None:

@@ -13,7 +13,7 @@ from protocol.bus.session import bound_endpoints, configured, open_session
 from protocol.topics import SERVICES, TOPICS, Role
 from tests.support.bus.nets import Topology, prefixes
 from tests.support.keyring import Keyring
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 ROBOTS = ("r1", "r2")
 OPERATORS = ("ada", "bob")
@@ -163,7 +163,7 @@ class Intruder:
         self.tried += 1
 
     def ask(self, key: str) -> None:
-        for reply in self._session.get(key, payload=FORGED, timeout=2.0):
+        for reply in self._session.get(key, payload=FORGED, timeout=PATIENCE_S):
             key = "" if reply.ok is None else str(reply.ok.key_expr)
             if key and str(self._session.zid()) not in key:  # of itself it may know everything
                 self.answered.append(key)

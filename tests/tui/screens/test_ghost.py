@@ -1,5 +1,6 @@
 """Test ghosts on the map: started by a key or a command, with the outcome in the log."""
 
+import asyncio
 import json
 from threading import Event
 
@@ -15,6 +16,7 @@ from runtime.errors import UserError
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import driving
+from tests.support.until import PATIENCE_S
 
 FLOOR = World(
     name="floor",
@@ -38,12 +40,11 @@ def drive_of(stage: Stage) -> DriveScreen:
 
 async def ended(stage: Stage) -> None:
     pause = Event()
-    for _ in range(1000):
-        await stage.redraw()
-        if not drive_of(stage).ghost_runner.busy:
-            return
-        pause.wait(0.01)
-    raise AssertionError("still driving")
+    async with asyncio.timeout(PATIENCE_S):
+        while drive_of(stage).ghost_runner.busy:
+            pause.wait(0.01)
+            await stage.redraw()
+    await stage.redraw()
 
 
 def test_chosen_ghost_is_drawn_on_the_map() -> None:

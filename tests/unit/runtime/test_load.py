@@ -57,6 +57,16 @@ def test_delay_of_the_waiting_process_does_not_count() -> None:
     assert waited_ns(2.0, late_ns=NS_PER_S) == waited_ns(2.0)
 
 
+@pytest.mark.parametrize("limit_ns", [0, 1, 19])
+def test_limit_without_length_ends_on_a_busy_machine(limit_ns: int) -> None:
+    clock = ManualClock()
+    patience = Patience(limit_ns, clock.now_ns, lambda: MAX_SLOWDOWN)
+    for _ in range(20):
+        clock.advance(NS_PER_S)
+        patience.left_ns()
+    assert patience.left_ns() == 0
+
+
 def test_largest_slowdown_of_a_wait_is_kept_for_its_message() -> None:
     clock, factors = ManualClock(), iter([1.0, 4.0, 1.0])
     patience = Patience(LIMIT_NS, clock.now_ns, lambda: next(factors))

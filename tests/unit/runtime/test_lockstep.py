@@ -10,7 +10,7 @@ import pytest
 from runtime.clock import Tick, ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.timing import CONTROL_HZ, PERIOD_NS
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 NEVER_S = 60.0
 
@@ -76,12 +76,12 @@ def test_a_cycle_that_blocks_holds_up_neither_the_clock_nor_a_nudge() -> None:
 
     def wait() -> None:
         entered.set()
-        assert may_go_on.wait(10.0)
+        assert may_go_on.wait(PATIENCE_S)
 
     with room.running():
         room.on_cycle = wait
         room.loop.advance_to(0)
-        assert entered.wait(10.0)
+        assert entered.wait(PATIENCE_S)
         room.loop.advance_to(PERIOD_NS)
         room.loop.nudge()
         assert room.clock.now_ns() == PERIOD_NS
@@ -197,14 +197,14 @@ def test_an_idle_call_waits_for_the_cycle_under_way() -> None:
 
     def wait() -> None:
         entered.set()
-        assert may_go_on.wait(10.0)
+        assert may_go_on.wait(PATIENCE_S)
 
     with room.running():
         room.on_cycle = wait
         before = len(room.idle)
         advancing = threading.Thread(target=room.loop.advance_to, args=(0,))
         advancing.start()
-        assert entered.wait(10.0)
+        assert entered.wait(PATIENCE_S)
         room.loop.nudge()
         assert len(room.idle) == before
         may_go_on.set()

@@ -16,6 +16,7 @@ from ground.recording.dual_log import DualLog
 from ground.recording.log_reader import open_log
 from ground.recording.log_writer import LogFile
 from tests.support.ground.recording.made import START_US, WORLD_TEXT, PublishedFrame, run
+from tests.support.until import PATIENCE_S
 
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=UTC)
 
@@ -73,12 +74,12 @@ def test_slow_disk_delays_no_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
     def slow(_log: LogFile) -> None:
         requested.set()
-        done.wait(10.0)
+        done.wait(PATIENCE_S)
 
     monkeypatch.setattr(LogFile, "sync", slow)
     dual_log, frames_sent = dual_log_in(tmp_path), list(run())
     fed(dual_log, frames_sent[:100])
-    assert requested.wait(10.0)
+    assert requested.wait(PATIENCE_S)
     fed(dual_log, frames_sent[100:])
     dual_log.flush(2, sync_every=4)
     for track in dual_log.tracks:
@@ -113,7 +114,7 @@ def test_failed_flush_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(LogFile, "sync", broken)
     dual_log = dual_log_in(tmp_path)
     dual_log.flush(4, sync_every=4)
-    assert reported.wait(10.0)
+    assert reported.wait(PATIENCE_S)
     dual_log.close()
     assert dual_log.error == "Input/output error"
 

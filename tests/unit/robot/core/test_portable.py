@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.robot.core.sources import CORE, FILES
+from tests.support.until import PATIENCE_S
 
 OUTSIDE = ("math", "typing", "runtime.elementary")
 FORBIDDEN = {"dataclass", "enum", "remainder", "_replace", "OrderedDict", "print", "open"}
@@ -111,7 +112,7 @@ def test_a_cycle_runs_with_the_substitute_for_typing(interpreter: list[str]) -> 
         cwd=CORE.parents[1],
         capture_output=True,
         text=True,
-        timeout=20,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert (ran.returncode, ran.stdout.strip()) == (0, "0 0.2 False"), ran.stderr
