@@ -2,7 +2,8 @@
 
 import gc
 import os
-from collections.abc import Generator, Iterator
+from collections import Counter
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -57,8 +58,33 @@ def pytest_collection() -> Generator[None]:
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Reject a marker of a lane on a test that its lane would not find."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Reject a marker of a lane on a test that its lane would not find; thin out sweeps."""
+    reject_misplaced(items)
+    if config.getoption("--examples") != "long":
+        thin_out(config, items)
+
+
+def thin_out(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect all but every n-th row of a test that is marked `sweep(n)`."""
+    rows: Counter[tuple[object, ...]] = Counter()
+    left_out: list[pytest.Item] = []
+    for item in items:
+        marker = item.get_closest_marker("sweep")
+        if marker is None:
+            continue
+        test = (item.path, getattr(item, "originalname", item.name))
+        if rows[test] % marker.args[0]:
+            left_out.append(item)
+        rows[test] += 1
+    if left_out:
+        config.hook.pytest_deselected(items=left_out)
+        unwanted = set(left_out)
+        items[:] = [item for item in items if item not in unwanted]
+
+
+def reject_misplaced(items: Sequence[pytest.Item]) -> None:
+    """Raise a usage error for a test whose marker its folder forbids."""
     folder_of: dict[Path, str | None] = {}
     for item in items:
         if item.path not in folder_of:
@@ -77,6 +103,27 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-screens", action="store_true", help="take the screens as they are")
     parser.addoption("--no-skips", action="store_true", help="a skipped test fails, as in CI")
     parser.addoption("--examples", choices=EXAMPLES, default="usual", help="of each property")
+
+
+class Count:
+    """Writes how many tests have ended, and of how many, for the line of `make test`."""
+
+    def __init__(self, session: pytest.Session, file: Path) -> None:
+        self._session, self._file = session, file
+        self._done = 0
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Count a test at its last phase; a torn write cannot be read and is left out."""
+        if report.when == "teardown":
+            self._done += 1
+            self._file.write_text(f"{self._done} {self._session.testscollected}\n", "ascii")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Count for the program that has started this run; a worker of xdist has no count."""
+    file = os.environ.pop("SIDESTEP_TEST_COUNT", "")
+    if file and not hasattr(session.config, "workerinput"):
+        session.config.pluginmanager.register(Count(session, Path(file)), "count")
 
 
 @pytest.hookimpl(wrapper=True)
