@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test interop clients-table rows-table mutation bench evidence generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench evidence generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -16,7 +16,10 @@ help:
 	@echo "make setup   the virtual environment .venv with everything in it"
 	echo "make up      plant, robot and a goal; ARGS=\"--world u_trap --navigator bug\" for another run"
 	echo "make firmware  the control core for an emulated LPC1768, in build/firmware"
-	echo "make test    every check: format, lint, types, import contracts, tests"
+	echo "make test    the checks for each change, about two minutes; ARGS=\"ground/client\" for the tests of a room"
+	echo "make gate    every check, about ten minutes; needs Docker, a compiler, an emulator and a browser"
+	echo "make gate-afresh  .ci/run on a system without anything, made by debootstrap; as root"
+	echo "make brief   choose the tests of make test again, after new modules"
 	echo "make mutation  change the modules a stop depends on, bit by bit: does a test notice?"
 	echo "make same-bits  compares digests of a thousand trials with other Pythons, libraries and processor features"
 	echo "make same-bits-mcu  compares digests of all worlds and navigators with the emulated board"
@@ -64,13 +67,34 @@ $(READY): pyproject.toml constraints.txt $(if $(USABLE),,afresh)
 			echo "            On Debian and Ubuntu: apt install python3 python3-venv" >&2
 			exit 1
 		fi
-		echo "Setting up .venv with $$("$$python" --version); the first time takes about a minute."
+		echo "Setting up .venv with $$("$$python" --version); this takes about a minute, at most 90 s."
 		"$$python" -m venv --clear .venv
 	fi
-	# The build tools come first and from the same list, so nothing unpinned is ever fetched.
+	# A line every ten seconds, or on a terminal one that changes; it ends with this shell.
+	show() {
+		seconds=0
+		while sleep 1 >/dev/null 2>&1 && kill -0 $$$$ 2>/dev/null; do
+			seconds=$$((seconds + 1))
+			found=$$(grep -c '^Collecting ' .venv/setup.log) || :
+			line="  $$found of about $$(grep -c == constraints.txt) packages found"
+			! grep -q '^Installing collected' .venv/setup.log || line="  all packages found, installing them"
+			if [ -t 1 ]; then
+				printf '\r\033[K%s, %s s ' "$$line" $$seconds
+			elif [ $$((seconds % 10)) = 0 ]; then
+				echo "$$line, $$seconds s"
+			fi
+		done
+	}
+	# The build tools come first and from the same list, so nothing unpinned is ever fetched. pip would
+	# compile every module of every package; most are never imported, and others are at their first.
 	install() {
-		"$(BIN)/python" -m pip --disable-pip-version-check --no-input install -c constraints.txt "$$@" \
-			>.venv/setup.log 2>&1 && return
+		code=0
+		show 9<&- & shown=$$!
+		"$(BIN)/python" -m pip --disable-pip-version-check --no-input install --no-compile \
+			-c constraints.txt "$$@" >.venv/setup.log 2>&1 || code=$$?
+		kill $$shown
+		[ ! -t 1 ] || printf '\r\033[K'
+		[ $$code != 0 ] || return 0
 		cat .venv/setup.log >&2
 		echo "make setup: pip could not install $$*; its own words are above." >&2
 		exit 1
@@ -107,7 +131,20 @@ evidence: setup
 # The steps are in verification/gate.py. With CI set a skipped test fails.
 test: setup
 	@PATH="$(BIN):$$PATH"
-	exec "$(BIN)/python" -m verification.gate $(if $(CI),--no-skips)
+	exec "$(BIN)/python" -m verification.gate $(if $(ARGS),room,test) $(if $(CI),--no-skips) $(ARGS)
+
+# Everything: `test`, then the rest; ARGS=rest leaves out what `make test` has run.
+gate: setup
+	@PATH="$(BIN):$$PATH"
+	exec "$(BIN)/python" -m verification.gate $(or $(ARGS),gate) $(if $(CI),--no-skips)
+
+# It keeps the packages it fetches in build/afresh, and nothing else.
+gate-afresh:
+	@exec .ci/afresh $(ARGS)
+
+# About a quarter of an hour; writes tests/brief.txt.
+brief: setup
+	@exec "$(BIN)/python" -m verification.brief $(ARGS)
 
 # A client that cannot be installed is skipped with the reason, and fails with CI set. Each client
 # drives a robot in real time: four at once are not late on two cores.

@@ -1,152 +1,338 @@
-"""`python -m verification.gate`: every check of the project.
+"""`python -m verification.gate [test|gate|rest|room PATH ...]`: the checks of the project.
 
-There are three phases. The first phase runs static checks and tests that control their time;
-meanwhile it compiles the tests, builds the images for the tests with containers, installs the
-MAVLink clients, and builds and tests the firmware. The other phases measure wall time. The second
-one runs the tests with processes, including first drives. No other step runs at the same time, so
-that robots are not late. The third one runs the tests with containers, and at the same time the
-tests with MAVLink clients, which wait for their robot most of the time. Every step is run, so that
-one call shows all errors. The exit code is 1 when a step failed, and the last line names it.
+- `test` is `make test`, for each change: static checks, the tests in `tests/brief.txt`, the branch
+  coverage of the safety modules, and a few real processes. It needs only Python.
+- `gate` is `make gate`: `test`, then `rest`.
+- `rest` is every other check. It needs an engine for containers, a compiler and an emulator.
+- `room PATH ...` runs the tests of some folders or modules of the product.
+
+The steps are in phases. Each phase has lanes that run at the same time, and a lane runs its steps
+one after the other. Every step is run, also after a failure, so that one call shows all errors. A
+step that passes prints one line; its whole output is in `build/gate`. The exit code is 1 when a
+step failed, and the last line names it.
 """
 
 import argparse
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
-from threading import Lock, Thread
+from threading import Event, Lock, Thread
 from time import monotonic
 from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).resolve().parents[1]
+LOGS: Final = ROOT / "build" / "gate"
 PYTHON: Final = (sys.executable, "-m")
-PYTEST: Final = (*PYTHON, "pytest", "-q", "--durations=12")
+PYTEST: Final = (*PYTHON, "pytest", "-q")
 EXIT_INTERRUPTED: Final = 130
-BRIEF: Final = ("--examples", "brief")
+BRIEF: Final = ROOT / "tests" / "brief.txt"
+"""The test files of `make test`, made by `python -m verification.brief`."""
+EXAMPLES: Final = ("--examples", "brief")
 """Branch coverage and mutation, which depend on what examples reach, have the usual number."""
-REAL_TIME: Final = "stack and not compose"
-REAL_TIME_FOLDERS: Final = ("tests/stack", "tests/bus")
-"""tests/conftest.py rejects such a test elsewhere."""
-WORKERS: Final = 4
-"""Of the tests with processes: more would start so many at once that robots miss deadlines. Those
-with containers and with MAVLink clients have one each: a stack of containers keeps a core busy."""
 ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"
-INTEROP: Final = "interop and brief"
-"""Real clients on a clean line. `make interop` has the rest."""
+"""Tests that own their time: they need nothing but processor time."""
+PROCESSES: Final = "stack and not realtime"
+PROCESSES_FOLDERS: Final = ("tests/stack", "tests/bus")
+"""tests/conftest.py rejects such a test elsewhere."""
+BRIEF_PROCESSES: Final = (
+    "tests/stack/life_cycle/test_up.py",
+    "tests/stack/operator/test_mavlink.py",
+    "tests/stack/operator/test_screen.py",
+    "tests/stack/reproduction/test_same_trajectory.py",
+)
+"""The files with processes of `make test`: those of their tests that are marked `brief`."""
+WORKERS: Final = 4
+"""Of the tests with processes, which wait for each other most of the time."""
+LOCAL: Final = ("-n", str(os.cpu_count() or 1), "--dist", "worksteal")
+"""As many workers as cores, for tests that need only processor time."""
+PERIOD_S: Final = 10.0
+"""Between two lines of progress where no terminal shows one that changes."""
+TICK_S: Final = 0.5
+LAST_LINES: Final = 40
+CLOSING: Final = re.compile(r"^\d+ \w+(?:, \d+ \w+)* in [\d.]+s.*$", re.MULTILINE)
+"""The last line of pytest."""
 
 
 class Step(NamedTuple):
-    """A command and its name."""
+    """A command, its name, and the seconds it takes on two cores without other programs."""
 
     name: str
     words: tuple[str, ...]
+    expected_s: float
 
 
 Lane = Sequence[Step]
-"""Steps that run one after the other."""
+Phase = Sequence[Lane]
 
 
-def phases(extra: Sequence[str]) -> list[list[Lane]]:
-    """Return the lanes of each phase; `extra` are options for each call of pytest."""
-    prepared = [
-        # In a fresh clone each worker would compile all tests, at the same time as the others.
-        Step("bytecode of the tests", (*PYTEST, "--collect-only", "-qq")),
-        Step("images", (*PYTHON, "tests.support.compose.images")),
-        Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra)),
-        Step("tests with the firmware", (*PYTEST, "-m", "mcu", *extra, "tests/mcu")),
-    ]
-    containers = Step("tests with containers", (*PYTEST, "-m", "compose", *extra, "tests/compose"))
-    clients = Step("tests with MAVLink clients", (*PYTEST, "-m", INTEROP, *extra, "tests/interop"))
-    return [[computing(extra), prepared], [processes(extra)], [[containers], [clients]]]
-
-
-def processes(extra: Sequence[str]) -> list[Step]:
-    """Return the tests with processes, which measure wall time."""
-    # A file runs on one worker, as its tests share processes; in the order of the folders.
-    workers = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
-    words = (*PYTEST, *workers, "-m", REAL_TIME, *extra, *REAL_TIME_FOLDERS)
-    return [Step("tests with processes", words)]
-
-
-def computing(extra: Sequence[str]) -> list[Step]:
-    """Return the steps that only need processor time."""
-    # One worker more than there are cores: some tests wait for threads and processes.
-    workers = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "worksteal")
-    mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
+def brief_phases(extra: Sequence[str]) -> list[Phase]:
+    """Return the phases of `make test`; `extra` are options for each call of pytest."""
+    brief = [line for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
+    lint_imports = str(Path(sys.executable).with_name("lint-imports"))
+    processes = ("-n", "2", "--dist", "worksteal", "-m", "stack and brief", *extra)
     return [
-        Step("format", (*PYTHON, "ruff", "format", "--check", ".")),
-        Step("lint", (*PYTHON, "ruff", "check", ".")),
-        Step("types", (*PYTHON, "mypy", "--strict")),
-        Step("import contracts", (str(Path(sys.executable).with_name("lint-imports")),)),
-        Step("documentation", (*PYTHON, "verification.site")),
-        Step("branch coverage", (*PYTHON, "verification.branch_coverage")),
-        Step("mutation of the stop", mutation),
+        [
+            [Step("types", (*PYTHON, "mypy", "--strict"), 35)],
+            [
+                Step("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
+                Step("lint", (*PYTHON, "ruff", "check", "."), 1),
+                Step("import contracts", (lint_imports,), 3),
+                Step("branch coverage", (*PYTHON, "verification.branch_coverage"), 8),
+                Step("processes", (*PYTEST, *processes, *BRIEF_PROCESSES), 20),
+            ],
+        ],
+        [[Step("brief tests", (*PYTEST, *LOCAL, *EXAMPLES, "-m", ELSEWHERE, *extra, *brief), 45)]],
+    ]
+
+
+def rest_phases(extra: Sequence[str]) -> list[Phase]:
+    """Return the phases of every other check.
+
+    In the first phase tests that own their time run beside what is built. The others measure real
+    processes: those of tests/stack with nothing but their own kind, and those with containers
+    beside MAVLink clients, which wait for their robot most of the time.
+    """
+    brief = [f"--deselect={line}" for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
+    computing = (*PYTEST, *LOCAL, *EXAMPLES, "-m", ELSEWHERE, *extra, *brief)
+    # A file runs on one worker, as its tests share processes; in the order of the folders.
+    by_file = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
+    processes = (*PYTEST, *by_file, "-m", PROCESSES, *extra, *PROCESSES_FOLDERS)
+    prepared = [
+        Step("images", (*PYTHON, "tests.support.compose.images"), 60),
+        Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 30),
+        Step("tests with the firmware", (*PYTEST, "-m", "mcu", *extra, "tests/mcu"), 60),
+        Step("documentation", (*PYTHON, "verification.site"), 30),
         Step(
-            "tests",
-            (*PYTEST, *workers, *BRIEF, "-m", ELSEWHERE, *extra),
+            "mutation of the stop", (*PYTHON, "verification.mutation", "--module", "stop_latch"), 15
         ),
     ]
+    containers = (*PYTEST, "-m", "compose and not realtime", *extra, "tests/compose")
+    clients = (*PYTEST, "-m", "interop and brief and not realtime", *extra, "tests/interop")
+    realtime = (*PYTEST, "-m", "realtime", *extra, "tests/stack", "tests/bus")
+    return [
+        [[Step("tests", computing, 150)], prepared],
+        [[Step("tests with processes", processes, 150)]],
+        [
+            [Step("tests with containers", containers, 120)],
+            [Step("tests with MAVLink clients", clients, 90)],
+        ],
+        [[Step("tests of real time", realtime, 30)]],
+    ]
+
+
+NOT_IN_TEST: Final = """\
+make test did not run: the other computing tests, most tests with processes, and those with
+containers, the emulated board, real MAVLink clients and compiled modules, the site, and the
+mutation test. `make gate` runs everything; it needs Docker and, of Debian's packages, gcc,
+python3-dev, tmux, chromium, gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm."""
+
+
+class Progress:
+    """The share that is done and the time that is left, from what steps report.
+
+    pytest writes the number of its finished tests to a file (tests/conftest.py). The remaining
+    time is in proportion to the time so far, so that a busy computer is taken into account.
+    """
+
+    def __init__(self, phases: Sequence[Phase]) -> None:
+        self._steps = [step for lanes in phases for lane in lanes for step in lane]
+        self._running: dict[Step, tuple[float, Path]] = {}
+        self._ended: set[Step] = set()
+        self._began_s = monotonic()
+
+    def begin(self, step: Step, report: Path) -> None:
+        """Take note that a step has started, and of the file in which it counts."""
+        self._running[step] = (monotonic(), report)
+
+    def end(self, step: Step) -> None:
+        """Take note that a step has ended."""
+        self._running.pop(step, None)
+        self._ended.add(step)
+
+    def line(self) -> str:
+        """Return the share, the time left, and what runs."""
+        whole_s = sum(step.expected_s for step in self._steps)
+        done_s = sum(step.expected_s for step in self._ended)
+        names = []
+        for step, (began_s, report) in list(self._running.items()):
+            counted = counts_in(report)
+            if counted is None:
+                share = min(0.95, (monotonic() - began_s) / step.expected_s)
+                names.append(step.name)
+            else:
+                done, of = counted
+                share = done / of
+                names.append(f"{step.name} {done} of {of}")
+            done_s += share * step.expected_s
+        share = done_s / whole_s if whole_s else 1.0
+        spent_s = monotonic() - self._began_s
+        left = f"{time_text(spent_s * (1 - share) / share)} left" if share > 0.02 else "..."
+        return f"{share:4.0%}, {left}: {', '.join(names)}"
+
+
+def counts_in(report: Path) -> tuple[int, int] | None:
+    """Return how many tests have ended, and of how many, from the file of a running pytest."""
+    with suppress(OSError, ValueError):
+        done, of = map(int, report.read_text(encoding="ascii").split())
+        if of > 0:
+            return done, of
+    return None
+
+
+def time_text(seconds: float) -> str:
+    """Return a duration for a person."""
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min"
 
 
 class Gate:
-    """Runs the lanes of a phase at the same time; keeps the names of steps that failed."""
+    """Runs the lanes of each phase at the same time; keeps the names of steps that failed."""
 
-    def __init__(self, folder: Path = ROOT) -> None:
-        self._folder = folder
+    def __init__(self, name: str, logs: Path = LOGS, folder: Path = ROOT) -> None:
+        self._name, self._logs, self._folder = name, logs, folder
         self._printing = Lock()
+        self._changing = sys.stdout.isatty()
+        """Whether a line of progress can be overwritten."""
         self.failed: list[str] = []
 
-    def run(self, phases: Sequence[Sequence[Lane]]) -> int:
+    def run(self, phases: Sequence[Phase]) -> int:
         """Run all steps to their ends; return the exit code."""
-        began_s = monotonic()
+        shutil.rmtree(self._logs, ignore_errors=True)
+        self._logs.mkdir(parents=True)
+        began_s, over = monotonic(), Event()
+        progress = Progress(phases)
+        shown = Thread(target=self._show, args=(progress, over), daemon=True)
+        shown.start()
         for lanes in phases:
-            threads = [Thread(target=self._run_lane, args=(lane,), daemon=True) for lane in lanes]
+            threads = [
+                Thread(target=self._run_lane, args=(lane, progress), daemon=True) for lane in lanes
+            ]
             for thread in threads:
                 thread.start()
             for thread in threads:
                 thread.join()
+        over.set()
+        shown.join()
         took_s = monotonic() - began_s
         if self.failed:
-            names = ", ".join(self.failed)
-            print(f"\nmake test: FAILED: {names} ({took_s:.0f} s)", file=sys.stderr)
+            self._print(f"{self._name}: FAILED: {', '.join(self.failed)} ({took_s:.0f} s)")
             return 1
-        print(f"\nmake test: all passed ({took_s:.0f} s)")
+        self._print(f"{self._name}: all passed ({took_s:.0f} s)")
         return 0
 
-    def _run_lane(self, lane: Lane) -> None:
+    def _run_lane(self, lane: Lane, progress: Progress) -> None:
         for step in lane:
-            self._print(f"... {step.name}")
-            self._run_step(step)
+            self._run_step(step, progress)
 
-    def _run_step(self, step: Step) -> None:
+    def _run_step(self, step: Step, progress: Progress) -> None:
+        stem = re.sub(r"\W+", "-", step.name)
+        log, report = self._logs / f"{stem}.log", self._logs / f"{stem}.count"
         began_s = monotonic()
-        with tempfile.TemporaryFile() as output:
-            done = subprocess.run(
+        progress.begin(step, report)
+        with log.open("w+b") as output:
+            code = subprocess.run(
                 step.words,
                 cwd=self._folder,
+                env={**os.environ, "SIDESTEP_TEST_COUNT": str(report)},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 check=False,
-            )
+            ).returncode
             output.seek(0)
             text = output.read().decode(errors="replace")
-        if done.returncode:
-            self.failed.append(step.name)
-        took_s = monotonic() - began_s
-        self._print(f"\n=== {step.name}: {' '.join(step.words)}\n{text}{took_s:.0f} s")
+        progress.end(step)
+        took = f"{monotonic() - began_s:4.0f} s"
+        closing = CLOSING.findall(text)[-1:]
+        if code == 0:
+            self._print("\n".join([f"passed {took}  {step.name}", *closing]))
+            return
+        self.failed.append(step.name)
+        self._print(
+            f"FAILED {took}  {step.name}: {' '.join(step.words)}\n{text.rstrip()}\n"
+            f"FAILED {took}  {step.name}: exit code {code}, output in {log}"
+        )
+
+    def _show(self, progress: Progress, over: Event) -> None:
+        printed_s = monotonic()
+        while not over.wait(TICK_S):
+            if self._changing:
+                columns = shutil.get_terminal_size().columns - 1
+                with self._printing:
+                    self._write(f"\r\x1b[K{progress.line()[:columns]}")
+            elif monotonic() - printed_s >= PERIOD_S:
+                printed_s = monotonic()
+                self._print(progress.line())
 
     def _print(self, text: str) -> None:
         with self._printing:
-            print(text, flush=True)
+            self._write(("\r\x1b[K" if self._changing else "") + text + "\n")
+
+    @staticmethod
+    def _write(text: str) -> None:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+
+
+def find_tests(path: str) -> Iterator[str]:
+    """Yield the test files and folders of a folder or module of the product, or a path in tests/.
+
+    Raises:
+        ValueError: There is no such path, or it has no tests.
+    """
+    name = path.strip("/").removeprefix("./")
+    if name.split("/")[0] == "tests":
+        if not (ROOT / name.split("::")[0]).exists():
+            raise ValueError(f"{path}: no such file or folder")
+        yield name
+        return
+    if not (ROOT / name).exists() and not (ROOT / f"{name}.py").exists():
+        rooms = ", ".join(sorted(found.name for found in (ROOT / "tests" / "unit").glob("[a-z]*/")))
+        raise ValueError(f"{path}: no such folder or module; the rooms are {rooms}")
+    place = ROOT / "tests" / "unit" / name
+    found = [place] if place.is_dir() else list(module_tests(place.parent, Path(name).stem))
+    if not found:
+        raise ValueError(
+            f"{path} has no tests of its own in {place.parent.relative_to(ROOT)}; name its folder"
+        )
+    yield from (str(test.relative_to(ROOT)) for test in found)
+
+
+def module_tests(folder: Path, stem: str) -> Iterator[Path]:
+    """Yield the test files in a folder that belong to a module."""
+    yield from sorted({*folder.glob(f"test_{stem}.py"), *folder.glob(f"test_{stem}_*.py")})
+
+
+def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
+    """Run the tests of some rooms, after a quick look at their sources; return the exit code."""
+    try:
+        tests = [test for path in paths for test in find_tests(path)]
+    except ValueError as refusal:
+        print(f"make test: {refusal}", file=sys.stderr)
+        return 2
+    sources = [path for path in paths if not path.startswith("tests")]
+    for words in (("format", "--check"), ("check",)):
+        checked = [*sources, *(test.partition("::")[0] for test in tests)]
+        named = [path if (ROOT / path).exists() else f"{path}.py" for path in checked]
+        code = subprocess.run((*PYTHON, "ruff", *words, "--quiet", *named), cwd=ROOT).returncode
+        if code:
+            return code
+    # Two workers take seconds to start: they are worth it for a large room only.
+    count = sum(len(list((ROOT / test.partition("::")[0]).rglob("test_*.py"))) for test in tests)
+    workers = LOCAL if count > 20 else ("-n", "0")
+    return subprocess.run((*PYTEST, *workers, *EXAMPLES, *extra, *tests), cwd=ROOT).returncode
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the gate; return 0 when every step passed, else 1."""
+    """Run the checks; return 0 when every step passed, else 1."""
     parser = argparse.ArgumentParser(prog="python -m verification.gate", description=__doc__)
+    parser.add_argument("part", choices=("test", "gate", "rest", "room"))
+    parser.add_argument("paths", nargs="*", metavar="PATH")
     parser.add_argument("--no-skips", action="store_true", help="a skipped test fails, as in CI")
     options = parser.parse_args(argv)
     extra = ["--no-skips"] if options.no_skips else []
@@ -155,7 +341,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     try:
-        return Gate().run(phases(extra))
+        if options.part == "room":
+            return run_room(options.paths, extra)
+        phases = brief_phases(extra) if options.part in ("test", "gate") else []
+        phases += rest_phases(extra) if options.part in ("gate", "rest") else []
+        code = Gate(f"make {options.part}").run(phases)
+        if options.part == "test":
+            print(NOT_IN_TEST)
+        else:
+            subprocess.run((*PYTHON, "verification.evidence", "--brief"), cwd=ROOT, check=False)
+        return code
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
 

@@ -1,14 +1,26 @@
-"""The gate runs the steps of all lanes and fails when one of them does."""
+"""The gate runs the steps of all lanes, fails when one of them does, and shows its progress."""
 
+import re
 import sys
 from pathlib import Path
 
 import pytest
 
-from verification.gate import Gate, Step, phases
+from tests.support.each import each
+from verification.gate import (
+    BRIEF,
+    BRIEF_PROCESSES,
+    ROOT,
+    Gate,
+    Progress,
+    Step,
+    brief_phases,
+    rest_phases,
+    find_tests,
+)
 
-PASSES = Step("passes", (sys.executable, "-c", "print('well')"))
-FAILS = Step("fails", (sys.executable, "-c", "raise SystemExit('badly')"))
+PASSES = Step("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
+FAILS = Step("fails", (sys.executable, "-c", "raise SystemExit('badly')"), 1)
 MEETS = """
 import sys
 from pathlib import Path
@@ -17,47 +29,127 @@ mine, other = map(Path, sys.argv[1:])
 mine.touch()
 until(other.exists)
 """
-LAST = Step("last", (sys.executable, "-c", ""))
+LAST = Step("last", (sys.executable, "-c", ""), 1)
+
+
+@pytest.fixture
+def gate(tmp_path: Path) -> Gate:
+    """Return a gate that keeps its logs in a folder of its own."""
+    return Gate("make gate", tmp_path / "logs")
 
 
 def meeting(mine: Path, other: Path) -> Step:
     """Return a step that ends only when another one runs at the same time."""
-    return Step("meeting", (sys.executable, "-c", MEETS, str(mine), str(other)))
+    return Step("meeting", (sys.executable, "-c", MEETS, str(mine), str(other)), 1)
 
 
 def test_lanes_of_a_phase_run_at_the_same_time(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    gate: Gate, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     one, other = tmp_path / "one", tmp_path / "other"
-    assert Gate().run([[[meeting(one, other)], [meeting(other, one)]]]) == 0
-    assert "all passed" in capfd.readouterr().out
+    assert gate.run([[[meeting(one, other)], [meeting(other, one)]]]) == 0
+    assert "make gate: all passed" in capfd.readouterr().out
 
 
-def test_phases_run_one_after_the_other(capfd: pytest.CaptureFixture[str]) -> None:
-    assert Gate().run([[[PASSES]], [[LAST]]]) == 0
+def test_phases_run_one_after_the_other(gate: Gate, capfd: pytest.CaptureFixture[str]) -> None:
+    assert gate.run([[[PASSES]], [[LAST]]]) == 0
     out = capfd.readouterr().out
-    assert out.index("well") < out.index("... last")
+    assert out.index("passes") < out.index("last")
 
 
-def test_failed_step_is_named_and_the_next_ones_run(capfd: pytest.CaptureFixture[str]) -> None:
-    assert Gate().run([[[FAILS, PASSES], []], [[LAST]]]) == 1
-    said = capfd.readouterr()
-    assert "well" in said.out
-    assert "badly" in said.out
-    assert "... last" in said.out
-    assert "FAILED: fails (" in said.err
+def test_step_that_passes_prints_one_line_and_the_count_of_pytest(
+    gate: Gate, capfd: pytest.CaptureFixture[str]
+) -> None:
+    gate.run([[[PASSES]]])
+    lines = capfd.readouterr().out.splitlines()
+    assert re.fullmatch(r"passed +\d+ s  passes", lines[0])
+    assert lines[1] == "3 passed, 1 skipped in 0.1s"
+
+
+def test_failed_step_is_printed_whole_and_the_next_ones_run(
+    gate: Gate, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert gate.run([[[FAILS, PASSES], []], [[LAST]]]) == 1
+    out = capfd.readouterr().out
+    assert "badly" in out
+    assert str(tmp_path / "logs" / "fails.log") in out
+    assert "  last" in out
+    assert "make gate: FAILED: fails (" in out.splitlines()[-1]
+
+
+def test_progress_counts_tests_and_weighs_steps(tmp_path: Path) -> None:
+    long, short = Step("long", (), 30.0), Step("short", (), 10.0)
+    progress, report = Progress([[[long], [short]]]), tmp_path / "count"
+    assert progress.line() == "  0%, ...: "
+    progress.begin(short, tmp_path / "none")
+    progress.end(short)
+    progress.begin(long, report)
+    report.write_text("15 20\n")
+    line = progress.line()
+    assert line.startswith(f"{(10 + 30 * 15 / 20) / 40:4.0%}, ")
+    assert line.endswith(" left: long 15 of 20")
+    report.write_text("")
+    assert progress.line().endswith(" left: long")
 
 
 def test_every_test_is_in_one_of_the_steps() -> None:
-    lanes = [lane for phase in phases(["--no-skips"]) for lane in phase]
+    lanes = [lane for phase in rest_phases(["--no-skips"]) for lane in phase]
     steps = [step.words for lane in lanes for step in lane if "pytest" in step.words]
-    steps = [words for words in steps if "--collect-only" not in words]
     chosen = [words[words.index("-m", 2) + 1] for words in steps]
-    assert chosen == [
-        "not stack and not compose and not interop and not mcu",
+    assert sorted(chosen) == [
+        "compose and not realtime",
+        "interop and brief and not realtime",
         "mcu",
-        "stack and not compose",
-        "compose",
-        "interop and brief",
+        "not stack and not compose and not interop and not mcu",
+        "realtime",
+        "stack and not realtime",
     ]
     assert all("--no-skips" in words for words in steps)
+
+
+def test_brief_tests_are_run_once_by_make_gate() -> None:
+    names = BRIEF.read_text(encoding="utf-8").splitlines()
+    assert names
+    assert [name for name in (*names, *BRIEF_PROCESSES) if not (ROOT / name).is_file()] == []
+    (brief,) = (
+        step
+        for lanes in brief_phases([])
+        for lane in lanes
+        for step in lane
+        if step.name == "brief tests"
+    )
+    (rest,) = (
+        step for lanes in rest_phases([]) for lane in lanes for step in lane if step.name == "tests"
+    )
+    assert [word for word in brief.words if word.startswith("tests/")] == names
+    assert [f"--deselect={name}" for name in names] == [
+        word for word in rest.words if word.startswith("--deselect=")
+    ]
+
+
+@each(
+    ("path", "tests"),
+    [
+        ("ground/client", ["tests/unit/ground/client"]),
+        ("./ground/client/", ["tests/unit/ground/client"]),
+        ("robot/lease.py", ["tests/unit/robot/test_lease.py"]),
+        ("robot/lease", ["tests/unit/robot/test_lease.py"]),
+        ("tests/tui/test_start.py", ["tests/tui/test_start.py"]),
+        ("tests/tui/test_start.py::test_x", ["tests/tui/test_start.py::test_x"]),
+    ],
+)
+def test_room_has_the_tests_that_mirror_it(path: str, tests: list[str]) -> None:
+    assert list(find_tests(path)) == tests
+
+
+@each(
+    ("path", "why"),
+    [
+        ("ground/clinet", "no such folder or module; the rooms are benchmarks, ground, plant,"),
+        ("tests/nothing", "no such file or folder"),
+        ("docs", "docs has no tests of its own in tests/unit; name its folder"),
+    ],
+)
+def test_path_without_tests_is_refused_with_the_reason(path: str, why: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(why)):
+        list(find_tests(path))
