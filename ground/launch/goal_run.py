@@ -25,6 +25,7 @@ from protocol.wire.enums import Command, GoalState, Mode, RunAction
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
+from runtime.load import slowdown_in
 from runtime.units import NS_PER_S
 
 READY_NS: Final = 60 * NS_PER_S
@@ -218,7 +219,8 @@ class GoalRun:
         self.outcome = self._judge(status, wall_s)
 
     def _ask_plant(self, request: RunRequest) -> object:
-        return self.link.bus.ask(RUN, request, REQUEST_TIMEOUT_S, robot=self.link.robot)
+        timeout_s = REQUEST_TIMEOUT_S * slowdown_in(self.link.clock)()
+        return self.link.bus.ask(RUN, request, timeout_s, robot=self.link.robot)
 
     def _refused(self, refusal: Refused) -> NavigatorStatus:
         self.link.wait(lambda: self.telemetry.latest(STATUS) is not None, READY_NS)
