@@ -3,17 +3,25 @@
 import os
 import signal
 import sys
+from pathlib import Path
 
 import pytest
 
-from tests.support.stack.process_table import alive, children_of, cmdline
+from tests.support.stack.process_table import ROOT, alive, children_of, cmdline
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
 
 pytestmark = pytest.mark.stack
 
 TOOL = (sys.executable, "-m", "verification.first_drives")
-DRIVES_S = 120.0
+DRIVES_S = 240.0
+NAME = "short.toml"
+SHORT = """
+name = "short"
+size_m = [4.0, 3.0]
+start = { x_m = 0.7, y_m = 1.1, heading_deg = 0.0 }
+goal = { x_m = 1.9, y_m = 1.1, heading_deg = 0.0 }
+"""
 
 
 def busy_processes(running: Running) -> list[int]:
@@ -26,15 +34,20 @@ def busy_processes(running: Running) -> list[int]:
     return found
 
 
-def test_first_drives_arrive_with_the_digest_of_the_trial() -> None:
+def test_first_drives_arrive_with_the_digest_of_the_trial(tmp_path: Path) -> None:
     """Use one busy process: other tests run beside it."""
-    words = ("--drives", "2", "--busy", "1", "--parallel", "2", "--worlds", "box")
+    (tmp_path / NAME).write_text(SHORT)
+    there = ("env", "-C", str(tmp_path), f"PYTHONPATH={ROOT}")
+    words = ("--drives", "2", "--busy", "1", "--parallel", "2", "--worlds", NAME)
     with Crew() as crew:
-        drives = crew.execute(*TOOL, *words)
+        drives = crew.execute(*there, *TOOL, *words)
         assert drives.ends(DRIVES_S) == 0, drives.said
         head, _, *rows = drives.said.splitlines()[-5:]
         assert head.startswith("2 first drives beside 1 busy processes on ")
-        assert [row.split()[:2] for row in rows[:2]] == [["box", "app"], ["box", "headless"]]
+        assert [row.split()[:2] for row in rows[:2]] == [
+            [NAME, "app"],
+            [NAME, "headless"],
+        ]
         assert all("1 of 1" in row and "equal" in row for row in rows[:2])
         assert "2 of 2" in rows[2]
 

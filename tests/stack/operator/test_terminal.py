@@ -162,29 +162,29 @@ def fly(tmux: Tmux) -> None:
         tmux.shows(f"ground {line}: ", answer)
 
 
-@pytest.mark.parametrize("environment", [{"NO_COLOR": "1"}, {"TERM": "linux"}, {"LC_ALL": "C"}])
+@pytest.mark.parametrize("environment", [{"NO_COLOR": "1", "LC_ALL": "C"}, {"TERM": "linux"}])
 def test_a_poor_terminal_shows_it_too(
     stack: Simulated, tmp_path: Path, environment: dict[str, str]
 ) -> None:
     with opened(stack, tmp_path, environment=environment) as tmux:
         screen = tmux.shows(READY, KEYS, "SIM")
+        assert screen.isascii()
         if "NO_COLOR" in environment:
             assert "\x1b[38;2" not in tmux.coloured
             assert "\x1b[31" not in tmux.coloured
-        else:
-            assert screen.isascii()
         tmux.press("4")
         tmux.shows("f Follow")
         tmux.press("C-q")
         assert tmux.ends() == 0
 
 
-@pytest.mark.parametrize("size", [(1, 1), (20, 5), (300, 90)])
+@pytest.mark.parametrize("size", [(1, 1), (300, 90)])
 def test_it_fits_any_terminal(stack: Simulated, tmp_path: Path, size: tuple[int, int]) -> None:
     with opened(stack, tmp_path, size) as tmux:
         until(lambda: tmux.screen.strip(), what="anything on the screen")
         tmux.resize(*USUAL)
         tmux.shows(READY, KEYS)
+        tmux.resize(20, 5)
         tmux.resize(*size)
         tmux.press("F12")
         until(lambda: "STOP" in vehicle(stack.witness), what="the e-stop, unseen")
@@ -222,20 +222,23 @@ def test_garbage_that_is_pasted_moves_nothing_and_breaks_nothing(
 
 
 HOSTILE = {
-    "escapes": "\x1b[2J\x1b]52;c;QQ==\x07\x1b[31m a R D D \x1b",
-    "nothing but NULs": "\x00" * 5000,
-    "a megabyte": "goal 9 7 " * 120_000,
-    "an end of its own": "x\x1b[201~ a R D D ",
+    "control characters": (
+        "\x1b[2J\x1b]52;c;QQ==\x07\x1b[31m a R D D \x1b",
+        "\x00" * 5000,
+        "x\x1b[201~ a R D D ",
+    ),
+    "a megabyte": ("goal 9 7 " * 120_000,),
 }
 
 
-@pytest.mark.parametrize("text", HOSTILE.values(), ids=HOSTILE)
+@pytest.mark.parametrize("texts", HOSTILE.values(), ids=HOSTILE)
 def test_whatever_is_pasted_presses_no_key_and_the_next_key_counts(
-    stack: Simulated, tmp_path: Path, text: str
+    stack: Simulated, tmp_path: Path, texts: tuple[str, ...]
 ) -> None:
     with opened(stack, tmp_path) as tmux:
         tmux.shows(READY)
-        tmux.paste(text)
+        for text in texts:
+            tmux.paste(text)
         tmux.press("F12")
         tmux.shows("E-STOP acknowledged")
         tmux.press("4")

@@ -34,7 +34,7 @@ def executed(crew: Crew, log: Path, *words: str) -> tuple[int, dict[str, object]
 
 def test_lockstep_drive_executed_again_is_the_same_in_every_tick(tmp_path: Path) -> None:
     with Crew() as crew:
-        log = driven(crew, tmp_path, "--world", "u_trap", "--speed", "max")
+        log = driven(crew, tmp_path, "--world", "u_trap", "--speed", "max", "--timeout", "31")
         is_the_same(crew, log, ticks=600)
         code, told = executed(crew, log, "--navigator", "bug")
         assert code == 0
