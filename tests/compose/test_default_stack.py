@@ -79,8 +79,12 @@ def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) ->
 
 
 def test_processes_in_containers_are_unprivileged(stack: Compose, part: str) -> None:
-    users = {who for words, who in stack.users(part).items() if "docker-init" not in words}
-    assert users == {ROBOTS_USER if part == "robot" else USER}
+    def users() -> set[str]:
+        return {who for words, who in stack.users(part).items() if "docker-init" not in words}
+
+    # A health check of the robot begins as root, and goes on as the robot's user at once.
+    expected = {ROBOTS_USER if part == "robot" else USER}
+    until(lambda: users() == expected, SOON_S, lambda: f"{expected}; {users()}", POLL_S)
     limits = stack.inspected(part)["HostConfig"]
     assert limits["CapDrop"] == ["ALL"]
     added = {right.removeprefix("CAP_") for right in limits["CapAdd"] or ()}

@@ -127,8 +127,8 @@ class Compose:
         self.in_real_time()
 
     def in_real_time(self) -> None:
-        """Schedule robots and plants in real time, if the engine is here and this user may."""
-        for container in self.containers(*PARTS):
+        """Schedule robots, plants and the router between them in real time, if this user may."""
+        for container in self.containers("router", *PARTS):
             for pid in docker("top", container, "-eo", "pid").split()[1:]:
                 real_time(int(pid))
 
