@@ -108,11 +108,11 @@ class Link:
     ) -> Answer:
         """Send a request until it is answered; return the answer.
 
-        While this machine is busy, a request with several attempts gets more of them; the robot
-        ignores each one that arrives later than its sender waits. Raises UnansweredError, which
-        names the process that is missing or hangs.
+        While this machine is busy, a request gets more attempts, unless the caller has set a limit;
+        the robot ignores each one that arrives later than its sender waits. Raises UnansweredError,
+        which names the process that is missing or hangs.
         """
-        if attempts > 1:
+        if (attempts, patience_ns) == (ATTEMPTS, PATIENCE_NS):
             attempts = round(attempts * self._slowdown())
         asking = CommandExchange(
             request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns

@@ -19,7 +19,7 @@ from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S, until
 
 STANDS_S = 0.2
-GIVE_UP_NS = 10_000_000_000
+GIVE_UP_NS = 60_000_000_000
 OWN = "open/fedcba9876543210"
 GOOD_NS = 5_000_000_000
 

@@ -5,7 +5,7 @@ from threading import Event
 from time import monotonic
 from typing import Final
 
-PATIENCE_S: Final = 20.0
+PATIENCE_S: Final = 60.0
 POLL_S: Final = 0.002
 
 

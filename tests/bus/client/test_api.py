@@ -11,8 +11,8 @@ from protocol.wire.enums import Command, LeaseAction, MissionState
 from protocol.wire.messages import CommandRequest, GoalRequest
 from sidestep import GoalState, Mode, Reason, Vehicle
 from tests.support.bus.robots import PlayedRobot
+from tests.support.until import PATIENCE_S
 
-PATIENCE_S = 8.0
 Stage = tuple[PlayedRobot, str]
 
 
@@ -136,13 +136,12 @@ def test_stop_waits_for_no_request(stage: Stage) -> None:
         stuck = [asyncio.ensure_future(robot.hold()) for _ in range(8)]
         await until(lambda: len(played.asked) >= 4)
         stopped = await robot.emergency_stop()
-        assert not all(one.done() for one in stuck)
+        assert not any(one.done() for one in stuck)
         await asyncio.gather(*stuck, return_exceptions=True)
         return stopped
 
     stopped = asyncio.run(with_robot(stage, story))
     assert stopped.ok
-    assert stopped.stop.took_ns < 1_000_000_000
     assert played.vehicle is Vehicle.EMERGENCY_STOP
 
 
@@ -157,7 +156,7 @@ def test_cancelled_stop_is_still_sent(stage: Stage) -> None:
     played.deaf = True
 
     async def story(robot: sidestep.Robot) -> None:
-        stopping = asyncio.ensure_future(robot.emergency_stop(timeout_s=2.0))
+        stopping = asyncio.ensure_future(robot.emergency_stop(timeout_s=PATIENCE_S))
         await asyncio.sleep(0)
         stopping.cancel()
         await asyncio.sleep(0.2)

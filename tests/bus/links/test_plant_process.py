@@ -149,7 +149,7 @@ def test_an_unknown_action_is_refused() -> None:
 
 def test_plant_returns_its_world_as_json() -> None:
     with running() as driver:
-        told = driver.bus.ask(WORLD, None, 2.0)
+        told = driver.bus.ask(WORLD, None, PATIENCE_S)
         assert isinstance(told, bytes)
         assert json.loads(told)["name"] == "open"
 

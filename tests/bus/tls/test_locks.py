@@ -2,14 +2,15 @@
 
 import json
 import socket
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from ground.cli.main import main
-from protocol.bus.bus import open_bus
-from protocol.bus.network import Hub, Network, Tls
+from protocol.bus.bus import Bus, open_bus
+from protocol.bus.network import Network, Tls
 from protocol.bus.tls import certificate_advice
 from protocol.bus.tls.certificate_advice import NO_TLS, RENEW, WAIT
 from protocol.topics import Role
@@ -178,15 +179,21 @@ def test_a_process_does_not_start_with_a_key_that_others_can_read(ring: Keyring,
 
 def test_link_ends_when_the_peer_certificate_expires(ring: Keyring) -> None:
     """Close an open link when its certificate expires."""
-    until_s = datetime.now(UTC) + timedelta(seconds=2)
-    tls = ring.tls("ground", until=until_s, label="brief")
-    with (
-        open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot,
-        open_bus(dialling(robot.locator(), tls), Role.GROUND, "r1") as ground,
-    ):
-        assert ground.hub() is Hub.PEER
-        until(lambda: not list(ground._session.info.links()), 10.0)
-        assert datetime.now(UTC) >= until_s - timedelta(seconds=1)
+    with open_bus(door(ring.tls("robot-r1")), Role.ROBOT, "r1") as robot:
+        ground, until_s = linked_briefly(ring, robot.locator())
+        with ground:
+            until(lambda: not list(ground._session.info.links()))
+            assert datetime.now(UTC) >= until_s - timedelta(seconds=1)
+
+
+def linked_briefly(ring: Keyring, endpoint: str) -> tuple[Bus, datetime]:
+    """Return a link whose certificate expires soon, and when; a busy machine takes long to dial."""
+    for valid_s in (2, 8, 32):
+        until_s = datetime.now(UTC) + timedelta(seconds=valid_s)
+        tls = ring.tls("ground", until=until_s, label=f"brief{valid_s}")
+        with suppress(AccessDeniedError):
+            return open_bus(dialling(endpoint, tls), Role.GROUND, "r1"), until_s
+    raise AssertionError("every certificate expired before the link was open")
 
 
 def config(folder: Path, tls: Tls | None, endpoint: str) -> str:

@@ -21,11 +21,10 @@ from runtime.clock import WallClock
 from runtime.errors import UserError
 from tests.support.bus.robots import played
 from tests.support.ground.recording.made import WORLD_TEXT
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 PROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 DATA_HEAD = 1 + 4 + 8
-PATIENCE_S = 20.0
 WANTED = frozenset({"/world", "/robot/pose", "/tlm/status/NavigatorStatus", RAW_TOPIC})
 
 

@@ -21,9 +21,9 @@ from protocol.wire.statustext import pieces_of
 from tests.support.bus.robots import PlayedRobot, played
 from tests.support.hostile import OWNED, raw_in
 from tests.support.hostile import TEXT as HOSTILE
+from tests.support.until import PATIENCE_S
 from verification.harness.terminal import Terminal
 
-PATIENCE_S = 20.0
 ROOT = Path(__file__).parents[3]
 PARAMETERS = [
     {"name": "d_obs_m", "value": 0.4, "default": 0.3, "unit": HOSTILE, "minimum": 0.05,

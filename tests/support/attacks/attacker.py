@@ -17,7 +17,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
 from tests.support.harness import Stack
-from tests.support.until import until
+from tests.support.until import PATIENCE_S, until
 
 EVE = "eve/0123456789abcdef"
 
@@ -92,7 +92,7 @@ class Attacker:
             payload=self._encoder.encode(request),
             encoding=ENCODING,
             attachment=None if until_ns is None else time_bytes(until_ns),
-            timeout=5.0,
+            timeout=PATIENCE_S,
         )
         return reply
 
