@@ -10,13 +10,13 @@ import os
 import re
 import subprocess
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 from uuid import uuid4
 
-from tests.support.stack.processes import free_endpoint, real_time
+from tests.support.stack.processes import free_endpoint
 from tests.support.until import until
 
 ROOT: Final = Path(__file__).parents[3]
@@ -28,6 +28,7 @@ POLL_S: Final = 0.2
 PARTS: Final = ("plant", "robot")
 ADDRESS: Final = re.compile(r"open (http://\S+)")
 LAST_WORDS: Final = 4000
+CGROUPS: Final = Path("/sys/fs/cgroup")
 LABEL: Final = "com.docker.compose"
 LEFTOVERS: Final = (
     (("ps", "--all"), ("rm", "--force")),
@@ -88,6 +89,7 @@ class Compose:
     profiles: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: f"sidestep-{uuid4().hex[:8]}")
     port: str = field(default_factory=lambda: free_endpoint().rpartition(":")[2])
+    _restore: ExitStack = field(default_factory=ExitStack)
 
     def command(self, *words: str) -> list[str]:
         chosen = [word for profile in self.profiles for word in ("--profile", profile)]
@@ -114,23 +116,39 @@ class Compose:
         The others are asked for their health less often; `becomes` waits for one of them.
         """
         self.does("up", "-d", "--no-build", *words)
+        self.prefer()
         self.recovers()
 
     def recovers(self) -> None:
-        """Wait until the data of plant and robots flow; schedule these in real time."""
+        """Wait until the data of plant and robots flow."""
         until(
             lambda: not self.ailing(),
             HEALTHY_S,
             lambda: f"healthy: {self.ailing()}; {self.logs()[-LAST_WORDS:]}",
             POLL_S,
         )
-        self.in_real_time()
 
-    def in_real_time(self) -> None:
-        """Schedule robots, plants and the router between them in real time, if this user may."""
-        for container in self.containers("router", *PARTS):
-            for pid in docker("top", container, "-eo", "pid").split()[1:]:
-                real_time(int(pid))
+    def prefer(self) -> None:
+        """Give the containers more processor time than other programs have, if this user may.
+
+        All of them together have the share of one program, which is little on a busy machine. Other
+        programs are not under test.
+        """
+        (router,) = self.containers("router")
+        pid = docker("inspect", "--format", "{{.State.Pid}}", router).strip()
+        with suppress(OSError):
+            groups = dict(
+                line.split(":", 2)[1:]
+                for line in Path(f"/proc/{pid}/cgroup").read_text().splitlines()
+            )
+            name, weight, root = ("cpu.shares", "20480", CGROUPS / "cpu")
+            if "cpu" not in groups:  # version 2
+                name, weight, root = ("cpu.weight", "2000", CGROUPS)
+            of_all = root.joinpath(*Path(groups.get("cpu", groups.get("", "/"))).parts[1:-1])
+            if of_all != root:
+                before = (of_all / name).read_text()
+                (of_all / name).write_text(weight)
+                self._restore.callback((of_all / name).write_text, before)
 
     def containers(self, *services: str) -> list[str]:
         """Return the containers of services, also those that have ended."""
@@ -234,6 +252,7 @@ class Compose:
 
     def down(self) -> None:
         """Remove everything, also what docker would keep."""
+        self._restore.close()
         self.tries("--profile", "*", "down", "-v", "--remove-orphans", "-t", "0")
         label = f"label={LABEL}.project={self.name}"
         for kind, remove in LEFTOVERS:
