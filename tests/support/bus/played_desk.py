@@ -70,7 +70,8 @@ class PlayedDesk:
     def _judge(self, asked: ServiceRequest) -> None:
         request = asked.message
         assert isinstance(request, LeaseRequest)
-        self.actions.append(request)
+        if request not in self.actions:  # it is repeated when the reply is late
+            self.actions.append(request)
         others = self.held is not None and self.held[0] != asked.operator
         refused = others and request.action != LeaseAction.SEIZE
         if not refused:
