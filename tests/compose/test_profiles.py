@@ -135,9 +135,10 @@ def test_each_service_has_its_own_keys_and_no_others(fleet: Compose) -> None:
 def test_a_robot_can_read_its_own_keys_and_those_of_no_other(fleet: Compose) -> None:
     own = fleet.inside("robot", "ls", "/keys/r1", user="20001").said.split()
     assert own == ["bus.toml", "ca.pem", "robot-r1.key", "robot-r1.pem"]
-    for number in range(2, 21):
-        done = fleet.inside("robot", "cat", f"/keys/r{number}/robot-r{number}.key", user="20001")
-        assert (done.code, "Permission denied" in done.said) == (1, True), done.said
+    others = [f"/keys/r{number}/robot-r{number}.key" for number in range(2, 21)]
+    done = fleet.inside("robot", "cat", *others, user="20001")
+    assert done.code == 1
+    assert done.said.count("Permission denied") == len(others), done.said
     assert fleet.inside("robot", "ls", "/state/r1", user="20002").code != 0
     (key,) = (who for words, who in fleet.users("robot").items() if "sidestep run robot" in words)
     assert key == "20001"
