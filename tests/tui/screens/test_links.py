@@ -1,12 +1,11 @@
 """The screen of the links: processes, streams, every robot."""
 
-import pytest
-
 from ground.station.roster import Attention, RosterEntry
 from protocol.topics import GATEWAY, MCU, STATUS, Role
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import GatewayStatus
 from runtime.units import NS_PER_S
+from tests.support.each import each
 from tests.support.tui.fakes import NOTHING, FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.stopped import stopped_status
@@ -45,7 +44,7 @@ def test_links_show_the_mavlink_gateway_and_its_loss() -> None:
             stage.station.clock.advance(12 * NS_PER_S)
             await stage.redraw()
             words = stage.words("about")
-            assert "mavlink no data for 12 s: the gateway has ended or hangs" in words
+            assert "mavlink no data for 12 s: the gateway has ended, is slow or hangs" in words
             assert "255 commands" not in words
 
     play(story)
@@ -156,7 +155,7 @@ def test_links_show_how_many_rows_are_out_of_sight() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(("is_framed", "columns"), [(False, 80), (True, 78)])
+@each(("is_framed", "columns"), [(False, 80), (True, 78)])
 def test_rejected_frames_fit_into_eighty_columns(is_framed: bool, columns: int) -> None:
     async def story() -> None:
         station = driving(FakeStation())

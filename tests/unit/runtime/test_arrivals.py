@@ -7,17 +7,17 @@ from contextlib import contextmanager
 from itertools import count
 from time import monotonic, monotonic_ns
 
-import pytest
-
 from plant.process.loop import Wake
 from runtime.arrivals import Pulse, WakeUp
 from runtime.clock import ticks
 from runtime.lockstep import LockstepClock, LockstepLoop
 from runtime.timing import CONTROL_HZ
 from runtime.units import NS_PER_S
+from tests.support.each import each
+from tests.support.until import PATIENCE_S
 
 WAIT_S = 0.02
-RESCUED_S = 5.0
+RESCUED_S = PATIENCE_S
 
 
 def stepping(step_ns: int) -> Iterator[int]:
@@ -117,7 +117,7 @@ def interrupted(handler: Callable[[], object], after_s: float) -> Iterator[None]
         signal.signal(signal.SIGALRM, before)
 
 
-@pytest.mark.parametrize("made", [waits_of_pulse, waits_of_lockstep, waits_of_plant])
+@each("made", [waits_of_pulse, waits_of_lockstep, waits_of_plant])
 def test_a_signal_handler_slower_than_the_deadline_ends_the_wait(
     made: Callable[[], tuple[Callable[[], object], Callable[[], None]]],
 ) -> None:

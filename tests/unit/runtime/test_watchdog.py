@@ -5,38 +5,44 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from runtime.watchdog import Watchdog
+from tests.support.each import each
+from tests.support.until import PATIENCE_S
 
 ROOT = Path(__file__).parents[3]
 LOOP = """
-import ctypes, sys, time
+import ctypes, signal, sys, time
 from pathlib import Path
 from runtime.watchdog import Watchdog
+from tests.support.until import PATIENCE_S
 trace = Path(sys.argv[2]) if len(sys.argv) > 2 else None
-with Watchdog(0.5, trace) as watchdog:
+left_s = lambda: signal.getitimer(signal.ITIMER_REAL)[0]
+with Watchdog(600.0, trace) as watchdog:
+    before_s = 600.0
     for _ in watchdog.reset_by(range(4)):
-        time.sleep(0.2)
+        assert left_s() > before_s or before_s == 600.0
+        while (before_s := left_s()) > 599.99: pass
     print("driven", flush=True)
     {hang}
 print("ended")
 """
+LAST_MOMENT = "signal.setitimer(signal.ITIMER_REAL, 0.1); "
 HANGS = {
-    "asleep": "time.sleep(30)",
-    "holding Python's lock": "ctypes.PyDLL(None).sleep(30)",
-    "busy": "[0 for _ in iter(int, 1)]",
+    "asleep": LAST_MOMENT + "time.sleep(600)",
+    "holding Python's lock": LAST_MOMENT + "ctypes.PyDLL(None).sleep(600)",
+    "busy": LAST_MOMENT + "[0 for _ in iter(int, 1)]",
 }
 
 
 def run(hang: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run a loop, then `hang` in the last moment before the time is up."""
     return subprocess.run(
         [sys.executable, "-c", LOOP.format(hang=hang), "x", *words],
-        cwd=ROOT, capture_output=True, text=True, timeout=20.0, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("hang", HANGS.values(), ids=HANGS)
+@each("hang", HANGS.values())
 def test_hung_loop_ends_the_process_without_a_traceback(hang: str) -> None:
     done = run(hang)
     assert done.returncode == -signal.SIGALRM

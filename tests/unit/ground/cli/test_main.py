@@ -15,6 +15,8 @@ from ground.cli.verbs import VERBS, LoadedVerb
 from ground.text.output import Output
 from runtime.cli.verb_lookup import command_of
 from runtime.errors import NoAnswerError, UserError
+from tests.support.each import each
+from tests.support.until import PATIENCE_S
 
 Run = Callable[[argparse.Namespace, Output], int]
 
@@ -42,13 +44,13 @@ def raises(error: BaseException) -> Run:
     return run
 
 
-@pytest.mark.parametrize("verb", sorted(VERBS))
+@each("verb", sorted(VERBS))
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0
     assert f"sidestep {command_of(verb)}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         [],
@@ -156,7 +158,7 @@ def test_a_signal_ends_the_verb_and_the_handlers_are_put_back(
 
     def run(options: argparse.Namespace, output: Output) -> int:
         os.kill(os.getpid(), signal.SIGTERM)
-        threading.Event().wait(5.0)
+        threading.Event().wait(PATIENCE_S)
         return 0
 
     install(run)

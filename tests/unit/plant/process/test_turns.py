@@ -4,17 +4,17 @@ import threading
 from collections.abc import Callable
 from math import inf
 
-import pytest
-
 from plant.model.noise import LEVELS
 from plant.process.loop import Process, Wake
 from plant.process.requests import RequestQueue
 from plant.sim.simulation import Plant
 from plant.world.file import load
 from runtime.clock import WallClock
+from tests.support.each import each
+from tests.support.until import PATIENCE_S
 
-PATIENCE_S = 0.02
-TURNS = 20
+SILENT_S = 0.02
+TURNS = 3
 SLOW = 0.0005
 """Times real time: a hundred seconds from one tick to the next."""
 
@@ -38,10 +38,10 @@ def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
     turns = Turns(wake)
     desk = RequestQueue(running=running, world={}, nudge=wake)
     plant = Plant(load("open"), 0, LEVELS["none"])
-    process = Process(plant, [], desk, wake, PATIENCE_S, turn=turns)
+    process = Process(plant, [], desk, wake, SILENT_S, turn=turns)
     loop = threading.Thread(target=drive, args=(process,))
     loop.start()
-    loop.join(10.0)
+    loop.join(PATIENCE_S)
     stuck = loop.is_alive()
     wake.stop()
     loop.join()
@@ -49,13 +49,13 @@ def ended(*, running: bool, drive: Callable[[Process], None]) -> int:
     return turns.count
 
 
-@pytest.mark.parametrize("running", [True, False])
-@pytest.mark.parametrize("speed", [inf, SLOW])
+@each("running", [True, False])
+@each("speed", [inf, SLOW])
 def test_loop_reports_progress_in_lockstep_paused_or_slow(running: bool, speed: float) -> None:
     assert ended(running=running, drive=lambda process: process.run_lockstep(speed)) >= TURNS
 
 
-@pytest.mark.parametrize("running", [True, False])
+@each("running", [True, False])
 def test_loop_reports_progress_in_wall_time(running: bool) -> None:
     assert ended(running=running, drive=lambda process: process.run_wall(WallClock())) >= TURNS
 
@@ -71,7 +71,7 @@ def test_wake_ups_without_a_waiter_do_not_accumulate() -> None:
     assert wake.wait(0.0), "and it is not deaf afterwards"
 
 
-@pytest.mark.parametrize("called", [True, False])
+@each("called", [True, False])
 def test_stop_wakes_the_loop(called: bool) -> None:
     wake = Wake()
     if called:
