@@ -1,7 +1,5 @@
 """A frame with a stamp far in the future does not end the robot."""
 
-import pytest
-
 from protocol.topics import DRIVE, SONAR
 from protocol.wire.messages import SonarScan, WheelCommand
 from robot.core.parameters import DEFAULTS
@@ -14,6 +12,7 @@ from runtime.clock import Tick, WallClock
 from runtime.timing import PERIOD_NS
 from tests.support.attacks.attacker import Attacker
 from tests.support.bus.nets import Net, net
+from tests.support.each import each
 from tests.support.until import until
 
 EXTREME = (2**62, 2**63 - 1, 2**63, 2**64 - 1)
@@ -35,7 +34,7 @@ def robot(bus: Net) -> RobotProcess:
     return process
 
 
-@pytest.mark.parametrize("stamp_ns", EXTREME)
+@each("stamp_ns", EXTREME)
 def test_scan_from_the_far_future_does_not_end_the_robot(stamp_ns: int) -> None:
     """A4: the next stamp exceeded 64 bits, and the process ended without braking."""
     with net() as bus:

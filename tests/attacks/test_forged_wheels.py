@@ -4,14 +4,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from itertools import chain, repeat
 
-import pytest
-
 from protocol.topics import DRIVE
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import WheelCommand
 from protocol.wire.reasons import Reason
 from runtime.timing import PERIOD_NS
+from tests.support.each import each
 from tests.support.harness import Stack
 from tests.support.until import PATIENCE_S
 
@@ -106,8 +105,8 @@ def disarmed(stack: Attacked) -> None:
     stack.forward(1.0)
 
 
-@pytest.mark.parametrize("name", FRAMES)
-@pytest.mark.parametrize("prepare", [disarmed, stopped])
+@each("name", FRAMES)
+@each("prepare", [disarmed, stopped])
 def test_one_frame_moves_no_wheel(name: str, prepare: Callable[[Attacked], None]) -> None:
     with Attacked("open") as stack:
         prepare(stack)
@@ -124,7 +123,7 @@ def test_robot_drives_normally_after_the_frame_of_finding_a3() -> None:
         stack.until(stack.reached, within_s=60.0)
 
 
-@pytest.mark.parametrize("prepare", [disarmed, stopped])
+@each("prepare", [disarmed, stopped])
 def test_a_stream_of_frames_moves_no_wheel(prepare: Callable[[Attacked], None]) -> None:
     with Attacked("open") as stack:
         prepare(stack)
@@ -144,7 +143,7 @@ def test_an_emergency_stop_holds_while_frames_stream() -> None:
         assert stack.stands_throughout(WATCHED_S)
 
 
-@pytest.mark.parametrize("name", FRAMES)
+@each("name", FRAMES)
 def test_one_frame_moves_a_dead_robot_for_at_most_200_ms(name: str) -> None:
     """Attackers on an open bus may answer a tick as the robot does: for 150 ms, not longer."""
     with Attacked("open", router=True) as stack:

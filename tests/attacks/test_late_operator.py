@@ -1,12 +1,11 @@
 """An operator with late frames, or without the lease, moves no wheel."""
 
-import pytest
-
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.messages import GoalRequest
 from protocol.wire.reasons import Reason
 from tests.support.attacks.attacker import answered, attacked, order
+from tests.support.each import each
 from tests.support.harness import Stack
 from tests.support.operators import Operator
 
@@ -53,7 +52,7 @@ def test_frames_three_seconds_late_do_not_move_the_robot() -> None:
         assert moved_m(stack, 4.0) < STILL_M
 
 
-@pytest.mark.parametrize("late_s", [1.0, 3.0])
+@each("late_s", [1.0, 3.0])
 def test_driving_robot_stops_when_frames_become_late(late_s: float) -> None:
     """A7: OPERATOR_LOST counts from when a heartbeat was sent, however late it arrives."""
     with Stack("open") as stack:
@@ -76,7 +75,7 @@ def test_driving_robot_stops_when_frames_become_late(late_s: float) -> None:
         assert moved_m(stack, 5.0) < STILL_M, "what is still on its way sets nothing off"
 
 
-@pytest.mark.parametrize("late_s", [1.0, 3.0])
+@each("late_s", [1.0, 3.0])
 def test_late_teleop_frames_stop_the_robot(late_s: float) -> None:
     """A7: the time-to-live of a frame counts from when it was sent."""
     with Stack("open") as stack:
@@ -92,7 +91,7 @@ def test_late_teleop_frames_stop_the_robot(late_s: float) -> None:
         assert moved_m(stack, 6.0) < STILL_M
 
 
-@pytest.mark.parametrize("late_s", [0.05, 0.9])
+@each("late_s", [0.05, 0.9])
 def test_request_is_not_acted_on_after_its_timeout(late_s: float) -> None:
     """A7: arm and goto were acted on 0.9 s after their senders had reported no answer."""
     with attacked() as (stack, attacker):

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.docs.console import Command, File, Stop, matches, renewed, steps, steps_of
+from tests.support.each import each
 
 PAGE = """\
 Text.
@@ -50,7 +51,7 @@ def test_directive_sets_exit_code_and_runner() -> None:
     assert (last.exit_code, last.runner) == (0, "tests/a.py")
 
 
-@pytest.mark.parametrize(
+@each(
     ("expected", "printed"),
     [
         (["reached after 1.7 s"], ["reached after 12 s"]),
@@ -65,7 +66,7 @@ def test_output_matches(expected: list[str], printed: list[str]) -> None:
     assert matches(expected, printed)
 
 
-@pytest.mark.parametrize(
+@each(
     ("expected", "printed"),
     [
         (["reached after 1.7 s"], ["reached after - s"]),

@@ -2,23 +2,22 @@
 
 from pathlib import Path
 
-import pytest
-
 from tests.support.docs.console import Command, steps_of
 from tests.support.docs.session import ROOT
+from tests.support.each import each
 
 DOCS = ROOT / "docs"
 PAGES = sorted([*(DOCS / "tutorial").glob("*.md"), *(DOCS / "how-to").glob("*.md")])
 COMMANDS = {page: [step for step in steps_of(page) if isinstance(step, Command)] for page in PAGES}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@each("page", PAGES)
 def test_commands_that_another_file_runs_name_that_file(page: Path) -> None:
     named = {command.runner for command in COMMANDS[page] if command.runner is not None}
     assert [name for name in named if not (ROOT / name).is_file()] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@each("page", PAGES)
 def test_blocks_with_commands_are_of_the_language_console(page: Path) -> None:
     """Reject blocks of other languages: they would not be run."""
     fences = [

@@ -1,9 +1,8 @@
 """Teleop over the whole stack: silence and operators without the lease stop the robot."""
 
-import pytest
-
 from protocol.wire.enums import Command, LeaseAction, Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.harness import STOPPING_S, Stack
 from tests.support.operators import Operator
 
@@ -26,7 +25,7 @@ def told_to_stand(stack: Stack) -> bool:
     return stack.vehicle.state.twist == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("ttl_ms", [100, 300, 500])
+@each("ttl_ms", [100, 300, 500])
 def test_robot_stops_soon_after_the_last_frame(ttl_ms: int) -> None:
     with Stack("open") as stack:
         operator = by_hand(stack)

@@ -6,6 +6,7 @@ from protocol.topics import CLOCK, DRIVE, OPERATOR, SONAR, STOP, TOPICS, WHEELS
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import WheelTicks
+from tests.support.each import each
 from tests.support.harness import Stack
 
 GOOD = Encoder(1, 25).encode(WheelTicks(time_ns=1, seq=1, left=5, right=5, bumper=0, expired=0))
@@ -24,7 +25,7 @@ def test_invalid_bytes_do_not_prevent_reaching_the_goal() -> None:
         stack.assert_near(stack.world.goal.x_m, stack.world.goal.y_m)
 
 
-@pytest.mark.parametrize("frame", BROKEN)
+@each("frame", BROKEN)
 def test_any_bytes_on_the_stop_topic_are_a_stop(frame: bytes) -> None:
     with Stack("open") as stack:
         stack.arm()

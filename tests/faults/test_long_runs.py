@@ -1,9 +1,8 @@
 """32-bit counters wrap: a robot drives across the wrap without a change."""
 
-import pytest
-
 from runtime.clock import ManualClock
 from runtime.timing import PERIOD_NS
+from tests.support.each import each
 from tests.support.harness import Stack
 
 MS_NS = 1_000_000
@@ -11,7 +10,7 @@ FULL_NS = {"milliseconds": (1 << 32) * MS_NS, "ticks": (1 << 32) * PERIOD_NS}
 """After 49.7 days, which are 10 hours of the fastest lockstep, and after 6.8 years."""
 
 
-@pytest.mark.parametrize("what", FULL_NS)
+@each("what", FULL_NS)
 def test_a_robot_drives_on_when_a_count_is_full(what: str) -> None:
     stack = Stack("open")
     stack.clock = ManualClock(FULL_NS[what] // PERIOD_NS * PERIOD_NS - 60 * PERIOD_NS)

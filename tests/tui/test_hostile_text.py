@@ -14,6 +14,7 @@ from ground.station.link.streams import StreamRow
 from ground.station.robot.lease_state import LeaseView
 from protocol.topics import HEARTBEAT, Role
 from protocol.wire.enums import Severity
+from tests.support.each import each
 from tests.support.hostile import LETTERS, OWNED, TEXT, raw_in
 from tests.support.tui.fakes import MS, FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
@@ -77,7 +78,7 @@ def test_no_screen_shows_a_control_character(monkeypatch: pytest.MonkeyPatch) ->
     play(story)
 
 
-@pytest.mark.parametrize("letter", LETTERS)
+@each("letter", LETTERS)
 def test_replacing_characters_keeps_the_width_of_a_row(letter: str) -> None:
     """Textual has counted the cells already, so that one more would break the line."""
     before = [Segment(f"a{letter}b"), Segment("c")]

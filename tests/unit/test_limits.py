@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from ground.client.api import robot as client
 from ground.client.api.robot import Robot
 from ground.client.emergency_stop import HELD_NS, REPEAT_NS
@@ -38,6 +36,7 @@ from runtime.watchdog import HUNG_S
 from study.cli.study_options import parser
 from study.runner.plan import DETOUR_FACTOR, MIN_TIMEOUT_S, UNREACHABLE_TIMEOUT_S
 from study.statistics.intervals import CHI2_2, CONFIDENCE, CONFIDENT
+from tests.support.each import each
 
 ROOT = Path(__file__).resolve().parents[2]
 S = 1000
@@ -49,7 +48,7 @@ def page(name: str) -> str:
     return " ".join((ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8").split())
 
 
-@pytest.mark.parametrize(
+@each(
     ("reason", "words"),
     [
         (Reason.TICKS_LOST, f"for {TICKS_LOST_MS} ms"),
@@ -61,7 +60,7 @@ def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> N
     assert reason_text(reason).endswith(words)
 
 
-@pytest.mark.parametrize(
+@each(
     ("topic", "limit_ms"),
     [
         (WHEELS, TICKS_LOST_MS),
@@ -70,7 +69,6 @@ def test_the_text_of_a_failsafe_shows_its_limit(reason: Reason, words: str) -> N
         (DRIVE, MAX_WHEEL_TTL_MS),
         (TELEOP, MAX_TELEOP_TTL_MS),
     ],
-    ids=lambda value: getattr(value, "path", value),
 )
 def test_a_topic_is_stale_when_its_limit_is_over(topic: Topic[Message], limit_ms: int) -> None:
     assert topic.stale_after_ns == limit_ms * NS_PER_MS
@@ -92,7 +90,7 @@ def test_the_core_and_the_lease_use_the_limits_of_the_wire() -> None:
     assert DEFAULTS.period_s * S == PERIOD_MS
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "words"),
     [
         ("concepts/architecture", f"wheel speeds, valid for {MAX_WHEEL_TTL_MS} ms"),
@@ -123,7 +121,7 @@ def test_pages_show_the_limits(name: str, words: str) -> None:
     assert words in page(name)
 
 
-@pytest.mark.parametrize(
+@each(
     ("documented", "words"),
     [
         (client, f"the robot stops by itself after {OPERATOR_LOST_MS / S:g} s"),

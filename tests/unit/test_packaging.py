@@ -4,13 +4,13 @@ import re
 import tomllib
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 from runtime.cli.packages import PACKAGES
+from tests.support.each import each
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -30,7 +30,7 @@ def pins() -> dict[str, Version]:
     return {canonicalize_name(pin["name"]): Version(pin["version"]) for pin in found if pin}
 
 
-@pytest.mark.parametrize("text", FLOORS)
+@each("text", FLOORS)
 def test_requirements_are_pinned_at_or_above_their_minimum(text: str) -> None:
     wanted = Requirement(text)
     assert pins()[canonicalize_name(wanted.name)] in wanted.specifier
@@ -70,7 +70,7 @@ def test_the_gate_calls_the_command_the_readme_gives() -> None:
     assert "make test" in (ROOT / "README.md").read_text()
 
 
-@pytest.mark.parametrize("place", ["constraints.txt", "Makefile", "pyproject.toml", ".ci/run"])
+@each("place", ["constraints.txt", "Makefile", "pyproject.toml", ".ci/run"])
 def test_no_file_names_a_package_host_or_a_private_path(place: str) -> None:
     private = r"index-url|find-links|https?://|/root/|/home/"
     assert not re.search(private, (ROOT / place).read_text())

@@ -16,6 +16,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Decision, Goal, Pose
 from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 
 TRACK_M = DEFAULTS.track_m
 
@@ -93,8 +94,8 @@ def moved(pose: np.ndarray, right_m: float, left_m: float) -> np.ndarray:
     return after
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 0.7, -2.5])
-@pytest.mark.parametrize(("right_m", "left_m"), [(0.015, 0.012), (-0.01, 0.01), (0.003, -0.015)])
+@each("heading_rad", [0.0, 0.7, -2.5])
+@each(("right_m", "left_m"), [(0.015, 0.012), (-0.01, 0.01), (0.003, -0.015)])
 def test_eq_11_the_missing_f_q_is_the_derivative_of_eq_8(
     heading_rad: float, right_m: float, left_m: float
 ) -> None:
@@ -164,8 +165,8 @@ def goal_at(x_m: float, y_m: float) -> Goal:
     return Goal(**fields | {"x_m": x_m, "y_m": y_m})
 
 
-@pytest.mark.parametrize("sonar", range(8))
-@pytest.mark.parametrize("goal", [(3.0, 0.0), (1.0, 2.0), (-1.0, -0.5)])
+@each("sonar", range(8))
+@each("goal", [(3.0, 0.0), (1.0, 2.0), (-1.0, -0.5)])
 def test_gamma_of_the_core_is_tangent_and_keeps_the_side(
     sonar: int, goal: tuple[float, float]
 ) -> None:
@@ -196,7 +197,7 @@ def test_d_obs_is_the_zone_width_compared_with_the_nearest_range() -> None:
     assert vgm.step(Memory(), Pose(0.0, 0.0, 0.0), ring, goal, DEFAULTS).rotation_rad == 0.0
 
 
-@pytest.mark.parametrize("seed", range(3))
+@each("seed", range(3))
 def test_virtual_goal_method_can_miss_a_reachable_goal(
     seed: int,
 ) -> None:

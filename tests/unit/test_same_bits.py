@@ -9,7 +9,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
+from tests.support.each import each
 
 ROOT = Path(__file__).resolve().parents[2]
 CLOSED_LOOP = (
@@ -149,7 +149,7 @@ def test_files_of_the_closed_loop_are_found() -> None:
     assert {"plant/corpus/forests.py", "protocol/outcome.py", "runtime/elementary.py"} <= names
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "complaint"),
     [
         ("from math import cos, pi", "from math import cos"),

@@ -17,6 +17,7 @@ import sidestep
 from runtime.cli.packages import Conflict
 from runtime.cli.verb_lookup import command_of
 from runtime.cli.verb_table import GROUPS, VERBS, Verb
+from tests.support.each import each
 
 ROOT = Path(__file__).parents[2]
 
@@ -65,7 +66,7 @@ def test_package_with_several_verbs_receives_the_verb(install: Install) -> None:
     assert heard == [["goto", "2", "1", "90"], ["--id", "r1"]]
 
 
-@pytest.mark.parametrize("verb", VERBS.values(), ids=list(VERBS))
+@each("verb", VERBS.values())
 def test_functions_of_the_verb_table_exist(verb: Verb) -> None:
     module = importlib.import_module(verb.module)
     named = ("main",) if verb.is_program else (verb.act, verb.run, verb.arguments)
@@ -79,7 +80,7 @@ def test_verbs_of_one_section_are_together_in_the_help() -> None:
     assert [name for name, _ in groupby(groups)] == list(dict.fromkeys(groups))
 
 
-@pytest.mark.parametrize("word", VERBS)
+@each("word", VERBS)
 def test_help_of_a_verb_has_summary_and_example(
     word: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -91,7 +92,7 @@ def test_help_of_a_verb_has_summary_and_example(
     assert printed.err == ""
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "name", "example"),
     [(word, name, row.example) for word in VERBS for name, row in VERBS[word].subcommands.items()],
 )
@@ -112,7 +113,7 @@ def test_negative_numbers_and_foreign_options_are_handed_on(install: Install) ->
     assert heard == [["goto", "-1", "-2", "--traceback"]]
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "meant"),
     [
         ("gotto", "goto"),
@@ -159,14 +160,14 @@ def test_help_fits_one_screen_with_groups_and_short_verbs(
     assert max(map(len, overview.splitlines())) <= 80
 
 
-@pytest.mark.parametrize("group", GROUPS)
+@each("group", GROUPS)
 def test_help_of_a_group_lists_its_verbs(group: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert sidestep.main([group, "--help"]) == 0
     names = [command_of(word) for word, verb in VERBS.items() if verb.section == group]
     assert [f"{group} {word}" for word in verbs_in(capsys.readouterr().out)] == names
 
 
-@pytest.mark.parametrize("words", [["help", "rec"], ["rec", "-h"], ["rec", "help"]])
+@each("words", [["help", "rec"], ["rec", "-h"], ["rec", "help"]])
 def test_help_of_a_group_has_an_example(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -179,7 +180,7 @@ def test_help_before_a_verb_is_its_help(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().out.startswith("usage: sidestep rec plot ")
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "meant"),
     [
         ("rec plot x.mcap --ot y", "--out"),
@@ -202,7 +203,7 @@ def test_misspelt_argument_is_answered_with_the_one_meant(
     assert printed.err.endswith(f"; did you mean {meant!r}?\n")
 
 
-@pytest.mark.parametrize("words", [["rec"], ["rec", "sing"]])
+@each("words", [["rec"], ["rec", "sing"]])
 def test_group_without_a_verb_is_wrong_usage(
     words: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -294,7 +295,7 @@ def test_ctrl_c_prints_nothing(install: Install, capsys: pytest.CaptureFixture[s
     assert capsys.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("word", ["--help", "--version"])
+@each("word", ["--help", "--version"])
 def test_closed_output_pipe_is_no_error(word: str) -> None:
     reader, writer = os.pipe()
     os.close(reader)
@@ -320,7 +321,7 @@ def test_the_help_imports_no_package_that_does_the_work() -> None:
     assert run.stdout.splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize(
+@each(
     ("verb", "foreign"),
     [
         ("run robot", {"plant", "ground", "study", "pymunk", "pymavlink", "textual", "numpy"}),

@@ -12,6 +12,7 @@ from aiohttp.test_utils import TestClient, TestServer
 from ground.web.access import MAX_SESSIONS, REFUSAL, WebAccess, is_same_origin
 from ground.web.address import Address
 from ground.web.server import MAX_BROWSERS, WebServer
+from tests.support.each import each
 from tests.support.until import PATIENCE_S
 
 TOKEN = "0123456789abcdefgh"
@@ -35,8 +36,8 @@ def with_client(
     asyncio.run(run())
 
 
-@pytest.mark.parametrize("path", ["/", "/ws", "/static/js/textual.js", "/download/x", "/nowhere"])
-@pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=0123456789abcdefgh1"])
+@each("path", ["/", "/ws", "/static/js/textual.js", "/download/x", "/nowhere"])
+@each("query", ["", "?token=", "?token=wrong", "?token=0123456789abcdefgh1"])
 def test_requests_without_the_token_are_refused(path: str, query: str) -> None:
     async def story(client: Client, server: WebServer) -> None:
         answer = await client.get(path + query)
@@ -89,8 +90,8 @@ def cookie(server: WebServer, value: str) -> dict[str, str]:
     return {"Cookie": f"{server.access.cookie}={value}"}
 
 
-@pytest.mark.parametrize("sent", [b"\xe4\xff", b"\xc3\xa4", b"\x80" * 40, b'"\xff'])
-@pytest.mark.parametrize("place", ["cookie", "token"])
+@each("sent", [b"\xe4\xff", b"\xc3\xa4", b"\x80" * 40, b'"\xff'])
+@each("place", ["cookie", "token"])
 def test_undecodable_bytes_are_refused_without_an_error(sent: bytes, place: str) -> None:
     """Such bytes must not cause an internal error (status 500)."""
 
@@ -169,7 +170,7 @@ def test_tokens_are_compared_in_full() -> None:
     assert not access.is_session(TOKEN)
 
 
-@pytest.mark.parametrize(
+@each(
     ("origin", "host", "fits"),
     [
         (None, "127.0.0.1:80", True),

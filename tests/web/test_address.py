@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 
 from ground.web.address import Address, address_of, token_of
 from runtime.errors import UserError
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "found"),
     [
         ("", Address("127.0.0.1", 8770)),
@@ -26,7 +27,7 @@ def test_address_is_completed_with_defaults(text: str, found: Address) -> None:
     assert address_of(text) == found
 
 
-@pytest.mark.parametrize("text", ["127.0.0.1:0", "1:99999", "0", "a b:80", "http://x:80", "x:/80"])
+@each("text", ["127.0.0.1:0", "1:99999", "0", "a b:80", "http://x:80", "x:/80"])
 def test_malformed_address_is_refused(text: str) -> None:
     with pytest.raises(UserError, match="--web"):
         address_of(text)

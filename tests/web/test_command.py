@@ -10,9 +10,10 @@ from ground.cli.main import parse
 from ground.web.address import Address
 from ground.web.command import refuse_taken, words_of
 from runtime.errors import UserError
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         [],

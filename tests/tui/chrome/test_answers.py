@@ -10,6 +10,7 @@ from ground.app.start import is_first_start
 from ground.app.widgets.rows import width_of, words_of
 from ground.station.history.event_log import LogLine
 from protocol.wire.enums import Severity
+from tests.support.each import each
 from tests.support.tui.fakes import S
 from tests.support.tui.pilot import play, staged
 
@@ -59,7 +60,7 @@ def test_answer_leaves_room_to_type_and_a_click_begins_a_line() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("width", [20, 40, 80])
+@each("width", [20, 40, 80])
 def test_cut_answer_names_the_log(width: int) -> None:
     answer = LogLine(0.0, Severity.WARNING, "ground", "x" * 200)
     shown = answer_row(answer, width)

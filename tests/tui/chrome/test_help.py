@@ -7,6 +7,7 @@ from ground.app.widgets.rows import words_of
 from ground.map.glyphs import MARKS
 from ground.map.legend import seen_mark
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.tui.pilot import play, staged
 
 
@@ -19,8 +20,8 @@ def test_each_mark_of_the_map_has_a_meaning() -> None:
         assert all(MARKS[name][ascii_only] in words for name in MEANINGS if name not in dots)
 
 
-@pytest.mark.parametrize("ascii_only", [False, True])
-@pytest.mark.parametrize("is_mono", [False, True])
+@each("ascii_only", [False, True])
+@each("is_mono", [False, True])
 def test_each_mark_in_the_help_has_one_meaning(ascii_only: bool, is_mono: bool) -> None:
     marks = [mark for mark, _ in mark_pairs(ascii_only=ascii_only, is_mono=is_mono)]
     assert len(set(marks)) == len(marks)
@@ -56,7 +57,7 @@ def test_help_scrolls_by_rows_parts_and_to_its_ends() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("size", [(20, 5), (1, 1), (40, 12), (200, 60)])
+@each("size", [(20, 5), (1, 1), (40, 12), (200, 60)])
 def test_help_opens_in_any_size(size: tuple[int, int]) -> None:
     async def story() -> None:
         async with staged(size) as stage:

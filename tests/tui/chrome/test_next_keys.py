@@ -1,7 +1,6 @@
 """Test that the key bar begins with the keys that continue from the present state."""
 
 import msgspec
-import pytest
 
 from ground.app.chrome.button_row import ButtonRow
 from ground.app.chrome.next_keys import next_keys
@@ -14,6 +13,7 @@ from protocol.topics import MISSION, STATUS
 from protocol.wire.enums import GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionStatus
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import driving, status
@@ -29,7 +29,7 @@ def station_in(vehicle: Vehicle, goal: GoalState, mode: Mode) -> FakeStation:
     return station
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "goal", "mode", "begins"),
     [
         (Vehicle.EMERGENCY_STOP, GoalState.ABORTED, Mode.HOLD, "D D Clear E-STOP"),
@@ -115,7 +115,7 @@ def test_waypoint_ends_the_heading_of_the_cursor() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("opening", ["v", "ctrl+p", "?"])
+@each("opening", ["v", "ctrl+p", "?"])
 def test_below_a_dialog_the_key_bar_names_only_keys_that_work(opening: str) -> None:
     async def story() -> None:
         async with staged() as stage:
@@ -135,8 +135,8 @@ KEY = Keymap()
 ANY_KEY = {one.id for one in KEYS}
 
 
-@pytest.mark.parametrize("vehicle", Vehicle)
-@pytest.mark.parametrize("mode", Mode)
+@each("vehicle", Vehicle)
+@each("mode", Mode)
 def test_every_state_and_mode_has_a_next_key(vehicle: Vehicle, mode: Mode) -> None:
     for goal in GoalState:
         found = next_keys(station_in(vehicle, goal, mode), ())
@@ -144,7 +144,7 @@ def test_every_state_and_mode_has_a_next_key(vehicle: Vehicle, mode: Mode) -> No
         assert {one.id for one in found} <= ANY_KEY
 
 
-@pytest.mark.parametrize("reason", [one for one in Reason if 30 <= one < 60])
+@each("reason", [one for one in Reason if 30 <= one < 60])
 def test_every_failsafe_leads_to_driving(reason: Reason) -> None:
     stopped = msgspec.structs.replace(
         status(0, GoalState.ABORTED, Vehicle.FAILSAFE), vehicle_reason=reason

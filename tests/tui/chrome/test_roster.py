@@ -1,7 +1,5 @@
 """The roster lists every robot and selects one by a click."""
 
-import pytest
-
 from ground.app.chrome.button_row import ButtonRow, buttons_width
 from ground.app.chrome.roster import fits_beside, roster_buttons
 from ground.app.widgets.rows import words_of
@@ -9,6 +7,7 @@ from ground.client.telemetry import Age, AgedMessage
 from ground.station.roster import Attention, RosterEntry, attention_of
 from ground.station.roster import words_of as state_words
 from protocol.wire.enums import GoalState, Vehicle
+from tests.support.each import each
 from tests.support.ground.station.said import Robot
 from tests.support.tui.pilot import play, staged
 
@@ -46,7 +45,7 @@ def test_single_robot_has_no_roster() -> None:
     assert roster_buttons([SELECTED], 80) == []
 
 
-@pytest.mark.parametrize("width", range(80))
+@each("width", range(80))
 def test_roster_fits_and_counts_what_it_leaves_out(width: int) -> None:
     many = [FAILED, *(entry(Robot(f"r{number}")) for number in range(4, 20))]
     buttons = roster_buttons(many, width)

@@ -1,7 +1,5 @@
 """Test the tab bar and the key bar: what fits, what is marked, and what a click does."""
 
-import pytest
-
 from ground.app.chrome.button_row import Button, buttons_width
 from ground.app.chrome.key_bar import key_buttons
 from ground.app.chrome.tabs import UnreadWarnings, tab_buttons
@@ -10,10 +8,11 @@ from ground.app.input.keymap import Keymap
 from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity
+from tests.support.each import each
 from tests.support.tui.pilot import play, staged
 
 
-@pytest.mark.parametrize("width", [0, 1, 20, 40, 80, 160])
+@each("width", [0, 1, 20, 40, 80, 160])
 def test_key_bar_fits_and_begins_with_the_stop(width: int) -> None:
     keys = Keymap().of(Layer.STOP, Layer.DRIVE, Layer.ROBOT, Layer.FLEET, Layer.STATION)
     left, right = key_buttons(keys, width)
@@ -27,7 +26,7 @@ def words(buttons: list[Button]) -> str:
     return "".join(words_of(one.row) for one in buttons)
 
 
-@pytest.mark.parametrize(
+@each(
     ("width", "text"),
     [
         (200, " 1 Drive  2 Plots ▌3 Params▐ 4 Log ▲2  5 Links  6 Worlds  7 Faults  8 Replay "),
@@ -90,7 +89,7 @@ def test_warnings_are_counted_on_the_tab_of_the_log() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("size", [(20, 5), (40, 12), (80, 24), (200, 60)])
+@each("size", [(20, 5), (40, 12), (80, 24), (200, 60)])
 def test_tab_bar_leaves_room_on_a_low_terminal(size: tuple[int, int]) -> None:
     async def story() -> None:
         async with staged(size) as stage:

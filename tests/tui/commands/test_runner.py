@@ -19,6 +19,7 @@ from protocol.bus.network import Network
 from protocol.options import DEFAULT_ENDPOINT
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.client import ScriptedBus
 from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.tui.fakes import FakeStation
@@ -37,7 +38,7 @@ def log(station: FakeStation) -> str:
     return "\n".join(line.text for line in station.log)
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "moving"),
     [
         ("goal 1 2", True),
@@ -131,7 +132,7 @@ def test_waypoint_outside_the_world_is_not_drafted() -> None:
     assert len(runner.draft_items) == 1
 
 
-@pytest.mark.parametrize("line", ["goal 100 100", "goal 1 -0.5 90 --no-wait", "pose set 7 1 90"])
+@each("line", ["goal 100 100", "goal 1 -0.5 90 --no-wait", "pose set 7 1 90"])
 def test_goal_outside_the_world_is_refused_before_it_is_sent(line: str) -> None:
     runner, station = command_runner()
     station.world_now = parse_world(WORLD_TEXT)

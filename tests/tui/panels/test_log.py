@@ -2,7 +2,6 @@
 
 from time import localtime, strftime
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +10,7 @@ from ground.app.panels.log import MOST_LATELY, latest_rows, log_rows
 from ground.app.widgets.rows import words_of
 from ground.station.history.event_log import EventLog, LogLine
 from protocol.wire.enums import Severity
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import play, staged
 from tests.support.tui.underway import driving
@@ -98,7 +98,7 @@ def test_search_distinguishes_equal_lines() -> None:
     assert filtered.find("same", third, 1) is first
 
 
-@pytest.mark.parametrize("height", [0, 1, 2, 4, 9])
+@each("height", [0, 1, 2, 4, 9])
 def test_latest_rows_fit_and_show_the_last_line(height: int) -> None:
     log = filled("first", REFUSAL * 9, "last")
     rows = list(map(words_of, latest_rows(log, height, 60)))

@@ -2,7 +2,6 @@
 
 from math import inf, nan
 
-import pytest
 from msgspec.structs import replace
 
 from ground.app.panels.aged import number
@@ -22,6 +21,7 @@ from protocol.topics import DECISION, MCU, MISSION, ODOMETRY, STATUS, TRUTH
 from protocol.wire.enums import GoalState, MissionState, Vehicle
 from protocol.wire.messages import MissionStatus, PlanarOdometry
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.tui.fakes import MS, FakeStation
 from tests.support.tui.underway import drive_messages, driving, mcu_status, status
 
@@ -78,8 +78,8 @@ def test_sonars_in_the_zone_and_at_the_guard_are_marked() -> None:
         assert all(width_of(one) <= 60 for one in rows)
 
 
-@pytest.mark.parametrize("height", [1, 3, 7, 12, 16, 20, 30, 60])
-@pytest.mark.parametrize("width", [20, 33, 46, 90])
+@each("height", [1, 3, 7, 12, 16, 20, 30, 60])
+@each("width", [20, 33, 46, 90])
 def test_side_panel_fits_and_begins_with_the_sentence(height: int, width: int) -> None:
     rows = side_rows(driving(FakeStation()), height, width)
     assert len(rows) <= height
@@ -108,7 +108,7 @@ def test_progress_shows_times_and_never_invents_them() -> None:
     assert "-- %" in text
 
 
-@pytest.mark.parametrize(
+@each(
     ("reason", "words"),
     [
         (Reason.UNREACHABLE, "unreachable after 8.9 s"),
@@ -165,7 +165,7 @@ def test_fields_of_the_status_line_have_a_fixed_width() -> None:
         assert other.index("SIM") == shown(8.0, 100.0).index("SIM")
 
 
-@pytest.mark.parametrize("width", [0, 1, 2, 10, 40, 60, 80, 200])
+@each("width", [0, 1, 2, 10, 40, 60, 80, 200])
 def test_status_line_drops_the_least_important_parts(width: int) -> None:
     shown = status_row(driving(FakeStation()), SessionInfo(kind="SIM 1.0x"), width)
     assert width_of(shown) <= width
@@ -180,7 +180,7 @@ def test_slow_simulation_is_shown_on_80_columns() -> None:
     assert width_of(shown) <= 80
 
 
-@pytest.mark.parametrize(
+@each(
     ("share", "text"),
     [(0.0, "····"), (0.5, "██··"), (1.0, "████"), (9.0, "████"), (-1.0, "····"), (0.125, "▌···")],
 )
@@ -188,7 +188,7 @@ def test_bar_is_exact_to_an_eighth_of_a_cell(share: float, text: str) -> None:
     assert bar(share, 4) == text
 
 
-@pytest.mark.parametrize("share", [nan, inf, -inf])
+@each("share", [nan, inf, -inf])
 def test_bar_of_an_infinite_or_nan_share_is_empty(share: float) -> None:
     assert bar(share, 4) == "····"
 

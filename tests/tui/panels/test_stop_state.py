@@ -1,6 +1,5 @@
 """The side panel and the status line never show a stopped robot as a healthy one."""
 
-import pytest
 from msgspec.structs import replace
 
 from ground.app.panels.robot_state import SidePanel
@@ -11,6 +10,7 @@ from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.underway import driving, status
 
@@ -31,14 +31,14 @@ def role_of(rows: list[Row], words: str) -> str:
     return next(span.role for one in rows for span in one if span.text.strip() == words)
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "name", "short", "role"),
     [
         (Vehicle.EMERGENCY_STOP, "EMERGENCY STOP", "E-STOP", "danger"),
         (Vehicle.FAILSAFE, "FAILSAFE", "FAILSAFE", "caution"),
     ],
 )
-@pytest.mark.parametrize("goal", [GoalState.NONE, GoalState.REACHED, GoalState.ABORTED])
+@each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.ABORTED])
 def test_stopped_robot_has_the_colour_of_its_vehicle_state(
     vehicle: Vehicle, name: str, short: str, role: str, goal: GoalState
 ) -> None:
@@ -49,7 +49,7 @@ def test_stopped_robot_has_the_colour_of_its_vehicle_state(
     assert role_of(status_line, "▲") == role
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "mark", "role"),
     [
         (Vehicle.EMERGENCY_STOP, "▲", "danger"),
@@ -68,7 +68,7 @@ def test_mark_of_a_stopped_robot_is_no_mark_of_health(
     assert status_row(station, SessionInfo(), 120)[0] == Span("▲", "danger")
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
+@each("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
 def test_reason_of_the_last_stop_disappears_when_armed_again(mode: Mode) -> None:
     station = shown(
         vehicle=Vehicle.ACTIVE, mode=mode, goal=GoalState.ABORTED, goal_reason=Reason.BUDGET

@@ -15,6 +15,7 @@ from ground.app.worlds import query_worlds, reached_count, read_reached_counts
 from ground.client.parameter import Parameter
 from ground.map.scene import MapTarget
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.plant_side import FakeStack, on
@@ -161,7 +162,7 @@ def test_study_has_outcomes_of_all_worlds() -> None:
     assert 10 in reached["box"].values()
 
 
-@pytest.mark.parametrize(
+@each(
     ("ends", "count"),
     [("10 reached", 10), ("6 reached, 4 stuck", 6), ("9 stuck, 1 timeout", 0), ("-", 0)],
 )
@@ -215,7 +216,7 @@ def test_fault_restarts_the_world() -> None:
     play(lambda: on("7", stack, story))
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "value", "start_s"), [("0", 0.0, 3.0), ("all 0.5", 0.5, 3.0), ("1 0.5 9", 0.5, 9.0)]
 )
 def test_fault_has_target_value_and_start_time(words: str, value: float, start_s: float) -> None:
@@ -224,7 +225,7 @@ def test_fault_has_target_value_and_start_time(words: str, value: float, start_s
     assert (found["target"], found["value"], found["start_s"]) == (words.split()[0], value, start_s)
 
 
-@pytest.mark.parametrize("words", ["", "x", "0 y", "0 1 2 3"])
+@each("words", ["", "x", "0 y", "0 1 2 3"])
 def test_malformed_fault_is_refused(words: str) -> None:
     one = InjectableFault("sonar_dropout", "", kind="sonar_dropout", targets=("0", "1"))
     with pytest.raises(UserError):

@@ -2,14 +2,13 @@
 
 from argparse import ArgumentParser
 
-import pytest
-
 from benchmarks import arrival
 from benchmarks.arrival import PEER, arrive
+from tests.support.each import each
 
 
-@pytest.mark.parametrize("noise", ["none", "default"])
-@pytest.mark.parametrize("navigator", ["bug", "vgm", "vgm_memory"])
+@each("noise", ["none", "default"])
+@each("navigator", ["bug", "vgm", "vgm_memory"])
 def test_arrives_within_3_cm_and_2_degrees(navigator: str, noise: str) -> None:
     for seed in range(5):
         one = arrive(seed, noise, navigator)

@@ -8,6 +8,7 @@ from types import ModuleType
 import pytest
 
 from benchmarks.__main__ import BENCHMARKS, benchmark_of, main
+from tests.support.each import each
 from verification.harness.figures import Figure, Report
 
 
@@ -33,7 +34,7 @@ def stub(monkeypatch: pytest.MonkeyPatch) -> Stub:
     return module
 
 
-@pytest.mark.parametrize("name", BENCHMARKS)
+@each("name", BENCHMARKS)
 def test_every_name_in_the_table_is_a_benchmark(name: str) -> None:
     benchmark = benchmark_of([name])
     assert benchmark is not None

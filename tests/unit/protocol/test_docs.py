@@ -18,6 +18,7 @@ from robot.parameters.table import SPECS
 from runtime import config
 from runtime.cli.verb_lookup import command_of, find
 from runtime.cli.verb_table import VERBS
+from tests.support.each import each
 from verification.site import protocol_page
 
 ROOT = Path(__file__).parents[3]
@@ -85,7 +86,7 @@ def test_every_make_command_has_its_target() -> None:
     assert {"up", "test", "setup"} <= named <= targets
 
 
-@pytest.mark.parametrize("verb", list(VERBS))
+@each("verb", list(VERBS))
 def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     code: object = None
     try:
@@ -96,7 +97,7 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
     assert "usage:" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", PAGES)
+@each("page", PAGES)
 def test_every_link_has_a_target(page: str) -> None:
     """Cover the pages read as files; the site checks its own links."""
     text = re.sub(r"```.*?```", "", PAGES[page], flags=re.DOTALL)

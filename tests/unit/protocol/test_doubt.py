@@ -6,6 +6,7 @@ import pytest
 
 from protocol.doubt import CHI2_2, OUTSIDE, doubt_m, doubt_words
 from study.statistics.intervals import CHI2_2 as OF_THE_STUDY
+from tests.support.each import each
 
 
 def test_constant_is_the_quantile_of_the_study() -> None:
@@ -13,7 +14,7 @@ def test_constant_is_the_quantile_of_the_study() -> None:
     assert CHI2_2 == OF_THE_STUDY
 
 
-@pytest.mark.parametrize("axes", [(0.04, 0.01), (0.01, 0.04)])
+@each("axes", [(0.04, 0.01), (0.01, 0.04)])
 def test_doubt_is_the_longer_axis(axes: tuple[float, float]) -> None:
     assert doubt_m(axes[0], 0.0, axes[1]) == pytest.approx(0.2 * sqrt(CHI2_2))
 
@@ -22,7 +23,7 @@ def test_correlation_makes_the_ellipse_longer() -> None:
     assert doubt_m(0.01, 0.01, 0.01) == pytest.approx(sqrt(0.02 * CHI2_2))
 
 
-@pytest.mark.parametrize("value", [nan, inf, -1.0])
+@each("value", [nan, inf, -1.0])
 def test_no_covariance_gives_no_doubt(value: float) -> None:
     assert doubt_m(value, 0.0, value) is None
 

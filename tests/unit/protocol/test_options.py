@@ -17,6 +17,7 @@ from protocol.options import (
     numbers_kept,
     whole,
 )
+from tests.support.each import each
 
 
 def parsed(*words: str) -> argparse.Namespace:
@@ -27,7 +28,7 @@ def parsed(*words: str) -> argparse.Namespace:
     return parser.parse_args(numbers_kept(words))
 
 
-@pytest.mark.parametrize("word", ["-1e3", "-1E-3", "-.5e2", "-5.", "-2", "-2.5", "-1_0e1", "-inf"])
+@each("word", ["-1e3", "-1E-3", "-.5e2", "-5.", "-2", "-2.5", "-1_0e1", "-inf"])
 def test_a_negative_number_is_a_value(word: str) -> None:
     found = parsed(word, "--goal", word, "3")
     assert found.x == found.goal[0] == float(word)
@@ -39,12 +40,12 @@ def test_every_number_survives_formatting_and_parsing(value: float) -> None:
     assert parsed(repr(value), "--goal", repr(value)).goal == [value]
 
 
-@pytest.mark.parametrize("word", ["-i", "--goal", "-e3", "-1e", "-", "--", "", "1e3", "-1", "-0.5"])
+@each("word", ["-i", "--goal", "-e3", "-1e", "-", "--", "", "1e3", "-1", "-0.5"])
 def test_other_arguments_are_unchanged(word: str) -> None:
     assert numbers_kept([word]) == [word]
 
 
-@pytest.mark.parametrize("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
+@each("text", ["nan", "inf", "-inf", "1e999", "", "x", "1,5"])
 def test_text_without_a_finite_number_is_rejected(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         finite(text)
@@ -54,7 +55,7 @@ def test_a_whole_number_may_be_either_end_of_its_range() -> None:
     assert (whole(2, 5)("2"), whole(2, 5)(" 5"), whole(0)("123456789")) == (2, 5, 123456789)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "says"),
     [
         ("1", "1 is not within 2 to 5"),
@@ -82,7 +83,7 @@ def test_parameters_are_names_with_their_values() -> None:
     assert parser.parse_args(words).param == [("side", -1.0), ("d_obs_m", 0.4)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "says"),
     [
         ("d_obs_m", "write NAME=VALUE"),
@@ -105,7 +106,7 @@ HERE, THERE = "tcp/127.0.0.1:1", "tcp/127.0.0.1:2"
 NO_OPTIONS = argparse.Namespace(listen=None, connect=None)
 
 
-@pytest.mark.parametrize(
+@each(
     ("mode", "listen", "connect", "robot", "plant"),
     [
         ("peer", (), (), ((DEFAULT_ENDPOINT,), ()), ((), (DEFAULT_ENDPOINT,))),

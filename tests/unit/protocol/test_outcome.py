@@ -21,6 +21,7 @@ from protocol.wire.enums import GoalState
 from protocol.wire.goal import WireGoal
 from protocol.wire.messages import RunScore
 from protocol.wire.reasons import Reason, reason_text
+from tests.support.each import each
 
 KEYS = [
     "world",
@@ -135,7 +136,7 @@ def test_being_run_into_counts_as_contact_not_collision() -> None:
     assert late == ("timeout", "not there after 60 s; was touched once")
 
 
-@pytest.mark.parametrize(
+@each(
     ("state", "reason", "outcome", "words"),
     [
         (GoalState.REACHED, Reason.NONE, "reached", "ok"),
@@ -154,7 +155,7 @@ def test_each_end_state_has_an_outcome_and_a_reason(
     assert goal_end(state, reason) in (outcome, None)
 
 
-@pytest.mark.parametrize(("doubt_m", "words"), [(0.424, "0.42 m"), (None, "unknown")])
+@each(("doubt_m", "words"), [(0.424, "0.42 m"), (None, "unknown")])
 def test_lost_outcome_ends_with_the_doubt(doubt_m: float | None, words: str) -> None:
     outcome, reason = end_of(touches(0, 0), end(GoalState.STUCK, Reason.LOST, doubt_m), 60.0)
     assert outcome == "lost"

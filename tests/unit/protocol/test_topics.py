@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from protocol.sender import sender_of, system_id_of
 from protocol.topics import SERVICES, SONAR, TOPICS, Role
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def test_no_path_is_used_twice() -> None:
@@ -32,7 +33,7 @@ def test_a_key_has_prefix_robot_and_path() -> None:
     assert SERVICES[0].key("r_2-b") == "sidestep/r_2-b/srv/command"
 
 
-@pytest.mark.parametrize("name", ["", "R1", "a/b", "r*", "x" * 17, "r 1", "r1\n", "é"])
+@each("name", ["", "R1", "a/b", "r*", "x" * 17, "r 1", "r1\n", "é"])
 def test_a_name_that_could_break_a_key_is_refused_with_the_rule(name: str) -> None:
     with pytest.raises(UserError, match="1 to 16 of the characters"):
         SONAR.key(name)

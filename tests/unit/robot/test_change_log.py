@@ -1,7 +1,5 @@
 """Texts of any length are split into MAVLink pieces and reassembled."""
 
-import pytest
-
 from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.statustext import PIECE_BYTES
@@ -9,6 +7,7 @@ from robot.change_log import ChangeLog
 from robot.core.parameters import DEFAULTS
 from robot.hosting.in_process import InProcessCore
 from robot.mission.mission import Mission
+from tests.support.each import each
 
 
 def news() -> ChangeLog:
@@ -16,7 +15,7 @@ def news() -> ChangeLog:
     return ChangeLog(core.state.machine, Mission(core))
 
 
-@pytest.mark.parametrize("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
+@each("length", [1, 49, 50, 51, 99, 100, 101, 150, 400])
 def test_text_is_complete_only_with_its_last_piece(length: int) -> None:
     words = "".join(chr(97 + at % 26) for at in range(length))
     pieces = news().text(Severity.INFO, words)

@@ -2,8 +2,6 @@
 
 from math import nan
 
-import pytest
-
 from protocol.wire.enums import AckResult, Command, GoalState, MissionState, Mode, Navigator
 from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
@@ -21,6 +19,7 @@ from robot.core import states
 from robot.core.parameters import DEFAULTS
 from robot.hosting.in_process import InProcessCore
 from robot.mission.mission import Mission
+from tests.support.each import each
 from tests.support.robot.mission.items import line
 from tests.support.robot.vehicles import goal
 
@@ -230,7 +229,7 @@ def test_a_goal_is_acknowledged_as_do_reposition() -> None:
     assert acknowledge(goal(1, 0.0, 0.0), Reason.NONE).command == Command.DO_REPOSITION
 
 
-@pytest.mark.parametrize("reason", Reason)
+@each("reason", Reason)
 def test_a_result_follows_from_its_reason(reason: Reason) -> None:
     results = {
         Reason.NONE: AckResult.ACCEPTED,
@@ -256,9 +255,7 @@ def test_a_goal_is_named_by_the_request_that_led_to_it() -> None:
 # The effect of each command.
 
 
-@pytest.mark.parametrize(
-    ("arm", "vehicle"), [(0.0, states.STANDBY), (1.0, states.ACTIVE), (2.0, states.ACTIVE)]
-)
+@each(("arm", "vehicle"), [(0.0, states.STANDBY), (1.0, states.ACTIVE), (2.0, states.ACTIVE)])
 def test_arming_and_disarming_are_one_command(arm: float, vehicle: int) -> None:
     for before in (states.STANDBY, states.ACTIVE):
         robot = Robot()
@@ -300,7 +297,7 @@ def test_abort_ends_the_mission_or_else_the_goal() -> None:
     assert robot.machine.goal_state == GoalState.ABORTED
 
 
-@pytest.mark.parametrize(
+@each(
     ("asked", "side"), [(0, states.RIGHT), (states.LEFT, states.LEFT), (states.RIGHT, states.RIGHT)]
 )
 def test_a_navigator_without_a_side_keeps_the_side_there_is(asked: int, side: int) -> None:
@@ -316,7 +313,7 @@ def test_a_mode_is_set_by_the_second_field_as_in_mavlink() -> None:
     assert robot.machine.mode == states.AUTO
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "action", "reason"),
     [
         (states.BOOT, 1.0, Reason.NONE),

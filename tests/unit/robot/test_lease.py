@@ -1,6 +1,5 @@
 """The lease: at most one holder, shown to all operators, and released when its holder is lost."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,6 +19,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from robot.lease import LAPSE_NS, Lease
+from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk, goal
 
 ADA, BOB = "ada0", "bob0"
@@ -220,7 +220,7 @@ def command(number: int, param1: float = 0.0) -> CommandRequest:
     return CommandRequest(request_id=number_of_request, command=number, param1=param1, param2=0.0)
 
 
-@pytest.mark.parametrize(
+@each(
     "request_of_other",
     [
         command(Command.COMPONENT_ARM_DISARM),
@@ -230,7 +230,6 @@ def command(number: int, param1: float = 0.0) -> CommandRequest:
         ParamSet(param_id="d_obs_m", param_value=0.4, param_type=9),
         MissionCount(count=1),
     ],
-    ids=lambda request: type(request).__name__,
 )
 def test_requests_of_others_are_refused(
     request_of_other: Message,

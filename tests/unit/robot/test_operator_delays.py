@@ -1,10 +1,10 @@
 """Frames that are more than 200 ms later than usual for their sender are late."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.operator_delays import MAX_SENDERS, DelayFilter
+from tests.support.each import each
 from tests.support.robot.vehicles import MS
 
 S = 1_000 * MS
@@ -23,7 +23,7 @@ def used_to(delay_ms: float, sender: str = ADA) -> DelayFilter:
     return delays
 
 
-@pytest.mark.parametrize("delay_ms", [-5_000.0, 0.0, 3_000.0])
+@each("delay_ms", [-5_000.0, 0.0, 3_000.0])
 def test_first_frame_sets_the_usual_delay(delay_ms: float) -> None:
     """Clocks may differ, so the usual delay may have any value, even a negative one."""
     delays = used_to(delay_ms)

@@ -2,8 +2,6 @@
 
 from typing import cast
 
-import pytest
-
 from protocol.bus.bus import Bus
 from protocol.topics import OPERATOR, SONAR, TELEOP, WHEELS
 from protocol.wire.messages import Heartbeat, SonarScan, Teleop, WheelTicks
@@ -17,6 +15,7 @@ from runtime.clock import ManualClock, Tick
 from runtime.lockstep import LockstepClock
 from runtime.sequence import MAX_LATE_TICKS, Order
 from runtime.timing import PERIOD_NS, UINT32
+from tests.support.each import each
 from tests.support.robot.processes import ADA, BOB, ServedBus
 from tests.support.robot.vehicles import MS
 
@@ -82,7 +81,7 @@ def test_heartbeat_from_the_future_counts_from_its_arrival() -> None:
     assert rig.read(1 * S).operator_age_ms == 1_100
 
 
-@pytest.mark.parametrize(("late_ms", "age_ms"), [(200.0, 200), (200.000_001, 1_000)])
+@each(("late_ms", "age_ms"), [(200.0, 200), (200.000_001, 1_000)])
 def test_heartbeat_200_ms_later_than_usual_is_ignored(late_ms: float, age_ms: int) -> None:
     rig = SensesRig()
     rig.beat()
@@ -92,7 +91,7 @@ def test_heartbeat_200_ms_later_than_usual_is_ignored(late_ms: float, age_ms: in
     assert rig.read().operator_age_ms == age_ms
 
 
-@pytest.mark.parametrize(("late_ms", "taken"), [(200.0, True), (200.000_001, False)])
+@each(("late_ms", "taken"), [(200.0, True), (200.000_001, False)])
 def test_teleop_frame_200_ms_later_than_usual_is_ignored(late_ms: float, taken: bool) -> None:
     rig = SensesRig()
     rig.beat()
@@ -111,7 +110,7 @@ def test_a_teleop_frame_counts_from_when_it_was_sent() -> None:
     assert not rig.steered
 
 
-@pytest.mark.parametrize(("late_ns", "age_ms"), [(1_500 * MS, 1_500), (1_500 * MS + 1, None)])
+@each(("late_ns", "age_ms"), [(1_500 * MS, 1_500), (1_500 * MS + 1, None)])
 def test_first_heartbeat_too_old_is_ignored(late_ns: int, age_ms: int | None) -> None:
     """Send the first frame, before the usual delay of the operator is known."""
     rig = SensesRig()
@@ -119,9 +118,7 @@ def test_first_heartbeat_too_old_is_ignored(late_ns: int, age_ms: int | None) ->
     assert rig.read().operator_age_ms == age_ms
 
 
-@pytest.mark.parametrize(
-    ("late_ns", "operator"), [(None, ADA), (0, ""), (None, "")], ids=["no time", "nobody", "either"]
-)
+@each(("late_ns", "operator"), [(None, ADA), (0, ""), (None, "")])
 def test_frame_without_sender_or_sending_time_is_ignored(
     late_ns: int | None, operator: str
 ) -> None:
@@ -167,7 +164,7 @@ def test_without_sensor_frames_inputs_are_none() -> None:
     assert (senses.wheels_seq, senses.scan_seq, senses.scan_age_ms) == (0, 0, 0)
 
 
-@pytest.mark.parametrize(("after_ns", "there"), [(150 * MS, True), (150 * MS + 1, False)])
+@each(("after_ns", "there"), [(150 * MS, True), (150 * MS + 1, False)])
 def test_wheels_count_for_150_ms(after_ns: int, there: bool) -> None:
     rig = SensesRig()
     rig.bus.say(WHEELS, wheels(3))
@@ -175,7 +172,7 @@ def test_wheels_count_for_150_ms(after_ns: int, there: bool) -> None:
     assert rig.senses.wheels_seq == (3 if there else 0)
 
 
-@pytest.mark.parametrize(("after_ns", "there"), [(250 * MS, True), (250 * MS + 1, False)])
+@each(("after_ns", "there"), [(250 * MS, True), (250 * MS + 1, False)])
 def test_a_scan_counts_for_250_ms(after_ns: int, there: bool) -> None:
     rig = SensesRig()
     rig.bus.say(SONAR, scan(3))
@@ -225,7 +222,7 @@ def test_in_lockstep_a_restarted_plant_loses_the_position() -> None:
     assert clock.now_ns() == 5 * PERIOD_NS
 
 
-@pytest.mark.parametrize("lockstep", [False, True])
+@each("lockstep", [False, True])
 def test_older_sensor_frames_are_refused_in_wall_time(lockstep: bool) -> None:
     """Restarts of the plant in lockstep are detected by the clock."""
     rig = SensesRig(lockstep=lockstep)
@@ -246,9 +243,7 @@ def stamp_after(first_ns: int, second_ns: int) -> int:
     return rig.senses.stamp_ns
 
 
-@pytest.mark.parametrize(
-    ("back_ns", "kept"), [(0, True), (1, True), (1 * S, True), (1 * S + 1, False)]
-)
+@each(("back_ns", "kept"), [(0, True), (1, True), (1 * S, True), (1 * S + 1, False)])
 def test_time_goes_back_by_more_than_a_second_or_not_at_all(back_ns: int, kept: bool) -> None:
     assert stamp_after(9 * S, 9 * S - back_ns) == (9 * S if kept else 8 * S - 1)
 
@@ -265,7 +260,7 @@ def test_stamp_advances_with_the_time_since_the_scan() -> None:
 # Order.
 
 
-@pytest.mark.parametrize(
+@each(
     ("behind", "overtaken", "anew"),
     [
         (-1, False, False),
@@ -277,7 +272,7 @@ def test_stamp_advances_with_the_time_since_the_scan() -> None:
         (UINT32 // 2, False, False),
     ],
 )
-@pytest.mark.parametrize("last_seq", [30, 0, UINT32])
+@each("last_seq", [30, 0, UINT32])
 def test_small_step_back_is_reordering_large_one_a_restart(
     last_seq: int, behind: int, overtaken: bool, anew: bool
 ) -> None:

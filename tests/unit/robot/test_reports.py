@@ -4,8 +4,6 @@ from collections.abc import Callable
 from time import time
 from typing import cast
 
-import pytest
-
 from protocol.bus.bus import Bus
 from protocol.topics import DRIVE, HEARTBEAT
 from protocol.wire.messages import WheelCommand
@@ -16,6 +14,7 @@ from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.clock import ManualClock
 from runtime.timing import PERIOD_NS
+from tests.support.each import each
 from tests.support.played_bus import PlayedBus
 
 MS, SECOND = 1_000_000, 1_000_000_000
@@ -54,7 +53,7 @@ def test_heartbeats_keep_their_rate_although_ticks_jitter() -> None:
     assert beats_in(30.0, factor=1.0, late_ms=lambda tick: jitter[tick % 7]) in (150, 151)
 
 
-@pytest.mark.parametrize("factor", [0.1, 0.3])
+@each("factor", [0.1, 0.3])
 def test_heartbeats_go_on_when_simulated_time_is_slow(factor: float) -> None:
     period_s = max(0.3, 0.05 / factor) + 0.05 / factor
     assert beats_in(30.0, factor=factor, late_ms=lambda _: 0) >= 30.0 / period_s - 1
@@ -69,8 +68,8 @@ def test_the_epoch_is_the_time_in_seconds() -> None:
     assert before <= epoch() <= int(time())
 
 
-@pytest.mark.parametrize("stamp_ns", [0, (1 << 62) - 1, 1 << 62, 1 << 64, 1 << 80, -1])
-@pytest.mark.parametrize("sense_seq", [0, (1 << 32) - 1, 1 << 32, -1])
+@each("stamp_ns", [0, (1 << 62) - 1, 1 << 62, 1 << 64, 1 << 80, -1])
+@each("sense_seq", [0, (1 << 32) - 1, 1 << 32, -1])
 def test_last_brake_has_a_valid_stamp(stamp_ns: int, sense_seq: int) -> None:
     """Invalid stamps would let the wheels run on until the last command expires."""
     last = decoded(0, stamp_ns, sense_seq)[-1]

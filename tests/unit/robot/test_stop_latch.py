@@ -3,7 +3,6 @@
 import threading
 import weakref
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,6 +11,7 @@ from protocol.wire.enums import Command
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, MissionRequestList
 from robot.stop_latch import StopLatch, emergency_stop
+from tests.support.each import each
 from tests.support.robot.vehicles import goal
 
 ADA, BOB, STRANGER = "ada/1", "bob/2", ""
@@ -34,7 +34,7 @@ def test_unset_latch_returns_nothing() -> None:
     assert latch().take() is None
 
 
-@pytest.mark.parametrize("operator", [ADA, BOB, STRANGER])
+@each("operator", [ADA, BOB, STRANGER])
 def test_any_sender_stops_and_reading_resets_the_latch(operator: str) -> None:
     pressed = latch()
     pressed.press(operator, stop(17))
@@ -45,7 +45,7 @@ def test_any_sender_stops_and_reading_resets_the_latch(operator: str) -> None:
     assert pressed.take() is None
 
 
-@pytest.mark.parametrize("operator", [ADA, BOB])
+@each("operator", [ADA, BOB])
 def test_the_newest_of_several_stops_is_named(operator: str) -> None:
     pressed = latch()
     for request_id in (1, 2, 3):
@@ -56,7 +56,7 @@ def test_the_newest_of_several_stops_is_named(operator: str) -> None:
     assert pressed.take() is None, "one stop is enough"
 
 
-@pytest.mark.parametrize("other", [BOB, STRANGER])
+@each("other", [BOB, STRANGER])
 def test_a_flood_of_others_does_not_hide_the_holders_stop(other: str) -> None:
     pressed = latch()
     pressed.press(ADA, stop(7))
@@ -81,7 +81,7 @@ class Name(str):
     """A name that detects when it is no longer referenced."""
 
 
-@pytest.mark.parametrize("holder", [True, False])
+@each("holder", [True, False])
 def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
     pressed = StopLatch(lambda _: holder)
     name = Name("ada/1")
@@ -95,7 +95,7 @@ def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
     assert kept() is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("content", "request_id"),
     [
         (b"", 0),
@@ -104,7 +104,6 @@ def test_the_newest_eight_frames_are_kept(holder: bool) -> None:
         (frame(goal(5, 1.0, 0.0)), 0),
         (frame(CommandRequest(request_id=6, command=400, param1=1.0, param2=0.0)), 6),
     ],
-    ids=["nothing", "garbage", "a look", "a goal", "another command"],
 )
 def test_any_bytes_received_as_a_stop_are_a_stop(content: bytes, request_id: int) -> None:
     pressed = latch()

@@ -1,6 +1,5 @@
 """Teleop with a dead-man switch: a frame counts for its own time-to-live and no longer."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -8,6 +7,7 @@ from protocol.wire.limits import MAX_TELEOP_TTL_MS
 from protocol.wire.messages import Teleop
 from robot.core.values import Twist
 from robot.teleop import TeleopInput, operator_twist
+from tests.support.each import each
 from tests.support.robot.vehicles import MS, Desk
 
 
@@ -42,7 +42,7 @@ def test_newer_frame_replaces_one_with_a_later_expiry() -> None:
     assert handle.newest(110 * MS) is None
 
 
-@pytest.mark.parametrize("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
+@each("ttl_ms", [MAX_TELEOP_TTL_MS + 1, 65_535])
 def test_frame_with_too_long_ttl_is_ignored_and_reported_once(ttl_ms: int) -> None:
     handle = TeleopInput()
     assert f"at most {MAX_TELEOP_TTL_MS}" in handle.receive(frame(ttl_ms), 0)

@@ -21,6 +21,7 @@ from robot.commands import HANDLERS
 from robot.core import brain, states
 from robot.core.parameters import DEFAULTS
 from robot.storage.files import Store
+from tests.support.each import each
 from tests.support.robot.mission.items import ready, start
 from tests.support.robot.vehicles import MS, Desk, goal
 
@@ -91,8 +92,8 @@ STANDING = (Command.SIDESTEP_SET_POSE, Command.PREFLIGHT_REBOOT_SHUTDOWN)
 """Commands that a robot refuses during a mission."""
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-@pytest.mark.parametrize("command", [one for one in UNUSED if one not in STANDING])
+@each("value", [nan, inf, -inf])
+@each("command", [one for one in UNUSED if one not in STANDING])
 def test_a_field_that_a_command_does_not_use_may_hold_anything(
     command: Command, value: float
 ) -> None:
@@ -100,8 +101,8 @@ def test_a_field_that_a_command_does_not_use_may_hold_anything(
     assert underway().command(command, *fields) == Reason.NONE
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-@pytest.mark.parametrize("command", UNUSED)
+@each("value", [nan, inf, -inf])
+@each("command", UNUSED)
 def test_a_command_with_a_value_that_is_no_number_is_refused(
     command: Command, value: float
 ) -> None:
@@ -255,7 +256,7 @@ def test_a_parameter_is_set_answered_and_read_back() -> None:
     assert again == answer
 
 
-@pytest.mark.parametrize(
+@each(
     ("navigator", "parameter"),
     [(states.VGM, "d_obs_m"), (states.BUG, "d_th_m"), (states.DISTBUG, None)],
 )
@@ -274,7 +275,7 @@ def refused(answer: object) -> int:
     return answer.result_param2
 
 
-@pytest.mark.parametrize("value", [nan, inf, 0.0, 1e9])
+@each("value", [nan, inf, 0.0, 1e9])
 def test_an_impossible_value_is_refused_and_nothing_changes(value: float) -> None:
     desk = Desk()
     before = desk.vehicle.params

@@ -27,6 +27,7 @@ from runtime.elementary import (
     sin,
     tanh,
 )
+from tests.support.each import each
 
 SOURCE = Path(elementary.__file__)
 MANY = 3000
@@ -95,7 +96,7 @@ POINTS = [
 ]
 
 
-@pytest.mark.parametrize(
+@each(
     ("own", "exact", "points"),
     [
         (sin, mp.sin, [(one,) for one in ANGLES]),
@@ -106,7 +107,6 @@ POINTS = [
         (tanh, mp.tanh, [(one,) for one in ARGUMENTS]),
         (atan2, mp.atan2, POINTS),
     ],
-    ids=lambda one: getattr(one, "__name__", ""),
 )
 def test_error_is_at_most_one_unit_in_the_last_place(
     own: Callable[..., float], exact: Callable[..., mpf], points: list[tuple[float, ...]]
@@ -135,14 +135,14 @@ def test_arcs_stay_within_their_ranges(value: float) -> None:
     assert 0.0 <= acos(value) <= pi
 
 
-@pytest.mark.parametrize("angle_rad", [inf, -inf, nan, nextafter(MAX_ANGLE_RAD, inf), -1e300])
+@each("angle_rad", [inf, -inf, nan, nextafter(MAX_ANGLE_RAD, inf), -1e300])
 def test_angles_beyond_the_domain_give_nan(angle_rad: float) -> None:
     assert isnan(sin(angle_rad))
     assert isnan(cos(angle_rad))
     assert all(isnan(one) for one in cos_sin(angle_rad))
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf, nextafter(1.0, 2.0), -2.0])
+@each("value", [nan, inf, -inf, nextafter(1.0, 2.0), -2.0])
 def test_arcs_beyond_their_domain_give_nan(value: float) -> None:
     assert isnan(asin(value))
     assert isnan(acos(value))
@@ -165,7 +165,7 @@ def test_exp_and_tanh_at_their_ends() -> None:
 HALF, WHOLE, EIGHTH = pi / 2, pi, pi / 4
 
 
-@pytest.mark.parametrize(
+@each(
     ("y", "x", "angle_rad"),
     [
         (0.0, 0.0, 0.0),
@@ -190,7 +190,7 @@ def test_atan2_of_zeros_infinities_and_extremes(y: float, x: float, angle_rad: f
     assert atan2(y, x).hex() == angle_rad.hex()
 
 
-@pytest.mark.parametrize(("y", "x"), [(nan, 1.0), (1.0, nan), (nan, inf), (inf, nan)])
+@each(("y", "x"), [(nan, 1.0), (1.0, nan), (nan, inf), (inf, nan)])
 def test_atan2_of_nan_is_nan(y: float, x: float) -> None:
     assert isnan(atan2(y, x))
 

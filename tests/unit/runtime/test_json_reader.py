@@ -6,6 +6,7 @@ from math import inf
 import pytest
 
 from runtime.json_reader import MAX_DEPTH, value_in
+from tests.support.each import each
 
 
 def nested(depth: int, opens: str = "[", closes: str = "]") -> str:
@@ -19,7 +20,7 @@ def test_valid_json_is_read() -> None:
     assert value_in("9" * 400) == inf
 
 
-@pytest.mark.parametrize("depth", [MAX_DEPTH + 1, 900, 5000, 100_000])
+@each("depth", [MAX_DEPTH + 1, 900, 5000, 100_000])
 def test_too_deep_nesting_is_refused(depth: int) -> None:
     """Refuse it even if the parser accepts it, because a writer would not."""
     with pytest.raises(ValueError, match="nested too deeply"):
@@ -33,7 +34,7 @@ def test_nesting_at_the_limit_is_read() -> None:
     assert json.dumps(value) == nested(MAX_DEPTH)
 
 
-@pytest.mark.parametrize("text", ["", "{", b"\xff\xfe", "nonsense", b"\x00"])
+@each("text", ["", "{", b"\xff\xfe", "nonsense", b"\x00"])
 def test_invalid_json_is_a_value_error(text: str | bytes) -> None:
     with pytest.raises(ValueError, match=r"Expecting|decode|codec"):
         value_in(text)

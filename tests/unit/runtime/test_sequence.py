@@ -1,15 +1,15 @@
 """Frames that are late, repeated or from a restarted sender are distinguished."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.sequence import MAX_LATE_NS, MAX_LATE_TICKS, Order, SequenceTracker, order_of
+from tests.support.each import each
 
 WRAP = 1 << 32
 
 
-@pytest.mark.parametrize(
+@each(
     ("number", "order"),
     [
         (101, Order.NEWER),
@@ -25,7 +25,7 @@ def test_order_follows_from_the_distance_to_the_newest(number: int, order: Order
     assert order_of(number, 100, 20) is order
 
 
-@pytest.mark.parametrize(
+@each(
     ("number", "newest", "order"),
     [
         (0, WRAP - 1, Order.NEWER),
@@ -41,7 +41,7 @@ def test_order_continues_over_the_wrap_of_a_count(number: int, newest: int, orde
     assert order_of(number, newest, 20, modulus=WRAP) is order
 
 
-@pytest.mark.parametrize(
+@each(
     ("behind", "order"),
     [(1, Order.LATE), (2, Order.RESTARTED), (3, Order.RESTARTED), (4, Order.NEWER)],
 )

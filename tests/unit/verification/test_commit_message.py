@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.each import each
 from verification.commit_message import advice, problems
 
 ROOT = Path(__file__).resolve().parents[3]
 
 
-@pytest.mark.parametrize(
+@each(
     "message",
     [
         "robot: stop on a stale scan\n",
@@ -25,7 +26,7 @@ def test_good_message_passes(message: str) -> None:
     assert problems(message) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("message", "problem"),
     [
         ("", "the message is empty"),
@@ -42,7 +43,7 @@ def test_defect_of_a_message_is_named(message: str, problem: str) -> None:
     assert problem in found
 
 
-@pytest.mark.parametrize(
+@each(
     ("message", "advised"),
     [("robot: stopped on a scan\n", "'stopped'"), ("robot: feed rows\n", ""), ("Revert x\n", "")],
 )

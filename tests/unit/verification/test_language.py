@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.each import each
 from verification.language import Text, grade, habits, main, running_text, syllables, texts_of
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "expected"),
     [
         ("Return the pose of a robot whose plant has exited.", []),
@@ -51,7 +52,7 @@ def test_code_blocks_of_a_page_are_skipped(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@each(
     ("word", "count"),
     [("robot", 2), ("drive", 1), ("table", 2), ("started", 2), ("turned", 1), ("20", 1)],
 )

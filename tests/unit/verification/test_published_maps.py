@@ -7,6 +7,7 @@ import pytest
 from plant.model.types import Circle
 from protocol.outcome import LOST, UNREACHABLE
 from study.report.paper.evidence import MapResult, read_evidence
+from tests.support.each import each
 from verification import published_maps
 from verification.published_maps import (
     MapSet,
@@ -85,7 +86,7 @@ def test_each_trial_is_counted_by_its_end() -> None:
     assert one.score_interval.low < 0.475 < one.score_interval.high
 
 
-@pytest.mark.parametrize(
+@each(
     ("maps", "noise", "verdict"),
     [
         ("Moving AI", "none", ("arrives 100 %", "missed")),

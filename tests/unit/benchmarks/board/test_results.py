@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import msgspec
-import pytest
 
 from benchmarks.board import float32, page, results
 from benchmarks.board.results import (
@@ -17,6 +16,7 @@ from benchmarks.board.results import (
 )
 from plant.world.file import shipped
 from study.trial.trial import NAVIGATORS
+from tests.support.each import each
 from verification.same_bits import board
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -37,7 +37,7 @@ def test_committed_states_of_all_navigators_are_within_their_ceiling() -> None:
     assert max(sizes.values()) <= STATE_BYTES
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "name"),
     [
         ({"command_ms": 51.0}, "command path"),

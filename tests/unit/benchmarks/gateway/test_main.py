@@ -24,6 +24,7 @@ from ground.gateway.signing.verifier import Verdict, Verifier
 from ground.missions.mission import Home
 from protocol.wire.messages import WheelCommand
 from runtime.units import NS_PER_S
+from tests.support.each import each
 
 KEY = bytes(range(100, 132))
 HOME = Home(latitude_deg=-35.0, longitude_deg=149.0)
@@ -79,7 +80,7 @@ def test_setpoints_drive_ahead() -> None:
     assert timeouts.channels(1.0).chan3_raw == 2000
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@each("kind", KINDS)
 def test_no_forged_frame_is_valid(kind: str) -> None:
     captured = owners(*(stamp_now() + number for number in range(1, 20)))
     clock = StampClock(time_ns)
@@ -93,7 +94,7 @@ def test_no_forged_frame_is_valid(kind: str) -> None:
     assert verifier.check(good) is Verdict.VALID
 
 
-@pytest.mark.parametrize("kind", FLOODS)
+@each("kind", FLOODS)
 def test_floods_are_what_they_are_called(kind: str) -> None:
     found, deframer = frames_in(supply_of(kind))
     counts = {"valid": len(found), "broken": deframer.malformed, "unknown": deframer.unknown}

@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from benchmarks.odometry.consistency import KINDS, Array, bounds, consistency_of, speeds_of
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("degrees_of_freedom", "count", "low", "high"),
     [(3, 10, 1.6791, 4.6979), (2, 50, 1.48444, 2.59122), (3, 200, 2.6698, 3.3490)],
 )
@@ -27,12 +28,12 @@ def test_errors_of_the_stated_covariance_are_consistent() -> None:
     assert found.inside == pytest.approx(0.95, abs=0.03)
 
 
-@pytest.mark.parametrize("scale", [0.7, 1.5])
+@each("scale", [0.7, 1.5])
 def test_wrong_covariance_is_inconsistent(scale: float) -> None:
     assert not consistency_of(drawn(scale)).consistent
 
 
-@pytest.mark.parametrize("kind", KINDS[:3])
+@each("kind", KINDS[:3])
 def test_speed_scripts_end_at_rest_within_wheel_limits(
     kind: str,
 ) -> None:

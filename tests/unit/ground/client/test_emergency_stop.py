@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import pytest
-
 from ground.client.emergency_stop import (
     HELD_NS,
     Acknowledgement,
@@ -17,6 +15,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
+from tests.support.each import each
 from tests.support.ground.station.said import Robot
 from tests.support.played_bus import PlayedBus
 
@@ -69,7 +68,7 @@ def test_stop_repeats_every_50_ms_with_one_id() -> None:
     assert len(pressing.ids) == 1
 
 
-@pytest.mark.parametrize("answer", [YES, BUSY])
+@each("answer", [YES, BUSY])
 def test_no_answer_of_the_service_ends_the_stop(answer: CommandAck) -> None:
     pressing = Pressing(until=1000)
     pressing.bus.answers[STOP_SERVICE.path] = lambda _: answer
@@ -109,7 +108,7 @@ def test_stop_held_for_a_second_of_repeats_is_acknowledged() -> None:
     assert acknowledgement.given
 
 
-@pytest.mark.parametrize("answer", [None, BUSY, b"{}"])
+@each("answer", [None, BUSY, b"{}"])
 def test_late_statuses_of_an_older_stop_are_no_acknowledgement(answer: Message | bytes) -> None:
     """Ignore statuses that are 4 s late: they show an earlier stop, not this one."""
     acknowledgement = Acknowledgement(5)

@@ -14,6 +14,7 @@ from ground.grammar.words import positive, seconds
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.enums import Mode
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def typed(*words: str) -> Goto:
@@ -38,7 +39,7 @@ def test_without_a_heading_any_will_do() -> None:
     assert goal_request(destination([1.0, 2.0]).on_the_wire(), 1, Mode.AUTO).heading_free == 1
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "named"),
     [
         (("3e6", "0"), "x"),
@@ -53,7 +54,7 @@ def test_what_no_robot_can_take_is_named(words: tuple[str, ...], named: str) -> 
         typed(*words)
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "nan", "1e9"])
+@each("text", ["0", "-1", "nan", "1e9"])
 def test_a_time_is_positive_and_bounded(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError):
         seconds(text)

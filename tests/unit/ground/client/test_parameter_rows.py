@@ -13,6 +13,7 @@ from ground.client.operations.parameters import table
 from ground.client.parameter import Parameter, parameters_in
 from ground.client.parameter_rows import MAX_ROWS, MAX_TEXT, rows_in
 from runtime.errors import RemoteError
+from tests.support.each import each
 from tests.support.hostile import TEXT, raw_in
 
 NAMES = st.text(min_size=1, max_size=18) | st.from_regex(r"[A-Za-z0-9_]{1,16}", fullmatch=True)
@@ -31,7 +32,7 @@ def answer(**more: object) -> bytes:
     return json.dumps([{"name": "d_obs_m", "value": 0.3, **more}]).encode()
 
 
-@pytest.mark.parametrize(
+@each(
     ("found", "why"),
     [
         (answer(name="a = 1\n[network]\nb"), "has no name"),

@@ -23,6 +23,7 @@ from protocol.wire.enums import AckResult, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
 from runtime.clock import ManualClock
+from tests.support.each import each
 
 MS = 1_000_000
 MINE = 77
@@ -109,7 +110,7 @@ def test_nothing_is_sent_before_its_time() -> None:
     assert len(asking.due(100 + 500 * MS)) == 1
 
 
-@pytest.mark.parametrize(
+@each(
     "answer",
     [
         CommandAck(command=192, result=AckResult.ACCEPTED, result_param2=0),
@@ -173,7 +174,7 @@ def test_the_heart_keeps_pace_with_simulated_time() -> None:
     assert drive.beats == pytest.approx(100 * 50 * MS / BEAT_NS, abs=2)
 
 
-@pytest.mark.parametrize(
+@each(
     ("state", "reason", "end"),
     [
         (GoalState.REACHED, Reason.NONE, GoalEnd("reached", "reached")),
@@ -211,9 +212,7 @@ def test_a_newer_goal_ends_ours() -> None:
     assert drive.watch.end == GoalEnd("aborted", "replaced by a new goal")
 
 
-@pytest.mark.parametrize(
-    "restarted", [status(0, GoalState.NONE, goal_id=0), status(5_400 * MS, goal_id=0)]
-)
+@each("restarted", [status(0, GoalState.NONE, goal_id=0), status(5_400 * MS, goal_id=0)])
 def test_a_restarted_robot_is_not_waited_for(restarted: NavigatorStatus) -> None:
     drive = Drive()
     drive.receive(status(5_000 * MS))
@@ -260,7 +259,7 @@ def by_the_robots_clock(drive: Drive) -> None:
     drive.receive(status(15_000 * MS))
 
 
-@pytest.mark.parametrize("passes", [by_our_clock, by_the_robots_clock])
+@each("passes", [by_our_clock, by_the_robots_clock])
 def test_the_time_limit_goes_by_whichever_clock_is_ahead(passes: Callable[[Drive], None]) -> None:
     drive = Drive(timeout_ns=10_000 * MS)
     passes(drive)

@@ -6,6 +6,7 @@ from math import inf
 import pytest
 
 from ground.client.time_factor import TimeFactor, chosen_speed
+from tests.support.each import each
 
 MS = 1_000_000
 SECOND = 1_000 * MS
@@ -22,7 +23,7 @@ def after(
     return factor.words(now_ns), factor.hint(now_ns)
 
 
-@pytest.mark.parametrize(
+@each(
     ("pace", "speed", "words", "hint"),
     [
         (1.0, 1.0, "SIM 1.0x", ""),
@@ -40,7 +41,7 @@ def test_slow_simulation_is_told_from_the_chosen_speed(
     assert after(6.0, lambda now_ns: round(now_ns * pace), speed=speed) == (words, hint)
 
 
-@pytest.mark.parametrize(("factor", "pace"), [(0.5, 0.5), (0.01, 0.2), (3.0, 1.0)])
+@each(("factor", "pace"), [(0.5, 0.5), (0.01, 0.2), (3.0, 1.0)])
 def test_ages_follow_a_slow_simulation_within_limits(factor: float, pace: float) -> None:
     measured, stamp_ns = TimeFactor(), 0
     assert measured.pace(0) == 1.0

@@ -12,9 +12,10 @@ from ground.client.vocabulary import (
 from protocol.wire.enums import Mode, Navigator
 from protocol.wire.reasons import Reason, reason_text
 from runtime.errors import UserError
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("parameter", "words", "value"),
     [("navigator", "bug", 1), ("navigator", "vgm_memory", 6), ("side", "left", 1),
      ("side", "right", -1), ("d_obs_m", "0.35", 0.35)],
@@ -24,7 +25,7 @@ def test_value_is_shown_and_typed_by_its_name(parameter: str, words: str, value:
     assert value_in_words(parameter, words) == value
 
 
-@pytest.mark.parametrize(("words", "value"), [("1", 1.0), ("BUG", 1.0), ("-1e0", -1.0)])
+@each(("words", "value"), [("1", 1.0), ("BUG", 1.0), ("-1e0", -1.0)])
 def test_number_and_any_case_are_accepted(words: str, value: float) -> None:
     assert value_in_words("navigator", words) == value
 
@@ -34,7 +35,7 @@ def test_value_without_a_name_is_a_number() -> None:
     assert value_words("d_obs_m", 0.1 + 0.2) == "0.3"
 
 
-@pytest.mark.parametrize("words", ["", "nan", "inf", "-inf", "buggy", "1,5"])
+@each("words", ["", "nan", "inf", "-inf", "buggy", "1,5"])
 def test_word_that_is_no_value_is_an_error(words: str) -> None:
     with pytest.raises(UserError, match="must be a finite number or one of bug, vgm"):
         value_in_words("navigator", words)
@@ -59,7 +60,7 @@ PLAIN = {
 """Refusals whose text names the wrong input or the state, which is the remedy."""
 
 
-@pytest.mark.parametrize("reason", [one for one in Reason if 0 < one < 30 or one >= 100])
+@each("reason", [one for one in Reason if 0 < one < 30 or one >= 100])
 def test_every_refusal_names_its_remedy(reason: Reason) -> None:
     assert (reason in HINTS or ": " in reason_text(reason)) != (reason in PLAIN)
 

@@ -1,13 +1,12 @@
 """Short words replace verbs of the command line, and only those."""
 
-import pytest
-
 from ground.console.aliases import ALIASES, PAIRS, expanded
 from ground.console.app_commands import LOCAL
 from runtime.cli.verb_table import VERBS
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "meant"),
     [
         (["goal", "1", "2"], ["goto", "1", "2"]),

@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.client.parameter import Parameter
 from ground.console.completion import assist, complete
+from tests.support.each import each
 
 PARAMETERS = ("d_obs_m", "d_min_m", "side")
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "lines"),
     [
         ("est", ["estop"]),
@@ -74,7 +74,7 @@ def test_any_text_completes_to_lines_that_are_new(text: str) -> None:
     assert text not in complete(text, PARAMETERS, Path("/nowhere"))
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "hint"),
     [
         ("goal ", "[X] [Y] [DEG]  metres, degrees"),
@@ -102,7 +102,7 @@ def test_verbs_used_often_come_first() -> None:
     assert [one.word for one in found[:3]] == ["hold", "resume", "abort"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "meaning"),
     [
         ("disa", "disarm the motors"),

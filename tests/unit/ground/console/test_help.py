@@ -5,6 +5,7 @@ import pytest
 from ground.console.help import help_text
 from ground.console.parser import verbs
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def test_every_command_is_in_the_list() -> None:
@@ -20,7 +21,7 @@ def test_one_command_is_explained_by_its_short_name_too() -> None:
     assert "--connect" not in text
 
 
-@pytest.mark.parametrize("word", verbs())
+@each("word", verbs())
 def test_each_command_can_be_explained(word: str) -> None:
     assert help_text(word)
 

@@ -35,19 +35,20 @@ from ground.missions.draft import AddWaypoint
 from ground.missions.mission import Waypoint
 from protocol.wire.enums import LeaseAction, Mode, Navigator
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.console.spoken import SPOKEN
 
 GRACE_S = 0.05
 
 
-@pytest.mark.parametrize(("typed", "argv"), SPOKEN)
+@each(("typed", "argv"), SPOKEN)
 def test_the_console_reads_what_the_command_line_reads(typed: str, argv: list[str]) -> None:
     shell = cli.parse(argv)
     assert isinstance(shell, Words)
     assert read(typed) == shell.operation()
 
 
-@pytest.mark.parametrize(
+@each(
     "operation",
     [
         Hold(),
@@ -88,7 +89,7 @@ def test_every_command_word_is_parsed_or_reports_its_usage() -> None:
         assert error is None or any(one in error for one in examples)
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "why"),
     [
         ("", "nothing to do"),

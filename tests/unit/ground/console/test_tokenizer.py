@@ -8,11 +8,12 @@ from hypothesis import strategies as st
 
 from ground.console.tokenizer import MAX_LENGTH, last_word, words_of
 from runtime.errors import UserError
+from tests.support.each import each
 
 shown = st.text(st.characters(exclude_categories=("C", "Z")) | st.just(" "), max_size=20)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "words"),
     [
         ("goal 1 2", ["goal", "1", "2"]),
@@ -33,7 +34,7 @@ def test_whatever_is_quoted_comes_back(words: list[str]) -> None:
     assert words_of(shlex.join(["mark", *words])) == ["mark", *words]
 
 
-@pytest.mark.parametrize("odd", ["\x00", "\x1b[31m", "\x7f", "\u202e", "\u2028", "\ud800", "\r"])
+@each("odd", ["\x00", "\x1b[31m", "\x7f", "\u202e", "\u2028", "\ud800", "\r"])
 def test_what_cannot_be_seen_is_named_and_refused(odd: str) -> None:
     with pytest.raises(UserError, match="cannot be part of a command"):
         words_of(f"mark a{odd}b")
@@ -44,7 +45,7 @@ def test_a_paste_is_refused_by_its_length_before_anything_else() -> None:
         words_of("\x00" * 10_000)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "before", "begun"),
     [
         ("", [], ""),

@@ -2,12 +2,11 @@
 
 from math import inf, nan, radians
 
-import pytest
-
 from ground.explain.explanation import explain
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason, reason_text
+from tests.support.each import each
 from tests.support.ground.explain.decisions import cycle, decided, standing
 
 TO_GOAL: dict[str, float] = {"branch": Branch.TO_GOAL, "rotation_rad": 0.0}
@@ -16,7 +15,7 @@ STRAIGHT: dict[str, float] = {"speed_m_s": 0.3, "yaw_rate_rad_s": 0.0}
 AT_GOAL: dict[str, float] = {"branch": Branch.NONE, "goal_bearing_rad": nan}
 
 
-@pytest.mark.parametrize(
+@each(
     ("decision", "status", "words"),
     [
         (
@@ -188,7 +187,7 @@ def line(
     return text[len(name) :].strip()
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "decision", "status", "words"),
     [
         ("nearest", decided(), None, "echo 0.21 m 34° left (L34)"),
@@ -292,7 +291,7 @@ def test_guard_line_contains_the_reason_text() -> None:
         assert reason_text(reason) in line("guard", decided(guard=reason))
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
+@each("mode", [Mode.AUTO, Mode.HOLD, Mode.MANUAL])
 def test_reason_of_a_stop_that_is_over_is_not_given(mode: Mode) -> None:
     over: dict[str, float] = {"goal": GoalState.ABORTED, "goal_reason": Reason.BUDGET, "mode": mode}
     assert reason_text(Reason.BUDGET) not in explain(decided(), standing(**over)).text()

@@ -10,6 +10,7 @@ from ground.explain.explanation import explain
 from ground.explain.headline import TURNS_DEG_S, headline
 from protocol.wire.messages import AvoidanceDecision, CycleReport, NavigatorStatus
 from study.trial.trial import NAVIGATORS
+from tests.support.each import each
 from tests.support.ground.explain.drives import WORLDS, drive
 
 LAG_TICKS = 2
@@ -88,7 +89,7 @@ def test_headline_matches_wheel_motion_in_real_drives(world: str, navigator: str
     assert agreeing == turning
 
 
-@pytest.mark.parametrize("navigator", NAVIGATORS)
+@each("navigator", NAVIGATORS)
 def test_headline_reason_matches_the_turn_in_real_drives(navigator: str) -> None:
     """Allow turns against the wanted side if the headline admits them and they are rare."""
     excused = turning = 0

@@ -1,4 +1,3 @@
-import pytest
 from pymavlink.dialects.v20 import common, development
 
 from ground.gateway.dialect import (
@@ -12,6 +11,7 @@ from ground.gateway.dialect import (
     MissionCurrent,
     mavlink,
 )
+from tests.support.each import each
 
 MESSAGES = [
     ComponentMetadata(time_boot_ms=7, file_crc=0xDEADBEEF, uri=b"mftp:///general.json.xz"),
@@ -33,14 +33,14 @@ class Sink:
         """Ignore the bytes."""
 
 
-@pytest.mark.parametrize("message", MESSAGES, ids=lambda message: str(message.get_type()))
+@each("message", MESSAGES)
 def test_own_messages_survive_encoding_and_decoding(message: MavMessage) -> None:
     encoder = mavlink.MAVLink(Sink(), 1, 1)
     (found,) = encoder.parse_buffer(message.pack(encoder))
     assert found.to_dict() == message.to_dict()
 
 
-@pytest.mark.parametrize("message", MESSAGES[1:3], ids=lambda message: str(message.get_type()))
+@each("message", MESSAGES[1:3])
 def test_own_layouts_are_those_of_the_development_dialect(message: MavMessage) -> None:
     theirs = development.mavlink_map[message.id]
     for fact in ("crc_extra", "ordered_fieldnames", "orders", "lengths", "array_lengths"):
@@ -48,7 +48,7 @@ def test_own_layouts_are_those_of_the_development_dialect(message: MavMessage) -
     assert message.unpacker.format == theirs.unpacker.format
 
 
-@pytest.mark.parametrize("message", MISSION_MESSAGES, ids=lambda message: str(message.get_type()))
+@each("message", MISSION_MESSAGES)
 def test_plan_ids_extend_the_messages_of_the_dialect(message: MavMessage) -> None:
     theirs = common.mavlink_map[message.id]
     assert message.crc_extra == theirs.crc_extra

@@ -1,9 +1,8 @@
 """The pace of the loop."""
 
-import pytest
-
 from ground.gateway.dialect import mavlink
 from ground.gateway.gateway import FINISH_NS, Pace
+from tests.support.each import each
 from tests.support.gateway.messages import acks, command
 from tests.support.gateway.telemetry import everything
 from tests.support.gateway.whole import CommandedPort, StepClock, WholeGateway
@@ -66,7 +65,7 @@ class LatePort(CommandedPort):
             self.stops.clear()
 
 
-@pytest.mark.parametrize(("late_ns", "count"), [(100 * MS, 1), (2 * FINISH_NS, 0)])
+@each(("late_ns", "count"), [(100 * MS, 1), (2 * FINISH_NS, 0)])
 def test_end_waits_half_a_second_for_the_answer_to_a_stop(late_ns: int, count: int) -> None:
     port = LatePort()
     whole = WholeGateway(port)

@@ -10,6 +10,7 @@ from ground.gateway.settings import GatewaySettings, systems_of, with_policy
 from ground.gateway.signing.key_file import KeyRing, new_key, write_keys
 from ground.gateway.signing.policy import Policy
 from runtime.errors import ConfigError, UserError
+from tests.support.each import each
 
 FILE = """
 robot = "r9"
@@ -55,7 +56,7 @@ def test_systems_are_numbered_in_the_order_of_the_names() -> None:
     assert systems_of(["b", "a", "c"], {"c": 1}) == {"b": 3, "a": 2, "c": 1}
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "error"),
     [
         (("--system", "r1"), "use ROBOT=ID"),
@@ -95,7 +96,7 @@ def test_wrong_key_of_the_file_is_refused(tmp_path: Path, line: str) -> None:
         settings(config=str(path))
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "error"),
     [
         (("udpinn:127.0.0.1:1",), "did you mean udpin?"),

@@ -20,6 +20,7 @@ from ground.gateway.signing.policy import Policy
 from ground.gateway.signing.stamps import EPOCH_S
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.messages import SYSTEM, acks, command, words
 from tests.support.gateway.mission_bench import line_of
 from tests.support.gateway.telemetry import everything, status
@@ -144,7 +145,7 @@ def test_client_without_a_place_stops_the_robot_and_is_told(whole: WholeGateway)
     assert len(whole.sent_to("flood 0", "HEARTBEAT")) >= 1
 
 
-@pytest.mark.parametrize("kind", ["udpin", "tcpin"])
+@each("kind", ["udpin", "tcpin"])
 def test_client_without_a_place_stops_the_robot_by_a_socket(kind: str) -> None:
     endpoint: Any = opened(f"{kind}:127.0.0.1:0")
     whole = WholeGateway(CommandedPort(), real=endpoint)
@@ -280,7 +281,7 @@ class SignedGateway(WholeGateway):
         return frame
 
 
-@pytest.mark.parametrize("policy", list(Policy))
+@each("policy", list(Policy))
 def test_recorded_frames_of_the_owner_do_not_act_again(policy: Policy) -> None:
     whole = SignedGateway(policy)
     whole.run(1.0)
@@ -297,7 +298,7 @@ def test_recorded_frames_of_the_owner_do_not_act_again(policy: Policy) -> None:
     whole.close()
 
 
-@pytest.mark.parametrize("policy", [Policy.REQUIRE, Policy.LOOPBACK])
+@each("policy", [Policy.REQUIRE, Policy.LOOPBACK])
 def test_unsigned_stranger_at_the_address_of_the_owner_commands_nothing(policy: Policy) -> None:
     whole = SignedGateway(policy)
     whole.run(1.0)

@@ -12,6 +12,7 @@ from ground.client.operations.fences import in_words
 from ground.grammar.fences import FenceWords, SetFenceOfFile, outlined
 from ground.missions.mission import Circle, Fence, Polygon
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.missions.made_up import polygons, refusal_of
 
 
@@ -44,7 +45,7 @@ def test_every_outline_can_be_typed(polygon: Polygon) -> None:
     assert outlined(words) == polygon
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "why"),
     [
         (["0"], "1 numbers are not pairs: give X Y for each corner"),

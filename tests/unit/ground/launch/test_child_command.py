@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from ground.launch.child_command import command, role_of
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "role"),
     [
         (["run", "robot", "--id", "r2", "--connect", "tcp/h:1"], "robot r2"),

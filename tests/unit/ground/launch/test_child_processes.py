@@ -20,6 +20,7 @@ from ground.launch.child_processes import (
     exit_description,
 )
 from runtime.clock import WallClock
+from tests.support.each import each
 from tests.support.stack.process_table import alive
 from tests.support.until import PATIENCE_S, until
 
@@ -99,7 +100,7 @@ def test_stop_restores_the_signal_handlers() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(
+@each(
     ("source", "code", "expected"),
     [
         ("import sys; print('bad world', file=sys.stderr); sys.exit(2)", 2, "exit code 2"),

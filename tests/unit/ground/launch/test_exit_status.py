@@ -1,8 +1,7 @@
 """The cause of an exit is described in words that follow the process name."""
 
-import pytest
-
 from ground.launch.supervisor import MAX_CAUSE_CHARS, cause_of
+from tests.support.each import each
 
 INTERNAL_ERROR = (
     "robot r1: ready, disarmed\n"
@@ -13,7 +12,7 @@ INTERNAL_ERROR = (
 RESTARTED = "robot r1: ready, disarmed\nrobot r1: ends for a restart on request\n"
 
 
-@pytest.mark.parametrize(
+@each(
     ("role", "code", "words", "expected"),
     [
         ("robot r1", -9, "robot r1: ready", "was killed (signal SIGKILL)"),

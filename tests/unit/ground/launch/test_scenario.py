@@ -30,6 +30,7 @@ from protocol.wire.goal import wire_goal
 from robot.cli import parser as robot_parser
 from runtime.calibration import calibration_of
 from runtime.errors import UserError
+from tests.support.each import each
 
 ENDPOINT = "tcp/127.0.0.1:7001"
 
@@ -90,7 +91,7 @@ def test_gateway_presents_all_robots_to_mavlink_clients(tmp_path: Path) -> None:
     assert recorded[-4:-2] == ["--recordings", str(tmp_path)]
 
 
-@pytest.mark.parametrize("speed", ["max", "10", "1", "0.5"])
+@each("speed", ["max", "10", "1", "0.5"])
 def test_paced_run_is_lockstep_and_starts_paused(speed: str) -> None:
     found = scenario("--speed", speed)
     assert "--lockstep" in words_of(found, "robot r1")
@@ -107,7 +108,7 @@ def test_wall_clock_runs_without_lockstep() -> None:
     assert not {"--lockstep", "--paused", "--speed"} & set(words_of(found, "plant"))
 
 
-@pytest.mark.parametrize("speed", ["max", "2"])
+@each("speed", ["max", "2"])
 def test_wall_clock_has_no_other_speed(speed: str) -> None:
     with pytest.raises(UserError, match=f"--clock wall .* --speed {speed}: use --clock paced"):
         scenario("--clock", "wall", "--speed", speed)
@@ -146,7 +147,7 @@ def test_another_goal_has_no_known_shortest_path() -> None:
     assert found.wire_goal.heading_urad == 1_570_796
 
 
-@pytest.mark.parametrize("goal", [("9", "1"), ("1", "-0.1"), ("1",), ("1", "1", "1", "1")])
+@each("goal", [("9", "1"), ("1", "-0.1"), ("1",), ("1", "1", "1", "1")])
 def test_invalid_goal_is_rejected(goal: tuple[str, ...]) -> None:
     with pytest.raises(UserError):
         scenario("--goal", *goal)

@@ -3,13 +3,12 @@
 import signal
 from collections.abc import Sequence
 
-import pytest
-
 from ground.launch.child_processes import ChildExit, Children
 from ground.launch.hang_detector import PACED_SILENT_NS, SILENT_NS, SLOW_NS, HangDetector
 from ground.launch.restart_policy import RestartPolicy, RestartSchedule
 from ground.launch.supervisor import RESTART_WAIT_NS, SETTLED_NS, Supervisor
 from runtime.clock import ManualClock
+from tests.support.each import each
 
 ROBOT, PLANT = "robot r1", "plant"
 NEEDED = (ROBOT, PLANT)
@@ -141,7 +140,7 @@ def test_trial_is_void_only_by_its_own_processes() -> None:
     assert stage.supervisor.void(NEEDED, 0) is not None
 
 
-@pytest.mark.parametrize("back", [True, False])
+@each("back", [True, False])
 def test_void_run_is_final_after_a_wait(back: bool) -> None:
     stage = Stage()
     stage.kill(ROBOT, 0)

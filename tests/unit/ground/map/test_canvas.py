@@ -2,12 +2,12 @@
 
 from itertools import pairwise
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ground.map.canvas import Canvas
 from ground.map.glyphs import DOTS
+from tests.support.each import each
 
 NUMBERS = st.integers(-40, 60)
 FAR = st.integers(-(10**12), 10**12)
@@ -135,7 +135,7 @@ def test_text_is_moved_onto_the_canvas_or_cut() -> None:
     assert canvas.to_rows() == ["  goal", "simula"]
 
 
-@pytest.mark.parametrize("name", ["a\x1b[31m", "日本", "e\u0301", "a\nb", "\u202etxt"])
+@each("name", ["a\x1b[31m", "日本", "e\u0301", "a\nb", "\u202etxt"])
 def test_received_name_takes_one_cell_per_character(name: str) -> None:
     canvas = Canvas(10, 1)
     canvas.text(0, 0, name, "text")

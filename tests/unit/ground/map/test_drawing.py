@@ -13,6 +13,7 @@ from ground.map.drawing import draw, draw_moving, draw_static, draw_traces, stat
 from ground.map.ellipse import ellipse
 from ground.map.scene import LAYERS, MapScene, MapTarget, RobotMark
 from ground.map.view import View
+from tests.support.each import each
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 from tests.support.ground.map.scenes import ANY, SCENES
 
@@ -49,7 +50,7 @@ ROLES_OF = {
 }
 
 
-@pytest.mark.parametrize("layer", LAYERS)
+@each("layer", LAYERS)
 def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     canvas = Canvas(80, 24)
     scene = replace(EVERYTHING, truth=True)
@@ -58,10 +59,9 @@ def test_each_layer_draws_its_own_and_nothing_else(layer: str) -> None:
     assert roles - {""} == ROLES_OF[layer]
 
 
-@pytest.mark.parametrize(
+@each(
     ("sonar", "columns", "rows"),
     [(7, 0, -3), (4, 4, -1), (0, 0, 2)],
-    ids=["left", "ahead", "right"],
 )
 def test_dead_sonar_is_marked_in_its_direction(sonar: int, columns: int, rows: int) -> None:
     ranges_m = [None if one == sonar else inf for one in range(8)]
@@ -109,7 +109,7 @@ def test_robot_is_filled_and_covers_marks_below_it() -> None:
     assert "H" not in "".join(canvas.to_rows()[:-1])
 
 
-@pytest.mark.parametrize(("ascii_only", "marks"), [(False, "▒·"), (True, ":,")])
+@each(("ascii_only", "marks"), [(False, "▒·"), (True, ":,")])
 def test_echoes_fade_by_roles_and_without_colours_by_characters(
     ascii_only: bool, marks: str
 ) -> None:

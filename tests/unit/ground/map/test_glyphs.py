@@ -2,11 +2,10 @@
 
 from unicodedata import east_asian_width
 
-import pytest
-
 from ground.map.glyphs import DOTS, HEADINGS, MARKS, POINTERS, ascii_art, braille, stroke
 from ground.map.static_layers import MARKED_OUTCOMES
 from protocol.outcome import OUTCOMES
+from tests.support.each import each
 
 EVERY = bytes(range(256))
 
@@ -22,7 +21,7 @@ def test_each_pattern_has_its_braille_character() -> None:
     assert braille(EVERY)[255] == "⣿"
 
 
-@pytest.mark.parametrize(
+@each(
     ("character", "dots"),
     [
         (" ", ()),

@@ -9,10 +9,11 @@ from ground.map.drawing import draw, length_text
 from ground.map.legend import NOT_LIVE, legend
 from ground.map.scene import MapScene
 from ground.map.view import View
+from tests.support.each import each
 from tests.support.ground.map.rooms import EVERYTHING, ROOM
 
 
-@pytest.mark.parametrize(
+@each(
     ("length_m", "text"),
     [
         (0.0005, "0.5 mm"),
@@ -58,7 +59,7 @@ def test_legend_in_ascii_is_ascii() -> None:
     assert all(words.isascii() for words, _ in legend(EVERYTHING, 200, ascii_only=True))
 
 
-@pytest.mark.parametrize("m_per_dot", [1e-4, 0.0123, 0.05, 1.0, 1e6])
+@each("m_per_dot", [1e-4, 0.0123, 0.05, 1.0, 1e6])
 def test_scale_bar_has_its_stated_length(m_per_dot: float) -> None:
     canvas, view = Canvas(100, 8), View(100, 8, 0.0, 0.0, m_per_dot)
     draw(MapScene(), view, canvas)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from ground.map.canvas import Canvas
 from ground.map.pen import Pen
 from ground.map.view import View
+from tests.support.each import each
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -55,7 +56,7 @@ def test_mark_off_the_map_has_no_label() -> None:
     assert "".join(rows(drawn)) == ""
 
 
-@pytest.mark.parametrize(
+@each(
     ("at", "arrow"),
     [
         ((9.0, 0.0), "→"),
@@ -92,7 +93,7 @@ def test_a_pointer_is_always_on_the_map(x_m: float, y_m: float) -> None:
     assert marks == (0 if nowhere or drawn.shows((x_m, y_m)) else 1)
 
 
-@pytest.mark.parametrize(
+@each(
     ("heading_rad", "arrow"),
     [(0.0, "▶"), (pi / 4.0, "◥"), (pi / 2.0, "▲"), (pi, "◀"), (-pi / 2.0, "▼"), (40.0 * pi, "▶")],
 )

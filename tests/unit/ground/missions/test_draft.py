@@ -9,6 +9,7 @@ from ground.missions.draft import Draft, Edit
 from ground.missions.files import read_text
 from ground.missions.mission import Waypoint
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def say(draft: Draft, text: str) -> str:
@@ -43,7 +44,7 @@ def test_a_draft_is_saved_and_loaded(tmp_path: Path) -> None:
     assert other.mission == draft.mission
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "why"),
     [
         ("wp add 9e9 0", "x_m 9e[+]09: expected"),

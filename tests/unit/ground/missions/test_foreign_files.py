@@ -15,6 +15,7 @@ from ground.missions.items import home_at
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.problems import MissionError
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, missions, refusal_of
 
 HOME = Home(latitude_deg=47.4, longitude_deg=8.5)
@@ -63,15 +64,13 @@ def test_a_waypoint_of_qgroundcontrol_is_one_of_ours() -> None:
     assert waypoint == Waypoint(x_m=0.0, y_m=1.1118, hold_s=2.5)
 
 
-@pytest.mark.parametrize(
-    ("yaw_deg", "heading_deg"), [(None, None), (0, None), (360, 90.0), (90, 0.0), (-90, 180.0)]
-)
+@each(("yaw_deg", "heading_deg"), [(None, None), (0, None), (360, 90.0), (90, 0.0), (-90, 180.0)])
 def test_yaw_of_zero_means_no_heading(yaw_deg: float | None, heading_deg: float | None) -> None:
     text = plan(simple(16, 0, 0, 0, yaw_deg, 47.4, 8.5001, 0))
     assert plan_file.read_text(text, "").mission.waypoints[1].heading_deg == heading_deg
 
 
-@pytest.mark.parametrize(
+@each(
     ("item", "why"),
     [
         (simple(22, 0, 0, 0, 0, 47.4, 8.5, 10), "item 2: command 22 (take off): the robot only"),
@@ -113,7 +112,7 @@ def test_a_mission_of_which_nothing_is_left_is_refused() -> None:
     assert "no waypoint is left" in refusal(text, drop=True)
 
 
-@pytest.mark.parametrize("home", [[], [0, 0, 0], [None], "here"])
+@each("home", [[], [0, 0, 0], [None], "here"])
 def test_without_a_home_it_is_asked_for(home: object) -> None:
     mission = PLAN["mission"] | {"plannedHomePosition": home}
     text = json.dumps(PLAN | {"mission": mission})
@@ -122,12 +121,12 @@ def test_without_a_home_it_is_asked_for(home: object) -> None:
     assert found.waypoints[0].y_m == 1.1118
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "3", '{"fileType": "Mission"}', "[" * 100_000])
+@each("text", ["", "{", "[]", "3", '{"fileType": "Mission"}', "[" * 100_000])
 def test_what_is_no_plan_is_refused(text: str) -> None:
     assert refusal(text).startswith("m.plan")
 
 
-@pytest.mark.parametrize(
+@each(
     ("circles", "polygons", "why"),
     [
         ([{"circle": {"center": [47.4, 8.5], "radius": 5}, "inclusion": False}], [], "keeps"),
@@ -162,7 +161,7 @@ def test_a_mission_planner_file_has_home_at_item_0() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "why"),
     [
         ("", "m.waypoints:1: the first line is not 'QGC WPL 110'"),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ground.missions.geography import heading_of, to_global, to_local, yaw_of
 from ground.missions.mission import FARTHEST_M, Home
+from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, metres
 
 ZURICH = Home(latitude_deg=47.4, longitude_deg=8.5)
@@ -72,9 +73,7 @@ def test_far_place_never_looks_near(home: Home, latitude: float, longitude: floa
         assert max(map(abs, to_local(home, latitude, longitude))) > FARTHEST_M
 
 
-@pytest.mark.parametrize(
-    ("yaw_deg", "heading_deg"), [(360.0, 90.0), (90.0, 0.0), (180.0, -90.0), (270.0, 180.0)]
-)
+@each(("yaw_deg", "heading_deg"), [(360.0, 90.0), (90.0, 0.0), (180.0, -90.0), (270.0, 180.0)])
 def test_a_compass_turns_the_other_way_from_north(yaw_deg: float, heading_deg: float) -> None:
     assert heading_of(yaw_deg) == heading_deg
     assert yaw_of(heading_deg) == yaw_deg

@@ -1,14 +1,14 @@
 """Corners make a fence when its sides touch nothing but their neighbours."""
 
-import pytest
 from hypothesis import given
 
 from ground.missions.mission import Polygon
 from ground.missions.outline import fault_of
+from tests.support.each import each
 from tests.support.ground.missions.made_up import polygons
 
 
-@pytest.mark.parametrize(
+@each(
     ("corners", "why"),
     [
         ([], "has 0 corners"),

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from ground.missions.mission import Circle, Home, Mission, Polygon, Waypoint
 from ground.missions.problems import MissionError
 from ground.missions.toml_file import read_text, text_of
+from tests.support.each import each
 from tests.support.ground.missions.made_up import homes, missions, refusal_of, thousandths
 
 WHOLE = """
@@ -57,7 +58,7 @@ def test_corners_make_a_fence_too() -> None:
     assert read_text(text, "").fence == Polygon(corners=((0.0, 0.0), (4.0, 0.0), (4.0, 3.0)))
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("", "m.toml: waypoint: there is none; add [[waypoint]]"),

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,6 +33,7 @@ from protocol.wire.messages import (
     MissionVerdict,
 )
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 
 MISSION = MissionType.MISSION
 ITEMS = items_of([Waypoint(x_m=float(at), y_m=0.0) for at in range(3)])
@@ -114,7 +114,7 @@ def test_unanswered_transfer_ends_with_the_last_reason() -> None:
     assert download.outcome == GaveUp(f"lost {ATTEMPTS - 1}")
 
 
-@pytest.mark.parametrize(
+@each(
     "answer",
     [
         MissionRequestInt(seq=3, mission_type=MISSION),

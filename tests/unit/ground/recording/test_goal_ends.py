@@ -1,12 +1,11 @@
 """Recordings name how a goal was given up: unreachable, lost or stuck."""
 
-import pytest
-
 from ground.recording.bookmarks import outcome
 from ground.recording.summary import outcome_of
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 
 
 def status(goal: int, reason: int = Reason.NONE) -> NavigatorStatus:
@@ -17,7 +16,7 @@ def status(goal: int, reason: int = Reason.NONE) -> NavigatorStatus:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(
+@each(
     ("reason", "end", "mark"),
     [
         (Reason.UNREACHABLE, "unreachable", "UNREACHABLE: a closed boundary"),

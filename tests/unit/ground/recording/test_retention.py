@@ -12,6 +12,7 @@ from ground.recording.log_writer import new_log
 from ground.recording.retention import LOW_BYTES, Retention, size_in, size_text
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.recording.recorders import written
 
 KB = 1000
@@ -30,14 +31,12 @@ def names_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("text", "size"), [("2GB", 2 * 10**9), ("500 mb", 5 * 10**8), (" 1.5GB ", 15 * 10**8)]
-)
+@each(("text", "size"), [("2GB", 2 * 10**9), ("500 mb", 5 * 10**8), (" 1.5GB ", 15 * 10**8)])
 def test_size_is_parsed_with_its_unit(text: str, size: int) -> None:
     assert size_in(text) == size
 
 
-@pytest.mark.parametrize("text", ["", "2", "GB", "-1GB", "0MB", "2TB", "1e3MB", "٣GB!", "nanGB"])
+@each("text", ["", "2", "GB", "-1GB", "0MB", "2TB", "1e3MB", "٣GB!", "nanGB"])
 def test_malformed_size_is_rejected(text: str) -> None:
     with pytest.raises(UserError, match="write it as 2GB or 500MB"):
         size_in(text)

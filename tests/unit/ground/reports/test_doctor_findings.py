@@ -4,8 +4,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-import pytest
-
 from ground.client.presence import PresentProcesses, explain_silence
 from ground.reports.doctor_findings import DAY_S, Observed, Stream, examine, lines
 from protocol.bus.tls.certificate import CertificateStatus
@@ -15,6 +13,7 @@ from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.cli.packages import Conflict
+from tests.support.each import each
 from tests.support.ground.client import CYCLE
 from tests.support.ground.station.said import Robot
 
@@ -143,7 +142,7 @@ def _status(vehicle: Vehicle, reason: Reason) -> NavigatorStatus:
     return NavigatorStatus(**{**fields, "vehicle": vehicle, "vehicle_reason": reason})
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "reason", "words"),
     [
         (Vehicle.FAILSAFE, Reason.BUMPER, "failsafe: bumper contact"),
@@ -171,7 +170,7 @@ def test_missed_ticks_rejected_frames_dead_services_are_found() -> None:
     assert "srv/command does not answer" in text
 
 
-@pytest.mark.parametrize(
+@each(
     ("there", "is_beating", "words"),
     [
         (set(), False, "no robot at tcp/h:1, though a process listens there"),
@@ -188,7 +187,7 @@ def test_silence_has_six_causes(there: set[tuple[str, str]], is_beating: bool, w
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "trouble", "is_early", "advice"),
     [
         ("ground", "/keys/ground.pem expired at Jan 1 00:00:01 1970 GMT", False, RENEW),

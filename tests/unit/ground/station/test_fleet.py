@@ -2,8 +2,6 @@
 
 from math import isfinite
 
-import pytest
-
 from ground.app.widgets.sparklines import FRESH_S
 from ground.station.fleet import KEPT_NS
 from ground.station.link.loss import LossKind
@@ -13,6 +11,7 @@ from protocol.topics import PARAMETER, PARAMETERS, STATUS, STOP, TEXT, Role
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
+from tests.support.each import each
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot
 
@@ -219,7 +218,7 @@ def test_place_of_a_robot_long_gone_is_free() -> None:
     assert "x3" not in names
 
 
-@pytest.mark.parametrize("text", ["\x1b[31mred", "a\nb"])
+@each("text", ["\x1b[31mred", "a\nb"])
 def test_hostile_texts_of_watched_robots_are_printable(text: str) -> None:
     play = fleet(Robot("r2"))
     play.bus.say(TEXT, Statustext(severity=6, text=text, id=0, chunk_seq=0), "r2")

@@ -5,6 +5,7 @@ import pytest
 from ground.station.scene import TRAIL_POINTS, thinned
 from protocol.topics import Role
 from protocol.wire.enums import GoalState, Mode
+from tests.support.each import each
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot
 
@@ -93,7 +94,7 @@ def test_other_robots_have_trails_and_are_marked_when_lost() -> None:
     assert not mark.live
 
 
-@pytest.mark.parametrize("count", [0, 1, 128, 129, 300, 1000])
+@each("count", [0, 1, 128, 129, 300, 1000])
 def test_thinned_trail_is_short_and_keeps_its_ends(count: int) -> None:
     points = [(float(number), 0.0) for number in range(count)]
     found = thinned(points)

@@ -12,6 +12,7 @@ from plant.model.types import Circle
 from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.errors import RemoteError
+from tests.support.each import each
 from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.hostile import TEXT, raw_in
 
@@ -44,7 +45,7 @@ def drawn(obstacles: object, **more: object) -> bytes:
     return json.dumps({**json.loads(WORLD_TEXT), "obstacles": obstacles, **more}).encode()
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         drawn([], size_m=[float("inf"), 1.0]),
@@ -54,7 +55,6 @@ def drawn(obstacles: object, **more: object) -> bytes:
         drawn([{"wall_m": [[0, 0]] * (MAX_POINTS + 1)}]),
         drawn([{"circle_m": {"x": 0, "y": 0, "radius": 1}}] * (MAX_OBSTACLES + 1)),
     ],
-    ids=["infinite", "nan", "huge", "no path", "points", "obstacles"],
 )
 def test_world_that_cannot_be_drawn_is_rejected(text: bytes) -> None:
     """Reject a world that would end or stall the app and its heartbeats."""
@@ -74,7 +74,7 @@ def test_mover_without_distance_does_not_move() -> None:
     assert parse_world(text).movers[0].at(3.0) == Disc(1.0, 1.0, 0.1)
 
 
-@pytest.mark.parametrize("name", ["box", "moving", "disc", "zigzag", "paper_fig11"])
+@each("name", ["box", "moving", "disc", "zigzag", "paper_fig11"])
 def test_all_worlds_of_the_plant_are_parsed(name: str) -> None:
     world = load(name)
     found = parse_world(json.dumps(as_json(world, None)))
@@ -82,7 +82,7 @@ def test_all_worlds_of_the_plant_are_parsed(name: str) -> None:
     assert len(found.obstacles) + len(found.movers) == len(world.obstacles) + world.walls
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         b"", b"[]", b"3", b'{"name": "x"}', b"\xff\xfe", b"null",

@@ -1,11 +1,10 @@
 """The colour of a state is never that of health after a stop, and old reasons are not shown."""
 
-import pytest
-
 from ground.text.state_roles import present_reason, state_role, vehicle_role
 from protocol.wire.enums import GoalState, Mode, Navigator, Vehicle
 from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 
 
 def status(
@@ -21,9 +20,9 @@ def status(
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("goal", list(GoalState))
-@pytest.mark.parametrize("mode", list(Mode))
-@pytest.mark.parametrize("vehicle", [Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE])
+@each("goal", list(GoalState))
+@each("mode", list(Mode))
+@each("vehicle", [Vehicle.EMERGENCY_STOP, Vehicle.FAILSAFE])
 def test_stopped_robot_is_never_in_the_colour_of_health(
     vehicle: Vehicle, mode: Mode, goal: GoalState
 ) -> None:
@@ -32,7 +31,7 @@ def test_stopped_robot_is_never_in_the_colour_of_health(
     assert role == vehicle_role(vehicle)
 
 
-@pytest.mark.parametrize(
+@each(
     ("goal", "role"),
     [
         (GoalState.DRIVING, "ok"),
@@ -60,7 +59,7 @@ def test_reason_of_a_stop_ends_with_the_stop() -> None:
     assert present_reason(status(Vehicle.ACTIVE, reasons=(0, Reason.EMERGENCY_STOPPED))) == 0
 
 
-@pytest.mark.parametrize("mode", [Mode.HOLD, Mode.MANUAL])
+@each("mode", [Mode.HOLD, Mode.MANUAL])
 def test_reason_of_an_old_goal_is_not_that_of_another_mode(mode: Mode) -> None:
     assert present_reason(status(Vehicle.ACTIVE, mode, reasons=(0, Reason.NO_PROGRESS))) == 0
 

@@ -1,11 +1,10 @@
 """Long texts arrive in pieces and are shown whole."""
 
-import pytest
-
 from ground.text.statustext import StatustextAssembler
 from protocol.wire.enums import Severity
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import MAX_PIECES, PIECE_BYTES, pieces_of
+from tests.support.each import each
 from tests.support.ground.client import CYCLE
 
 
@@ -17,7 +16,7 @@ def test_a_short_text_is_shown_at_once() -> None:
     assert StatustextAssembler().receive(piece("mode AUTO")) == "mode AUTO"
 
 
-@pytest.mark.parametrize("number", [0, 7])
+@each("number", [0, 7])
 def test_a_text_is_one_printable_line(number: int) -> None:
     """Escape line breaks, which would let a robot imitate other lines."""
     text = StatustextAssembler().receive(piece("a\nr2: b\x1b]0;c\x07\u202e", number))
@@ -48,7 +47,7 @@ def test_anything_else_is_no_text() -> None:
     assert StatustextAssembler().receive(CYCLE) == ""
 
 
-@pytest.mark.parametrize("text", ["x", "Größe", "a" * 50, "b" * 51, "c" * 150, "d" * 999])
+@each("text", ["x", "Größe", "a" * 50, "b" * 51, "c" * 150, "d" * 999])
 def test_what_is_taken_to_pieces_comes_together_again(text: str) -> None:
     texts = StatustextAssembler()
     *before, last = [texts.receive(piece) for piece in pieces_of(text, 7, Severity.NOTICE)]

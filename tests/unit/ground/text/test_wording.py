@@ -2,15 +2,15 @@
 
 from math import inf, isfinite, nan, pi, radians
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.text.wording import NONE, SONARS, echo, heading_deg, metres, place, side, sonar
 from robot.core.geometry import BEARINGS
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("angle_deg", "words"),
     [
         (0.0, "straight ahead"),
@@ -46,7 +46,7 @@ def test_each_sonar_is_called_by_where_it_looks() -> None:
         assert (name[0] == "L") == (bearing_rad > 0.0)
 
 
-@pytest.mark.parametrize("bearing_rad", [0.0, 0.1, pi / 2, -pi, 1e300, nan, inf])
+@each("bearing_rad", [0.0, 0.1, pi / 2, -pi, 1e300, nan, inf])
 def test_where_no_sonar_looks_there_is_no_name(bearing_rad: float) -> None:
     assert sonar(bearing_rad) == ""
 

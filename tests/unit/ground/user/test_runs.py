@@ -12,6 +12,7 @@ import pytest
 
 from ground.user.processes import start_of
 from ground.user.runs import Run, RunFile, age_text, read_runs
+from tests.support.each import each
 from tests.support.ground.runs import run_here
 
 
@@ -175,9 +176,7 @@ def test_a_zombie_has_ended() -> None:
     os.waitpid(pid, 0)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(-5, "0 min"), (59, "0 min"), (240, "4 min"), (7260, "2 h 1 min")]
-)
+@each(("seconds", "text"), [(-5, "0 min"), (59, "0 min"), (240, "4 min"), (7260, "2 h 1 min")])
 def test_ages_are_in_minutes_and_hours(seconds: float, text: str) -> None:
     now = datetime.now(UTC)
     assert age_text(now - timedelta(seconds=seconds), now) == text

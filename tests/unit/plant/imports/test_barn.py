@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from plant.imports.barn import BEFORE_M, CylinderField, load_grid, load_list, parse_list
 from plant.model.errors import WorldError
+from tests.support.each import each
 from tests.support.plant.imports.files import refused
 
 
@@ -119,7 +120,7 @@ def test_duplicate_cylinder_is_kept_once() -> None:
     assert len(parse_list("1 1\n1 1\n2 2\n", "list.txt").cylinders) == 2
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "key"),
     [
         ("", None, "cylinders"),

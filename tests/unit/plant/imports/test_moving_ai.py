@@ -1,10 +1,10 @@
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.cells import Cells
 from plant.imports.moving_ai import MAX_CELLS, Scenario, fits, parse_map, parse_scenarios
 from plant.model.errors import WorldError
+from tests.support.each import each
 from tests.support.plant.imports.files import MAP, SCEN, refused
 
 
@@ -27,7 +27,7 @@ def test_only_dot_g_and_s_cells_are_free() -> None:
     assert row.tolist() == [False] * 3 + [True] * 4
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         MAP.rstrip("\n"),
@@ -35,7 +35,6 @@ def test_only_dot_g_and_s_cells_are_free() -> None:
         MAP.replace("height 5\nwidth 8", "width 8\nheight 5"),
         MAP.replace("\n.", "\n.", 1).replace("....\n", "....  \n"),
     ],
-    ids=["no last newline", "empty lines at the end", "width first", "blanks after a row"],
 )
 def test_tolerated_format_variations_give_the_same_map(text: str) -> None:
     assert (cells(text).blocked == cells().blocked).all()
@@ -59,7 +58,7 @@ BAD_MAPS = [
 ]
 
 
-@pytest.mark.parametrize(("story", "text", "line", "key", "reason"), BAD_MAPS)
+@each(("story", "text", "line", "key", "reason"), BAD_MAPS)
 def test_invalid_map_is_rejected_with_line_and_key(
     story: str, text: str, line: int | None, key: str, reason: str
 ) -> None:
@@ -87,7 +86,7 @@ def test_scenarios_give_start_and_goal_by_column_and_row() -> None:
     assert parse_scenarios(SCEN.replace("\t", " "), "x") == [first, second]
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "line", "key", "reason"),
     [
         ("", 1, "version", "expected version 1"),
@@ -104,7 +103,7 @@ def test_invalid_scenarios_are_rejected(text: str, line: int, key: str, reason: 
     assert reason in problem.reason
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "key", "reason"),
     [
         ({"width": 9}, "map", "made for 9 x 5 cells, the map has 8 x 5"),

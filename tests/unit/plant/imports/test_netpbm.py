@@ -1,12 +1,12 @@
 from contextlib import suppress
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plant.imports.netpbm import parse_pgm
 from plant.model.errors import WorldError
+from tests.support.each import each
 from tests.support.plant.imports.files import P2, P5, ROWS, refused
 
 
@@ -67,7 +67,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("data", "key", "reason"), BAD)
+@each(("data", "key", "reason"), BAD)
 def test_invalid_picture_is_rejected_by_key(data: bytes, key: str, reason: str) -> None:
     problem = refused(lambda: parse_pgm(data, "bad.pgm"))
     assert (problem.file, problem.key) == ("bad.pgm", key)

@@ -4,6 +4,7 @@ from math import inf, nan
 import pytest
 
 from plant.model.body import Body
+from tests.support.each import each
 
 
 def test_track_too_narrow_for_the_speed_is_rejected() -> None:
@@ -17,8 +18,8 @@ def test_default_robot_matches_the_figures() -> None:
     assert (body.max_acceleration_m_s2, 1.0 / body.ticks_per_m) == (1.5, 0.0002)
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Body)])
-@pytest.mark.parametrize("value", [nan, inf, -inf, -1e12])
+@each("name", [field.name for field in fields(Body)])
+@each("value", [nan, inf, -inf, -1e12])
 def test_impossible_dimension_is_rejected_by_name(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"^{name}: "):
         Body(**{name: value})  # type: ignore[arg-type]
@@ -40,7 +41,7 @@ def test_sonar_without_a_range_span_is_rejected() -> None:
         Body(sonar_max_m=0.02)
 
 
-@pytest.mark.parametrize("start", [2**31, -(2**31) - 1])
+@each("start", [2**31, -(2**31) - 1])
 def test_encoder_counter_starts_within_32_bits(start: int) -> None:
     with pytest.raises(ValueError, match=r"^left_start_ticks: .* does not fit 32 bits"):
         Body(left_start_ticks=start)

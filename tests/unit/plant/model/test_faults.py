@@ -3,6 +3,7 @@ from math import inf, nan
 import pytest
 
 from plant.model.faults import Fault
+from tests.support.each import each
 
 
 def test_unknown_fault_is_rejected_with_the_known_ones() -> None:
@@ -10,25 +11,25 @@ def test_unknown_fault_is_rejected_with_the_known_ones() -> None:
         Fault("sonar_ded", "0")
 
 
-@pytest.mark.parametrize(("kind", "target"), [("sonar_dead", "8"), ("wheel_stuck", "0")])
+@each(("kind", "target"), [("sonar_dead", "8"), ("wheel_stuck", "0")])
 def test_wrong_fault_target_is_rejected(kind: str, target: str) -> None:
     with pytest.raises(ValueError, match=f"^target: '{target}' is none of "):
         Fault(kind, target)
 
 
-@pytest.mark.parametrize("start_s", [-1.0, nan, inf])
+@each("start_s", [-1.0, nan, inf])
 def test_fault_needs_a_start_time(start_s: float) -> None:
     with pytest.raises(ValueError, match=r"^start_s: "):
         Fault("scan_stopped", "", start_s)
 
 
-@pytest.mark.parametrize("end_s", [1.0, 0.0, nan])
+@each("end_s", [1.0, 0.0, nan])
 def test_fault_must_end_after_its_start(end_s: float) -> None:
     with pytest.raises(ValueError, match=r"^end_s: "):
         Fault("scan_stopped", "", 1.0, end_s)
 
 
-@pytest.mark.parametrize("value", [nan, inf, -0.1, 1.1])
+@each("value", [nan, inf, -0.1, 1.1])
 def test_fault_share_is_between_0_and_1(value: float) -> None:
     with pytest.raises(ValueError, match=r"^value: .* is not within 0 to 1 for wheel_slip"):
         Fault("wheel_slip", "left", value=value)

@@ -6,13 +6,14 @@ from hypothesis import strategies as st
 
 from plant.model.movers import Mover
 from plant.model.types import Circle
+from tests.support.each import each
 
 CORNER = Circle(
     x_m=0.0, y_m=0.0, radius_m=0.1, path_m=((0.0, 0.0), (1.0, 0.0), (1.0, 2.0)), speed_m_s=0.5
 )
 
 
-@pytest.mark.parametrize(
+@each(
     ("time_s", "place"),
     [
         (0.0, (0.0, 0.0)),

@@ -4,6 +4,7 @@ from math import inf, nan, pi, radians
 import pytest
 
 from plant.model.noise import LEVELS, Noise
+from tests.support.each import each
 
 
 def test_noise_has_four_levels() -> None:
@@ -24,8 +25,8 @@ def test_level_harsh_has_fixed_values() -> None:
     assert astuple(LEVELS["harsh"]) == (0.01, 0.02, 0.03, 0.01, radians(40.0), 2e-5, 0.005)
 
 
-@pytest.mark.parametrize("name", [field.name for field in fields(Noise)])
-@pytest.mark.parametrize("value", [nan, inf, -inf, -0.3, 2.0])
+@each("name", [field.name for field in fields(Noise)])
+@each("value", [nan, inf, -inf, -0.3, 2.0])
 def test_value_out_of_range_is_rejected_by_name(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"^{name}: "):
         Noise(**{name: value})

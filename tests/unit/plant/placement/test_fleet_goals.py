@@ -13,6 +13,7 @@ from plant.model.types import Circle, Obstacle, Point, Polygon
 from plant.placement.fleet_goals import RobotGoal, goals
 from plant.placement.start_positions import starts
 from plant.world.file import load, shipped
+from tests.support.each import each
 from tests.support.plant.rooms import room
 
 
@@ -75,7 +76,7 @@ def test_goals_are_apart_and_inside_the_room(x_m: float, y_m: float, robots: int
     assert all(0.12 <= value_m <= 3.88 for one in found for value_m in one[:2])
 
 
-@pytest.mark.parametrize("name", shipped())
+@each("name", shipped())
 def test_every_world_has_a_goal_for_a_second_robot(name: str) -> None:
     world = load(name)
     body = body_of(world)

@@ -9,6 +9,7 @@ from plant.model.types import Circle, GoalPose, Polygon, Polyline, Start, World
 from plant.placement.relocate import elsewhere
 from plant.sim.simulation import Plant
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.plant.rooms import room
 
 ROLLER = Circle(x_m=2.0, y_m=1.0, radius_m=0.2, path_m=((2.0, 1.0), (2.0, 3.0)), speed_m_s=0.5)
@@ -32,7 +33,7 @@ def test_start_and_goal_are_replaced_and_the_rest_kept() -> None:
     assert moved.obstacles == world.obstacles
 
 
-@pytest.mark.parametrize(
+@each(
     ("obstacle", "place", "reason"),
     [
         (BOX, (1.2, 1.2), "obstacle#1 is 0.000 m"),

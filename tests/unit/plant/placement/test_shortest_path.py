@@ -2,7 +2,6 @@ from itertools import pairwise
 from math import acos, dist, hypot, isclose, pi, sqrt
 from time import thread_time
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,6 +9,7 @@ from plant.model.geometry import clearance_m
 from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from plant.placement.shortest_path import shortest_path, shortest_path_m
 from plant.world.file import load, shipped
+from tests.support.each import each
 
 RADIUS_M = 0.12
 
@@ -46,7 +46,7 @@ def test_path_without_obstacles_is_a_straight_line() -> None:
     assert isclose(length_m(), 4.0)
 
 
-@pytest.mark.parametrize("radius_m", [0.05, 0.4, 0.8, 1.5])
+@each("radius_m", [0.05, 0.4, 0.8, 1.5])
 def test_path_around_a_disc_is_tangent_arc_tangent(radius_m: float) -> None:
     exact_m = around_disc_m(radius_m + RADIUS_M, 2.0)
     assert exact_m - 1e-4 <= length_m(Circle(x_m=3.0, y_m=2.0, radius_m=radius_m)) < 1.006 * exact_m

@@ -1,34 +1,29 @@
 """Command gate of the motor driver: the wheel commands it admits, and their duration."""
 
-import pytest
-
 from plant.process.command_gate import HELD_TICKS, SILENT_TICKS, CommandGate, WheelOutput
 from protocol.wire.limits import MAX_WHEEL_TTL_MS
 from protocol.wire.messages import WheelCommand
 from runtime.timing import PERIOD_MS, UINT32
+from tests.support.each import each
 from tests.support.plant.commands import FAST, command, gate_at, taken
 
 BRAKE = WheelOutput(0, 0, 0)
 DRIVE = WheelOutput(FAST, FAST, MAX_WHEEL_TTL_MS)
 
 
-@pytest.mark.parametrize(
-    ("age", "left_ms"), [(-1, None), (0, 150), (1, 100), (2, 50), (3, 0), (4, None), (20, None)]
-)
+@each(("age", "left_ms"), [(-1, None), (0, 150), (1, 100), (2, 50), (3, 0), (4, None), (20, None)])
 def test_command_age_counts_from_the_tick_it_answers(age: int, left_ms: int | None) -> None:
     """Test the boundaries: a future tick, the age of 3 periods, and one period more."""
     expected = None if left_ms is None else WheelOutput(FAST, FAST, left_ms)
     assert taken(gate_at(20), command(20 - age)) == expected
 
 
-@pytest.mark.parametrize(
-    ("ttl_ms", "left_ms"), [(1, 1), (149, 149), (150, 150), (151, 150), (65535, 150)]
-)
+@each(("ttl_ms", "left_ms"), [(1, 1), (149, 149), (150, 150), (151, 150), (65535, 150)])
 def test_time_to_live_is_capped(ttl_ms: int, left_ms: int) -> None:
     assert taken(gate_at(20), command(20, ttl_ms=ttl_ms)) == WheelOutput(FAST, FAST, left_ms)
 
 
-@pytest.mark.parametrize(("age", "left_ms"), [(1, 10), (2, 0), (3, 0)])
+@each(("age", "left_ms"), [(1, 10), (2, 0), (3, 0)])
 def test_short_time_to_live_counts_from_the_tick_too(age: int, left_ms: int) -> None:
     assert taken(gate_at(20), command(20 - age, ttl_ms=60)) == WheelOutput(FAST, FAST, left_ms)
 
@@ -40,14 +35,14 @@ def test_frame_of_finding_a3_is_rejected() -> None:
     assert taken(gate, command(20)) == DRIVE, "and nothing is deaf after it"
 
 
-@pytest.mark.parametrize("age", [1, 2, 3])
+@each("age", [1, 2, 3])
 def test_ticks_before_the_first_are_rejected(age: int) -> None:
     """Tick numbers wrap; the last uint32 numbers are not ticks before tick 0."""
     assert taken(gate_at(0), command(-age)) is None
     assert taken(gate_at(500, first=500), command(500 - age)) is None
 
 
-@pytest.mark.parametrize("tick", [UINT32 - 1, UINT32, UINT32 + 1, UINT32 + 2])
+@each("tick", [UINT32 - 1, UINT32, UINT32 + 1, UINT32 + 2])
 def test_tick_number_may_wrap(tick: int) -> None:
     gate = gate_at(tick, first=UINT32 - 5)
     assert taken(gate, command(tick - 2)) == WheelOutput(FAST, FAST, 50)
@@ -61,9 +56,7 @@ def test_commands_before_the_first_tick_are_rejected() -> None:
     assert not gate.answered
 
 
-@pytest.mark.parametrize(
-    "one", [command(20), command(20, mrad_s=0), command(16), command(2), command(40, mrad_s=0)]
-)
+@each("one", [command(20), command(20, mrad_s=0), command(16), command(2), command(40, mrad_s=0)])
 def test_late_command_is_not_counted_as_a_sender_fault(one: WheelCommand) -> None:
     gate = gate_at(20)
     assert gate.receive(one) == ""
@@ -77,9 +70,7 @@ def test_commands_for_an_earlier_plant_are_rejected() -> None:
     assert taken(gate, command(0, seq=4001)) == DRIVE
 
 
-@pytest.mark.parametrize(
-    ("tick", "seq", "obeyed"), [(20, 6, True), (20, 5, False), (20, 4, False), (19, 9, False)]
-)
+@each(("tick", "seq", "obeyed"), [(20, 6, True), (20, 5, False), (20, 4, False), (19, 9, False)])
 def test_newer_of_two_commands_is_used(tick: int, seq: int, obeyed: bool) -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
@@ -101,10 +92,10 @@ def test_command_between_two_ticks_ages() -> None:
     assert gate.take() == WheelOutput(FAST, FAST, 100)
 
 
-@pytest.mark.parametrize("sense_seq", [20, 19, 17, 16, 0, 21, 4000, UINT32])
-@pytest.mark.parametrize("ttl_ms", [0, MAX_WHEEL_TTL_MS])
-@pytest.mark.parametrize("seq", [0, UINT32])
-@pytest.mark.parametrize("epoch", [0, 7, 9])
+@each("sense_seq", [20, 19, 17, 16, 0, 21, 4000, UINT32])
+@each("ttl_ms", [0, MAX_WHEEL_TTL_MS])
+@each("seq", [0, UINT32])
+@each("epoch", [0, 7, 9])
 def test_brake_is_obeyed_whatever_its_numbers(
     sense_seq: int, ttl_ms: int, seq: int, epoch: int
 ) -> None:
@@ -122,7 +113,7 @@ def test_timely_brake_slows_motors_like_any_command() -> None:
     assert taken(gate_at(20), command(19, mrad_s=0)) == WheelOutput(0, 0, 100)
 
 
-@pytest.mark.parametrize("first", [0, FAST])
+@each("first", [0, FAST])
 def test_tick_answered_by_brake_and_move_holds_the_wheels(first: int) -> None:
     gate = gate_at(20)
     second = FAST - first
@@ -142,7 +133,7 @@ def test_late_brake_contradicts_a_move_for_this_tick() -> None:
     assert taken(gate_at(20), command(3, mrad_s=0), command(20, seq=2)) == BRAKE
 
 
-@pytest.mark.parametrize("sense_seq", [1, UINT32])
+@each("sense_seq", [1, UINT32])
 def test_late_brake_stops_the_wheels_at_once(sense_seq: int) -> None:
     """Include tick 0, where all times are small."""
     assert taken(gate_at(0), command(sense_seq, mrad_s=0)) == BRAKE
@@ -150,8 +141,8 @@ def test_late_brake_stops_the_wheels_at_once(sense_seq: int) -> None:
     assert taken(gate_at(0), command(0), command(0, seq=2, mrad_s=0)) == BRAKE
 
 
-@pytest.mark.parametrize("age", [0, 1, 2, 3])
-@pytest.mark.parametrize("first", [0, FAST])
+@each("age", [0, 1, 2, 3])
+@each("first", [0, FAST])
 def test_each_valid_tick_accepts_only_one_answer(age: int, first: int) -> None:
     gate = gate_at(20)
     for tick in range(20, 24):
@@ -161,7 +152,7 @@ def test_each_valid_tick_accepts_only_one_answer(age: int, first: int) -> None:
     assert gate.receive(command(23, seq=3)) == "moves the wheels while the robot brakes"
 
 
-@pytest.mark.parametrize("braked", [17, 18, 19])
+@each("braked", [17, 18, 19])
 def test_late_brake_for_another_tick_does_not_hold_wheels(braked: int) -> None:
     gate = gate_at(20)
     taken(gate, command(20, seq=5))
@@ -219,7 +210,7 @@ def test_late_commands_keep_a_newer_robot_alive() -> None:
     )
 
 
-@pytest.mark.parametrize(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
+@each(("silent", "drives"), [(SILENT_TICKS - 1, False), (SILENT_TICKS, True)])
 def test_older_robot_drives_when_the_newer_is_silent(silent: int, drives: bool) -> None:
     gate = gate_at(20)
     taken(gate, command(20, epoch=6))
@@ -238,7 +229,7 @@ def test_stale_frame_of_a_newer_robot_locks_out_nothing() -> None:
     assert taken(gate, command(21, epoch=5)) == DRIVE
 
 
-@pytest.mark.parametrize(
+@each(
     ("sense_seq", "mrad_s", "epoch", "answered"),
     [
         (20, FAST, 5, True),

@@ -2,8 +2,6 @@
 
 from typing import cast
 
-import pytest
-
 from plant.model.faults import Fault
 from plant.model.noise import LEVELS
 from plant.process.robot_link import RobotLink
@@ -15,6 +13,7 @@ from protocol.topics import CLOCK, DRIVE, SONAR, WHEELS, Role
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, SonarScan, SystemTime, WheelCommand, WheelTicks
 from runtime.clock import ManualClock
+from tests.support.each import each
 from tests.support.played_bus import PlayedBus
 
 PERIOD_S = 0.05
@@ -59,7 +58,7 @@ class Bench:
         return speeds.index(fastest) + 1 if fastest > 0.0 else 0
 
 
-@pytest.mark.parametrize(("age", "driven"), [(0, 3), (1, 2), (2, 1), (3, 0), (20, 0)])
+@each(("age", "driven"), [(0, 3), (1, 2), (2, 1), (3, 0), (20, 0)])
 def test_command_age_counts_from_the_senses_it_answers(age: int, driven: int) -> None:
     assert Bench().ticks_driven((1, 20 - age, FAST)) == driven
 
@@ -122,16 +121,14 @@ def test_no_clock_is_published_in_wall_time() -> None:
     assert [type(one) for one in heard] == [WheelTicks, SonarScan, GroundTruth]
 
 
-@pytest.mark.parametrize(
-    ("at_ms", "boot_ms"), [(0, 0), (20 * 50, 1000), (2**32 + 4, 4)], ids=["0", "1 s", "wrapped"]
-)
+@each(("at_ms", "boot_ms"), [(0, 0), (20 * 50, 1000), (2**32 + 4, 4)])
 def test_clock_carries_simulated_time(at_ms: int, boot_ms: int) -> None:
     """Wrap the milliseconds of a plant after 2^32 ms."""
     heard = Listener(lockstep=True, at_ns=at_ms * 1_000_000).heard()
     assert heard[2] == SystemTime(time_unix_usec=at_ms * 1000, time_boot_ms=boot_ms)
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "left"),
     [("ticks_stopped", [SonarScan, GroundTruth]), ("scan_stopped", [WheelTicks, GroundTruth])],
 )
@@ -142,7 +139,7 @@ def test_senses_withheld_by_a_fault_are_not_published(kind: str, left: list[type
     assert [type(one) for one in listener.heard()] == left
 
 
-@pytest.mark.parametrize(("lockstep", "clock"), [(True, [CLOCK.path]), (False, [])])
+@each(("lockstep", "clock"), [(True, [CLOCK.path]), (False, [])])
 def test_robot_must_subscribe_to_senses_and_clock(lockstep: bool, clock: list[str]) -> None:
     assert Listener(lockstep=lockstep).topics() == [SONAR.path, WHEELS.path, *clock]
 

@@ -1,6 +1,5 @@
 """Without obstacles near, skipping the physics engine gives bit-identical results."""
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -8,6 +7,7 @@ from plant.corpus import generate
 from plant.model.noise import LEVELS
 from plant.sim.simulation import Plant
 from protocol.wire.messages import RunScore
+from tests.support.each import each
 
 FASTEST_MRAD_S = 9000
 COMMANDS = st.lists(
@@ -46,7 +46,7 @@ def test_trajectory_is_identical_with_and_without_the_arena(
     assert one == driven(family, commands, noise, always_ask=True)
 
 
-@pytest.mark.parametrize("family", ["forest_dense", "maze"])
+@each("family", ["forest_dense", "maze"])
 def test_trajectory_is_identical_through_contacts_too(family: str) -> None:
     commands = [(9000, 9000), (-9000, -8500), (9000, 8000), (-9000, -9000), (9000, 9000)] * 2
     one = driven(family, commands, "harsh", always_ask=False)

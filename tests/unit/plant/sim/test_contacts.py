@@ -5,6 +5,7 @@ import pytest
 from plant.model.geometry import clearance_m
 from plant.model.types import Circle, Obstacle, Polygon, Polyline, World
 from plant.sim.simulation import Plant
+from tests.support.each import each
 from tests.support.plant.rooms import FOREVER_NS, NONE, bumper, drive, room
 
 LEFT, RIGHT, REAR = 1, 2, 4
@@ -18,7 +19,7 @@ def plant(world: World, robots: int = 1) -> Plant:
     return Plant(world, 1, NONE, robots=robots)
 
 
-@pytest.mark.parametrize(
+@each(
     ("obstacle", "stopped_at_m"),
     [
         (THIN_WALL, 1.995),
@@ -66,7 +67,7 @@ def test_robot_slides_along_a_wall_met_at_an_angle() -> None:
     assert (bumper(one), one.score(FOREVER_NS).contacts) == (RIGHT, 1)
 
 
-@pytest.mark.parametrize(
+@each(
     ("bearing_deg", "sectors"),
     [
         (0, LEFT | RIGHT),
@@ -89,7 +90,7 @@ def test_bumper_reports_the_touched_sector(bearing_deg: float, sectors: int) -> 
     assert bumper(one) == sectors
 
 
-@pytest.mark.parametrize("angle_deg", range(0, 90, 7))
+@each("angle_deg", range(0, 90, 7))
 def test_robot_never_pushes_through_a_thin_wall(angle_deg: int) -> None:
     one = plant(room(THIN_WALL, start=(1.7, 2.0, radians(angle_deg)), robot={"max_speed_m_s": 1.5}))
     for _ in range(60):
@@ -148,8 +149,8 @@ def until_touched(one: Plant, left_m_s: float, right_m_s: float) -> tuple[int, i
     return score.contacts, score.own_contacts
 
 
-@pytest.mark.parametrize("bearing_deg", range(0, 360, 45))
-@pytest.mark.parametrize("spin_m_s", [0.0, 0.2])
+@each("bearing_deg", range(0, 360, 45))
+@each("spin_m_s", [0.0, 0.2])
 def test_contact_of_a_still_or_turning_robot_is_not_its_own(
     bearing_deg: int, spin_m_s: float
 ) -> None:
@@ -157,7 +158,7 @@ def test_contact_of_a_still_or_turning_robot_is_not_its_own(
     assert until_touched(one, -spin_m_s, spin_m_s) == (1, 0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("bearing_deg", "speed_m_s", "own"),
     [
         (0, 0.1, 1),  # towards each other

@@ -10,6 +10,7 @@ from plant.model.faults import Fault
 from plant.model.noise import LEVELS, Noise
 from plant.sim.active_faults import NO_TROUBLE, ActiveFaults, FaultSchedule
 from plant.sim.drive import Drive, Motor
+from tests.support.each import each
 
 MS = 1_000_000
 SUBSTEP_S = 0.025
@@ -125,7 +126,7 @@ def test_encoder_counts_whole_ticks_of_0_2_mm() -> None:
     assert drive.ticks() == (int(left_m * 5000.0), -int(-right_m * 5000.0) - 1)
 
 
-@pytest.mark.parametrize(("start", "rim_m_s"), [(2**31 - 100, 0.1), (-(2**31) + 100, -0.1)])
+@each(("start", "rim_m_s"), [(2**31 - 100, 0.1), (-(2**31) + 100, -0.1)])
 def test_encoder_counter_wraps_at_32_bits(start: int, rim_m_s: float) -> None:
     drive = Drive(
         Body(max_acceleration_m_s2=1e6, motor_lag_s=0.0, left_start_ticks=start),

@@ -5,6 +5,7 @@ import pytest
 from plant.model.faults import KINDS, Fault
 from plant.model.noise import LEVELS
 from plant.sim.simulation import Plant
+from tests.support.each import each
 from tests.support.plant.rooms import NONE, bumper, counters, drive, ranges_m, room
 
 
@@ -12,7 +13,7 @@ def plant(*faults: Fault) -> Plant:
     return Plant(room(), 1, NONE, faults)
 
 
-@pytest.mark.parametrize("kind", sorted(KINDS))
+@each("kind", sorted(KINDS))
 def test_every_fault_takes_effect_and_ends(kind: str) -> None:
     spec = KINDS[kind]
     fault = Fault(kind, spec.targets[-1], 0.5, 1.0, spec.highest)
@@ -28,7 +29,7 @@ def test_every_fault_takes_effect_and_ends(kind: str) -> None:
     assert differs[-1] == (kind in lasting)
 
 
-@pytest.mark.parametrize(("kind", "index"), [("ticks_stopped", 0), ("scan_stopped", 1)])
+@each(("kind", "index"), [("ticks_stopped", 0), ("scan_stopped", 1)])
 def test_stopped_senses_are_none_and_resume(kind: str, index: int) -> None:
     one = plant(Fault(kind, "", 0.1, 0.2))
     missing = []

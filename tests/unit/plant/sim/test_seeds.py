@@ -3,6 +3,7 @@ import pytest
 from mpmath import mp, mpf
 
 from plant.sim.seeds import BLOCK_ROWS, gaussian, gaussian_rows, stream, uniform, uniform_rows
+from tests.support.each import each
 
 KNOWN_BITS = ["0x9cff3c4b42a8a30a", "0x8d50759baa10401e"]
 KNOWN_UNIFORM = ["0x1.39fe789685514p-1", "0x1.1aa0eb3754208p-1"]
@@ -16,7 +17,7 @@ def test_same_names_give_the_same_numbers() -> None:
     assert stream(5, 0, "slip").random_raw() == stream(5, 0, "slip").random_raw()
 
 
-@pytest.mark.parametrize("other", [(6, 0, "slip"), (5, 1, "slip"), (5, 0, "sonar range")])
+@each("other", [(6, 0, "slip"), (5, 1, "slip"), (5, 0, "sonar range")])
 def test_seed_robot_and_source_each_change_the_numbers(other: tuple[int, int, str]) -> None:
     assert stream(5, 0, "slip").random_raw() != stream(*other).random_raw()
 

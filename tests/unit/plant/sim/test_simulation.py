@@ -8,6 +8,7 @@ from plant.model.types import Circle, World
 from plant.sim.simulation import Plant
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import SonarScan, WheelTicks
+from tests.support.each import each
 from tests.support.plant.rooms import FOREVER_NS, NONE, counters, drive, mrad_s, ranges_m, room
 
 TICK_NS = 50_000_000
@@ -65,7 +66,7 @@ def test_all_senses_fit_their_wire_fields() -> None:
             assert message == decoded or not isinstance(message, WheelTicks | SonarScan)
 
 
-@pytest.mark.parametrize(
+@each(
     ("left_m_s", "right_m_s"), [(0.29, 0.29), (0.1, 0.29), (0.29, 0.25), (-0.2, 0.2), (-0.29, -0.1)]
 )
 def test_free_motion_follows_the_exact_arc(left_m_s: float, right_m_s: float) -> None:
@@ -175,7 +176,7 @@ def test_each_robot_has_its_own_noise() -> None:
     assert ranges_m(Plant(world, 1, LEVELS["default"]))[2:6] == ahead_m[0]
 
 
-@pytest.mark.parametrize("level", list(LEVELS))
+@each("level", list(LEVELS))
 def test_same_seed_gives_a_bit_identical_drive(level: str) -> None:
     one, two = (wander(FOREST, 5, LEVELS[level]) for _ in range(2))
     assert one.score(FOREVER_NS) == two.score(FOREVER_NS)

@@ -1,10 +1,9 @@
 """The [corpus] table of a world file."""
 
-import pytest
-
 from plant.placement.shortest_path import known_length_m, shortest_path_m
 from plant.world.file import loads
 from study.trial.trial import Trial, run_trial, shortest_once
+from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, Bad, assert_told, more, refusal
 
 WHOLE = """
@@ -67,7 +66,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_invalid_corpus_table_is_rejected(bad: Bad) -> None:
     assert_told(bad._replace(text=more(f"[corpus]\n{bad.text}\n")), alone=True)
 

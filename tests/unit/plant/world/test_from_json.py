@@ -13,6 +13,7 @@ from plant.world.file import load, loads, shipped
 from plant.world.from_json import from_json
 from plant.world.to_json import as_json
 from plant.world.to_toml import dumps
+from tests.support.each import each
 
 GIVEN = ("name", "size_m", "start", "goal", "walls", "obstacles", "robot", "noise", "faults")
 
@@ -21,7 +22,7 @@ def facts(name: str = "moving") -> dict[str, Any]:
     return dict(as_json(load(name), 4.2))
 
 
-@pytest.mark.parametrize("name", shipped())
+@each("name", shipped())
 def test_every_shipped_world_survives_a_json_round_trip(name: str) -> None:
     world = load(name)
     again = loads(json.dumps(as_json(world, 4.2)))
@@ -68,7 +69,7 @@ def broken(**changes: object) -> str:
     return json.dumps(facts() | changes)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "said"),
     [
         ("{", "-:1: json"),

@@ -1,5 +1,4 @@
-import pytest
-
+from tests.support.each import each
 from tests.support.plant.world_texts import Bad, assert_told, more, with_line
 
 BAD = [
@@ -110,6 +109,6 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_impossible_robot_noise_or_fault_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)

@@ -1,5 +1,4 @@
-import pytest
-
+from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, Bad, assert_told, more, polygon, with_line
 
 BAD = [
@@ -198,6 +197,6 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_impossible_obstacle_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)

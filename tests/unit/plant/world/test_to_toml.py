@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from plant.model.types import Circle, GoalPose, Obstacle, Polygon, Polyline, Start, World
 from plant.world.file import load, loads, shipped
 from plant.world.to_toml import dumps, in_degrees
+from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, more
 
 EVERYTHING = more("""
@@ -36,7 +37,7 @@ reachable = false
 """)
 
 
-@pytest.mark.parametrize("name", shipped())
+@each("name", shipped())
 def test_shipped_world_survives_a_toml_round_trip(name: str) -> None:
     assert loads(dumps(load(name))) == load(name)
 

@@ -6,6 +6,7 @@ import pytest
 from plant.cli.worlds import main
 from plant.world.file import load, shipped
 from plant.world.text import draw
+from tests.support.each import each
 from tests.support.plant.world_texts import GOOD, goal, more, with_line
 
 
@@ -96,7 +97,7 @@ def test_free_heading_and_missing_path_are_null(
     assert "the goal cannot be reached" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", shipped())
+@each("name", shipped())
 def test_map_shows_start_and_goal_in_a_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", name]) == 0
     shown = capsys.readouterr().out.split("\n\n")[0].splitlines()
@@ -115,9 +116,7 @@ def test_map_is_drawn_with_x_right_and_y_up() -> None:
     assert "the goal cannot be reached" in rows[-1]
 
 
-@pytest.mark.parametrize(
-    "argv", [[], ["frob"], ["check"], ["show"], ["list", "more"], ["show", "box", "--jsn"]]
-)
+@each("argv", [[], ["frob"], ["check"], ["show"], ["list", "more"], ["show", "box", "--jsn"]])
 def test_wrong_usage_exits_with_2(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(argv) == 2
     told = capsys.readouterr()
@@ -145,7 +144,7 @@ def test_show_lists_starts_and_goals_of_several_robots(capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["goals"][0] == {"x_m": 1, "y_m": -2, "shifted": True}
 
 
-@pytest.mark.parametrize("robots", ["999", "0"])
+@each("robots", ["999", "0"])
 def test_show_rejects_more_robots_than_fit(robots: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["show", "box", "--robots", robots, "--json"]) == 2
     told = capsys.readouterr()

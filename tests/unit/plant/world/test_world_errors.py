@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from plant.model.errors import WorldError
 from plant.world.file import loads
+from tests.support.each import each
 from tests.support.plant.world_texts import (
     GOOD,
     Bad,
@@ -48,7 +49,7 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_invalid_toml_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=True)
 

@@ -1,5 +1,4 @@
-import pytest
-
+from tests.support.each import each
 from tests.support.plant.world_texts import ROBOT_AT, Bad, assert_told, goal, more, start
 
 BAD = [
@@ -86,6 +85,6 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_blocked_start_or_goal_is_rejected(bad: Bad) -> None:
     assert_told(bad, alone=False)

@@ -1,5 +1,4 @@
-import pytest
-
+from tests.support.each import each
 from tests.support.plant.world_texts import (
     ROBOT_AT,
     Bad,
@@ -157,6 +156,6 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize("bad", BAD, ids=lambda bad: bad.story)
+@each("bad", BAD)
 def test_missing_misspelt_or_mistyped_key_is_reported(bad: Bad) -> None:
     assert_told(bad, alone=True)

@@ -10,6 +10,7 @@ from plant.model.body import Body
 from plant.model.types import Circle
 from plant.placement.shortest_path import shortest_path_m
 from plant.world.file import SHIPPED_DIR, load, shipped
+from tests.support.each import each
 
 FORESTS = {"forest_sparse": (15, 1), "forest_medium": (35, 2), "forest_dense": (60, 3)}
 FIGURES = ["paper_fig5", "paper_fig7", "paper_fig11", "paper_fig12", "paper_fig13"]
@@ -28,7 +29,7 @@ def test_paper_figures_are_listed_by_number() -> None:
     assert [name for name in shipped() if name in FIGURES] == FIGURES
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_robot_can_reach_the_goal(name: str) -> None:
     world = load(name)
     length_m = shortest_path_m(world)
@@ -38,7 +39,7 @@ def test_robot_can_reach_the_goal(name: str) -> None:
     assert straight_m - 1e-9 <= length_m < 2.0 * straight_m
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_shipped_file_has_its_world_name_and_description(name: str) -> None:
     opening = (SHIPPED_DIR / f"{name}.toml").read_text(encoding="utf-8").split("\n")[0]
     assert load(name).name == name
@@ -46,20 +47,20 @@ def test_shipped_file_has_its_world_name_and_description(name: str) -> None:
     assert opening.endswith(".")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_shipped_worlds_use_the_default_robot_noise_and_faults(name: str) -> None:
     world = load(name)
     assert (world.robot, world.noise, world.faults) == ({}, {}, ())
 
 
-@pytest.mark.parametrize("name", FORESTS)
+@each("name", FORESTS)
 def test_forest_is_determined_by_its_seed(name: str) -> None:
     world, (count, seed) = load(name), FORESTS[name]
     clearings = ((world.start.x_m, world.start.y_m), (world.goal.x_m, world.goal.y_m))
     assert world.obstacles == grow(count, world.size_m, clearings, seed)
 
 
-@pytest.mark.parametrize("name", FORESTS)
+@each("name", FORESTS)
 def test_robot_fits_between_any_two_trunks(name: str) -> None:
     trunks = [one for one in load(name).obstacles if isinstance(one, Circle)]
     gaps_m = [

@@ -11,6 +11,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import SonarScan, Statustext, WheelTicks
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
+from tests.support.each import each
 
 TICKS = WheelTicks(time_ns=1, seq=1, left=2, right=3, bumper=0, expired=0)
 SCAN = SonarScan(time_ns=0, seq=0, range_mm=(0,) * 8, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -89,7 +90,7 @@ def test_mailbox_of_rewindable_time_accepts_older_stamps() -> None:
     assert box.rejected == 0
 
 
-@pytest.mark.parametrize("forward", [False, True])
+@each("forward", [False, True])
 def test_stamp_of_2_to_the_62_is_rejected(forward: bool) -> None:
     box = Mailbox(WHEELS, forward=forward)
     for stamp_ns in (2**62, 2**63, 2**64 - 1):
@@ -131,7 +132,7 @@ def test_samples_of_a_stopped_clock_are_accepted() -> None:
     assert box.rejected == 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("bad", "words"),
     [
         (Sample(ENCODING, b"garbage"), "frame of 7 bytes is too short"),
@@ -223,7 +224,7 @@ def sent(sent_ns: int | None, sender: str = "ada", seq: int = 1) -> Sample:
     return sample(ticks)._replace(sender=sender, sent_ns=sent_ns)
 
 
-@pytest.mark.parametrize(
+@each(
     ("newer", "taken"),
     [
         (sent(99, seq=2), False),
@@ -232,7 +233,6 @@ def sent(sent_ns: int | None, sender: str = "ada", seq: int = 1) -> Sample:
         (sent(None, seq=2), True),
         (sent(99, sender="bob", seq=2), True),
     ],
-    ids=["sent before", "sent at once", "sent later", "without a time", "of another"],
 )
 def test_older_sample_of_the_same_sender_is_ignored(newer: Sample, taken: bool) -> None:
     heard: list[int] = []

@@ -4,11 +4,12 @@ import pytest
 
 from protocol.bus.network import Network, Tls
 from runtime.errors import EndpointError, UserError
+from tests.support.each import each
 
 TLS = Tls(ca="ca.pem", certificate="ground.pem", key="ground.key")
 
 
-@pytest.mark.parametrize(
+@each(
     "endpoint",
     [
         "tcp/127.0.0.1:7447",
@@ -21,7 +22,7 @@ def test_good_endpoints_are_taken(endpoint: str) -> None:
     assert Network(mode="peer", listen=(endpoint,), connect=(endpoint,)).listen == (endpoint,)
 
 
-@pytest.mark.parametrize(
+@each(
     "endpoint",
     [
         "",
@@ -54,7 +55,7 @@ def test_router_needs_a_listen_endpoint() -> None:
         Network(mode="router")
 
 
-@pytest.mark.parametrize("prefix", ["", "a*", "/a", "a/", "a//b", "a?b"])
+@each("prefix", ["", "a*", "/a", "a/", "a//b", "a?b"])
 def test_prefix_that_is_no_plain_key_is_rejected(prefix: str) -> None:
     with pytest.raises(EndpointError, match="prefix"):
         Network(prefix=prefix)
@@ -65,8 +66,8 @@ def test_configured_keys_apply_tls_to_all_links() -> None:
     assert network.tls is TLS
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/127.0.0.1:7447", "udp/127.0.0.1:1", "unixsock-stream/x"])
-@pytest.mark.parametrize("where", ["listen", "connect"])
+@each("endpoint", ["tcp/127.0.0.1:7447", "udp/127.0.0.1:1", "unixsock-stream/x"])
+@each("where", ["listen", "connect"])
 def test_plain_endpoint_among_tls_endpoints_is_rejected(where: str, endpoint: str) -> None:
     with pytest.raises(EndpointError, match="has no TLS") as caught:
         Network(tls=TLS, **{where: ("tls/127.0.0.1:1", endpoint)})  # type: ignore[arg-type]

@@ -4,9 +4,8 @@ import threading
 from collections.abc import Set as AbstractSet
 from typing import Any
 
-import pytest
-
 from protocol.bus.presence import Presence, TokenSet, presence_in
+from tests.support.each import each
 from tests.support.hostile import TEXT
 
 
@@ -15,7 +14,7 @@ def test_token_contains_robot_role_and_session() -> None:
     assert presence_in("a/b/r-2/alive/ground/0") == Presence("r-2", "ground", "0")
 
 
-@pytest.mark.parametrize(
+@each(
     "key",
     [
         f"sidestep/r{TEXT}/alive/robot/4f2a",
@@ -55,7 +54,7 @@ class Interrupted(frozenset[Presence]):
         return super().__sub__(others)
 
 
-@pytest.mark.parametrize(("came", "there"), [(True, [FIRST, SECOND, THIRD]), (False, [THIRD])])
+@each(("came", "there"), [(True, [FIRST, SECOND, THIRD]), (False, [THIRD])])
 def test_tokens_added_by_two_threads_at_once_are_all_kept(
     came: bool, there: list[Presence]
 ) -> None:

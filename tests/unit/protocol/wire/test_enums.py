@@ -3,12 +3,11 @@
 from enum import IntEnum
 from types import ModuleType
 
-import pytest
-
 from protocol.wire import enums
 from protocol.wire.enums import Branch, GoalState, Mode, Navigator, Vehicle
 from protocol.wire.reasons import Reason, reason_text
 from robot.core import reasons, states
+from tests.support.each import each
 from verification.dialect.definitions import read_dialect
 from verification.dialect.generate import CLASS_OF_ENUM, CONSTANTS
 
@@ -16,7 +15,7 @@ DIALECT = read_dialect()
 CORE_STATES = (Vehicle, Mode, GoalState, Navigator)
 
 
-@pytest.mark.parametrize("name", DIALECT.enums)
+@each("name", DIALECT.enums)
 def test_every_enum_of_the_dialect_has_its_members(name: str) -> None:
     members = {entry.name: entry.value for entry in DIALECT.enums[name].entries}
     if name in CONSTANTS:
@@ -27,7 +26,7 @@ def test_every_enum_of_the_dialect_has_its_members(name: str) -> None:
         assert members == {member.name: member.value for member in cls}
 
 
-@pytest.mark.parametrize("numbers", CORE_STATES)
+@each("numbers", CORE_STATES)
 def test_states_of_the_core_are_those_of_the_dialect(numbers: type[IntEnum]) -> None:
     assert all(getattr(states, member.name) == member.value for member in numbers)
 

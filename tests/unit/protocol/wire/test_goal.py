@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from protocol.wire.goal import rounded_heading_rad, start_arguments, wire_goal
 from robot.core.perception.from_messages import goal_of
+from tests.support.each import each
 
 metres = st.floats(-100.0, 100.0)
 TOLERANCES = (0.05, 0.05235987755982989)
@@ -23,8 +24,8 @@ def test_any_heading_is_a_flag_and_not_an_angle() -> None:
     assert goal_of(*goal).heading_rad is None
 
 
-@pytest.mark.parametrize("place", range(5))
-@pytest.mark.parametrize("bad", [nan, inf, -inf])
+@each("place", range(5))
+@each("bad", [nan, inf, -inf])
 def test_non_finite_goal_is_rejected(bad: float, place: int) -> None:
     values = [1.0, 2.0, 0.0, *TOLERANCES]
     values[place] = bad

@@ -20,6 +20,7 @@ from protocol.wire.messages import (
     Statustext,
 )
 from runtime.errors import LocalError
+from tests.support.each import each
 from tests.support.protocol.made_up import any_message
 from verification.dialect.mavgen import oracle
 
@@ -30,7 +31,7 @@ def test_there_is_a_class_for_every_layout() -> None:
     assert {cls.__name__ for cls in MESSAGES} == set(LAYOUT)
 
 
-@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: str(cls.__name__))
+@each("cls", MESSAGES)
 def test_fields_are_those_of_the_xml_in_its_order(cls: type[Message]) -> None:
     theirs = oracle().mavlink_map[LAYOUT[cls.__name__].number]
     assert list(cls.__struct_fields__) == theirs.fieldnames
@@ -46,7 +47,7 @@ def test_fields_have_to_be_named() -> None:
         SonarScan(0, 0, (0,) * 8, (0,) * 8, 0, 0)  # type: ignore[call-arg]
 
 
-@pytest.mark.parametrize("length", [0, 7, 9])
+@each("length", [0, 7, 9])
 def test_an_array_of_the_wrong_length_is_refused_when_made(length: int) -> None:
     with pytest.raises(LocalError, match=r"SonarScan\.range_mm = .*: must be 8 numbers"):
         SonarScan(time_ns=0, seq=0, range_mm=(0,) * length, ping_age_us=(0,) * 8, valid=0, echo=0)
@@ -61,7 +62,7 @@ def test_every_array_is_checked_when_made() -> None:
         RunScore(**{**zeros, "digest": (1,) * 31})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "limit"),
     [("x" * 51, "at most 50 bytes"), ("\xe9" * 26, "at most 50 bytes"), ("a\0b", "NUL")],
 )
@@ -93,7 +94,7 @@ def test_names_in_a_lease_have_their_sizes() -> None:
             LeaseStatus(time_ns=1, lapses_ms=0, held=1, holder=holder, name=name)
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "words"),
     [
         ({"severity": 256}, "severity = 256: must be an integer from 0 to 255"),

@@ -2,12 +2,11 @@
 
 from math import inf, pi
 
-import pytest
-
 from robot.core import pursuit
 from robot.core.parameters import DEFAULTS
 from robot.core.state import State
 from robot.core.values import Goal, Pose
+from tests.support.each import each
 
 TOLERANCE_M = 0.05
 AWAY_M = 0.16
@@ -61,7 +60,7 @@ def test_no_wall_may_lie_between_robot_and_goal() -> None:
     assert not arrives(standing(), DEFAULTS.radius_m + NEAR_M + 0.001)
 
 
-@pytest.mark.parametrize("nearest_m", [0.13, 1.0, inf])
+@each("nearest_m", [0.13, 1.0, inf])
 def test_robot_in_the_open_drives_to_the_goal(nearest_m: float) -> None:
     assert not arrives(standing(nearest_m=nearest_m))
 

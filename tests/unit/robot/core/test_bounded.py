@@ -7,8 +7,7 @@ followed; these tables are flat.
 import ast
 from collections.abc import Iterator
 
-import pytest
-
+from tests.support.each import each
 from tests.support.robot.core.sources import CORE, FILES
 
 NAMES = [".".join(file.relative_to(CORE).with_suffix("").parts) for file in FILES]
@@ -116,12 +115,12 @@ def formatting(module: ast.AST) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_every_while_counts_against_a_limit(name: str) -> None:
     assert not unbounded(tree(name))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_nothing_is_formatted_or_printed(name: str) -> None:
     assert not formatting(tree(name))
 
@@ -136,7 +135,7 @@ def test_no_recursion_in_the_core() -> None:
     assert circle(calls) is None
 
 
-@pytest.mark.parametrize(
+@each(
     "loop",
     ["while True:\n    k += 1", "while k:\n    k -= 1", "while k < 9:\n    j += 1"],
 )

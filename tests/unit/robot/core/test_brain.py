@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from robot.core import brain, budget, modes, reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Inputs, Scan, Wheels
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
 AGES = (25, 0) * 4
@@ -91,7 +92,7 @@ def test_small_offset_aligns_and_large_offset_drives_again() -> None:
     assert until_ended(driven).machine.goal_state == states.REACHED
 
 
-@pytest.mark.parametrize("tolerance_deg", [0.2, 1.0, 5.0, 180.0])
+@each("tolerance_deg", [0.2, 1.0, 5.0, 180.0])
 def test_even_the_finest_tolerance_is_reached(tolerance_deg: float) -> None:
     driven = armed()
     driven.goto(Goal(0.4, -0.3, 2.0, 0.005, tolerance_deg * pi / 180))

@@ -20,6 +20,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import sonar_ring as rings
 from robot.core.values import Goal, Outputs, Pose
 from study.trial.trial import NAVIGATORS
+from tests.support.each import each
 
 AWAY = Goal(9.0, 4.0, None, 0.05, 0.05)
 
@@ -28,7 +29,7 @@ def test_every_registered_navigator_has_a_name() -> None:
     assert set(NAVIGATORS.values()) == set(REGISTERED)
 
 
-@pytest.mark.parametrize("name", NAVIGATORS)
+@each("name", NAVIGATORS)
 def test_memory_of_a_navigator_is_within_its_limit(name: str) -> None:
     assert 0 < state_bytes(name) <= STATE_BYTES
 

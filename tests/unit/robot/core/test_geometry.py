@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core.geometry import BEARINGS, COSINES, SINES, wrap
+from tests.support.each import each
 
 
 @given(st.floats(-1e6, 1e6))
@@ -26,7 +27,7 @@ def test_half_a_turn_is_counted_to_the_left() -> None:
     assert wrap(3 * pi) == pytest.approx(pi)
 
 
-@pytest.mark.parametrize("nowhere", [nan, inf, -inf])
+@each("nowhere", [nan, inf, -inf])
 def test_infinite_angle_becomes_nan(nowhere: float) -> None:
     assert isnan(wrap(nowhere))
 

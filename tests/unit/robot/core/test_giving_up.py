@@ -9,6 +9,7 @@ from robot.core.navigators.memory import proof as proofs
 from robot.core.navigators.memory.proof import NO_GAP, SPENT, WAITING
 from robot.core.navigators.vgm_following import EASE_MM, ISLANDS, MAX_LOOPS, Memory
 from robot.core.values import Goal
+from tests.support.each import each
 from tests.support.robot.core.driving import driving
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, clearance_m, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand
@@ -98,7 +99,7 @@ def test_a_walled_in_goal_is_proved_unreachable() -> None:
     assert min(clearance_m(pose, BOX) for pose in walk.poses) > 0.03
 
 
-@pytest.mark.parametrize("gap_m", [0.20, 0.25, 0.27])
+@each("gap_m", [0.20, 0.25, 0.27])
 def test_a_post_close_to_the_box_does_not_hinder_the_proof(gap_m: float) -> None:
     """The robot of 0.24 m neither passes the gap nor is certain that it cannot."""
     walk = walk_to(states.VGM_MEMORY, GOAL, BOX, [(3.0, 0.8 + gap_m, 0.2)], seconds=240.0)

@@ -1,11 +1,10 @@
 """The machine: its initial state, active goals, and how goals begin and end."""
 
-import pytest
-
 from robot.core import machine as machines
 from robot.core import reasons, states
 from robot.core.machine import Machine
 from robot.core.parameters import DEFAULTS
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD
 
 LIVING = (states.ACCEPTED, states.DRIVING, states.AVOIDING, states.ALIGNING)
@@ -52,13 +51,13 @@ def test_new_machine_is_stopped_without_sensors_and_operator() -> None:
     }
 
 
-@pytest.mark.parametrize("goal_state", GOAL_STATES)
+@each("goal_state", GOAL_STATES)
 def test_goal_is_active_from_acceptance_to_its_end(goal_state: int) -> None:
     assert machines.goal_is_active(machine(goal_state)) == (goal_state in LIVING)
 
 
-@pytest.mark.parametrize("vehicle", range(states.EMERGENCY_STOP + 1))
-@pytest.mark.parametrize("mode", MODES)
+@each("vehicle", range(states.EMERGENCY_STOP + 1))
+@each("mode", MODES)
 def test_driving_needs_arming_mode_and_an_active_goal(mode: int, vehicle: int) -> None:
     may_drive = vehicle == states.ACTIVE and mode not in (states.MANUAL, states.HOLD)
     for goal_state in GOAL_STATES:
@@ -90,7 +89,7 @@ def test_a_goal_after_one_that_has_ended_replaces_none() -> None:
     assert (made.serial, made.replaced_serial) == (2, 0)
 
 
-@pytest.mark.parametrize("goal_state", GOAL_STATES)
+@each("goal_state", GOAL_STATES)
 def test_only_an_active_goal_is_ended_and_its_outcome_stays(goal_state: int) -> None:
     made = machine(goal_state)
     machines.end_goal(made, states.ABORTED, reasons.DISARMED, 2_000)

@@ -2,13 +2,13 @@
 
 from math import inf, nan
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.core import modes, reasons, states
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Scan, Twist
+from tests.support.each import each
 from tests.support.robot.core.driving import Driven, armed
 
 WALL_AHEAD = Scan((100,) * 8, (25, 0) * 4, 0xFF, 0xFF)
@@ -78,7 +78,7 @@ def test_whatever_is_wanted_wheels_and_robot_keep_their_limits(
         assert abs(twist.yaw_rate_rad_s) <= DEFAULTS.yaw_max_rad_s + 1e-9
 
 
-@pytest.mark.parametrize("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(0.0, inf)])
+@each("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(0.0, inf)])
 def test_teleop_with_nan_turns_no_wheel(twist: Twist) -> None:
     driven = manual()
     driven.state.manual = twist

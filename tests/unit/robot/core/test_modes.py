@@ -1,7 +1,6 @@
 from collections.abc import Callable
 from math import inf, nan, nextafter, pi
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -9,6 +8,7 @@ from robot.core import modes, reasons, states
 from robot.core.machine import Machine, end_goal, goal_is_active
 from robot.core.safety import failsafe
 from robot.core.values import Goal
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
 
@@ -46,7 +46,7 @@ def test_guided_needs_an_operator_and_auto_does_not() -> None:
     assert not driven.forward(1.0).stands
 
 
-@pytest.mark.parametrize(
+@each(
     ("goal", "refusal"),
     [
         (AHEAD._replace(x_m=nan), reasons.GOAL_OUT_OF_RANGE),
@@ -94,23 +94,22 @@ BEYOND = [
 ]
 
 
-@pytest.mark.parametrize("goal", EDGES)
+@each("goal", EDGES)
 def test_a_goal_on_the_edge_of_a_range_is_accepted(goal: Goal) -> None:
     assert armed().goto(goal) == reasons.OK
 
 
-@pytest.mark.parametrize(("goal", "refusal"), BEYOND)
+@each(("goal", "refusal"), BEYOND)
 def test_a_goal_just_beyond_a_range_is_refused(goal: Goal, refusal: int) -> None:
     assert armed().goto(goal) == refusal
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "vehicle", "left_over"),
     [
         (modes.arm, states.ACTIVE, reasons.OK),
         (lambda machine: modes.disarm(machine, 0), states.STANDBY, reasons.OK),
     ],
-    ids=["arm", "disarm"],
 )
 def test_a_failsafe_reason_is_cleared_by_arming_and_disarming(
     change: Callable[[Machine], int], vehicle: int, left_over: int
@@ -131,7 +130,7 @@ def test_emergency_stop_has_the_operator_as_its_reason() -> None:
     assert (machine.vehicle, machine.vehicle_reason) == (states.STANDBY, reasons.OK)
 
 
-@pytest.mark.parametrize("mode", [states.AUTO, states.GUIDED])
+@each("mode", [states.AUTO, states.GUIDED])
 def test_resume_out_of_hold_leaves_the_mode_alone(mode: int) -> None:
     driven = driving(mode)
     driven.machine.resume_mode = states.AUTO + states.GUIDED - mode
@@ -155,7 +154,7 @@ def test_refused_goal_leaves_the_active_one_unchanged() -> None:
     assert driven.machine.goal_state == states.DRIVING
 
 
-@pytest.mark.parametrize(
+@each(
     ("end", "ended"),
     [
         (lambda machine: modes.estop(machine, 0), (states.ABORTED, reasons.BY_EMERGENCY_STOP)),
@@ -168,7 +167,6 @@ def test_refused_goal_leaves_the_active_one_unchanged() -> None:
             (states.REACHED, reasons.OK),
         ),
     ],
-    ids=["estop", "failsafe", "reached"],
 )
 def test_refused_goal_leaves_the_end_of_the_last_one(
     end: Callable[[Machine], object], ended: tuple[int, int]

@@ -2,8 +2,6 @@
 
 from math import pi
 
-import pytest
-
 from robot.core import machine as machines
 from robot.core import modes, reasons, states
 from robot.core.machine import Machine
@@ -11,6 +9,7 @@ from robot.core.motion.trail import Trail, drop_crumb
 from robot.core.parameters import DEFAULTS
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
@@ -46,7 +45,7 @@ def test_arming_needs_senses_in_this_moment() -> None:
     assert modes.arm(blind) == reasons.NO_SENSES
 
 
-@pytest.mark.parametrize("vehicle", [states.STANDBY, states.FAILSAFE])
+@each("vehicle", [states.STANDBY, states.FAILSAFE])
 def test_arming_is_refused_with_the_failsafe_that_would_trip(vehicle: int) -> None:
     tripped = machine(vehicle)
     tripped.cause = reasons.FENCE_BREACHED
@@ -106,7 +105,7 @@ def test_fence_without_the_robot_is_accepted_only_in_boot() -> None:
         assert refused.fence is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("navigator", "side", "pursuits"),
     [
         (states.BUG, states.LEFT, 0),
@@ -124,9 +123,7 @@ def test_another_navigator_or_side_begins_afresh_once(
     assert (chosen.navigator, chosen.side, chosen.pursuits) == (navigator, side, pursuits)
 
 
-@pytest.mark.parametrize(
-    "tolerance_rad", [0.2 * pi / 180.0 - 1.2e-6, pi + 1.2e-6], ids=["below", "above"]
-)
+@each("tolerance_rad", [0.2 * pi / 180.0 - 1.2e-6, pi + 1.2e-6])
 def test_heading_tolerance_may_be_off_by_one_wire_unit(tolerance_rad: float) -> None:
     goal = AHEAD._replace(heading_tolerance_rad=tolerance_rad)
     assert modes.goto(machine(), goal, states.AUTO, 0) == reasons.TOLERANCE_OUT_OF_RANGE

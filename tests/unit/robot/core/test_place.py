@@ -10,6 +10,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.odometry import Odometry
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose, Wheels
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, Driven, armed, driving
 
 AROUND = Fence((0.0,), (0.0,), 5.0)
@@ -41,7 +42,7 @@ def test_robot_at_its_start_knows_its_place() -> None:
     assert driven.machine.placed
 
 
-@pytest.mark.parametrize("totals", [(1, 0), (0, 1), (-7, 0), (0, -7), (500, 500)])
+@each("totals", [(1, 0), (0, 1), (-7, 0), (0, -7), (500, 500)])
 def test_wheels_that_have_turned_make_the_place_unknown(totals: tuple[int, int]) -> None:
     assert not restarted(*totals).machine.placed
 
@@ -188,14 +189,14 @@ def test_heading_is_wrapped() -> None:
     assert driven.state.odometry.pose.heading_rad == pytest.approx(-0.5 * pi)
 
 
-@pytest.mark.parametrize("far", [100.0, -100.0])
+@each("far", [100.0, -100.0])
 def test_pose_may_be_as_far_as_a_goal(far: float) -> None:
     driven = armed()
     assert place.set_pose(driven.state, Pose(far, far, 1e3)) == reasons.OK
     assert place.set_pose(driven.state, Pose(far, far, -1e3)) == reasons.OK
 
 
-@pytest.mark.parametrize(
+@each(
     "pose",
     [
         *(Pose(x, 0.0, 0.0) for x in (nan, inf, -inf, 100.001, -100.001)),

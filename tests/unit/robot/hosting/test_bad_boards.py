@@ -19,6 +19,7 @@ from robot.mcu.image import core_hash, core_version
 from robot.storage.files import Store
 from robot.vehicle import Vehicle
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.robot.mcu.hosted import Hosted, hosted_board
 
 OPEN_SPACE = Scan((0,) * 8, (25, 0) * 4, 0xFF, 0)
@@ -123,7 +124,7 @@ def test_image_of_another_core_is_refused_by_name_and_hash() -> None:
     assert refused.value.exit_code == 2
 
 
-@pytest.mark.parametrize(
+@each(
     ("params", "name"),
     [
         (DEFAULTS._replace(stuck_ms=2**31), "stuck_ms"),

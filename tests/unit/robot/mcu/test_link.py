@@ -2,12 +2,11 @@
 
 from random import Random
 
-import pytest
-
 from protocol.wire.codec import HEADER_SIZE, Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import BoardAnswer, BoardRestart
 from robot.mcu.link import FrameStream
+from tests.support.each import each
 
 ANSWERS = [BoardAnswer(request=n, message_id=54_123, reason=n % 3) for n in range(20)]
 
@@ -24,14 +23,14 @@ def received(stream: FrameStream, data: bytes, size: int) -> list[Message]:
     ]
 
 
-@pytest.mark.parametrize("size", [1, 2, 7, 1000])
+@each("size", [1, 2, 7, 1000])
 def test_frames_in_pieces_are_complete(size: int) -> None:
     stream = FrameStream()
     assert received(stream, b"".join(frames()), size) == ANSWERS
     assert stream.skipped == 0
 
 
-@pytest.mark.parametrize("seed", range(20))
+@each("seed", range(20))
 def test_garbage_between_frames_is_skipped_and_counted(seed: int) -> None:
     random, stream, garbage = Random(seed), FrameStream(), 0
     data = b""
@@ -57,7 +56,7 @@ def test_torn_frame_is_given_up_when_a_whole_one_follows() -> None:
     assert stream.skipped == len(first) - 1
 
 
-@pytest.mark.parametrize("at", [2, 7, 8, 9])
+@each("at", [2, 7, 8, 9])
 def test_header_of_no_known_message_is_skipped_at_once(at: int) -> None:
     damaged = bytearray(frames()[0])
     damaged[at] = 0xEE

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from robot.mcu.firmware.literals import exact, floats_in, is_literal, nearest
 from runtime.errors import LocalError
+from tests.support.each import each
 
 LINE = "static const mp_obj_float_t one = {{&mp_type_float}, (mp_float_t)%s};"
 
@@ -37,7 +38,7 @@ def test_literals_of_a_program_are_found() -> None:
     assert floats_in(f"a = 0.1 + 3\nb = ({pi!r}, 'x')\n") == {0.1, pi}
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "kept"),
     [
         *((value, True) for value in (3, 0.1, pi, (1, -2), "text")),

@@ -2,12 +2,12 @@
 
 from typing import Final
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol.wire.enums import Command, MissionState, Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.robot.mission.items import pause, ready, resume, start, state, until
 from tests.support.robot.vehicles import Desk
 
@@ -81,7 +81,7 @@ def test_choosing_auto_again_needs_no_operator() -> None:
     assert desk.vehicle.state.machine.mode == Mode.AUTO
 
 
-@pytest.mark.parametrize("mode", [Mode.AUTO, Mode.GUIDED])
+@each("mode", [Mode.AUTO, Mode.GUIDED])
 def test_a_mission_goes_on_after_a_pause_in_the_mode_it_had(mode: Mode) -> None:
     desk = guided(hold_s=0.2)
     choose(desk, mode)

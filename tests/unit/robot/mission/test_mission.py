@@ -6,6 +6,7 @@ from protocol.wire.enums import Command, GoalState, MissionState, Mode, Severity
 from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.timing import UINT32
+from tests.support.each import each
 from tests.support.robot.mission.items import (
     circle,
     estop,
@@ -57,7 +58,7 @@ def test_a_mission_can_begin_at_any_of_its_items() -> None:
     until(desk, MissionState.DONE)
 
 
-@pytest.mark.parametrize("first", [3, 99, -2])
+@each("first", [3, 99, -2])
 def test_start_and_jump_refuse_a_missing_item(first: int) -> None:
     desk = ready(3)
     assert start(desk, first) == Reason.MISSION_ITEM_BAD

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from protocol.wire.enums import Command, GoalState, MissionState, Mode, Vehicle
 from protocol.wire.messages import MissionClearAll
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.robot.mission.items import (
     circle,
     estop,
@@ -54,8 +55,8 @@ ENDS = [
 ]
 
 
-@pytest.mark.parametrize(("end", "reason"), ENDS)
-@pytest.mark.parametrize("when", [MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED])
+@each(("end", "reason"), ENDS)
+@each("when", [MissionState.RUNNING, MissionState.HOLDING, MissionState.PAUSED])
 def test_cause_of_the_end_is_the_failure_reason(
     end: Any, reason: Reason, when: MissionState
 ) -> None:

@@ -3,7 +3,6 @@
 from math import inf, nan
 from typing import Any
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +21,7 @@ from robot.mission.mission import MAX_ITEMS
 from robot.mission.persistence import MissionStore
 from robot.mission.transfer import NO_ITEM, Request, Transfers
 from robot.storage.writer import Directory
+from tests.support.each import each
 from tests.support.robot.mission.items import circle, corners, item, line, ready, start, upload
 from tests.support.robot.vehicles import Desk
 
@@ -68,8 +68,8 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("change", "reason"), BAD)
-@pytest.mark.parametrize("at", [0, 1, 3])
+@each(("change", "reason"), BAD)
+@each("at", [0, 1, 3])
 def test_bad_item_is_named_and_the_old_mission_stays(
     change: dict[str, Any], reason: Reason, at: int
 ) -> None:
@@ -170,7 +170,7 @@ def test_other_kinds_of_missions_are_unknown() -> None:
 # Fences are uploaded the same way.
 
 
-@pytest.mark.parametrize(
+@each(
     "items",
     [
         circle(0.0, 0.0, 2.0),
@@ -187,7 +187,7 @@ def test_uploaded_fence_refuses_goals(items: list[MissionItemInt]) -> None:
     assert desk.goto(1.5, 0.0) == Reason.NONE
 
 
-@pytest.mark.parametrize(
+@each(
     ("items", "which", "reason"),
     [
         (corners((1.0, 1.0), (3.0, 1.0), (3.0, 3.0)), NO_ITEM, Reason.FENCE_LEAVES_ROBOT_OUT),

@@ -25,6 +25,7 @@ from robot.parameters.table import (
 )
 from robot.storage.files import FILE_NAME, Store
 from robot.vehicle import Vehicle
+from tests.support.each import each
 from tests.support.robot.vehicles import Desk
 
 WEAKER = (
@@ -61,7 +62,7 @@ def moved(name: str, by: float) -> float:
     return float(round(value)) if SPECS[name].integer else value
 
 
-@pytest.mark.parametrize(("name", "value"), WEAKER)
+@each(("name", "value"), WEAKER)
 def test_driving_robot_refuses_weaker_failsafes(name: str, value: float) -> None:
     desk = Desk()
     desk.arm()
@@ -70,7 +71,7 @@ def test_driving_robot_refuses_weaker_failsafes(name: str, value: float) -> None
     assert desk.vehicle.params == DEFAULTS
 
 
-@pytest.mark.parametrize(("name", "value"), WEAKER)
+@each(("name", "value"), WEAKER)
 def test_disarmed_robot_refuses_weaker_failsafes(name: str, value: float) -> None:
     desk = Desk()
     desk.step()
@@ -78,7 +79,7 @@ def test_disarmed_robot_refuses_weaker_failsafes(name: str, value: float) -> Non
     assert desk.vehicle.params == DEFAULTS
 
 
-@pytest.mark.parametrize("name", [spec.name for spec in GROUP])
+@each("name", [spec.name for spec in GROUP])
 def test_safer_is_accepted_and_less_safe_refused(name: str) -> None:
     desk = Desk()
     safer = SPECS[name].safer
@@ -88,7 +89,7 @@ def test_safer_is_accepted_and_less_safe_refused(name: str) -> None:
     assert put(desk, name, float(getattr(DEFAULTS, name))) == Reason.NONE, "back as configured"
 
 
-@pytest.mark.parametrize("name", [spec.name for spec in GROUP])
+@each("name", [spec.name for spec in GROUP])
 def test_safety_parameters_change_only_while_disarmed(name: str) -> None:
     desk = Desk()
     desk.arm()

@@ -16,6 +16,7 @@ from robot.parameters.table import (
     with_values,
 )
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def test_every_setting_of_the_core_has_one_row_in_the_same_order() -> None:
@@ -42,7 +43,7 @@ def test_several_values_are_put_into_force() -> None:
     assert (changed.d_obs_m, changed.side) == (0.45, -1)
 
 
-@pytest.mark.parametrize("bad", [{"d_obs_cm": 30.0}, {"d_obs_m": inf}])
+@each("bad", [{"d_obs_cm": 30.0}, {"d_obs_m": inf}])
 def test_error_for_a_bad_value_contains_its_place(bad: dict[str, float]) -> None:
     with pytest.raises(UserError, match=r"^robot\.toml: .*d_obs_c?m"):
         adjusted(DEFAULTS, {"side": 1.0, **bad}, "robot.toml")
@@ -53,7 +54,7 @@ def test_an_unknown_name_is_named() -> None:
         with_value(DEFAULTS, "d_obs_cm", 30)
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf, 0.0, 3.1, -1.0])
+@each("value", [nan, inf, -inf, 0.0, 3.1, -1.0])
 def test_values_outside_the_range_are_refused_with_the_range(value: float) -> None:
     with pytest.raises(OutOfRangeError, match=r"d_obs_m.*0\.05 to 3 m"):
         with_value(DEFAULTS, "d_obs_m", value)

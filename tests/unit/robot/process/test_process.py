@@ -47,6 +47,7 @@ from robot.process import SERVICES
 from robot.storage.files import Store
 from runtime.clock import Tick
 from runtime.errors import LocalError
+from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.processes import (
     ADA,
@@ -67,7 +68,7 @@ def test_all_services_the_stop_and_the_clock_are_served() -> None:
     assert rig.bus.kept_serving == 1
 
 
-@pytest.mark.parametrize("end", ["idle", "cycle", "end"])
+@each("end", ["idle", "cycle", "end"])
 def test_texts_are_published_in_ticks_between_and_at_the_end(end: str) -> None:
     rig = Rig().ready()
     rig.vehicle.announce(6, "something new")

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterator
 
-import pytest
-
 from protocol.topics import (
     ANSWERED,
     COMMANDED,
@@ -22,6 +20,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import states
 from runtime.clock import Tick
+from tests.support.each import each
 from tests.support.robot.processes import (
     ADA,
     BOB,
@@ -92,7 +91,7 @@ def test_a_request_without_an_operator_is_refused() -> None:
     assert rig.vehicle.state.machine.goal is None
 
 
-@pytest.mark.parametrize(
+@each(
     ("good_for_ns", "reason"),
     [
         (None, Reason.TOO_LATE),

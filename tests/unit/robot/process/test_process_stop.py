@@ -1,7 +1,5 @@
 """The emergency stop at the process comes before everything else and is acknowledged."""
 
-import pytest
-
 from protocol.topics import (
     COMMANDED,
     STATUS,
@@ -14,6 +12,7 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.stop_latch import emergency_stop
+from tests.support.each import each
 from tests.support.robot.processes import (
     BRAKE,
     Request,
@@ -65,7 +64,7 @@ def test_stop_bypasses_full_queues() -> None:
     assert stop.reasons == [Reason.NONE]
 
 
-@pytest.mark.parametrize("idle", [False, True])
+@each("idle", [False, True])
 def test_stop_is_acknowledged_only_once_in_force(idle: bool) -> None:
     rig = driving()
     stop = ask_to_stop(rig)
@@ -142,7 +141,7 @@ def test_a_release_without_a_stop_is_granted() -> None:
     assert release.reasons == [Reason.NONE]
 
 
-@pytest.mark.parametrize("same_id", [False, True])
+@each("same_id", [False, True])
 def test_a_release_that_came_after_a_stop_undoes_it(same_id: bool) -> None:
     rig = driving()
     early = rig.ask(clear(21))

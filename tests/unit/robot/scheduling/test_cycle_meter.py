@@ -1,11 +1,10 @@
-import pytest
-
 from protocol.wire.codec import Encoder, decode
 from protocol.wire.messages import CycleReport
 from robot.core.budget import GUARD, NAVIGATE, ODOMETRY, READ, TICK_US
 from robot.scheduling.cycle_meter import CycleMeter
 from runtime.clock import ManualClock, Tick
 from runtime.timing import UINT32
+from tests.support.each import each
 
 PERIOD_NS = 50_000_000
 US = 1_000
@@ -96,7 +95,7 @@ def test_stage_cost_is_limited_to_16_bits() -> None:
     assert meter.report(0, sense_age_us=0, rejected=0).stage_us[READ] == 65_535
 
 
-@pytest.mark.parametrize("spent_us", [0, TICK_US])
+@each("spent_us", [0, TICK_US])
 def test_within_the_budget_nothing_is_counted(spent_us: int) -> None:
     meter, clock = metered()
     cycle(meter, clock, spent_us)
@@ -117,7 +116,7 @@ def test_suspended_process_violates_it_despite_a_fresh_frame() -> None:
     assert not meter.violated
 
 
-@pytest.mark.parametrize("count", [UINT32 - 1, UINT32, UINT32 + 1, 1 << 40])
+@each("count", [UINT32 - 1, UINT32, UINT32 + 1, 1 << 40])
 def test_report_values_are_limited_to_32_bits(count: int) -> None:
     """Five days of 10,000 unreadable frames a second, or a process suspended for 72 minutes."""
     meter, _ = metered()

@@ -20,6 +20,7 @@ from robot.storage.previous_run import (
 from robot.storage.writer import Directory
 from robot.vehicle import Vehicle
 from runtime.watchdog import Watchdog
+from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 
 KILLED = "was killed (signal SIGKILL)"
@@ -71,7 +72,7 @@ def test_mark_is_reported_to_the_next_run_only(tmp_path: Path) -> None:
     assert PreviousRun(Directory(tmp_path)).begin() == ""
 
 
-@pytest.mark.parametrize("after", ["signal SIGKILL", KILLED])
+@each("after", ["signal SIGKILL", KILLED])
 def test_without_a_directory_the_launcher_counts(after: str) -> None:
     life = PreviousRun(Directory(None))
     assert life.begin(after) == KILLED

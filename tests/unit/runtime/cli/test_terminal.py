@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from runtime.cli.terminal import CLEAR_LINE, guarded, guarded_output, printable, steer
+from tests.support.each import each
 
 ROOT = Path(__file__).parents[4]
 HOSTILE = "\x00\x07\x08\x0b\x0c\r\x1b\x7f\x80\x85\x9b\x9d\xad\u061c\u200b\u200e\u200f\u2028\u2029"
@@ -26,7 +27,7 @@ sys.exit(sidestep.main(sys.argv[1:]))
 WORDS = r"'\x1b]0;OWNED\x07 \x9b2J \u202e \u2028 \ud800 end'"
 
 
-@pytest.mark.parametrize("letter", HOSTILE)
+@each("letter", HOSTILE)
 def test_control_character_is_replaced(letter: str) -> None:
     out = StringIO()
     print(f"a{letter}b", file=guarded(out))
@@ -65,7 +66,7 @@ def test_standard_output_is_restored(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr() == ("?[2J\n", "?[2J\n")
 
 
-@pytest.mark.parametrize(
+@each(
     "does",
     [
         f"print({WORDS}); return 0",
@@ -77,9 +78,8 @@ def test_standard_output_is_restored(capsys: pytest.CaptureFixture[str]) -> None
         f"    thread = threading.Thread(target=lambda: int({WORDS}))\n"
         "    thread.start(); thread.join(); return 0",
     ],
-    ids=["print", "stderr", "internal error", "argparse", "warning", "thread"],
 )
-@pytest.mark.parametrize("traceback", [[], ["--traceback"]], ids=["", "traceback"])
+@each("traceback", [[], ["--traceback"]])
 def test_the_executable_lets_no_control_character_out(does: str, traceback: list[str]) -> None:
     """Includes a traceback of the interpreter, one of a thread, and an error of argparse."""
     command = [sys.executable, "-W", "default", "-c", CODE.format(does=does), *traceback, "up"]
@@ -97,7 +97,7 @@ def test_closed_output_stays_closed(monkeypatch: pytest.MonkeyPatch) -> None:
         print("no reader", file=sys.stderr)
 
 
-@pytest.mark.parametrize(
+@each(
     ("encoding", "written"),
     [
         ("ascii", "turns 34 deg left ?"),

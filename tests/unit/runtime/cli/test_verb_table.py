@@ -3,17 +3,16 @@
 import argparse
 import shlex
 
-import pytest
-
 from protocol.options import numbers_kept
 from runtime.cli.parsers import parser_of, program_parsers, subcommands_of
 from runtime.cli.verb_lookup import Call, command_of, find, with_present_name
 from runtime.cli.verb_table import GROUPS, VERBS
+from tests.support.each import each
 
 SUBCOMMANDS = [(word, name) for word, verb in VERBS.items() for name in verb.subcommands]
 
 
-@pytest.mark.parametrize("word", VERBS)
+@each("word", VERBS)
 def test_example_is_accepted_by_the_parser(word: str) -> None:
     call = find(shlex.split(VERBS[word].example))
     assert call is not None
@@ -22,7 +21,7 @@ def test_example_is_accepted_by_the_parser(word: str) -> None:
     assert isinstance(found, argparse.Namespace)
 
 
-@pytest.mark.parametrize(("word", "name"), SUBCOMMANDS)
+@each(("word", "name"), SUBCOMMANDS)
 def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
     words = shlex.split(VERBS[word].subcommands[name].example)
     assert words[:2] == [word, name]
@@ -31,13 +30,13 @@ def test_example_of_a_subcommand_is_accepted(word: str, name: str) -> None:
     assert parser.parse_args(numbers_kept(rest)) is not None
 
 
-@pytest.mark.parametrize("word", VERBS)
+@each("word", VERBS)
 def test_parsers_have_the_subcommands_of_the_table(word: str) -> None:
     below = {*subcommands_of(parser_of(word)), *program_parsers(word)}
     assert below == VERBS[word].subcommands.keys()
 
 
-@pytest.mark.parametrize("word", VERBS)
+@each("word", VERBS)
 def test_verb_is_found_by_its_present_name(word: str) -> None:
     name = command_of(word).split()
     assert find([*name, "--json"]) == Call(word, ["--json"])
@@ -49,7 +48,7 @@ def test_grouped_verb_is_found_by_its_old_name() -> None:
     assert find(["record", "runs"]) == Call("record", ["runs"], is_old=True)
 
 
-@pytest.mark.parametrize("words", [[], ["rec"], ["start"], ["rec", "sing"], ["container"]])
+@each("words", [[], ["rec"], ["start"], ["rec", "sing"], ["container"]])
 def test_other_words_are_no_verb(words: list[str]) -> None:
     assert find(words) is None
     assert with_present_name(words) == words

@@ -1,10 +1,10 @@
 """The cells around a robot by bearing."""
 
 import numpy as np
-import pytest
 
 from runtime.elementary import atan2
 from study.oracle.cones import CELL_MM, CIRCLE, QUARTER, REACH_MM, brads, cones_of
+from tests.support.each import each
 
 WIDTH = 1000
 
@@ -17,7 +17,7 @@ def test_bearings_equal_the_arc_tangent() -> None:
         assert abs((bearing - expected + CIRCLE / 2) % CIRCLE - CIRCLE / 2) < 0.6
 
 
-@pytest.mark.parametrize("heading", [0, QUARTER, 3 * QUARTER])
+@each("heading", [0, QUARTER, 3 * QUARTER])
 def test_cone_is_one_slice_of_cells(heading: int) -> None:
     cones = cones_of(0, 0, WIDTH)
     first = heading + CIRCLE

@@ -3,7 +3,6 @@
 from math import inf
 
 import numpy as np
-import pytest
 
 from robot.core.perception.sonar_ring import Ring
 from study.oracle.evidence import (
@@ -17,6 +16,7 @@ from study.oracle.evidence import (
     take,
     update,
 )
+from tests.support.each import each
 
 RADIUS_MM = 120
 AHEAD_MM = 100 + RADIUS_MM
@@ -97,7 +97,7 @@ def test_arc_of_free_cells_is_doubted() -> None:
     assert (score > PASSED).all()
 
 
-@pytest.mark.parametrize("heading", [0, 700, -3000, 9000])
+@each("heading", [0, 700, -3000, 9000])
 def test_cells_are_reported_once_with_their_score_before(heading: int) -> None:
     evidence, ring = grid(), ring_with({1: 0.2, 4: 0.3, 6: 0.05}, inf)
     update(evidence, 30, 50, heading, ring, RADIUS_MM)

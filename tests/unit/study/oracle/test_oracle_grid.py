@@ -18,6 +18,7 @@ from study.oracle.names import ORACLE_GRID
 from study.oracle.oracle_grid import Memory, away_from_flank, step
 from study.oracle.registration import registered
 from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 from tests.unit.study.oracle.test_evidence import ring_with
 
 
@@ -25,7 +26,7 @@ def drive(world: World, noise: str = "none", navigator: str = "oracle_grid") -> 
     return run_trial(Trial(world=world, navigator=navigator, noise=noise, timeout_s=400.0))
 
 
-@pytest.mark.parametrize("name", ["open", "box", "u_trap", "zigzag", "corner"])
+@each("name", ["open", "box", "u_trap", "zigzag", "corner"])
 def test_goal_is_reached_without_contact(name: str) -> None:
     found = drive(load(name))
     assert found.reached

@@ -11,6 +11,7 @@ from study.people.crowd_tables import contact_table, navigator_table, origin_tab
 from study.people.crowd_trial import CrowdTrial, Series, WorldResult, run_world
 from study.people.encounters import Contact, Exposure
 from study.people.people_page import BEGIN, END, to_json, with_tables
+from tests.support.each import each
 
 BUG, MEMORY = "bug:right", "vgm_memory:left"
 SERIES = Series("crowd", "default", 5, 4, (BUG, MEMORY))
@@ -53,7 +54,7 @@ def test_comparison_counts_trials_and_rates() -> None:
     assert isclose(found.nearness.soon_share, 0.05)
 
 
-@pytest.mark.parametrize(("touched", "verdict"), [(0, "met"), (10, "not decided"), (40, "missed")])
+@each(("touched", "verdict"), [(0, "met"), (10, "not decided"), (40, "missed")])
 def test_verdict_needs_the_whole_interval_on_one_side(touched: int, verdict: str) -> None:
     results = [result(trial(number < touched, 0.3)) for number in range(100)]
     assert comparison(*results).verdict == verdict

@@ -2,12 +2,11 @@
 
 from math import isclose
 
-import pytest
-
 from study.people.rates import Rate, poisson_interval
+from tests.support.each import each
 
 
-@pytest.mark.parametrize(
+@each(
     ("count", "low", "high"),
     [(0, 0.0, 3.6889), (1, 0.0253, 5.5716), (3, 0.6187, 8.7673), (10, 4.7954, 18.3904)],
 )

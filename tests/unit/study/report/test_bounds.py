@@ -15,6 +15,7 @@ from study.report.bounds import (
 )
 from study.report.page import PageTable, text_of
 from study.runner.rows import TrialRow
+from tests.support.each import each
 from tests.support.study.report.made import GAVE_UP, STUCK, row, trials
 
 SHUT: dict[str, Any] = {
@@ -59,7 +60,7 @@ def test_only_pairs_that_both_arrive_are_compared() -> None:
     assert ways.excess.tolist() == pytest.approx([1.25])
 
 
-@pytest.mark.parametrize(
+@each(
     ("own_m", "planner_m", "verdict"),
     [(5.4, 5.0, "met"), (6.2, 5.5, "met"), (6.2, 5.0, "missed")],
 )

@@ -1,7 +1,5 @@
 """The corpus is judged alone; grid maps, thin walls, crowds and adversarial worlds are apart."""
 
-import pytest
-
 from plant.corpus import ADVERSARIAL_FAMILIES, CROWD_FAMILIES, FAMILIES, GRID_FAMILIES
 from study.report.build import ReportRequest, page_of
 from study.report.groups import (
@@ -17,10 +15,11 @@ from study.report.groups import (
 from study.report.output.files import summary_of
 from study.report.output.markdown import markdown
 from study.runner.rows import table_of
+from tests.support.each import each
 from tests.support.study.report.made import GAVE_UP, row, trials
 
 
-@pytest.mark.parametrize(
+@each(
     ("family", "group"),
     [
         *((family, CORPUS) for family in ("box", "moving", "unreachable", "other")),

@@ -15,6 +15,7 @@ from study.report.output.readme import BEGIN, END, block, lines_of, update, with
 from study.report.summary import HEAD, as_json, numbers, summaries
 from study.report.words import interval, number, percent, probability, share
 from study.statistics.intervals import Interval, Share
+from tests.support.each import each
 from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, row, study, trials
 
 ROOT = Path(__file__).parents[4]
@@ -78,7 +79,7 @@ def test_block_replaces_only_the_text_between_markers() -> None:
     assert with_block(once, "new") == once
 
 
-@pytest.mark.parametrize("page", ["# A\n", f"{END}\n{BEGIN}\n", f"{BEGIN}\n"])
+@each("page", ["# A\n", f"{END}\n{BEGIN}\n", f"{BEGIN}\n"])
 def test_readme_without_markers_is_refused(page: str) -> None:
     with pytest.raises(UserError, match=r"R\.md: the page has no <!-- study:begin -->"):
         with_block(page, "new", "R.md")
@@ -106,7 +107,7 @@ def test_committed_study_is_small() -> None:
     assert sum(file.stat().st_size for file in files) < 3_000_000
 
 
-@pytest.mark.parametrize(
+@each(
     ("rate", "text"),
     [(0.9999, ">99.9"), (1.0, "100.0"), (0.0001, "<0.1"), (0.0, "0.0"), (nan, "-"), (0.5, "50.0")],
 )

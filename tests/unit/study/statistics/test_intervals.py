@@ -26,11 +26,12 @@ from study.statistics.intervals import (
     upper_bound,
     wilson,
 )
+from tests.support.each import each
 
 NUMBERS = st.floats(-1e6, 1e6) | st.sampled_from([nan, inf, -inf, 0.0])
 
 
-@pytest.mark.parametrize(
+@each(
     ("count", "of", "low", "high"),
     [
         (81, 263, 0.2553, 0.3662),
@@ -43,7 +44,7 @@ def test_wilson_agrees_with_newcombe_1998(count: int, of: int, low: float, high:
     assert wilson(count, of) == pytest.approx((low, high), abs=5e-5)
 
 
-@pytest.mark.parametrize(
+@each(
     ("count", "of", "high"),
     [(81, 263, 0.3676), (15, 148, 0.1617), (0, 20, 0.1684), (1, 29, 0.1776)],
 )
@@ -59,7 +60,7 @@ def test_ratio_interval_agrees_with_the_aspirin_study() -> None:
     assert inverse == pytest.approx((1.0 / found.high, 1.0 / found.low))
 
 
-@pytest.mark.parametrize(("first", "second"), [(0, 5), (5, 0), (0, 0)])
+@each(("first", "second"), [(0, 5), (5, 0), (0, 0)])
 def test_ratio_without_events_is_unbounded(first: int, second: int) -> None:
     assert ratio_interval(first, 10, second, 10) == (0.0, inf)
 
@@ -185,7 +186,7 @@ def test_quantile_interval_has_its_coverage() -> None:
     assert 0.94 <= held / len(drawn) <= 0.995
 
 
-@pytest.mark.parametrize("of", [59, 61, 3000])
+@each("of", [59, 61, 3000])
 def test_interval_ranks_agree_for_few_and_many_values(of: int) -> None:
     low, high = quantile_interval(np.arange(1.0, of + 1.0), 0.5)
     half = 0.98 * of**0.5

@@ -15,6 +15,7 @@ from robot.core.values import Decision, Outputs, Twist
 from study.trial.behaviour import Behaviour
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 from tests.support.study.made import boxed, floor
 
 LEFT, RIGHT, GOAL, ALIGN = states.PASS_LEFT, states.PASS_RIGHT, states.TO_GOAL, states.ALIGN
@@ -43,7 +44,7 @@ def statistics_of(branches: list[int | None], headings: list[float] | None = Non
     return watch
 
 
-@pytest.mark.parametrize(
+@each(
     ("branches", "avoidances", "changes"),
     [
         ([], 0, 0),

@@ -14,6 +14,7 @@ from robot.core.values import Outputs
 from robot.parameters.table import OutOfRangeError, UnknownParameterError
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, params_of, run_trial, wire_goal_of
+from tests.support.each import each
 
 NEAR = World(
     name="near",
@@ -131,7 +132,7 @@ def test_requested_parameters_override_all_others() -> None:
     assert params_of(Trial(world=NEAR)) == DEFAULTS
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "value", "error"),
     [
         ("v_maxx", 1.0, UnknownParameterError),

@@ -2,8 +2,7 @@
 
 import xml.etree.ElementTree as ET
 
-import pytest
-
+from tests.support.each import each
 from verification.dialect import common_subset
 from verification.dialect.definitions import (
     SIDESTEP_XML,
@@ -19,13 +18,13 @@ from verification.dialect.python_text import commented, doc_lines
 DIALECT = read_dialect()
 
 
-@pytest.mark.parametrize("path", OUTPUTS)
+@each("path", OUTPUTS)
 def test_the_committed_module_is_what_the_generator_writes(path: str) -> None:
     committed = (ROOT / path).read_text(encoding="utf-8")
     assert committed == OUTPUTS[path](DIALECT), f"{path} is stale: run `make generate`"
 
 
-@pytest.mark.parametrize("message", DIALECT.messages, ids=lambda message: str(message.name))
+@each("message", DIALECT.messages)
 def test_a_message_is_mavgens_on_the_wire(message: MessageType) -> None:
     theirs = oracle().mavlink_map[message.number]
     assert message.name == theirs.msgname

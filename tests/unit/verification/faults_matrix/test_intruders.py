@@ -2,16 +2,15 @@
 
 from math import isinf, isnan
 
-import pytest
-
 from protocol.topics import STOP
 from protocol.wire.codec import decode
 from protocol.wire.layout import LAYOUT
 from protocol.wire.messages import CommandRequest, SonarScan, Teleop, WheelTicks
+from tests.support.each import each
 from verification.faults_matrix.intruders import READ, RECEIVED, extremes, extremes_of, turns
 
 
-@pytest.mark.parametrize("kind", [SonarScan, WheelTicks, Teleop, CommandRequest])
+@each("kind", [SonarScan, WheelTicks, Teleop, CommandRequest])
 def test_each_field_takes_each_of_its_limits(kind: type[SonarScan]) -> None:
     found = list(extremes_of(kind))
     for field in LAYOUT[kind.__name__].fields:
@@ -24,7 +23,7 @@ def test_each_field_takes_each_of_its_limits(kind: type[SonarScan]) -> None:
             assert (min(numbers), max(numbers)) == field.limits
 
 
-@pytest.mark.parametrize("topic", RECEIVED, ids=lambda topic: topic.path)
+@each("topic", RECEIVED)
 def test_each_frame_is_readable(topic: object) -> None:
     for frame in extremes(topic):  # type: ignore[arg-type]
         assert isinstance(decode(frame).message, topic.messages)  # type: ignore[attr-defined]

@@ -1,12 +1,11 @@
 """The power cut of the fault matrix passes this robot and fails one that loses renames."""
 
-import pytest
-
+from tests.support.each import each
 from verification.faults_matrix import power_cuts
 from verification.power_cut import ReorderingDisk
 
 
-@pytest.mark.parametrize("number", range(4))
+@each("number", range(4))
 def test_acknowledged_changes_survive(number: int) -> None:
     one = power_cuts.run("a cut", "lockstep", number)
     assert (one.reached, one.trouble) == (True, "")

@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-import pytest
-
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from verification.faults_matrix.actions import PlainAct
 from verification.faults_matrix.results import Repetition, Results
 from verification.faults_matrix.table import FAULTS, FaultCase, Must, Way, goes_on, stops
@@ -97,7 +96,7 @@ def test_repeated_measurement_replaces_the_old_one(tmp_path: Path) -> None:
     assert [one.stood_s for one in results.of(DEATH, Way.WALL)] == [0.1]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+@each("fault", FAULTS)
 def test_only_stopping_rows_have_a_limit(fault: FaultCase) -> None:
     assert fault.must_stop == bool(fault.limit)
     assert fault.ways

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.each import each
 from verification.harness.figures import Figure, Report, digits, percentile, ratios
 
 finite = st.floats(-1e9, 1e9)
@@ -87,7 +88,7 @@ def test_ratios_divide_pair_by_pair() -> None:
         ratios([1.0], [1.0, 2.0])
 
 
-@pytest.mark.parametrize(
+@each(
     ("value", "text"), [(0.0, "0"), (0.012345, "0.01235"), (123.456, "123.5"), (12345.6, "12346")]
 )
 def test_figures_have_four_digits(value: float, text: str) -> None:

@@ -7,6 +7,7 @@ from textwrap import dedent
 
 import pytest
 
+from tests.support.each import each
 from verification.mutation import equivalent, forks
 from verification.mutation.equivalent import EquivalentMutants, mistakes
 from verification.mutation.forks import MutantVerdict
@@ -200,7 +201,7 @@ def test_surviving_equivalent_mutant_is_accepted() -> None:
     assert mistakes([entry()], ["a.py"], [HALF]) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("entries", "survivors", "mistake"),
     [
         ([entry()], [], "stale"),

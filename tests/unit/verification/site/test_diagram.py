@@ -4,6 +4,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.support.each import each
 from verification.site.diagram import MAX_DRAWN, Box, box_diagram, edge, fence, state_diagram
 
 BOXES = """
@@ -43,9 +44,7 @@ def test_many_transitions_become_a_table() -> None:
     assert found.findall("table/tbody/tr/td")[1].text == "step 0"
 
 
-@pytest.mark.parametrize(
-    ("towards", "where"), [((100, 0), (12, 0)), ((0, -100), (0, -7)), ((-100, 0), (-12, 0))]
-)
+@each(("towards", "where"), [((100, 0), (12, 0)), ((0, -100), (0, -7)), ((-100, 0), (-12, 0))])
 def test_arrow_leaves_a_box_at_its_edge(
     towards: tuple[float, float], where: tuple[float, float]
 ) -> None:

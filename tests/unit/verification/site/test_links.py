@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.each import each
 from verification.site.links import problems, target
 
 LINK = '<a href="{}">next</a>'
@@ -49,7 +50,7 @@ def test_page_without_links_to_it_is_an_orphan(tmp_path: Path) -> None:
     assert problems(site(tmp_path, **pages)) == ["b.html: no page links to it"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("path", "goal"),
     [
         ("", "a/b.html"),

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from plant.world.file import shipped
+from tests.support.each import each
 from verification.site.outcomes_table import document, main, rows_of, with_summary
 
 TABLE = Path(__file__).parents[4] / "docs" / "evidence" / "outcomes.md"
@@ -45,6 +46,6 @@ def test_only_the_summary_of_a_page_is_replaced() -> None:
     assert with_summary("no table", text) == "no table"
 
 
-@pytest.mark.parametrize("world", shipped())
+@each("world", shipped())
 def test_committed_table_has_every_shipped_world(world: str) -> None:
     assert TABLE.read_text(encoding="utf-8").count(f"\n| {world} | ") == 2 * len(NAMES)

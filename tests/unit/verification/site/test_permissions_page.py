@@ -1,7 +1,6 @@
 """The table of who can do what says what the rules do, and no more."""
 
-import pytest
-
+from tests.support.each import each
 from verification.site import permissions_page
 from verification.site.permissions_page import COLUMNS, rows
 
@@ -19,7 +18,7 @@ def able(says: str) -> set[str]:
     return {name for name, cell in cells if cell == "yes"}
 
 
-@pytest.mark.parametrize(
+@each(
     ("says", "who"),
     [
         ("stop the robot and receive", COMMANDERS | ROUTER),

@@ -11,6 +11,7 @@ from protocol.wire.reasons import REASON_TEXTS
 from robot.parameters.table import SPECS
 from runtime.cli.verb_lookup import command_of
 from runtime.cli.verb_table import VERBS
+from tests.support.each import each
 from verification.site.reference import GENERATORS, GROUPS, name_of, parser_parts, table
 
 DOCS = Path(__file__).resolve().parents[4] / "docs"
@@ -54,7 +55,7 @@ def test_pages_ask_for_every_generator_and_for_no_other() -> None:
     assert asked == set(GENERATORS)
 
 
-@pytest.mark.parametrize("name", sorted(set(GENERATORS) - {"command-line", "families"}))
+@each("name", sorted(set(GENERATORS) - {"command-line", "families"}))
 def test_tables_are_whole(name: str) -> None:
     rows = [line for line in GENERATORS[name]().splitlines() if line.startswith("|")]
     assert rows

@@ -17,6 +17,7 @@ from ground.recording.mcap.writer import McapFormat
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import Severity
 from protocol.wire.messages import CycleReport, SonarScan, Statustext, WheelCommand
+from tests.support.each import each
 from verification.harness.figures import Figure
 from verification.soak import main as soak
 from verification.soak import supervised
@@ -79,9 +80,7 @@ def test_too_few_samples_give_infinite_margin() -> None:
     assert (one.slope, one.margin) == (0.0, inf)
 
 
-@pytest.mark.parametrize(
-    ("freedom", "table"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1000, 1.962)]
-)
+@each(("freedom", "table"), [(3, 3.182), (5, 2.571), (10, 2.228), (30, 2.042), (1000, 1.962)])
 def test_student_t_matches_tables(freedom: int, table: float) -> None:
     assert student(freedom) == pytest.approx(table, rel=0.01)
 

@@ -1,17 +1,17 @@
 """Test the words that filter a list."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.app.lists.list_filter import ListFilter
+from tests.support.each import each
 
 COLUMNS = ("name", "unit")
 ROW = {"name": "D_obs_m radius", "unit": "m/s"}
 LETTERS = st.text(st.sampled_from("nam:e unit/s"), max_size=12)
 
 
-@pytest.mark.parametrize(
+@each(
     ("words", "passes"),
     [
         ("", True),

@@ -14,6 +14,7 @@ from ground.text.output import Output
 from protocol.bus.network import Network
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.each import each
 
 
 def test_a_place_is_a_host_and_a_port() -> None:
@@ -21,7 +22,7 @@ def test_a_place_is_a_host_and_a_port() -> None:
     assert place("::1:0") == Place("::1", 0)
 
 
-@pytest.mark.parametrize("text", ["", "8765", ":8765", "host:", "host:-1", "host:65536", "host:x"])
+@each("text", ["", "8765", ":8765", "host:", "host:-1", "host:65536", "host:x"])
 def test_what_is_no_place_is_refused(text: str) -> None:
     with pytest.raises(argparse.ArgumentTypeError, match="is not HOST:PORT"):
         place(text)

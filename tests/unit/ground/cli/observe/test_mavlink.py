@@ -24,6 +24,7 @@ from ground.vehicle_check.verdict import (
     rows,
 )  # fmt: skip
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.vehicle_check.broken import MuteVehicle
 from tests.support.vehicle_check.core import Core
 from tests.support.vehicle_check.good import GoodVehicle
@@ -72,7 +73,7 @@ def test_no_vehicle_ends_with_1_and_says_so(
     assert "no heartbeat of a MAVLink vehicle within 5 s" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("text", ["0", "61", "1-", "a", "", "5-3", "1,,2"])
+@each("text", ["0", "61", "1-", "a", "", "5-3", "1,,2"])
 def test_rows_that_do_not_exist_are_refused(text: str) -> None:
     with pytest.raises(UserError, match="--rows"):
         mavlink.chosen_rows(rows(), text)
@@ -84,7 +85,7 @@ def test_rows_are_chosen_by_numbers_and_ranges() -> None:
     assert len(mavlink.chosen_rows(rows(), None)) == 60
 
 
-@pytest.mark.parametrize(
+@each(
     "words",
     [
         ["udpout:127.0.0.1"],

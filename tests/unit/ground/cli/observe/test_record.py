@@ -3,10 +3,9 @@
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
 from ground.cli.observe.record import LAST_FRAMES_NS, PAUSE_NS, REPEAT_NS, Alarms, await_pause
 from runtime.clock import ManualClock
+from tests.support.each import each
 from tests.support.ground.answering import captured_output
 
 
@@ -48,7 +47,7 @@ class FramesUnderWay(ManualClock):
         super().sleep_until(deadline_ns)
 
 
-@pytest.mark.parametrize(("rounds", "sleeps"), [(0, 1), (3, 4), (1000, LAST_FRAMES_NS // PAUSE_NS)])
+@each(("rounds", "sleeps"), [(0, 1), (3, 4), (1000, LAST_FRAMES_NS // PAUSE_NS)])
 def test_frames_under_way_are_taken_before_the_log_is_closed(rounds: int, sleeps: int) -> None:
     clock: Any = FramesUnderWay(rounds)
     await_pause(clock, clock)

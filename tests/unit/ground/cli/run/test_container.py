@@ -15,6 +15,7 @@ from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
 from plant.world.file import load
 from runtime.errors import UserError
+from tests.support.each import each
 
 HERE = "172.19.0.4"
 NAMES = {
@@ -179,7 +180,7 @@ def test_missing_config_is_left_to_the_verb(tmp_path: Path) -> None:
     assert after(became("--config", missing, "hold"), "--config") == [missing]
 
 
-@pytest.mark.parametrize(
+@each(
     ("takes", "verb"),
     [
         *((True, verb) for verb in ("hold", "robot", "plant", "router", "ground", "health")),

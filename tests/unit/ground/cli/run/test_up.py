@@ -12,6 +12,7 @@ from ground.launch.scenario import Scenario, scenario_of, world_facts, world_que
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from runtime.clock import ManualClock
+from tests.support.each import each
 
 
 class Recorders:
@@ -99,7 +100,7 @@ def test_the_end_of_a_lockstep_run_waits_for_a_slow_recorder(
     assert clock.now_ns() / 1e9 == pytest.approx(end_s, abs=0.05)
 
 
-@pytest.mark.parametrize(("in_lines", "every_s"), [(False, 5), (True, 1)])
+@each(("in_lines", "every_s"), [(False, 5), (True, 1)])
 def test_progress_is_a_line_every_few_seconds_or_every_second(
     capsys: pytest.CaptureFixture[str], *, in_lines: bool, every_s: int
 ) -> None:

@@ -20,6 +20,7 @@ from protocol.topics import STATUS, STOP
 from protocol.wire.enums import Command, Mode, Navigator, Vehicle
 from protocol.wire.messages import CommandRequest
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.client import (
     ANSWER_NS,
     HELD,
@@ -68,7 +69,7 @@ def test_lost_answers_are_asked_for_again_under_one_id() -> None:
     assert len({request.request_id for request in stage.bus.requests}) == 1
 
 
-@pytest.mark.parametrize("reason", [Reason.TOO_LATE, Reason.TOO_MANY_REQUESTS])
+@each("reason", [Reason.TOO_LATE, Reason.TOO_MANY_REQUESTS])
 def test_request_that_the_robot_did_not_look_at_is_repeated(reason: Reason) -> None:
     stage = Stage(reason, Reason.NONE)
     assert Hold().perform(stage.session).ok
@@ -84,7 +85,7 @@ def test_silence_is_given_up_after_the_time_allowed() -> None:
     assert stage.clock.now_ns() - began_ns >= 600_000_000
 
 
-@pytest.mark.parametrize(
+@each(
     ("operation", "wire"),
     [
         (SetMode(mode=Mode.MANUAL), (Command.DO_SET_MODE, 1.0, float(Mode.MANUAL))),

@@ -12,6 +12,7 @@ from ground.missions.mission import Mission, Waypoint
 from protocol.wire.enums import Mode
 from protocol.wire.messages import GoalRequest
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.ground.client import Stage
 from tests.support.ground.station.play import WORLD_TEXT
 
@@ -23,7 +24,7 @@ def session(stage: Stage, floor: Floor | None = BOX) -> Session:
     return Session(stage.link, stage.notes, attended=True, floor=lambda: floor)
 
 
-@pytest.mark.parametrize("place", [(100.0, 100.0), (-0.01, 1.0), (1.0, 4.01), (6.01, 1.0)])
+@each("place", [(100.0, 100.0), (-0.01, 1.0), (1.0, 4.01), (6.01, 1.0)])
 def test_goal_outside_the_world_is_not_sent(place: tuple[float, float]) -> None:
     stage = Stage()
     with pytest.raises(UserError, match=r"outside the world box \(6 x 4 m\); --anyway"):
@@ -31,7 +32,7 @@ def test_goal_outside_the_world_is_not_sent(place: tuple[float, float]) -> None:
     assert stage.bus.requests == []
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0), (6.0, 4.0), (3.0, 2.0)])
+@each("place", [(0.0, 0.0), (6.0, 4.0), (3.0, 2.0)])
 def test_goal_inside_the_world_is_sent(place: tuple[float, float]) -> None:
     assert Goto(goal=destination([*place])).perform(session(Stage())).ok
 
@@ -42,7 +43,7 @@ def test_goal_outside_the_world_may_be_sent_anyway() -> None:
     assert isinstance(stage.bus.requests[-1], GoalRequest)
 
 
-@pytest.mark.parametrize(
+@each(
     ("place", "refused"),
     [((2.5, 1.4), True), ((2.1, 1.9), False), ((4.2, 3.0), True), ((4.2, 3.2), False),
      ((1.0, 1.0), False), ((1.0, 3.0), False)],
@@ -88,7 +89,7 @@ def test_goto_without_a_place_drives_to_the_goal_of_the_world() -> None:
     assert request == goal_request(place, request.request_id, Mode.GUIDED)
 
 
-@pytest.mark.parametrize("answer", [FACTS, None, b"{}", b"[]", b"\xff"])
+@each("answer", [FACTS, None, b"{}", b"[]", b"\xff"])
 def test_goto_without_a_place_needs_a_world_with_a_goal(answer: bytes | None) -> None:
     stage = Stage(answer)
     with pytest.raises(
@@ -105,7 +106,7 @@ def test_goal_of_the_world_is_not_that_of_a_further_robot() -> None:
         Goto().perform(session(stage))
 
 
-@pytest.mark.parametrize("words", ["1", "--frame body", "--tol 0.2"])
+@each("words", ["1", "--frame body", "--tol 0.2"])
 def test_part_of_a_goal_is_refused_with_an_example(words: str) -> None:
     with pytest.raises(UserError, match="example: goto 2"):
         parse(["goto", *words.split()]).operation()
@@ -115,7 +116,7 @@ def test_plant_that_does_not_answer_knows_no_world() -> None:
     assert floor_of(Stage(None).link) is None
 
 
-@pytest.mark.parametrize(
+@each(
     "text",
     [
         b"",

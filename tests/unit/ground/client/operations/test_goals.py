@@ -13,6 +13,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandRequest, GoalRequest, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
+from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, status
 
 GOAL = destination([1.0, 2.0, 90.0])
@@ -73,7 +74,7 @@ def test_standing_robot_is_armed_first() -> None:
     assert stage.notes.notes[0] == "armed"
 
 
-@pytest.mark.parametrize("attended", [True, False])
+@each("attended", [True, False])
 def test_goal_that_may_not_arm_is_refused(attended: bool) -> None:
     replies = [Reason.NOT_ARMED] if attended else [Reason.NONE, Reason.NOT_ARMED]
     stage = Stage(*replies, attended=attended)
@@ -100,7 +101,7 @@ def test_lease_of_another_operator_ends_it_before_the_goal() -> None:
     assert kinds(stage) == ["TAKE"]
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("a defect")])
+@each("error", [KeyboardInterrupt(), RuntimeError("a defect")])
 def test_whatever_interrupts_it_aborts_the_goal(error: BaseException) -> None:
     stage = Stage()
     following(stage, {"goal": GoalState.DRIVING, "time_ns": 2}, error)
@@ -149,7 +150,7 @@ def test_goal_that_needs_no_operator_is_in_auto() -> None:
     assert (kinds(stage), stage.bus.sent) == (["AUTO"], [])
 
 
-@pytest.mark.parametrize(("wait", "attended"), [(False, False), (True, True)])
+@each(("wait", "attended"), [(False, False), (True, True)])
 def test_timeout_is_refused_without_waiting(wait: bool, attended: bool) -> None:
     stage = Stage(attended=attended)
     with pytest.raises(UserError, match="--timeout"):

@@ -20,6 +20,7 @@ from protocol.wire.limits import MAX_OPERATOR_NAME_BYTES
 from protocol.wire.messages import LeaseRequest, Teleop
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
+from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage, lease_of, status
 
 LATER_NS = SETTLE_NS + 1
@@ -71,7 +72,7 @@ def test_lease_status_is_shown() -> None:
         ShowLease().perform(Stage().session)
 
 
-@pytest.mark.parametrize(
+@each(
     ("user", "host", "terminal", "name"),
     [
         ("root", "desk", "pts/3", "root@desk:pts/3"),
@@ -103,7 +104,7 @@ def test_operator_is_named_after_the_user() -> None:
     assert operator_name("Änne") == "Änne"
 
 
-@pytest.mark.parametrize("name", ["", "a" * 17, "ä" * 9, "a\nb", "\x1b[2J"])
+@each("name", ["", "a" * 17, "ä" * 9, "a\nb", "\x1b[2J"])
 def test_name_that_does_not_fit_is_refused(name: str) -> None:
     with pytest.raises(UserError, match="is not a valid operator name"):
         operator_name(name)
@@ -140,7 +141,7 @@ def test_refused_manual_mode_drives_nothing() -> None:
     assert not [frame for _, frame in stage.bus.sent if isinstance(frame, Teleop)]
 
 
-@pytest.mark.parametrize(
+@each(
     ("speed_m_s", "turn_deg_s", "why"),
     [
         (9.0, 0.0, "speed 9 m/s is out of range: -5 to 5 m/s"),
@@ -160,7 +161,7 @@ def test_attended_drive_needs_an_end() -> None:
     assert stage.bus.asked == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "mode", "driven_ns", "why"),
     [
         (Vehicle.ACTIVE, Mode.MANUAL, LATER_NS, ""),

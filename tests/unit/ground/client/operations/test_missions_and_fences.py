@@ -37,6 +37,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
+from tests.support.each import each
 from tests.support.ground.client import HELD, STANDBY, Stage
 
 WAYPOINTS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=3.0, y_m=4.0, heading_deg=90.0))
@@ -180,7 +181,7 @@ def test_progress_of_the_mission_is_one_line() -> None:
         ShowMissionStatus().perform(Stage().session)
 
 
-@pytest.mark.parametrize("fence", [CIRCLE, SQUARE])
+@each("fence", [CIRCLE, SQUARE])
 def test_fence_is_set_shown_and_taken_away(fence: Circle | Polygon) -> None:
     kind, items = MissionType.FENCE, fence_items_of(fence)
     stage = Stage(*wants(*range(len(items)), kind=kind), verdict(kind=kind))

@@ -18,6 +18,7 @@ from ground.client.operations.parameters import SAVING_NS
 from protocol.wire.messages import CommandAck, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
 from runtime.errors import ConfigError, RemoteError, UserError
+from tests.support.each import each
 from tests.support.ground.client import ANSWER_NS, IN_PROGRESS, Stage
 
 ROWS = [
@@ -55,7 +56,7 @@ def test_pattern_chooses_and_must_match_something() -> None:
         ShowParameters(pattern="zzz").perform(Stage(LIST).session)
 
 
-@pytest.mark.parametrize("pattern", ["d_obs", "d_osb_m"])
+@each("pattern", ["d_obs", "d_osb_m"])
 def test_pattern_without_a_match_suggests_a_name(pattern: str) -> None:
     with pytest.raises(UserError, match=r"did you mean 'd_obs_m'\?"):
         ShowParameters(pattern=pattern, wide=False).perform(Stage(LIST).session)
@@ -76,7 +77,7 @@ def test_new_value_is_in_force_and_saved() -> None:
     assert isinstance(request, ParamSet)
 
 
-@pytest.mark.parametrize("now", [0.4, float("nan")])
+@each("now", [0.4, float("nan")])
 def test_another_value_in_force_is_no_success(now: float) -> None:
     outcome = SetParameter(name="d_obs_m", value=0.5).perform(Stage(value(now), LIST).session)
     assert (outcome.ok, outcome.text) == (
@@ -93,7 +94,7 @@ def test_robot_that_lists_nothing_leaves_saved_unknown() -> None:
     assert "the robot does not report" in outcome.text
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "reason", "words"),
     [
         ("d_obs", Reason.UNKNOWN_PARAMETER, "; did you mean d_obs_m?"),

@@ -15,6 +15,7 @@ from protocol.wire.enums import Command
 from protocol.wire.messages import CommandRequest, GoalRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError, UserError
+from tests.support.each import each
 from tests.support.ground.client import Stage
 from tests.support.ground.station.play import WORLD_TEXT
 from tests.support.ground.station.said import Robot
@@ -41,7 +42,7 @@ def test_pose_without_a_heading_leaves_the_heading_open() -> None:
     assert isnan(sent(stage).param3)
 
 
-@pytest.mark.parametrize(
+@each(
     ("pose", "name"),
     [((inf, 0.0, 0.0), "x"), ((0.0, 3e6, 0.0), "y"), ((0.0, 0.0, 361.0), "heading")],
 )
@@ -52,9 +53,7 @@ def test_pose_out_of_range_is_refused_before_it_is_sent(
         SetPose(x_m=pose[0], y_m=pose[1], heading_deg=pose[2])
 
 
-@pytest.mark.parametrize(
-    ("x_m", "words"), [(7.0, "outside the world box"), (2.5, "an obstacle of the world box")]
-)
+@each(("x_m", "words"), [(7.0, "outside the world box"), (2.5, "an obstacle of the world box")])
 def test_pose_outside_the_world_is_not_set_unless_anyway(x_m: float, words: str) -> None:
     stage = Stage()
     session = Session(stage.link, floor=lambda: floor_in(WORLD_TEXT))
@@ -96,7 +95,7 @@ def test_refused_goal_names_the_command_that_sets_the_place() -> None:
     assert "pose set X Y DEG" in outcome.text
 
 
-@pytest.mark.parametrize("seen_by_robot", [True, False])
+@each("seen_by_robot", [True, False])
 def test_goal_says_that_it_was_given_relative_to_the_robot(seen_by_robot: bool) -> None:
     stage = Stage()
     stage.bus.set_newest(ODOMETRY, Robot(placed=False).odometry())
@@ -116,7 +115,7 @@ def test_pose_of_a_robot_without_a_place_is_no_number() -> None:
     assert nan != lost.cov_xx_m2
 
 
-@pytest.mark.parametrize(("placed", "anyway"), [(True, False), (True, True), (False, False)])
+@each(("placed", "anyway"), [(True, False), (True, True), (False, False)])
 def test_goal_ahead_that_is_outside_the_world_is_refused(placed: bool, anyway: bool) -> None:
     stage = Stage()
     stage.bus.set_newest(ODOMETRY, Robot(x_m=3.0, placed=placed).odometry())

@@ -2,8 +2,6 @@
 
 from math import nan, radians
 
-import pytest
-
 from ground.client.goal import Destination
 from ground.client.operations import Resume
 from ground.client.operations.lost_drive import (
@@ -26,6 +24,7 @@ from protocol.wire.messages import (
     NavigatorStatus,
 )
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.client import Stage, status
 
 ITEMS = (Waypoint(x_m=1.0, y_m=2.0), Waypoint(x_m=6.4, y_m=6.4, heading_deg=45.0))
@@ -65,7 +64,7 @@ def test_kept_goal_is_resumed_by_the_robot_itself() -> None:
     assert len(stage.bus.requests) == 1
 
 
-@pytest.mark.parametrize(
+@each(
     ("attended", "mode", "sent"),
     [
         (True, Mode.GUIDED, Mode.GUIDED),
@@ -88,7 +87,7 @@ def test_lost_goal_is_sent_again_as_the_status_shows_it(
     assert (goal.heading_free, goal.mode) == (0, sent)
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "reason"),
     [
         (Vehicle.FAILSAFE, Reason.NOT_ARMED),
@@ -104,7 +103,7 @@ def test_robot_that_is_not_armed_gets_no_goal(vehicle: Vehicle, reason: Reason) 
     assert [type(one) for one in stage.bus.requests] == [CommandRequest]
 
 
-@pytest.mark.parametrize("goal", [GoalState.NONE, GoalState.REACHED, GoalState.REFUSED])
+@each("goal", [GoalState.NONE, GoalState.REACHED, GoalState.REFUSED])
 def test_without_a_lost_goal_there_is_nothing_to_resume(goal: GoalState) -> None:
     outcome = Resume().perform(stage_of(ended(goal=goal)).session)
     assert isinstance(outcome, NothingToResume)

@@ -1,7 +1,5 @@
 """A request is repeated after a remedy: a robot in standby is armed, a stopped robot is not."""
 
-import pytest
-
 from ground.client.operations import Session
 from ground.client.operations.session import RETRY_NS
 from ground.client.results import Refused
@@ -9,6 +7,7 @@ from protocol.topics import STATUS
 from protocol.wire.enums import Command, Vehicle
 from protocol.wire.messages import CommandRequest
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.answering import AnsweringLink
 from tests.support.ground.client import Notes, status
 
@@ -43,7 +42,7 @@ def test_standby_robot_is_armed_and_request_repeated() -> None:
     assert len(set(ids)) == 3
 
 
-@pytest.mark.parametrize("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP, Vehicle.BOOT])
+@each("vehicle", [Vehicle.FAILSAFE, Vehicle.EMERGENCY_STOP, Vehicle.BOOT])
 def test_a_robot_that_was_stopped_for_a_reason_is_never_armed(vehicle: Vehicle) -> None:
     link = AnsweringLink(Reason.NOT_ARMED)
     link.newest_messages[STATUS.path] = status(vehicle)
@@ -84,7 +83,7 @@ def test_it_is_not_asked_for_ever() -> None:
     assert RETRY_NS <= link.clock.now_ns() < 2 * RETRY_NS
 
 
-@pytest.mark.parametrize("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])
+@each("reason", [Reason.OUTSIDE_FENCE, Reason.LEASE_HELD, Reason.NO_MISSION])
 def test_what_nothing_remedies_is_the_answer(reason: Reason) -> None:
     link = AnsweringLink(reason)
     assert asked_until_accepted(link, beats=True)[0] == reason

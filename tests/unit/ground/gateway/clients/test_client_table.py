@@ -11,6 +11,7 @@ from ground.gateway.clients.client_table import CROWDED_NS, FRAMES_PER_ROUND, Cl
 from ground.gateway.clients.guests import MAX_GUESTS
 from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
+from tests.support.each import each
 from tests.unit.ground.gateway.clients.test_framing import packed
 
 
@@ -218,7 +219,7 @@ def test_flood_of_joins_costs_no_memory(room: Room) -> None:
     assert not room.clients._unwanted
 
 
-@pytest.mark.parametrize("is_reliable", [False, True])
+@each("is_reliable", [False, True])
 def test_gaps_are_losses_unless_the_line_is_reliable(*, is_reliable: bool) -> None:
     endpoint, link = FakeEndpoint(), cast("ClientLink", SimpleNamespace(is_lossy=True))
     endpoint.is_reliable = is_reliable

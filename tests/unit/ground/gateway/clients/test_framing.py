@@ -1,12 +1,11 @@
 from random import Random
 
-import pytest
-
 from ground.gateway.clients.client_link import ClientLink, NoFile
 from ground.gateway.clients.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
 from ground.gateway.dialect import mavlink
 from ground.gateway.signing.guard import SigningGuard
 from runtime.units import NS_PER_S
+from tests.support.each import each
 
 HEARTBEAT = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 
@@ -127,7 +126,7 @@ def test_answers_are_in_the_version_of_the_client() -> None:
     assert link.encode(1, HEARTBEAT, SigningGuard(lambda: 0))[0] == mavlink.PROTOCOL_MARKER_V1
 
 
-@pytest.mark.parametrize("mavlink1", [False, True])
+@each("mavlink1", [False, True])
 def test_each_vehicle_has_one_sequence_without_gaps(mavlink1: bool) -> None:
     link, guard = ClientLink(1, "peer", 0), SigningGuard(lambda: 0)
     link.is_mavlink1 = mavlink1

@@ -9,6 +9,7 @@ from ground.gateway.frames.globe import PER_DEG
 from ground.missions.geography import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
 from tests.support.gateway.messages import acks, command, command_int, words
 from tests.support.gateway.piloting import driving_bench, performed, show
@@ -112,7 +113,7 @@ def test_restart_that_the_robot_refuses_is_denied() -> None:
     assert acks(bench.sent()) == [(RESTART, DENIED)]
 
 
-@pytest.mark.parametrize("action", [0.0, 2.0, 3.0, nan, inf, 65535.0])
+@each("action", [0.0, 2.0, 3.0, nan, inf, 65535.0])
 def test_other_actions_than_a_restart_are_denied(action: float) -> None:
     bench = driving_bench(vehicle=Vehicle.STANDBY)
     assert acks(bench.send(command(RESTART, action))) == [(RESTART, DENIED)]

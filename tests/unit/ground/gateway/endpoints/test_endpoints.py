@@ -16,6 +16,7 @@ from ground.gateway.endpoints.spec import all_opened, opened
 from ground.gateway.endpoints.tcp import MAX_CONNECTIONS, VANISHED_MS
 from runtime.errors import UserError
 from runtime.units import NS_PER_S
+from tests.support.each import each
 from tests.support.until import until
 
 
@@ -188,7 +189,7 @@ def test_lost_serial_line_is_opened_again_when_it_is_back(stack: ExitStack, tmp_
     os.close(master)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "words"),
     [
         ("updin:127.0.0.1:14550", "did you mean udpin?"),

@@ -8,6 +8,7 @@ import pytest
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.files.logs import BLOCK, LAST_BLOCKS, MAX_RANGES
 from protocol.wire.enums import Vehicle
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
 from tests.support.gateway.telemetry import status
@@ -60,7 +61,7 @@ def test_part_of_the_list(bench: ParameterBench, start: int, end: int, numbers: 
     assert [one.id for one in found] == numbers
 
 
-@pytest.mark.parametrize("folder", [None, Path("/nonexistent")])
+@each("folder", [None, Path("/nonexistent")])
 def test_no_logs_are_one_empty_entry(folder: Path | None) -> None:
     (entry,) = of_type(ParameterBench(folder).send(wanted_list()), "LOG_ENTRY")
     assert (entry.id, entry.num_logs, entry.size) == (0, 0, 0)

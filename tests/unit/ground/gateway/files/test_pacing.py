@@ -3,6 +3,7 @@
 import pytest
 
 from ground.gateway.files.pacing import FAST_BYTES_S, Pacing
+from tests.support.each import each
 
 ROUND_NS = 20_000_000
 
@@ -15,7 +16,7 @@ def sent_in_10_s(line_bytes_s: int | None, size: int, pause_rounds: int = 1) -> 
     return sent
 
 
-@pytest.mark.parametrize("size", [37, 122, 279])
+@each("size", [37, 122, 279])
 def test_transfer_and_streams_fit_57600_baud(size: int) -> None:
     streams_bytes_s = 2948
     assert sent_in_10_s(5760, size) / 10 + streams_bytes_s <= 5000

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ground.gateway.frames import globe, ned
 from ground.missions.mission import Home
+from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.telemetry import odometry
 from tests.support.ground.missions.made_up import homes
@@ -22,9 +23,7 @@ origins = st.builds(
 ).filter(any)
 
 
-@pytest.mark.parametrize(
-    ("heading_rad", "yaw_rad"), [(0.0, pi / 2), (pi / 2, 0.0), (pi, -pi / 2), (-pi / 2, pi)]
-)
+@each(("heading_rad", "yaw_rad"), [(0.0, pi / 2), (pi / 2, 0.0), (pi, -pi / 2), (-pi / 2, pi)])
 def test_yaw_counts_clockwise_from_north(heading_rad: float, yaw_rad: float) -> None:
     assert ned.yaw_of(heading_rad) == pytest.approx(yaw_rad)
 
@@ -92,14 +91,12 @@ def test_place_of_a_client_keeps_its_digits(origin: globe.Place, x_m: float, y_m
     assert min(turn, 3_600_000_000 - turn) <= 1
 
 
-@pytest.mark.parametrize("x_m", [nan, 1e9, -1e300])
+@each("x_m", [nan, 1e9, -1e300])
 def test_there_is_no_place_beyond_the_missions(x_m: float) -> None:
     assert globe.place_at(ORIGIN, x_m, 0.0) is None
 
 
-@pytest.mark.parametrize(
-    "place", [(0, 0), (851_000_000, 0), (-900_000_000, 5), (5, 1_800_000_001), (-(2**31), 2**31)]
-)
+@each("place", [(0, 0), (851_000_000, 0), (-900_000_000, 5), (5, 1_800_000_001), (-(2**31), 2**31)])
 def test_origin_lies_on_the_globe(place: tuple[int, int]) -> None:
     assert globe.home_at(globe.Place(*place)) is None
 

@@ -1,13 +1,12 @@
-import pytest
-
 from ground.client.results import Refused
 from ground.gateway.missions.results import ACCEPTED, PART_RESULTS, refusal_of
 from ground.gateway.port import Answered
 from ground.missions.items import ItemPart
 from protocol.wire.reasons import Reason, reason_text
+from tests.support.each import each
 
 
-@pytest.mark.parametrize("reason", [reason for reason in Reason if reason])
+@each("reason", [reason for reason in Reason if reason])
 def test_each_reason_is_refused_in_words(reason: Reason) -> None:
     refusal = refusal_of(Answered(Refused(reason, 1)), "mission", 1)
     assert refusal.result != ACCEPTED

@@ -10,6 +10,7 @@ from ground.gateway.frames.globe import PER_DEG
 from ground.missions.geography import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
 from tests.support.gateway.messages import (
     PLACE,
@@ -234,7 +235,7 @@ def test_refused_position_says_why(bench: Bench) -> None:
     assert "outside of the fence" in words(bench.sent())
 
 
-@pytest.mark.parametrize("mode", [Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.SMART_RTL])
+@each("mode", [Mode.MANUAL, Mode.HOLD, Mode.AUTO, Mode.SMART_RTL])
 def test_setpoints_are_ignored_outside_guided(mode: Mode) -> None:
     bench = driving_bench(mode)
     for message in (local_target(vx=1.0), global_target(X, Y), attitude(thrust=1.0)):

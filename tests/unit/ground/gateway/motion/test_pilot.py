@@ -1,12 +1,11 @@
-import pytest
-
 from ground.gateway.motion.pilot import EnterGuided
 from protocol.wire.enums import Command, Mode
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.client import Stage
 
 
-@pytest.mark.parametrize("aborted", [Reason.NONE, Reason.NO_GOAL])
+@each("aborted", [Reason.NONE, Reason.NO_GOAL])
 def test_entering_guided_drops_the_goal_first(aborted: Reason) -> None:
     stage = Stage(aborted, Reason.NONE, attended=True)
     assert EnterGuided().perform(stage.session).ok

@@ -9,6 +9,7 @@ from ground.gateway.frames.globe import PER_DEG
 from ground.gateway.motion.setpoints import SetpointError, attitude_of, setpoint_of
 from ground.gateway.motion.velocity import Velocity
 from ground.missions.geography import to_global
+from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN
 from tests.support.gateway.messages import SPEEDS, attitude, global_target, local_target
 from tests.support.gateway.telemetry import odometry
@@ -31,7 +32,7 @@ def velocity(pose: Any = EAST, **fields: Any) -> Velocity:
     return found
 
 
-@pytest.mark.parametrize(
+@each(
     ("frame", "expected"),
     [
         (LOCAL_NED, (2.0, 1.0)),
@@ -60,7 +61,7 @@ def test_global_position() -> None:
     assert (found.x_m, found.y_m) == pytest.approx((12.0, -7.0), abs=0.02)
 
 
-@pytest.mark.parametrize(
+@each(
     ("fields", "expected"),
     [
         ({"vx": 0.5}, Velocity(0.5, heading_rad=pi / 2)),
@@ -86,7 +87,7 @@ def test_position_goes_before_velocity() -> None:
     assert isinstance(setpoint_of(local_target(mask=0xDC0), EAST, ORIGIN), Destination)
 
 
-@pytest.mark.parametrize(
+@each(
     "fields",
     [
         {"frame": 0},
@@ -113,7 +114,7 @@ def test_setpoint_that_cannot_be_followed(fields: dict[str, Any]) -> None:
         setpoint_of(local_target(**fields), pose, ORIGIN)
 
 
-@pytest.mark.parametrize(
+@each(
     ("lat", "lon"),
     [(0, 0), (2**31 - 1, 0), (-(2**31), -(2**31)), (900_000_001, 1), (-1, 180 * 10**7)],
 )
@@ -122,7 +123,7 @@ def test_place_that_is_none(lat: int, lon: int) -> None:
         setpoint_of(global_target(lat=lat, lon=lon), EAST, ORIGIN)
 
 
-@pytest.mark.parametrize("frame", [OFFSET_NED, BODY_NED])
+@each("frame", [OFFSET_NED, BODY_NED])
 def test_offset_without_a_pose_is_refused(frame: int) -> None:
     with pytest.raises(SetpointError, match="pose"):
         setpoint_of(local_target(frame=frame, mask=0xDF8, x=1.0), None, ORIGIN)
@@ -143,7 +144,7 @@ def test_attitude_without_a_rate_is_a_heading() -> None:
     assert found.heading_rad == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize(
+@each(
     "message",
     [
         attitude(thrust=nan),

@@ -12,6 +12,7 @@ from ground.gateway.files.wire import Opcode
 from ground.gateway.parameters.metadata import described
 from ground.gateway.parameters.table import MavTable, table_of
 from robot.parameters.table import SPECS
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT
 from tests.support.gateway.file_client import SimulatedLink, asked, client_on, replies
 from tests.support.gateway.parameter_bench import ParameterBench, robot_table
@@ -67,7 +68,7 @@ def test_checksum_by_ftp_is_that_of_the_message() -> None:
     assert int.from_bytes(reply.data, "little") == message.file_crc
 
 
-@pytest.mark.parametrize("name", sorted(SPECS))
+@each("name", sorted(SPECS))
 def test_description_is_that_of_the_robots_table(name: str) -> None:
     spec, found = SPECS[name], row(name.upper())
     assert found["shortDesc"] == spec.doc

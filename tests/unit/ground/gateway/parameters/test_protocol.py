@@ -14,6 +14,7 @@ from ground.gateway.parameters.protocol import MAX_PENDING, PASSES, VALUE_BYTES
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
 from robot.parameters.table import TABLE
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER
 from tests.support.gateway.parameter_bench import ParameterBench, of_type
 from tests.support.gateway.telemetry import status
@@ -103,7 +104,7 @@ def test_parameter_is_read_by_name_and_by_index() -> None:
     assert by_name.param_id == "D_OBS_M"
 
 
-@pytest.mark.parametrize("request_", [read("NO_SUCH"), read(index=ALL), read(index=-2), read("")])
+@each("request_", [read("NO_SUCH"), read(index=ALL), read(index=-2), read("")])
 def test_unknown_parameter_is_refused(request_: MavMessage) -> None:
     found = loaded().send(request_)
     assert values_in(found) == []
@@ -159,7 +160,7 @@ def test_client_without_control_changes_nothing() -> None:
     assert of_type(found, "PARAM_ERROR")[0].error == mavlink.MAV_PARAM_ERROR_PERMISSION_DENIED
 
 
-@pytest.mark.parametrize(
+@each(
     "value",
     [nan, inf, -inf, unpack("<f", pack("<i", 2))[0], unpack("<f", pack("<i", -1))[0]],
 )

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import pytest
-
 from ground.gateway.clients.client_link import ClientLink, NoFile
 from ground.gateway.clients.framing import Frame
 from ground.gateway.dialect import MavMessage, mavlink
@@ -16,6 +14,7 @@ from ground.gateway.streams.heartbeat import HeartbeatStream
 from ground.gateway.vehicle import Face
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.messages import acks, command, words
 from tests.support.gateway.telemetry import status
@@ -65,7 +64,7 @@ def is_valid(frame: Frame, key: bytes) -> bool:
     return frame.is_signed
 
 
-@pytest.mark.parametrize("sender", [LOCAL, SIGNED])
+@each("sender", [LOCAL, SIGNED])
 def test_key_of_a_disarmed_robot_is_replaced(sender: Any) -> None:
     bench = SetupBench()
     assert is_valid(bench.next_heartbeat(), KEY)
@@ -89,7 +88,7 @@ def severity_and_words(messages: list[MavMessage]) -> tuple[int, str]:
     return next(one.severity for one in messages if one.get_type() == "STATUSTEXT"), words(messages)
 
 
-@pytest.mark.parametrize("state", [VehicleState.ACTIVE, None])
+@each("state", [VehicleState.ACTIVE, None])
 def test_key_of_an_armed_or_silent_robot_stays(state: VehicleState | None) -> None:
     bench = SetupBench()
     bench.port.telemetry["status"] = None if state is None else status(vehicle=state)

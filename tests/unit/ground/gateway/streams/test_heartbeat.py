@@ -1,12 +1,11 @@
 """HEARTBEAT: an ArduPilot Rover, once a second and at once on a change."""
 
-import pytest
-
 from ground.gateway.ardupilot import state_of
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.port import Snapshot
 from ground.gateway.streams.heartbeat import HeartbeatStream
 from protocol.wire.enums import Mode, Vehicle
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import status
 
@@ -55,7 +54,7 @@ def test_client_that_joins_gets_two_at_once() -> None:
     assert len(bench.after(3.0)) == 3
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "mode", "expected"),
     [
         (Vehicle.STANDBY, Mode.HOLD, mavlink.MAV_STATE_STANDBY),
@@ -72,7 +71,7 @@ def test_state_follows_mode_and_failsafe(vehicle: Vehicle, mode: Mode, expected:
     assert found.system_status == expected
 
 
-@pytest.mark.parametrize("vehicle", [Vehicle.ACTIVE, Vehicle.STANDBY])
+@each("vehicle", [Vehicle.ACTIVE, Vehicle.STANDBY])
 def test_silent_robot_is_not_shown_as_live(vehicle: Vehicle) -> None:
     """Nor as disarmed, if it may still drive."""
     bench = Bench(HeartbeatStream)
@@ -88,7 +87,7 @@ def test_silent_robot_is_not_shown_as_live(vehicle: Vehicle) -> None:
     assert (back.custom_mode, back.base_mode & 128) == (4, 0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("robot", "shown", "expected"),
     [
         (Mode.HOLD, Mode.GUIDED, mavlink.MAV_STATE_ACTIVE),

@@ -9,6 +9,7 @@ from ground.gateway.services import face_of
 from ground.gateway.streams.origin import SET_GLOBAL_ORIGIN
 from ground.gateway.streams.position import global_position
 from protocol.wire.enums import Vehicle
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
 from tests.support.gateway.telemetry import everything, status
 
@@ -42,7 +43,7 @@ def test_origin_moves() -> None:
     assert bench.vehicle.origin.latitude_deg == 48.0
 
 
-@pytest.mark.parametrize(
+@each(
     "place",
     [THERE, (850_000_000, 1_800_000_000), (-850_000_000, -1_800_000_000), (1, 1_799_999_999)],
 )
@@ -64,7 +65,7 @@ def test_home_is_told_with_the_new_origin() -> None:
     assert (home.latitude, home.longitude, home.altitude) == (*THERE, 5000)
 
 
-@pytest.mark.parametrize("state", [status(vehicle=Vehicle.ACTIVE), None])
+@each("state", [status(vehicle=Vehicle.ACTIVE), None])
 def test_origin_stays_unless_the_robot_is_disarmed(state: object) -> None:
     bench = whole_bench(status=state)
     origin = move(bench, THERE)
@@ -77,7 +78,7 @@ def test_same_origin_is_accepted_while_armed() -> None:
     assert move(bench, HERE, 0).latitude == HERE[0]
 
 
-@pytest.mark.parametrize("place", [(0, 0), (900_000_000, 1), (1, -1_800_000_001), (2**31 - 1, 5)])
+@each("place", [(0, 0), (900_000_000, 1), (1, -1_800_000_001), (2**31 - 1, 5)])
 def test_place_beyond_the_globe_is_refused(place: tuple[int, int]) -> None:
     bench = whole_bench()
     assert move(bench, place).latitude == HERE[0]
@@ -100,7 +101,7 @@ def test_client_that_may_only_watch_does_not_move_the_origin() -> None:
     assert bench.vehicle.origin == ORIGIN
 
 
-@pytest.mark.parametrize(
+@each(
     ("x", "height_m", "result"),
     [
         (THERE[0], 5.0, mavlink.MAV_RESULT_ACCEPTED),

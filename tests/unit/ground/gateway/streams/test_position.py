@@ -7,6 +7,7 @@ import pytest
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.streams import position
 from ground.missions.geography import to_global
+from tests.support.each import each
 from tests.support.gateway.fake_port import ORIGIN, Bench
 from tests.support.gateway.telemetry import everything, odometry
 
@@ -89,7 +90,7 @@ def test_home_is_at_the_origin_unless_it_is_moved() -> None:
     assert moved.latitude > first.latitude
 
 
-@pytest.mark.parametrize(
+@each(
     "build",
     [
         position.global_position,
@@ -100,7 +101,7 @@ def test_home_is_at_the_origin_unless_it_is_moved() -> None:
         position.local_position_cov,
     ],
 )
-@pytest.mark.parametrize("pose", [None, odometry(x_m=nan), odometry(heading_rad=1e300)])
+@each("pose", [None, odometry(x_m=nan), odometry(heading_rad=1e300)])
 def test_stale_or_senseless_pose_is_not_sent(build: object, pose: object) -> None:
     bench = bench_with(odometry=pose)
     assert build(bench.vehicle, bench.now_ns) == ()  # type: ignore[operator]

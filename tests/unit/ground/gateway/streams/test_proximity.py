@@ -4,6 +4,7 @@ import pytest
 
 from ground.gateway.dialect import mavlink
 from ground.gateway.streams import proximity
+from tests.support.each import each
 from tests.support.gateway.fake_port import Bench
 from tests.support.gateway.telemetry import everything, scan, wheels
 
@@ -51,9 +52,7 @@ def test_rangefinder_without_an_echo_shows_the_farthest_range() -> None:
     assert proximity.rangefinder(bench.vehicle, bench.now_ns)[0].distance == 3.0
 
 
-@pytest.mark.parametrize(
-    "build", [proximity.obstacle_distance, proximity.distance_sensors, proximity.rangefinder]
-)
+@each("build", [proximity.obstacle_distance, proximity.distance_sensors, proximity.rangefinder])
 def test_stale_scan_is_not_sent(build: object) -> None:
     bench = bench_with(scan=None)
     assert build(bench.vehicle, bench.now_ns) == ()  # type: ignore[operator]

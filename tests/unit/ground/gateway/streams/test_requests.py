@@ -3,8 +3,6 @@
 from collections import deque
 from math import inf, nan
 
-import pytest
-
 from ground.client.operations import ShowParameters
 from ground.gateway import ardupilot
 from ground.gateway.dialect import (
@@ -17,6 +15,7 @@ from ground.gateway.dialect import (
 from ground.gateway.services import face_of
 from ground.gateway.streams.table import STREAMS
 from protocol.wire.enums import Mode
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.parameter_bench import robot_table
 from tests.support.gateway.telemetry import everything, status
@@ -50,7 +49,7 @@ def ask(bench: Bench, command: int, *params: float) -> tuple[int, list[MavMessag
     return results[0], rest
 
 
-@pytest.mark.parametrize("ask_for", ["512", "520", "183"])
+@each("ask_for", ["512", "520", "183"])
 def test_autopilot_version_comes_by_each_request(ask_for: str) -> None:
     bench = whole_bench()
     if ask_for == "183":
@@ -97,7 +96,7 @@ def test_unknown_message_is_unsupported_at_once() -> None:
     assert ask(whole_bench(), REQUEST, 11_000)[0] == mavlink.MAV_RESULT_UNSUPPORTED
 
 
-@pytest.mark.parametrize("number", [nan, inf, -1.0, 0.5, 1e30])
+@each("number", [nan, inf, -1.0, 0.5, 1e30])
 def test_request_for_no_message_is_denied(number: float) -> None:
     assert ask(whole_bench(), REQUEST, number) == (mavlink.MAV_RESULT_DENIED, [])
     assert ask(whole_bench(), GET_INTERVAL, number) == (mavlink.MAV_RESULT_DENIED, [])
@@ -178,7 +177,7 @@ def test_interval_of_an_unknown_message_is_refused() -> None:
     assert (result, message.interval_us) == (mavlink.MAV_RESULT_FAILED, 0)
 
 
-@pytest.mark.parametrize("interval_us", [nan, inf, -2.0, 0.5])
+@each("interval_us", [nan, inf, -2.0, 0.5])
 def test_senseless_interval_is_denied(interval_us: float) -> None:
     bench = whole_bench()
     assert ask(bench, SET_INTERVAL, ATTITUDE, interval_us)[0] == mavlink.MAV_RESULT_DENIED

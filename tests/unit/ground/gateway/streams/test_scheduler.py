@@ -10,6 +10,7 @@ from ground.gateway.services import face_of
 from ground.gateway.streams.scheduler import StreamScheduler
 from ground.gateway.traffic import COMPONENT
 from ground.gateway.vehicle import Vehicle
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
 from tests.support.gateway.telemetry import everything
 
@@ -103,7 +104,7 @@ def test_unknown_message_has_no_interval() -> None:
     assert rates.scheduler.interval_us(CLIENT.client, 11_000, 0) == 0
 
 
-@pytest.mark.parametrize("group", [1, 2, 6, 10, 11, 12])
+@each("group", [1, 2, 6, 10, 11, 12])
 def test_each_group_changes_its_messages_and_no_others(group: int) -> None:
     rates = Rates()
     members = {one.number for one in rates.bench.vehicle.catalogue if one.group == group}
@@ -201,7 +202,7 @@ def test_silent_robot_is_not_shown_as_live() -> None:
     assert found["GLOBAL_POSITION_INT"] == found["ATTITUDE"] == found["OBSTACLE_DISTANCE"] == 0
 
 
-@pytest.mark.parametrize("start_ms", [0, 3, 97])
+@each("start_ms", [0, 3, 97])
 def test_jitter_of_the_rounds_costs_no_message(start_ms: int) -> None:
     """Rounds of 100 ms, each up to 5 ms late, send a stream of 10 Hz in every round."""
     rates = Rates()

@@ -12,6 +12,7 @@ from ground.gateway.streams import system_status
 from ground.missions.mission import Circle
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, Bench
 from tests.support.gateway.telemetry import everything, odometry, scan, status
 
@@ -52,7 +53,7 @@ def test_battery_is_unknown_not_empty() -> None:
     assert battery.temperature == 0x7FFF
 
 
-@pytest.mark.parametrize(
+@each(
     ("telemetry", "bits"),
     [
         ({"scan": None}, system_status.SONARS | system_status.PREARM),

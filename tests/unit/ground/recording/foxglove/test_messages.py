@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import foxglove.messages as sdk
-import pytest
 
 from ground.recording.foxglove.schemas import SHAPES
+from tests.support.each import each
 
 OF_FOXGLOVE = "foxglove."
 BASIC = ("time", "duration")
@@ -24,7 +24,7 @@ def all_in(schema: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield from all_in(inner)
 
 
-@pytest.mark.parametrize("name", sorted(SHAPES))
+@each("name", sorted(SHAPES))
 def test_schema_fields_match_the_sdk(name: str) -> None:
     assert SHAPES[name].name == name
     found = list(all_in(json.loads(SHAPES[name].text)))

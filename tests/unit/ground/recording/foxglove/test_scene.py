@@ -13,6 +13,7 @@ from protocol.wire.enums import GoalState, Severity
 from protocol.wire.message import Message
 from protocol.wire.messages import Statustext
 from protocol.wire.statustext import pieces_of
+from tests.support.each import each
 from tests.support.ground.recording.made import (
     WORLD_TEXT,
     decision,
@@ -104,14 +105,14 @@ def test_world_is_drawn_as_walls_and_discs() -> None:
     assert robot["cylinders"][0]["size"]["x"] == 0.3
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
+@each("text", ["", "[]", "{", '{"obstacles": [{"wall_m": 3}]}', '{"size_m": 1}'])
 def test_malformed_world_is_not_drawn(text: str) -> None:
     drawn: list[ViewerMessage] = SceneDrawer().draw_fact("world", text, 0)
     assert len(drawn) in (0, 2)
     assert SceneDrawer().draw_fact("parameters", WORLD_TEXT, 0) == []
 
 
-@pytest.mark.parametrize(
+@each(
     ("severity", "level"),
     [(Severity.INFO, 2), (Severity.WARNING, 3), (Severity.ERROR, 4), (Severity.EMERGENCY, 5)],
 )

@@ -3,12 +3,12 @@
 from math import nan
 
 import msgspec
-import pytest
 
 from ground.station.history.last_drive import LastDrive
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import NavigatorStatus, PlanarOdometry
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.recording.made import odometry, status
 
 S = 1_000_000_000
@@ -106,9 +106,7 @@ def test_a_goal_after_a_restart_is_the_last_one() -> None:
     assert ", 0.00 m driven" in drive.text()
 
 
-@pytest.mark.parametrize(
-    ("drive", "words"), [(LastDrive(), "no status was received"), (None, "no goal was set")]
-)
+@each(("drive", "words"), [(LastDrive(), "no status was received"), (None, "no goal was set")])
 def test_without_a_goal(drive: LastDrive | None, words: str) -> None:
     if drive is None:
         drive = LastDrive()

@@ -10,6 +10,7 @@ from ground.station.history.telemetry_history import uncertainty_m
 from ground.station.history.trail import BoundaryMarks, DrivenPath, EchoGrid, ranges_m
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import PlanarOdometry
+from tests.support.each import each
 from tests.support.ground.station.said import Robot
 
 NUMBERS = st.floats(width=32)
@@ -122,7 +123,7 @@ def test_hit_and_leave_points_belong_to_one_goal() -> None:
     assert (list(marks.hit), list(marks.leave)) == ([], [])
 
 
-@pytest.mark.parametrize(
+@each(
     ("xx", "xy", "yy", "expected"),
     [(0.04, 0.0, 0.01, 0.2), (0.01, 0.0, 0.04, 0.2), (0.02, 0.02, 0.02, 0.2), (0.0, 0.0, 0.0, 0.0)],
 )

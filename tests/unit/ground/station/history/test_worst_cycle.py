@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass
 
-import pytest
-
 from ground.station.history.telemetry_history import WorstCycle
 from protocol.wire.messages import CycleReport
+from tests.support.each import each
 from tests.support.ground.station.play import Play
 from tests.support.ground.station.said import Robot
 
@@ -53,7 +52,7 @@ class Jittery(Robot):
         return cycle(15 + self.tick % 10, self.tick)
 
 
-@pytest.mark.parametrize("seconds", [2.0, 5.0])
+@each("seconds", [2.0, 5.0])
 def test_worst_cycle_of_a_standing_robot_is_stable(seconds: float) -> None:
     play = Play()
     play.robots = [Jittery()]

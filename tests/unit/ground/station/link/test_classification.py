@@ -1,13 +1,12 @@
 """Classify a robot that is silent alone, or together with other processes."""
 
-import pytest
-
 from ground.station.link.loss import LossInputs, LossKind, classify
+from tests.support.each import each
 
 MS = 1_000_000
 
 
-@pytest.mark.parametrize(
+@each(
     ("others_ms", "kind"),
     [
         (20, LossKind.PROCESS_DEAD),  # the plant is received, so the link is intact

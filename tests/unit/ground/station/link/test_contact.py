@@ -1,9 +1,8 @@
 """The age of a loss counts from the last message of what is lost, not from an earlier loss."""
 
-import pytest
-
 from ground.station.link.contact import CHANGED_NS, ONSET_NS, Contact
 from ground.station.link.loss import LossKind
+from tests.support.each import each
 
 S = 1_000_000_000
 
@@ -18,7 +17,7 @@ def lost(contact: Contact, kind: LossKind, at_ns: int, since_ns: int) -> int:
     return at_ns + sure_ns
 
 
-@pytest.mark.parametrize("before", [LossKind.OTHER_OPERATOR, LossKind.SENSES_STALE])
+@each("before", [LossKind.OTHER_OPERATOR, LossKind.SENSES_STALE])
 def test_loss_of_a_received_robot_has_an_age_of_its_own(before: LossKind) -> None:
     contact = Contact(0)
     lost(contact, before, 1 * S, 1 * S)

@@ -1,13 +1,12 @@
 """A restart is shown for a while, with the cause that the robot reports."""
 
-import pytest
-
 from ground.station.link.restarts import NEAR_NS, RESTART_PREFIXES, SHOWN_NS, RestartNotice
 from protocol.topics import TEXT, Role
 from protocol.wire.enums import Severity
 from robot.run import report_previous_run
 from robot.storage.previous_run import PreviousRun
 from robot.storage.writer import Directory
+from tests.support.each import each
 from tests.support.ground.station.play import Play, S
 
 CAUSE = "the previous run was killed (signal SIGKILL)"
@@ -73,7 +72,7 @@ def test_robot_report_is_not_the_cause_of_a_plant_restart() -> None:
     assert again.words(S) == "the plant of r1 has been restarted (1)"
 
 
-@pytest.mark.parametrize(("age_s", "words"), [(1, "hello"), (34, "hello (34 s ago)")])
+@each(("age_s", "words"), [(1, "hello"), (34, "hello (34 s ago)")])
 def test_old_texts_are_shown_with_their_age(age_s: int, words: str) -> None:
     play = Play().forward(1.0)
     play.say_earlier("hello", age_s * S)

@@ -1,11 +1,10 @@
 """Similar losses are distinguished, and none is reported before it is certain."""
 
-import pytest
-
 from ground.station.link.loss import LossKind
 from protocol.bus.network import Hub
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.ground.station.play import Play
 
 
@@ -96,7 +95,7 @@ def test_silent_hub_that_accepts_connections_hangs() -> None:
     assert loss.kind is LossKind.HUNG
 
 
-@pytest.mark.parametrize("linked_by", [Hub.ROUTER, Hub.PEER])
+@each("linked_by", [Hub.ROUTER, Hub.PEER])
 def test_rejecting_hub_is_a_lost_transport(linked_by: Hub) -> None:
     play = Play()
     play.bus.linked_by = linked_by
@@ -151,7 +150,7 @@ def test_latched_failsafe_is_no_loss() -> None:
     assert play.station.ready
 
 
-@pytest.mark.parametrize(
+@each(
     ("vehicle", "mode", "goal", "response"),
     [
         (

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import pytest
-
 from ground.station.robot.background_requests import Job, JobResult
 from ground.station.robot.command_queue import MAX_WAITING
 from protocol.topics import LEASE_SERVICE
@@ -12,6 +10,7 @@ from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, LeaseRequest
 from protocol.wire.reasons import Reason
 from runtime.errors import RemoteError
+from tests.support.each import each
 from tests.support.ground.station.play import Play, silent
 
 
@@ -235,8 +234,8 @@ def test_waiting_request_is_refused_if_the_robot_is_lost_meanwhile() -> None:
     assert play.texts("refused: goal 9 7: ")
 
 
-@pytest.mark.parametrize("of_all", [False, True])
-@pytest.mark.parametrize("until_sent_s", [0.0, 0.1])
+@each("of_all", [False, True])
+@each("until_sent_s", [0.0, 0.1])
 def test_stop_drops_all_requests_that_were_not_sent(until_sent_s: float, of_all: bool) -> None:
     play, done = ready(), no_texts()
     play.station.submit("clear-estop", job(done))
@@ -291,7 +290,7 @@ def raises(error: Exception) -> Job:
     return run
 
 
-@pytest.mark.parametrize(
+@each(
     ("error", "expected"),
     [
         (RemoteError("no answer came"), "no answer came"),

@@ -11,6 +11,7 @@ from plant.model.noise import LEVELS, Noise
 from plant.sim.active_faults import FaultSchedule, SonarFaults
 from plant.sim.sensing.raycast import ORDER
 from plant.sim.sensing.sonar import PING_AGE_US, Reading, Ring
+from tests.support.each import each
 
 RIM_M = 0.12
 ALL = 0b1111_1111
@@ -67,7 +68,7 @@ def test_ranges_below_the_minimum_read_the_minimum() -> None:
     )
 
 
-@pytest.mark.parametrize(("level", "range_m"), [("default", 0.5), ("default", 2.5), ("harsh", 1.0)])
+@each(("level", "range_m"), [("default", 0.5), ("default", 2.5), ("harsh", 1.0)])
 def test_range_noise_is_gaussian_with_the_configured_sigma(level: str, range_m: float) -> None:
     noise = LEVELS[level]
     sigma_mm = 1e3 * (noise.range_sigma_m + noise.range_sigma_ratio * range_m)
@@ -78,7 +79,7 @@ def test_range_noise_is_gaussian_with_the_configured_sigma(level: str, range_m: 
     assert (abs(near) < 2.0 * sigma_mm).mean() == pytest.approx(0.954, abs=0.015)
 
 
-@pytest.mark.parametrize("level", ["default", "harsh"])
+@each("level", ["default", "harsh"])
 def test_echo_dropout_rate_matches_the_configuration(level: str) -> None:
     readings = many(LEVELS[level], 1.0)
     lost = 1.0 - len(echoes_mm(readings)) / (8 * SCANS)

@@ -8,6 +8,7 @@ from protocol.bus.faults.link_faults import FaultyLink, LinkFaults, earliest
 from protocol.bus.network import Network
 from runtime import config
 from runtime.errors import ConfigError, UserError
+from tests.support.each import each
 
 MS = 1_000_000
 MANY = 4000
@@ -76,8 +77,8 @@ def test_fault_applies_to_named_topics_or_to_all() -> None:
     assert not LinkFaults(paths=("sense/", "drive/wheels")).concerns("tlm/text")
 
 
-@pytest.mark.parametrize("field", ["loss", "duplicate", "reorder", "delay_ms", "jitter_ms"])
-@pytest.mark.parametrize("value", [-0.1, 1e9])
+@each("field", ["loss", "duplicate", "reorder", "delay_ms", "jitter_ms"])
+@each("value", [-0.1, 1e9])
 def test_impossible_link_fault_is_rejected_by_name(field: str, value: float) -> None:
     with pytest.raises(UserError, match=field):
         LinkFaults(**{field: value})  # type: ignore[arg-type]

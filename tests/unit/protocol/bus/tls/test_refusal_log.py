@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 
-import pytest
-
 from protocol.bus.tls.refusal_log import (
     MAX_CHARACTERS,
     MAX_EVENTS,
@@ -14,6 +12,7 @@ from protocol.bus.tls.refusal_log import (
     RefusalLog,
     in_words,
 )
+from tests.support.each import each
 
 ZID = "8c120e5a285b3f0ac3672d47388fa857"
 HEAD = "2026-11-21T22:13:59.056613Z TRACE  rx-0 ThreadId(09) demux{zid=7dc0 src=x}: "
@@ -55,7 +54,7 @@ def test_forged_sample_is_logged_with_sender_key_and_reason() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@each(
     ("what", "says"),
     [
         ("Query", "may not query k"),
@@ -107,7 +106,7 @@ def test_certificate_name_without_a_role_is_logged() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each(
     ("why", "says"),
     [
         ("received corrupt message of type InvalidContentType", "it uses plain TCP"),
@@ -191,7 +190,7 @@ def test_long_key_is_cut() -> None:
     assert len(told) < 2 * MAX_CHARACTERS
 
 
-@pytest.mark.parametrize("between", ["\n", " ", "\r\n", "\t", "\u2028", "\n\n"])
+@each("between", ["\n", " ", "\r\n", "\t", "\u2028", "\n\n"])
 def test_line_break_in_a_key_accuses_no_other_session(between: str) -> None:
     forged = cached("Put (ingress)", "sidestep/r1/srv/command").replace(ZID, "ab").rstrip("\n")
 
@@ -209,7 +208,7 @@ def test_forgery_after_unrelated_words_is_not_read() -> None:
     assert sentences(f"something else {cached('Put (ingress)', 'k')}") == []
 
 
-@pytest.mark.parametrize("character", ["\u202e", "\x1b", "\x07", "\x9b", " "])
+@each("character", ["\u202e", "\x1b", "\x07", "\x9b", " "])
 def test_unprintable_characters_of_a_key_are_replaced(character: str) -> None:
     (told,) = sentences(cached("Put (ingress)", f"a{character}b"))
     assert "may not put on a?b: " in told

@@ -31,6 +31,7 @@ from protocol.topics import (
     Role,
 )
 from runtime.errors import UserError
+from tests.support.each import each
 
 ALL_ROLES = {"router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2"}
 
@@ -43,7 +44,7 @@ def test_there_is_a_grant_for_each_role_and_each_robot() -> None:
     assert set(grants(("r1", "r2"))) == ALL_ROLES
 
 
-@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.path)
+@each("topic", TOPICS)
 def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
     end = "/ground/*" if topic.of_operators else ""
     found = grants(("r1", "r2")).items()
@@ -52,7 +53,7 @@ def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
     assert puts == {publisher[topic.publisher]}
 
 
-@pytest.mark.parametrize("service", SERVICES, ids=lambda service: service.path)
+@each("service", SERVICES)
 def test_only_ground_stations_may_query_changing_services(service: Any) -> None:
     keys = {f"r1/{service.path}", f"r1/{service.path}/ground/*"}
     asks = {name for name, grant in grants(("r1",)).items() if keys & set(grant.asks)}
@@ -94,7 +95,7 @@ def test_robot_has_no_rights_under_another_name() -> None:
         assert all(path.startswith("r2/") for path in paths)
 
 
-@pytest.mark.parametrize(("name", "fetches"), [("viewer", False), ("recorder", True)])
+@each(("name", "fetches"), [("viewer", False), ("recorder", True)])
 def test_only_a_recorder_may_fetch_past_commands(name: str, fetches: bool) -> None:
     asked = [
         key
@@ -227,7 +228,7 @@ def test_the_name_of_an_operator_comes_from_its_certificate() -> None:
         assert "is no role" in denial(nobody, "r1", COMMAND)
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "why"),
     [
         ("open", "it is the name of every operator on an open bus"),

@@ -8,6 +8,7 @@ from robot.core.motion import controller
 from robot.core.motion.controller import into, limited, ramp, toward
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Twist
+from tests.support.each import each
 
 distances = st.floats(0.001, 20.0)
 bearings = st.floats(-pi, pi)
@@ -76,9 +77,7 @@ def test_a_stop_comes_before_a_turn(speed_m_s: float, yaw_rad_s: float, now_rad_
     assert now.speed_m_s == pytest.approx(max(speed_m_s - can_m_s, 0.0), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("wanted_m_s", "turns"), [(-0.2, False), (0.0, False), (0.01, True), (0.29, True)]
-)
+@each(("wanted_m_s", "turns"), [(-0.2, False), (0.0, False), (0.01, True), (0.29, True)])
 def test_only_a_stop_or_a_reversal_delays_a_turn(wanted_m_s: float, turns: bool) -> None:
     """A robot that slows down in order to turn turns at once."""
     now = ramp(Twist(wanted_m_s, 2.0), Twist(0.3, 0.0), DEFAULTS)

@@ -26,6 +26,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.echo_decay import FADE_TURNS
 from robot.core.perception.sonar_ring import SATURATED_M, Ring
 from robot.core.values import SONARS
+from tests.support.each import each
 from tests.support.robot.core.rings import SILENT, Ranges, heard
 
 AHEAD = [2, 3, 4, 5]
@@ -68,27 +69,27 @@ def test_without_near_echoes_the_speed_is_full() -> None:
     assert speed(only(3, CLOSE_M)) == MOST_M_S
 
 
-@pytest.mark.parametrize("sonar", AHEAD)
+@each("sonar", AHEAD)
 def test_nearer_echo_ahead_means_lower_speed(sonar: int) -> None:
     speeds_m_s = [speed(only(sonar, 0.01 * k)) for k in range(2, 40)]
     assert speeds_m_s == sorted(speeds_m_s)
     assert speeds_m_s[0] < 0.05 < speeds_m_s[-1]
 
 
-@pytest.mark.parametrize("sonar", AHEAD)
+@each("sonar", AHEAD)
 def test_speed_is_zero_where_the_guard_would_stop(sonar: int) -> None:
     assert speed(only(sonar, DEFAULTS.guard_stop_m)) == 0.0
 
 
-@pytest.mark.parametrize("sonar", [0, 7])
+@each("sonar", [0, 7])
 def test_wall_beside_is_passed_fast_unless_nearly_touching(sonar: int) -> None:
     assert speed(only(sonar, 0.12)) == MOST_M_S
     assert 0.0 < speed(only(sonar, 0.03)) < MOST_M_S
 
 
-@pytest.mark.parametrize(("right_m", "left_m"), [(0.02, 0.02), (0.02, 0.029), (0.029, 0.02)])
-@pytest.mark.parametrize("right", [0, 1])
-@pytest.mark.parametrize("left", [6, 7])
+@each(("right_m", "left_m"), [(0.02, 0.02), (0.02, 0.029), (0.029, 0.02)])
+@each("right", [0, 1])
+@each("left", [6, 7])
 def test_gap_of_unknown_width_is_not_entered(
     right_m: float, left_m: float, right: int, left: int
 ) -> None:
@@ -97,13 +98,13 @@ def test_gap_of_unknown_width_is_not_entered(
     assert speed(heard(ranges)) == 0.0
 
 
-@pytest.mark.parametrize("sonar", [0, 1, 6, 7])
+@each("sonar", [0, 1, 6, 7])
 def test_only_turns_at_the_least_range_of_a_flank_sonar(sonar: int) -> None:
     assert speed(only(sonar, 0.02)) == 0.0
     assert speed(only(sonar, 0.021)) > 0.0
 
 
-@pytest.mark.parametrize("sonar", [0, 1, 6, 7])
+@each("sonar", [0, 1, 6, 7])
 def test_only_turns_while_a_lost_saturated_echo_is_held(sonar: int) -> None:
     lost = [SILENT] * int(SATURATED_M / RISE_M)
     assert pace.speed(held(only(sonar, 0.02), *lost), FREE_MM, 0.0, DEFAULTS) == 0.0
@@ -149,7 +150,7 @@ def test_additional_echo_never_increases_the_speed(
     assert speed(heard(more), free_mm) <= speed(seen, free_mm)
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_it_keeps_off_a_flank_that_is_too_near(sonar: int) -> None:
     towards_left = sonar >= SONARS // 2
     away_rad = keep_off(only(sonar, 0.5 * FLANK_M))
@@ -172,7 +173,7 @@ def test_it_keeps_off_the_other_way_in_the_mirror(seen: Ring) -> None:
     assert abs(keep_off(seen)) < 0.5 * pi
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_lost_near_echo_is_held_and_fades(sonar: int) -> None:
     ranges = held(only(sonar, 0.05), SILENT)
     assert ranges.range_m[sonar] == ranges.nearest_m == 0.05 + RISE_M
@@ -212,7 +213,7 @@ def free(seen: Ring, alpha_rad: float, distance_m: float = 10.0) -> float:
     return pace.free_towards(seen, alpha_rad, distance_m, DEFAULTS)
 
 
-@pytest.mark.parametrize("alpha_rad", [BESIDE, -BESIDE, 2.0, -3.0, pi])
+@each("alpha_rad", [BESIDE, -BESIDE, 2.0, -3.0, pi])
 def test_where_no_sonar_looks_nothing_is_known_to_be_free(alpha_rad: float) -> None:
     assert free(SILENT, alpha_rad) == 0.0
 
@@ -222,7 +223,7 @@ def test_a_way_without_echoes_is_free_as_far_as_sonars_reach() -> None:
     assert free(SILENT, 0.3, 10.0) == DEFAULTS.sonar_max_m - LOOK_M
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_an_echo_in_the_way_ends_what_is_free_before_it(sonar: int) -> None:
     assert free(only(sonar, 1.2), BEARINGS[sonar]) == pytest.approx(1.2 - LOOK_M)
     assert free(only(sonar, 1.2), BEARINGS[sonar], 1.0) == 1.0
@@ -234,7 +235,7 @@ def test_an_echo_aside_that_the_body_passes_leaves_the_way_free() -> None:
     assert free(only(5, 0.05), 0.0) < 0.1
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_missing_measurement_means_no_free_distance(sonar: int) -> None:
     ranges: Ranges = [inf] * SONARS
     ranges[sonar] = None

@@ -11,6 +11,7 @@ from robot.core.navigators.boundary_follower import Follower
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import HERE, Disc, Wall, clearance_m, ring, rolled, seen_from
 
 BELOW: list[Wall] = [(-9.0, -0.25, 9.0, -0.25)]
@@ -114,7 +115,7 @@ def test_single_false_echo_or_dropout_is_ignored() -> None:
     assert follower.seen_m[4] == 0.3
 
 
-@pytest.mark.parametrize("side", [1, -1])
+@each("side", [1, -1])
 def test_a_disc_is_circled_at_a_steady_distance(side: int) -> None:
     discs = [(0.7, 0.0, 0.3)]
     poses, follower = walk(HERE, [], discs, 30.0, side)

@@ -10,6 +10,7 @@ from robot.core.navigators import bug, registry
 from robot.core.navigators.memory.paper_memory import Memory
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision, Goal, Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import ring
 
 AHEAD = Goal(5.0, 0.0, None, 0.05, 0.05)
@@ -58,8 +59,8 @@ def test_with_a_free_way_it_heads_for_the_goal() -> None:
     assert (decision.virtual_x_m, decision.virtual_y_m) == (5.0, 0.0)
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
-@pytest.mark.parametrize("sonar", [3, 4])
+@each("side", [states.LEFT, states.RIGHT])
+@each("sonar", [3, 4])
 def test_an_obstacle_ahead_is_passed_on_the_side_the_user_chose(side: int, sonar: int) -> None:
     decision = step(memory(side), {sonar: 250})
     assert decision.branch == (states.PASS_LEFT if side == states.LEFT else states.PASS_RIGHT)

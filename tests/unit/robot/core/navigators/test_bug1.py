@@ -1,11 +1,10 @@
 from math import hypot
 
-import pytest
-
 from robot.core import states
 from robot.core.navigators import bug1
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Pose
+from tests.support.each import each
 from tests.support.robot.core.courses import BOX_AROUND_THE_GOAL, DISC, FAR, GOAL
 from tests.support.robot.core.rings import clearance_m, ring, seen_from, walk_to
 
@@ -16,7 +15,7 @@ def test_with_a_free_way_it_drives_straight_to_the_goal() -> None:
     assert walk.branches == {states.TO_GOAL}
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_full_lap_precedes_leaving_at_the_nearest_point(side: int) -> None:
     walk = walk_to(states.BUG1, FAR, [], DISC, side=side)
     assert walk.arrived

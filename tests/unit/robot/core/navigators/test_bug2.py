@@ -1,9 +1,8 @@
-import pytest
-
 from robot.core import states
 from robot.core.navigators import bug2
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.robot.core.courses import (
     BEHIND_THE_TRAP,
     BOX_AROUND_THE_GOAL,
@@ -22,7 +21,7 @@ def test_an_obstacle_ahead_is_met_only_when_it_is_seen_twice() -> None:
     assert bug2.step(memory, here, ahead, GOAL, DEFAULTS).branch == states.PASS_LEFT
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_the_boundary_is_left_on_the_line_behind_the_obstacle(side: int) -> None:
     walk = walk_to(states.BUG2, FAR, [], DISC, side=side)
     assert walk.arrived
@@ -32,7 +31,7 @@ def test_the_boundary_is_left_on_the_line_behind_the_obstacle(side: int) -> None
     assert min(clearance_m(pose, [], DISC) for pose in walk.poses) > 0.05
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_a_trap_is_entered_and_left(side: int) -> None:
     walk = walk_to(states.BUG2, BEHIND_THE_TRAP, U_TRAP, [], side=side)
     assert walk.arrived

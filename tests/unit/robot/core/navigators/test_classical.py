@@ -12,6 +12,7 @@ from robot.core.navigators.classical import Boundary
 from robot.core.parameters import DEFAULTS
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Goal, Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import HERE, Wall, ring, seen_from
 
 GOAL = Goal(3.0, 0.0, None, 0.05, 0.05)
@@ -175,7 +176,7 @@ def finite(number: float) -> bool:
     return number - number == 0.0
 
 
-@pytest.mark.parametrize("number", BUGS)
+@each("number", BUGS)
 def test_missing_ranges_while_following_limit_to_creeping(number: int) -> None:
     memory, step = registry.new_memory(number, states.LEFT), registry.NAVIGATORS[number].step
     for _ in range(5):
@@ -185,7 +186,7 @@ def test_missing_ranges_while_following_limit_to_creeping(number: int) -> None:
     assert all(d.speed_limit_m_s <= boundaries.CREEP_M_S for d in decisions)
 
 
-@pytest.mark.parametrize("flank", [0, 1, 6, 7])
+@each("flank", [0, 1, 6, 7])
 def test_wall_beside_does_not_raise_the_speed_limit(flank: int) -> None:
     ahead = {3: 24, 4: 24}
     limit_m_s = boundaries.speed_limit_m_s(ring(ahead), DEFAULTS)

@@ -1,12 +1,11 @@
 from math import inf
 
-import pytest
-
 from robot.core import states
 from robot.core.navigators import classical as boundaries
 from robot.core.navigators import distbug
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal
+from tests.support.each import each
 from tests.support.robot.core.courses import (
     BEHIND_THE_TRAP,
     BOX_AROUND_THE_GOAL,
@@ -51,7 +50,7 @@ def test_a_missing_sonar_towards_the_goal_is_no_free_way() -> None:
     assert not distbug.leads_nearer(memory.boundary, DEFAULTS)
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_a_disc_is_left_as_soon_as_the_way_is_clear(side: int) -> None:
     walk = walk_to(states.DISTBUG, GOAL, [], DISC, side=side)
     assert walk.arrived
@@ -59,7 +58,7 @@ def test_a_disc_is_left_as_soon_as_the_way_is_clear(side: int) -> None:
     assert min(clearance_m(pose, [], DISC) for pose in walk.poses) > 0.04
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_a_trap_is_entered_and_left(side: int) -> None:
     walk = walk_to(states.DISTBUG, BEHIND_THE_TRAP, U_TRAP, [], side=side)
     assert walk.arrived

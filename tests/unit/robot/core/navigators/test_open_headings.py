@@ -36,6 +36,7 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import (
     HERE,
     RADIUS_MM,
@@ -150,7 +151,7 @@ def test_the_way_ahead_is_free_up_to_a_small_distance(
     assert sectors.free_mm == pytest.approx(max(stop_mm, 0), abs=6)
 
 
-@pytest.mark.parametrize("side", [1, -1])
+@each("side", [1, -1])
 def test_robot_keeps_clear_only_of_firm_points_aside(side: int) -> None:
     aside_mm = side * (RADIUS_MM + CLEAR_MM - 3)
     firm = measured(points((200, aside_mm), spread_mm=FIRM_MM))
@@ -196,7 +197,7 @@ def test_a_point_that_an_echo_passes_through_counts_less() -> None:
     assert echoes.weight[0] == SURE - 1
 
 
-@pytest.mark.parametrize(("sonar", "weight"), [(2, 0), (3, 1)])
+@each(("sonar", "weight"), [(2, 0), (3, 1)])
 def test_longer_echoes_weaken_a_single_one_unless_it_is_ahead(sonar: int, weight: int) -> None:
     pose, seen = Pose(0.0, 0.0, -BEARINGS[sonar]), ring({sonar: 2000})
     echoes = points((RADIUS_MM + 100, 0), weight=1)
@@ -236,7 +237,7 @@ def walker(at_rad: float, range_m: float, approach_m_s: float, across_m_s: float
     return seen
 
 
-@pytest.mark.parametrize("at_rad", [-2.5, -1.0, 0.0, 0.7, 3.0])
+@each("at_rad", [-2.5, -1.0, 0.0, 0.7, 3.0])
 def test_approaching_pedestrian_closes_headings(at_rad: float) -> None:
     sectors = measured(Echoes(), seen=walker(at_rad, 0.5, 0.1))
     assert sectors.count == 1
@@ -246,7 +247,7 @@ def test_approaching_pedestrian_closes_headings(at_rad: float) -> None:
     assert sectors.tight[0] < sectors.wide[0] < faster.wide[0] < HALF_CIRCLE
 
 
-@pytest.mark.parametrize("across_m_s", [0.15, -0.15])
+@each("across_m_s", [0.15, -0.15])
 def test_crossing_pedestrian_closes_its_future_place(across_m_s: float) -> None:
     """Crossing at 0.15 m/s, the pedestrian meets a robot of 0.3 m/s at 30 degrees."""
     sectors = measured(Echoes(), seen=walker(0.0, 1.0, 0.0, across_m_s))

@@ -7,6 +7,7 @@ from robot.core.navigators.registry import NAVIGATORS, Navigator
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Decision
 from study.trial.trial import NAVIGATORS as NAMES
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, armed
 
 
@@ -15,15 +16,15 @@ def test_every_navigator_of_the_dialect_is_registered() -> None:
     assert dict(NAMES) == {number.name.lower(): int(number) for number in Numbers}
 
 
-@pytest.mark.parametrize("number", NAVIGATORS)
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("number", NAVIGATORS)
+@each("side", [states.LEFT, states.RIGHT])
 def test_new_memory_has_the_requested_side(number: int, side: int) -> None:
     one, other = registry.new_memory(number, side), registry.new_memory(number, side)
     assert one is not other
     assert one.side == side
 
 
-@pytest.mark.parametrize("number", NAVIGATORS)
+@each("number", NAVIGATORS)
 def test_every_navigator_drives_through_open_space_to_the_goal(number: int) -> None:
     driven = armed(DEFAULTS._replace(navigator=number))
     assert driven.goto() == reasons.OK

@@ -14,6 +14,7 @@ from robot.core.navigators.vgm_following import (
     Memory,
 )
 from robot.core.values import SONARS
+from tests.support.each import each
 from tests.support.robot.core.rings import heard
 from tests.support.robot.core.vgm_memory import SIDES
 
@@ -43,7 +44,7 @@ def test_other_side_is_tried_with_smaller_margins(side: int) -> None:
     assert memory.loops.count == 0
 
 
-@pytest.mark.parametrize("weight", [1, 2])
+@each("weight", [1, 2])
 def test_robot_is_lost_after_enough_loops_by_weight(weight: int) -> None:
     memory, tries = Memory(), 0
     while not memory.lost:

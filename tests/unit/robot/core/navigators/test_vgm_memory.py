@@ -16,6 +16,7 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception.echoes import MAX_WEIGHT, REACH_M, SURE
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Goal, Pose, Scan
+from tests.support.each import each
 from tests.support.robot.core.rings import HERE, SILENT, Disc, Wall, clearance_m, ring, walk_to
 from tests.support.robot.core.vgm_memory import GOAL, SIDES, stand, step
 
@@ -229,7 +230,7 @@ def test_new_goal_resets_all_but_the_echoes() -> None:
     assert max(memory.echoes.weight) >= SURE
 
 
-@pytest.mark.parametrize(
+@each(
     "pose",
     [
         Pose(nan, 0.0, 0.0),
@@ -251,7 +252,7 @@ def test_invalid_pose_stops_it_and_is_not_stored(pose: Pose) -> None:
     assert stand(memory, seen, 1).branch == states.PASS_LEFT
 
 
-@pytest.mark.parametrize("x_m", [nan, inf, -inf])
+@each("x_m", [nan, inf, -inf])
 def test_a_goal_that_is_nowhere_is_not_driven_to(x_m: float) -> None:
     decision = step(Memory(), HERE, SILENT, Goal(x_m, 0.0, None, 0.05, 0.05))
     assert decision.speed_limit_m_s == 0.0

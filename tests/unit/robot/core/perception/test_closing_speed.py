@@ -1,6 +1,5 @@
 from math import cos, hypot, inf, isfinite, nan, pi, sin
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -11,6 +10,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.perception.pedestrians import BEHIND, PERSON_M, TRACKS, Pedestrians
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Pose, Scan
+from tests.support.each import each
 from tests.support.robot.core.rings import Wall, seen_from
 
 PERIOD_S = DEFAULTS.period_s
@@ -59,8 +59,8 @@ class Observer:
         return [k for k in range(TRACKS) if self.pedestrians.sure[k]]
 
 
-@pytest.mark.parametrize("bearing_rad", [-1.2, -0.6, 0.0, 0.4, 1.0])
-@pytest.mark.parametrize("speed_m_s", [0.0, 0.3])
+@each("bearing_rad", [-1.2, -0.6, 0.0, 0.4, 1.0])
+@each("speed_m_s", [0.0, 0.3])
 def test_stationary_person_has_no_speed(bearing_rad: float, speed_m_s: float) -> None:
     observer = Observer(speed_m_s)
     place = (1.1 * cos(bearing_rad), 1.1 * sin(bearing_rad), 0.0, 0.0)
@@ -70,8 +70,8 @@ def test_stationary_person_has_no_speed(bearing_rad: float, speed_m_s: float) ->
         observer = Observer(speed_m_s)
 
 
-@pytest.mark.parametrize("bearing_rad", [-0.9, -0.3, 0.1, 0.7])
-@pytest.mark.parametrize("speed_m_s", [0.0, 0.1])
+@each("bearing_rad", [-0.9, -0.3, 0.1, 0.7])
+@each("speed_m_s", [0.0, 0.1])
 def test_speed_of_an_approaching_person_is_estimated(bearing_rad: float, speed_m_s: float) -> None:
     c, s = cos(bearing_rad), sin(bearing_rad)
     observer = Observer(speed_m_s)
@@ -111,7 +111,7 @@ def test_track_continues_behind_the_robot_for_a_while() -> None:
     assert not observer.pedestrians.any
 
 
-@pytest.mark.parametrize("yaw_rate_rad_s", [-0.8, 0.8])
+@each("yaw_rate_rad_s", [-0.8, 0.8])
 def test_turning_on_the_spot_makes_nothing_walk(yaw_rate_rad_s: float) -> None:
     observer = Observer(0.0, yaw_rate_rad_s)
     walls: list[Wall] = [(-2.0, 0.5, 2.0, 0.5), (0.9, -2.0, 0.9, 2.0), (-2.0, -0.7, 2.0, -0.7)]
@@ -119,7 +119,7 @@ def test_turning_on_the_spot_makes_nothing_walk(yaw_rate_rad_s: float) -> None:
         assert max(observer.among(None, walls, 10).approach_m_s) == 0.0
 
 
-@pytest.mark.parametrize("y_m", [0.2, 0.5, -0.4])
+@each("y_m", [0.2, 0.5, -0.4])
 def test_a_wall_beside_the_way_walks_nowhere(y_m: float) -> None:
     observer = Observer(0.3)
     ring = observer.among(None, [(-3.0, y_m, 4.0, y_m + 0.4)], 80)

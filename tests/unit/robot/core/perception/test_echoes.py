@@ -27,6 +27,7 @@ from robot.core.perception.echoes import (
 )
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import SONARS, Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import (
     HERE,
     RADIUS_MM,
@@ -83,7 +84,7 @@ def distance_mm(echoes: Echoes, k: int) -> float:
     return hypot(echoes.x_mm[k], echoes.y_mm[k])
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_point_of_a_saturated_range_is_at_the_rim(sonar: int) -> None:
     echoes = remembered(ring({sonar: 20}), 1)
     assert distance_mm(echoes, 0) == pytest.approx(RADIUS_MM, abs=2.0)
@@ -112,7 +113,7 @@ def test_firm_point_outlasts_longer_echoes_three_times_as_long() -> None:
     assert 3 * looks_until_erased(300) <= looks_until_erased(90) < 100
 
 
-@pytest.mark.parametrize(("more_mm", "moved_mm"), [(10, 5), (-10, -5), (-20, -20), (24, 3)])
+@each(("more_mm", "moved_mm"), [(10, 5), (-10, -5), (-20, -20), (24, 3)])
 def test_nearer_echo_moves_a_firm_point_more_than_a_longer_one(more_mm: int, moved_mm: int) -> None:
     """Within the noise half of the way; a longer echo may come from beside a wall's end."""
     echoes = remembered(ring({3: 80}), 4)
@@ -122,7 +123,7 @@ def test_nearer_echo_moves_a_firm_point_more_than_a_longer_one(more_mm: int, mov
     assert distance_mm(echoes, 0) - before_mm == pytest.approx(moved_mm, abs=1.5)
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
+@each("sonar", range(SONARS))
 def test_near_ring_stores_the_nearest_echo_and_those_ahead(sonar: int) -> None:
     echoes = Echoes()
     seen = ring({**dict.fromkeys(range(SONARS), 240), sonar: 200})
@@ -156,8 +157,8 @@ def test_of_a_far_ring_the_nearest_echo_is_not_stored() -> None:
     assert echoes.count == 0
 
 
-@pytest.mark.parametrize("sonar", range(SONARS))
-@pytest.mark.parametrize("heading_rad", [0.0, 1.0, -2.5])
+@each("sonar", range(SONARS))
+@each("heading_rad", [0.0, 1.0, -2.5])
 def test_a_point_lies_where_its_sonar_looks(sonar: int, heading_rad: float) -> None:
     pose = Pose(1.5, -0.7, heading_rad)
     echoes = remembered(ring({sonar: 400}), 2, pose)
@@ -187,7 +188,7 @@ def test_a_longer_echo_through_its_place_erases_a_point() -> None:
     assert echoes.count == 0
 
 
-@pytest.mark.parametrize("sonar", [3, 4])
+@each("sonar", [3, 4])
 def test_a_point_ahead_is_not_forgotten_at_once(sonar: int) -> None:
     echoes = remembered(ring({sonar: 300}))
     look(echoes, ring({sonar: 2000}), SLICES * (MAX_WEIGHT + 1))
@@ -197,14 +198,14 @@ def test_a_point_ahead_is_not_forgotten_at_once(sonar: int) -> None:
     assert echoes.count == 0
 
 
-@pytest.mark.parametrize(("sonar", "count"), [(2, 0), (3, 1), (4, 1), (5, 0)])
+@each(("sonar", "count"), [(2, 0), (3, 1), (4, 1), (5, 0)])
 def test_longer_echoes_erase_a_single_one_unless_it_is_ahead(sonar: int, count: int) -> None:
     echoes = remembered(ring({sonar: 300}), 1)
     look(echoes, ring({sonar: 2000}), 2 * SLICES)
     assert echoes.count == count
 
 
-@pytest.mark.parametrize("seen", [SILENT, blind()], ids=["silence", "blindness"])
+@each("seen", [SILENT, blind()])
 def test_no_echo_at_all_erases_nothing(seen: Ring) -> None:
     echoes = remembered(ring({3: 300}))
     look(echoes, seen, SLICES * (MAX_WEIGHT + 1))
@@ -241,7 +242,7 @@ def test_echoes_from_afar_are_not_remembered() -> None:
     assert remembered(ring({3: int(1000 * REACH_M) + 10})).count == 0
 
 
-@pytest.mark.parametrize(
+@each(
     ("echoes_mm", "lean"),
     [
         ({3: 300}, 0),
@@ -261,13 +262,13 @@ def test_an_echo_leans_to_the_neighbour_that_sees_it_nearer(
     assert memory.leaning(seen, 3, range_m, RADIUS_MM) == lean
 
 
-@pytest.mark.parametrize(("sonar", "neighbour"), [(0, 1), (7, 6)])
+@each(("sonar", "neighbour"), [(0, 1), (7, 6)])
 def test_the_outermost_sonars_have_one_neighbour_to_lean_to(sonar: int, neighbour: int) -> None:
     seen = ring({sonar: 300, neighbour: 250})
     assert memory.leaning(seen, sonar, 0.3, RADIUS_MM) == neighbour - sonar
 
 
-@pytest.mark.parametrize("neighbour", [2, 4])
+@each("neighbour", [2, 4])
 def test_leaning_point_is_aside_with_a_smaller_spread(neighbour: int) -> None:
     upright = remembered(ring({3: 300}), 1)
     leaning = remembered(ring({3: 300, neighbour: 250}), 1)
@@ -289,7 +290,7 @@ def test_nearer_echo_reduces_the_spread() -> None:
     assert echoes.x_mm[0] == pytest.approx(700 + RADIUS_MM, abs=20)
 
 
-@pytest.mark.parametrize("far", range(POINTS))
+@each("far", range(POINTS))
 def test_when_there_is_no_room_the_farthest_of_the_next_few_goes(far: int) -> None:
     echoes = Echoes()
     echoes.count = POINTS

@@ -12,6 +12,7 @@ from robot.core.perception.odometry import Odometry
 from robot.core.perception.slip import Slip
 from robot.core.perception.sonar_ring import Ring
 from robot.core.values import Wheels
+from tests.support.each import each
 
 STEP_TICKS = 60  # 12 mm
 STEP_M = STEP_TICKS * DEFAULTS.m_per_tick
@@ -63,7 +64,7 @@ def test_wheels_that_grip_are_not_called_slipping() -> None:
     assert drive.sigma_m < 0.01
 
 
-@pytest.mark.parametrize("lost", [0.3, 0.5, 0.9])
+@each("lost", [0.3, 0.5, 0.9])
 def test_slip_is_detected_and_extends_the_covariance(
     lost: float,
 ) -> None:

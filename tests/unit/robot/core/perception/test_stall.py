@@ -8,6 +8,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception import stall as stalls
 from robot.core.perception.odometry import Odometry
 from robot.core.perception.stall import ENOUGH_M, Stall, Wheel
+from tests.support.each import each
 
 COMMAND_M_S = 0.2
 COMMAND_M = COMMAND_M_S * DEFAULTS.period_s
@@ -37,10 +38,8 @@ def test_new_wheel_has_no_command_and_misses_nothing() -> None:
 # Missing distance.
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(
-    ("share", "misses"), [(1.0, 0.0), (0.5, 0.0), (0.49, 0.51), (0.0, 1.0), (-0.5, 1.5)]
-)
+@each("sign", [1.0, -1.0])
+@each(("share", "misses"), [(1.0, 0.0), (0.5, 0.0), (0.49, 0.51), (0.0, 1.0), (-0.5, 1.5)])
 def test_wheel_below_half_of_its_command_misses_the_rest(
     sign: float, share: float, misses: float
 ) -> None:
@@ -76,8 +75,8 @@ def doubted(missing_m: float, *, left: bool, odometry: Odometry | None = None) -
     return odometry
 
 
-@pytest.mark.parametrize("left", [True, False])
-@pytest.mark.parametrize("missing_m", [0.06, -0.06, 0.3])
+@each("left", [True, False])
+@each("missing_m", [0.06, -0.06, 0.3])
 def test_covariance_includes_all_missing_distance(missing_m: float, left: bool) -> None:
     """Include the distance, half of it in every direction, and the turn about the other wheel."""
     odometry = doubted(missing_m, left=left)
@@ -91,7 +90,7 @@ def test_covariance_includes_all_missing_distance(missing_m: float, left: bool) 
     assert odometry.phh == pytest.approx(m2 * turn * turn)
 
 
-@pytest.mark.parametrize("left", [True, False])
+@each("left", [True, False])
 def test_five_centimetres_are_the_motors_slack(left: bool) -> None:
     assert doubted(0.05, left=left).phh == 0.0
     assert doubted(0.0500001, left=left).phh > 0.0
@@ -110,15 +109,15 @@ def test_missing_distance_is_not_included_twice() -> None:
 # Stuck wheels.
 
 
-@pytest.mark.parametrize(("late_ms", "stuck"), [(0, False), (1, True)])
+@each(("late_ms", "stuck"), [(0, False), (1, True)])
 def test_wheel_is_judged_after_a_long_enough_command(late_ms: int, stuck: bool) -> None:
     wheel = commanded(since_ms=1_000)
     now_ms = 1_000 + TIME_MS + late_ms
     assert stalls.is_stuck(wheel, 0.0, now_ms, DEFAULTS) == stuck
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(("share", "stuck"), [(-1.0, True), (0.249, True), (0.25, False)])
+@each("sign", [1.0, -1.0])
+@each(("share", "stuck"), [(-1.0, True), (0.249, True), (0.25, False)])
 def test_wheel_turning_its_share_is_not_stuck(sign: float, share: float, stuck: bool) -> None:
     params = DEFAULTS._replace(wheel_share=0.25, period_s=0.0625)
     wheel = commanded(sign * 0.5)
@@ -134,7 +133,7 @@ def test_both_sums_go_on_until_the_verdict() -> None:
         assert wheel.turned_m == pytest.approx(number * 0.002)
 
 
-@pytest.mark.parametrize(("turned_m", "stuck"), [(0.0, True), (COMMAND_M, False)])
+@each(("turned_m", "stuck"), [(0.0, True), (COMMAND_M, False)])
 def test_after_the_verdict_it_is_judged_anew(turned_m: float, stuck: bool) -> None:
     wheel = commanded()
     now_ms = TIME_MS + 1
@@ -151,7 +150,7 @@ def test_a_stuck_wheel_misses_its_coasting_as_well() -> None:
     assert turning.missing_m == 0.0
 
 
-@pytest.mark.parametrize(("left_stands", "right_stands"), [(True, False), (False, True)])
+@each(("left_stands", "right_stands"), [(True, False), (False, True)])
 def test_one_stuck_wheel_is_enough(left_stands: bool, right_stands: bool) -> None:
     stall, odometry = Stall(), Odometry()
     for wheel in (stall.left, stall.right):
@@ -167,7 +166,7 @@ def test_one_stuck_wheel_is_enough(left_stands: bool, right_stands: bool) -> Non
 # Commands.
 
 
-@pytest.mark.parametrize(
+@each(
     ("before_m_s", "now_m_s", "afresh", "kept_m_s"),
     [
         (0.2, 0.3, False, 0.3),
@@ -193,8 +192,8 @@ def test_stop_slow_command_or_reversal_restarts(
     assert wheel.commanded_m_s == kept_m_s
 
 
-@pytest.mark.parametrize(("commanded_m", "stuck"), [(ENOUGH_M + 0.01, True), (0.04, False)])
-@pytest.mark.parametrize("after_m_s", [0.0, -COMMAND_M_S])
+@each(("commanded_m", "stuck"), [(ENOUGH_M + 0.01, True), (0.04, False)])
+@each("after_m_s", [0.0, -COMMAND_M_S])
 def test_stop_or_reversal_does_not_hide_a_wheel_that_stands(
     after_m_s: float, commanded_m: float, stuck: bool
 ) -> None:
@@ -208,7 +207,7 @@ def test_stop_or_reversal_does_not_hide_a_wheel_that_stands(
 # Braking before a reversal.
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@each("sign", [1.0, -1.0])
 def test_wheel_that_slows_down_before_it_reverses_misses_nothing(sign: float) -> None:
     wheel = Wheel()
     wheel.moved_m = sign * 0.015
@@ -217,7 +216,7 @@ def test_wheel_that_slows_down_before_it_reverses_misses_nothing(sign: float) ->
         assert wheel.missing_m == 0.0
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@each("sign", [1.0, -1.0])
 def test_wheel_that_goes_on_the_wrong_way_misses_all_of_it(sign: float) -> None:
     wheel = Wheel()
     wheel.moved_m = sign * 0.01

@@ -12,6 +12,7 @@ from robot.core.perception.slip import Slip
 from robot.core.perception.sonar_ring import Ring
 from robot.core.perception.wall_heading import WallHeading
 from robot.core.values import Pose, Wheels
+from tests.support.each import each
 
 STEP_TICKS = 50  # 10 mm
 STEP_M = STEP_TICKS * DEFAULTS.m_per_tick
@@ -100,8 +101,8 @@ def test_first_wall_becomes_the_reference_only() -> None:
     assert drive.odometry.pose == plain.odometry.pose
 
 
-@pytest.mark.parametrize("side", [LEFT, RIGHT])
-@pytest.mark.parametrize("turned_deg", [0.0, 90.0, 180.0, -90.0])
+@each("side", [LEFT, RIGHT])
+@each("turned_deg", [0.0, 90.0, 180.0, -90.0])
 def test_parallel_or_perpendicular_wall_corrects(side: int, turned_deg: float) -> None:
     drive = Drive().along(0.0).turn(radians(turned_deg)).drift(0.06, 0.06)
     drive.along(radians(turned_deg), side=side)
@@ -116,7 +117,7 @@ def test_correction_moves_the_position_back_onto_the_way() -> None:
     assert abs(drive.odometry.pose.y_m - drive.y_m) < 0.3 * off_m
 
 
-@pytest.mark.parametrize("wall_deg", [12.0, 30.0, 45.0])
+@each("wall_deg", [12.0, 30.0, 45.0])
 def test_wall_of_another_direction_does_not_correct(wall_deg: float) -> None:
     drive = Drive().along(0.0).turn(radians(wall_deg)).drift(0.03, 0.03)
     before_rad = drive.error_rad
@@ -163,7 +164,7 @@ def test_wall_that_is_followed_for_long_counts_once() -> None:
     assert drive.walls.left.repeats == 8
 
 
-@pytest.mark.parametrize("radius_m", [0.1, 0.3, 0.8])
+@each("radius_m", [0.1, 0.3, 0.8])
 def test_disc_that_is_driven_round_is_no_wall(radius_m: float) -> None:
     drive = Drive()
     orbit_m = radius_m + NEAR_M + DEFAULTS.radius_m
@@ -232,7 +233,7 @@ def test_certain_heading_is_not_changed() -> None:
     assert drive.odometry.pose.heading_rad == 0.0
 
 
-@pytest.mark.parametrize("value", [nan, inf])
+@each("value", [nan, inf])
 def test_pose_that_is_not_finite_is_left_alone(value: float) -> None:
     drive = Drive().along(0.0)
     drive.odometry.pose = Pose(value, 0.0, 0.0)

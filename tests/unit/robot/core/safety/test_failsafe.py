@@ -11,6 +11,7 @@ from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Inputs, Pose, Scan, Twist, Wheels
 from robot.scheduling.cycle_meter import OVERRUNS_IN_A_ROW
+from tests.support.each import each
 from tests.support.robot.core.driving import OPEN_SPACE, Driven, armed, driving
 
 AGES = (25, 0) * 4
@@ -163,8 +164,8 @@ def sound_inputs(driven: Driven) -> Inputs:
 COVARIANCES = ("pxx", "pxy", "pxh", "pyy", "pyh", "phh")
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-@pytest.mark.parametrize("at", range(3))
+@each("value", [nan, inf, -inf])
+@each("at", range(3))
 def test_a_pose_that_is_not_finite_stops_the_robot(at: int, value: float) -> None:
     driven = driving()
     pose = list(driven.state.odometry.pose)
@@ -174,15 +175,15 @@ def test_a_pose_that_is_not_finite_stops_the_robot(at: int, value: float) -> Non
     assert driven.machine.vehicle_reason == reasons.NOT_FINITE
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf])
-@pytest.mark.parametrize("name", COVARIANCES)
+@each("value", [nan, inf, -inf])
+@each("name", COVARIANCES)
 def test_a_covariance_that_is_not_finite_stops_the_robot(name: str, value: float) -> None:
     driven = driving()
     setattr(driven.state.odometry, name, value)
     stopped_by(driven, reasons.NOT_FINITE)
 
 
-@pytest.mark.parametrize("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(inf, 0.0)])
+@each("twist", [Twist(nan, 0.0), Twist(0.0, nan), Twist(inf, 0.0)])
 def test_a_twist_that_is_not_finite_stops_the_robot(twist: Twist) -> None:
     driven = driving()
     driven.state.twist = twist
@@ -203,7 +204,7 @@ def test_controller_with_nan_moves_no_wheel_and_is_stopped() -> None:
     stopped_by(driven, reasons.NOT_FINITE)
 
 
-@pytest.mark.parametrize("reason", [reasons.BUDGET, reasons.CORE_EXCEPTION, reasons.NAME_TAKEN])
+@each("reason", [reasons.BUDGET, reasons.CORE_EXCEPTION, reasons.NAME_TAKEN])
 def test_reasons_reported_by_the_host_stop_the_robot(reason: int) -> None:
     driven = driving()
     driven.state.reported = reason

@@ -2,7 +2,6 @@
 
 from math import atan2, cos, hypot, inf, nan, pi, remainder, sin
 
-import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -10,6 +9,7 @@ from robot.core import modes, reasons, states
 from robot.core.safety import fence as fences
 from robot.core.safety.fence import Fence
 from robot.core.values import Goal, Pose
+from tests.support.each import each
 from tests.support.robot.core.driving import AHEAD, armed, driving
 
 Places = list[tuple[float, float]]
@@ -63,12 +63,12 @@ def turns(fence: Fence, x_m: float, y_m: float) -> int:
     return round(total_rad / (2.0 * pi))
 
 
-@pytest.mark.parametrize("fence", [SQUARE, ELL, ROUND, AROUND])
+@each("fence", [SQUARE, ELL, ROUND, AROUND])
 def test_valid_fence_is_accepted(fence: Fence) -> None:
     assert fences.refusal_of(fence) == reasons.OK
 
 
-@pytest.mark.parametrize(
+@each(
     ("x_m", "y_m", "within"),
     [
         (1.0, 1.0, True),
@@ -137,7 +137,7 @@ def polygon(places: Places) -> Fence:
     return Fence(tuple(x for x, _ in places), tuple(y for _, y in places), 0.0)
 
 
-@pytest.mark.parametrize(
+@each(
     "places",
     [
         [],
@@ -159,7 +159,7 @@ def test_polygon_that_is_not_simple_is_refused(places: Places) -> None:
     assert fences.refusal_of(polygon(places)) == reasons.FENCE_NOT_SIMPLE
 
 
-@pytest.mark.parametrize("radius_m", [nan, inf, -1.0, 0.05, 1e6])
+@each("radius_m", [nan, inf, -1.0, 0.05, 1e6])
 def test_a_circle_needs_a_radius(radius_m: float) -> None:
     assert fences.refusal_of(Fence((0.0,), (0.0,), radius_m)) == reasons.FENCE_NOT_SIMPLE
 

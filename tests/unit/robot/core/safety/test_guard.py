@@ -11,6 +11,7 @@ from robot.core.perception import sonar_ring as rings
 from robot.core.perception.sonar_ring import FRONT, Ring
 from robot.core.safety import guard
 from robot.core.values import Scan, Wheels
+from tests.support.each import each
 
 REST = Wheels(0, 0, 0, 0)
 anything = st.floats()  # NaN and infinity included
@@ -55,7 +56,7 @@ def test_guard_limits_the_approach_to_an_echo_ahead(speed: float, ranges: list[i
     assert closing_m_s <= room_m / DEFAULTS.guard_time_s + 1e-9
 
 
-@pytest.mark.parametrize(("speed", "yaw"), [(nan, 0.0), (0.0, nan), (inf, 0.0), (0.1, -inf)])
+@each(("speed", "yaw"), [(nan, 0.0), (0.0, nan), (inf, 0.0), (0.1, -inf)])
 def test_command_with_nan_or_infinity_stops(speed: float, yaw: float) -> None:
     assert limit(speed, yaw, ring()) == (0.0, reasons.NOT_FINITE)
 
@@ -71,7 +72,7 @@ def test_without_range_ahead_only_turning_is_possible() -> None:
     assert limit(0.0, 1.0, blind) == (1.0, reasons.OK)
 
 
-@pytest.mark.parametrize("dead", range(8))
+@each("dead", range(8))
 def test_one_dead_sonar_does_not_stop_the_robot(dead: int) -> None:
     assert limit(0.1, 0.0, ring(valid=0xFF & ~(1 << dead))) == (1.0, reasons.OK)
 
@@ -93,7 +94,7 @@ def test_a_command_at_the_wheel_limit_passes_up_to_rounding() -> None:
     assert limit(most_m_s * 1.005, 0.0, ring())[0] == pytest.approx(1 / 1.005)
 
 
-@pytest.mark.parametrize("i", FRONT)
+@each("i", FRONT)
 def test_echo_ahead_permits_the_maximum_approach_speed(i: int) -> None:
     factor, reason = limit(0.3, 0.0, ring({i: 60}))
     closing_m_s = factor * 0.3 * COSINES[i]
@@ -157,6 +158,6 @@ def test_a_pressed_bumper_forbids_pressing_on() -> None:
     assert limit(0.1, 0.0, ring(), Wheels(0, 0, 4, 0)) == (1.0, reasons.OK)
 
 
-@pytest.mark.parametrize("sector", [1, 2, 4])
+@each("sector", [1, 2, 4])
 def test_a_pressed_bumper_allows_a_turn_on_the_spot(sector: int) -> None:
     assert limit(0.0, 1.0, ring(), Wheels(0, 0, sector, 0)) == (1.0, reasons.OK)

@@ -9,6 +9,7 @@ from robot.core.machine import Machine
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.robot.core.driving import Driven, armed
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -80,7 +81,7 @@ def test_lost_fence_outlasts_stops(machine: Machine, change: Callable[[Machine],
     assert modes.arm(machine) == reasons.FENCE_UNREADABLE
 
 
-@pytest.mark.parametrize("fence", [AROUND, None], ids=["up", "down"])
+@each("fence", [AROUND, None])
 def test_fence_leaves_the_reason_of_a_stop_alone(fence: Fence | None) -> None:
     machine = armed().machine
     failsafe.trip(machine, reasons.BUMPER, 0)

@@ -15,6 +15,7 @@ from study.report.charts.svg import SvgDrawing, n
 from study.report.charts.world_map import WorldMap, ellipse, end_mark, simplified
 from study.statistics.intervals import CHI2_2, Share
 from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 from tests.support.study.made import boxed, floor
 from tests.support.study.report.made import drive
 
@@ -87,7 +88,7 @@ def test_ellipse_has_the_axes_of_the_covariance() -> None:
     assert ellipse((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("name", ["moving", "zigzag", "u_trap", "forest_dense", "open"])
+@each("name", ["moving", "zigzag", "u_trap", "forest_dense", "open"])
 def test_every_kind_of_world_can_be_drawn(name: str) -> None:
     world = load(name)
     plan = WorldMap(world, 300.0, f"the world {name}")

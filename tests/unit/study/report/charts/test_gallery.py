@@ -1,7 +1,5 @@
 """Failures are selected, run again and given with a command to repeat them."""
 
-import pytest
-
 from plant.model.errors import Problem, WorldError
 from plant.model.types import World
 from plant.world.file import load
@@ -12,6 +10,7 @@ from study.report.trials import distinct, trials_of
 from study.runner.rows import TrialRow, table_of
 from study.runner.run_task import trial_of
 from study.trial.trial import run_trial
+from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.made import COLLIDED, GAVE_UP, SHUT, STUCK, row, study
 
@@ -78,7 +77,7 @@ def test_reproduced_drive_has_no_warning() -> None:
     assert "recorded" not in some.figures[0].note
 
 
-@pytest.mark.parametrize(
+@each(
     "error",
     [
         UserError("world_source: unknown"),
@@ -106,7 +105,7 @@ def test_gallery_without_failures_has_a_note() -> None:
     assert section.blocks == (Paragraph("No trial failed, or none was selected."),)
 
 
-@pytest.mark.parametrize(
+@each(
     ("source", "words"),
     [
         ("shipped:box", "sidestep trial --world box --navigator"),

@@ -24,6 +24,7 @@ from study.report.contacts.kinds import (
 )
 from study.report.contacts.recorder import Tick
 from study.report.contacts.touched import Touched
+from tests.support.each import each
 from tests.support.study.report.contact_ticks import AHEAD, RADIUS_M, echo, person, stored, tick
 
 END = tick(10.0, clearance_m=0.0)
@@ -38,7 +39,7 @@ def every(*times_s: float, **changes: object) -> list[Tick]:
     return [tick(time_s, **changes) for time_s in times_s]
 
 
-@pytest.mark.parametrize(
+@each(
     ("place", "before", "kind"),
     [
         (Touched("person", (RADIUS_M, 0.0), False, WALKER), [], PERSON_AHEAD),
@@ -76,9 +77,7 @@ def test_stored_point_is_compared_in_the_robot_s_frame() -> None:
     assert known.aside_m == pytest.approx(0.015)
 
 
-@pytest.mark.parametrize(
-    ("sonar", "range_m", "echo_m"), [(3, 0.04, 0.04), (3, 0.06, None), (1, 0.0, None)]
-)
+@each(("sonar", "range_m", "echo_m"), [(3, 0.04, 0.04), (3, 0.06, None), (1, 0.0, None)])
 def test_echo_must_agree_in_bearing_and_range(
     sonar: int, range_m: float, echo_m: float | None
 ) -> None:

@@ -18,6 +18,7 @@ from study.report.contacts.recorder import before_contact
 from study.runner.rows import table_of
 from study.runner.store import write_table
 from study.trial.trial import Trial
+from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.contact_ticks import tick
 from tests.support.study.report.made import COLLIDED, row
@@ -33,7 +34,7 @@ def oncoming() -> Any:
     return replace(floor(far_m=1.0), size_m=(4.0, 2.0), obstacles=(truck,))
 
 
-@pytest.mark.parametrize(
+@each(
     "other",
     [
         {"own_contacts": 0},

@@ -6,6 +6,7 @@ import pytest
 
 from plant.model.types import Circle, Obstacle, Point, Polygon, Polyline
 from study.report.contacts.touched import touched, world_at
+from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.contact_ticks import person
 
@@ -14,7 +15,7 @@ BLOCK = Polygon(((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0)))
 DISC = Circle(x_m=1.0, y_m=1.0, radius_m=0.25)
 
 
-@pytest.mark.parametrize(
+@each(
     ("obstacle", "robot", "what", "point", "is_edge"),
     [
         (WALL, (1.5, 1.1), "wall of 2 mm", (1.5, 1.001), False),

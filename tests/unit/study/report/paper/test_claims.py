@@ -26,6 +26,7 @@ from study.report.paper.runs import (
 from study.report.paper.section import claims_table, paper_section
 from study.report.trials import trials_of
 from study.runner.rows import SCHEMA, TrialRow
+from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.made import COLLIDED, STUCK, drive, row, trials
 
@@ -106,9 +107,7 @@ def test_disagreeing_sides_of_bug_are_unclear() -> None:
     assert verdict(claims(NONE, found), "not proper") == UNCLEAR
 
 
-@pytest.mark.parametrize(
-    ("good", "of", "wanted"), [(120, 120, CONFIRMED), (50, 50, UNCLEAR), (60, 120, REFUTED)]
-)
+@each(("good", "of", "wanted"), [(120, 120, CONFIRMED), (50, 50, UNCLEAR), (60, 120, REFUTED)])
 def test_always_needs_100_trials_without_exception(good: int, of: int, wanted: str) -> None:
     rows = in_family("u_trap", good, of, navigator="vgm")
     found = claims(trials(*rows), PaperRuns())

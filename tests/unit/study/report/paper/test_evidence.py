@@ -20,6 +20,7 @@ from study.report.paper.evidence import (
 )
 from study.report.paper.target import ELSEWHERE, MET, MISSED, StudyTarget
 from study.report.paper.targets import targets
+from tests.support.each import each
 from tests.support.study.report.made import row, trials
 
 CROWD: dict[str, Any] = {
@@ -56,7 +57,7 @@ def judged(evidence: Evidence, what: str, noise: str) -> StudyTarget:
     return one
 
 
-@pytest.mark.parametrize(("touched", "verdict"), [(155, MET), (156, MISSED)])
+@each(("touched", "verdict"), [(155, MET), (156, MISSED)])
 def test_contacts_may_be_half_of_the_standing_robot_s(touched: int, verdict: str) -> None:
     evidence = Evidence(crowds=(CrowdResult(**{**CROWD, "touched": touched}),))
     one = judged(evidence, "crowds: trials with any contact", "default")
@@ -86,7 +87,7 @@ def test_published_grid_maps_have_arrivals_and_wrong_claims() -> None:
     assert judged(evidence, claims, "default").interval == "≤ 60.70"
 
 
-@pytest.mark.parametrize(("score", "verdict"), [(0.48, MET), (0.4799, MISSED)])
+@each(("score", "verdict"), [(0.48, MET), (0.4799, MISSED)])
 def test_each_scale_of_the_cylinders_has_a_score(score: float, verdict: str) -> None:
     barn = {**GRIDS, "maps": "BARN", "noise": "none", "score": score}
     evidence = Evidence(maps=tuple(MapResult(**{**barn, "scale": each}) for each in (1.0, 0.75)))
@@ -102,7 +103,7 @@ def test_score_without_an_interval_is_judged_by_its_mean() -> None:
     assert (one.interval, one.verdict) == ("-", MET)
 
 
-@pytest.mark.parametrize(
+@each(
     ("worst_ms", "state_bytes", "verdicts"),
     [(25.0, 4096, (MET, MET)), (25.1, 4097, (MISSED, MISSED))],
 )

@@ -10,6 +10,7 @@ from study.report.paper.target import ELSEWHERE, MET, MISSED, UNMEASURED, StudyT
 from study.report.paper.targets import target_table, targets
 from study.runner.rows import TrialRow
 from study.statistics.intervals import Share
+from tests.support.each import each
 from tests.support.study.report.made import COLLIDED, GAVE_UP, LOST, SHUT, STUCK, row, trials
 
 
@@ -23,7 +24,7 @@ def many(count: int, bad: int, ending: dict[str, Any], **usual: Any) -> list[Tri
     return [row(seed=seed, **{**usual, **(ending if seed < bad else {})}) for seed in range(count)]
 
 
-@pytest.mark.parametrize(("bad", "verdict"), [(3, MET), (4, MISSED)])
+@each(("bad", "verdict"), [(3, MET), (4, MISSED)])
 def test_99_7_percent_of_1000_is_997(bad: int, verdict: str) -> None:
     one = target(targets(trials(*many(1000, bad, STUCK))), "arrives by its own estimate")
     assert one.verdict == verdict
@@ -42,7 +43,7 @@ def test_arrival_with_contact_does_not_count() -> None:
     assert target(found, "trials with a contact, by its own").verdict == MET
 
 
-@pytest.mark.parametrize(("inside", "verdict"), [(92, MISSED), (93, MET), (97, MET), (98, MISSED)])
+@each(("inside", "verdict"), [(92, MISSED), (93, MET), (97, MET), (98, MISSED)])
 def test_ellipse_target_has_two_limits(inside: int, verdict: str) -> None:
     rows = many(100, 100 - inside, {"mahalanobis2": 6.0})
     assert target(targets(trials(*rows)), "of these, true position inside").verdict == verdict
@@ -54,7 +55,7 @@ def test_ellipse_target_counts_all_arrivals() -> None:
     assert one.measured.endswith("(1 of 2)")
 
 
-@pytest.mark.parametrize(("error_m", "verdict"), [(0.30, MET), (0.31, MISSED)])
+@each(("error_m", "verdict"), [(0.30, MET), (0.31, MISSED)])
 def test_position_error_may_equal_its_limit(error_m: float, verdict: str) -> None:
     found = targets(trials(*many(10, 1, {"position_error_m": error_m})))
     assert target(found, "of these, true position error").verdict == verdict
@@ -80,7 +81,7 @@ def test_one_wrong_claim_in_the_corpus_is_missed() -> None:
     assert (one.measured, one.verdict) == ("20.00 (1 of 500)", MISSED)
 
 
-@pytest.mark.parametrize(("runs", "verdict"), [(29_955, MISSED), (29_956, MET)])
+@each(("runs", "verdict"), [(29_955, MISSED), (29_956, MET)])
 def test_no_wrong_claim_needs_enough_trials_for_its_bound(runs: int, verdict: str) -> None:
     found = bounded("claims", "all", Share(0, runs), 0.1, 1.0)
     assert (found.verdict, found.interval) == (verdict, "≤ 1.00")
@@ -125,7 +126,7 @@ def test_targets_use_the_own_navigator_only() -> None:
     assert target(targets(trials(*rows)), "arrives by its own estimate").verdict == MET
 
 
-@pytest.mark.parametrize(("noise", "verdict"), [("none", MISSED), ("default", MET)])
+@each(("noise", "verdict"), [("none", MISSED), ("default", MET)])
 def test_grids_have_their_own_targets(noise: str, verdict: str) -> None:
     grid = many(100, 1, STUCK, family="moving_ai_maze", noise=noise, world="maze512")
     found = targets(trials(row(noise=noise), *grid))
@@ -171,7 +172,7 @@ def test_long_path_near_that_of_the_planner_is_met() -> None:
     assert target(targets(trials(*own, *unpaired)), what).verdict == MISSED
 
 
-@pytest.mark.parametrize(("wall_s", "verdict"), [(8.0, MET), (8.1, MISSED)])
+@each(("wall_s", "verdict"), [(8.0, MET), (8.1, MISSED)])
 def test_speed_target_is_for_two_workers_in_forests(wall_s: float, verdict: str) -> None:
     rows = [row(family="forest_dense", time_s=3600.0, wall_s=wall_s), row(wall_s=1e9)]
     assert target(targets(trials(*rows)), "simulated hours", "all").verdict == verdict

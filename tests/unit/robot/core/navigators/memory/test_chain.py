@@ -12,6 +12,7 @@ from robot.core.geometry import BEARINGS, HALF_CONE
 from robot.core.navigators.memory import chain as chains
 from robot.core.navigators.memory.chain import JUMP_MM, LEAD, REACH_M, SLACK_MM, TAIL, Chain
 from robot.core.values import SONARS, Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Wall, ring, seen_from
 from tests.support.robot.core.vgm_memory import SIDES
 
@@ -110,7 +111,7 @@ def test_a_false_echo_nearer_than_the_wall_beside_it_does_not_count() -> None:
     assert arcs(chain) == {1}
 
 
-@pytest.mark.parametrize(("sonar", "counts"), [(1, False), (2, True), (4, True), (5, False)])
+@each(("sonar", "counts"), [(1, False), (2, True), (4, True), (5, False)])
 def test_the_last_echo_may_be_of_the_sonar_beside(sonar: int, counts: bool) -> None:
     chain = Chain()
     look(chain, {sonar: 210}, times=1)

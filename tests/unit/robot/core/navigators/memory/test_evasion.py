@@ -2,7 +2,6 @@
 
 from math import cos, hypot, inf, sin
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -13,6 +12,7 @@ from robot.core.parameters import DEFAULTS
 from robot.core.perception.echoes import BRADS, HALF_CIRCLE, QUARTER
 from robot.core.perception.people import MAX_LEFT, MAX_PEOPLE, PROVEN, People
 from robot.core.values import Pose
+from tests.support.each import each
 
 HERE = Pose(0.0, 0.0, 0.0)
 places, speeds = st.floats(-1.5, 1.5), st.floats(-0.4, 0.4)
@@ -49,7 +49,7 @@ def test_heading_is_kept_without_people() -> None:
     assert chosen(People(), 700) == 700
 
 
-@pytest.mark.parametrize(
+@each(
     "person",
     [(-0.6, 0.0, 0.1, 0.0), (0.8, 0.6, 0.1, 0.1), (0.0, 1.0, 0.0, -0.05), (2.0, 0.0, -0.2, 0.0)],
 )
@@ -61,7 +61,7 @@ def test_heading_is_kept_if_the_person_stays_away(
     assert (e.active, e.most_m_s) == (False, inf)
 
 
-@pytest.mark.parametrize(
+@each(
     "person",
     [(1.1, 0.1, -0.15, 0.0), (0.9, 0.5, 0.0, -0.15), (0.4, -0.5, 0.05, 0.15)],
 )

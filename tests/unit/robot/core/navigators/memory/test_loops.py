@@ -17,6 +17,7 @@ from robot.core.navigators.memory.loops import (
     Loops,
 )
 from robot.core.perception.echoes import BRADS
+from tests.support.each import each
 
 LEFT, RIGHT = 1, -1
 
@@ -45,15 +46,15 @@ def walk_along(loops: Loops, *places: tuple[float, float]) -> bool:
     return False
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-@pytest.mark.parametrize("radius_cm", [60.0, 150.0, 300.0])
+@each("turn", [1, -1])
+@each("radius_cm", [60.0, 150.0, 300.0])
 def test_a_closed_way_is_noticed_early_in_its_second_lap(radius_cm: float, turn: int) -> None:
     laps = walk_round(Loops(), radius_cm, 2.0, turn)
     assert laps is not None
     assert 1.0 - 2.0 * SPACING_CM / radius_cm < laps < 1.5
 
 
-@pytest.mark.parametrize("radius_cm", [500.0, 1000.0, 2500.0])
+@each("radius_cm", [500.0, 1000.0, 2500.0])
 def test_long_way_is_thinned_and_still_detected(radius_cm: float) -> None:
     assert 2.0 * pi * radius_cm > CRUMBS * SPACING_CM
     loops = Loops()
@@ -63,7 +64,7 @@ def test_long_way_is_thinned_and_still_detected(radius_cm: float) -> None:
     assert loops.count <= CRUMBS
 
 
-@pytest.mark.parametrize("times", [1, 4])
+@each("times", [1, 4])
 def test_there_and_back_along_a_corridor_is_no_loop(times: int) -> None:
     """Visit the same places in the other direction."""
     loops = Loops()
@@ -219,7 +220,7 @@ def test_wherever_it_goes_nothing_grows(story: list[tuple[int, int, int]]) -> No
     assert len(loops.place) == len(loops.heading) == CRUMBS
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 0.7, 2.5])
+@each("heading_rad", [0.0, 0.7, 2.5])
 def test_way_without_a_bend_is_straight(heading_rad: float) -> None:
     loops = Loops()
     assert not way.is_straight(loops)
@@ -229,7 +230,7 @@ def test_way_without_a_bend_is_straight(heading_rad: float) -> None:
     assert way.is_straight(loops)
 
 
-@pytest.mark.parametrize("end", [(200.0, 150.0), (0.0, 0.0), (300.0, 250.0)])
+@each("end", [(200.0, 150.0), (0.0, 0.0), (300.0, 250.0)])
 def test_way_with_a_bend_is_not_straight(end: tuple[float, float]) -> None:
     loops = Loops()
     walk_along(loops, (0.0, 0.0), (200.0, 0.0), end)
