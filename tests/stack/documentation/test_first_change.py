@@ -1,0 +1,57 @@
+"""The first change of CONTRIBUTING.md: in a clone each command prints what the page shows."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.docs.console import Command, matches, steps_of
+from tests.support.docs.session import ROOT, Session
+
+PAGE = ROOT / "CONTRIBUTING.md"
+
+
+def git(folder: Path, *words: str) -> str:
+    done = subprocess.run(("git", "-C", str(folder), *words), stdout=subprocess.PIPE, check=True)
+    return done.stdout.decode().strip()
+
+
+def set_up(checkout: Path) -> tuple[str, ...]:
+    """Give a clone the set-up of this checkout; return the words that run a command in it.
+
+    Python and sidestep run the modules of the clone with the packages of this checkout, and git
+    has an author but no settings of a user. A `make` that runs this test passes on nothing.
+    """
+    programs = checkout / ".venv" / "bin"
+    programs.mkdir(parents=True)
+    for name, words in (("python", ""), ("sidestep", f"{checkout}/sidestep.py ")):
+        program = programs / name
+        program.write_text(f'#!/bin/sh\nexec {sys.executable} {words}"$@"\n')
+        program.chmod(0o755)
+    (checkout / ".venv" / "ready").write_text(f"{checkout}\n")
+    return (
+        *("env", "-u", "MAKEFLAGS", "-u", "MAKELEVEL"),
+        f"PATH={programs}:{Path(sys.executable).parent}:/usr/local/bin:/usr/bin:/bin",
+        f"PYTHONPATH={checkout}",
+        "GIT_CONFIG_NOSYSTEM=1",
+        *(f"GIT_{role}_NAME=Newcomer" for role in ("AUTHOR", "COMMITTER")),
+        *(f"GIT_{role}_EMAIL=newcomer@example.com" for role in ("AUTHOR", "COMMITTER")),
+    )
+
+
+@pytest.mark.stack
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="no checkout of git")
+def test_first_change_prints_what_the_page_shows(tmp_path: Path) -> None:
+    checkout = tmp_path.resolve() / "sidestep"
+    git(ROOT, "clone", "--quiet", "--shared", str(ROOT), str(checkout))
+    before = git(checkout, "rev-parse", "HEAD")
+    shell = Session(checkout, set_up(checkout))
+    for step in steps_of(PAGE):
+        if isinstance(step, Command) and step.runner is not None:
+            assert (ROOT / step.runner).is_file(), f"{step.line}: {step.runner}"
+        printed = shell.run(step)
+        if isinstance(step, Command) and printed is not None:
+            text = "\n".join((f"{PAGE.name}:{step.line}: {step.words}", *printed))
+            assert matches(step.output, printed, is_exact=step.is_exact), text
+    assert git(checkout, "rev-parse", "HEAD~1") == before, f"{PAGE.name} commits no change"
