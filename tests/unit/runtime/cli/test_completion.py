@@ -14,6 +14,7 @@ from runtime.cli.completion_script import SCRIPTS
 from runtime.cli.completion_script import main as print_script
 from runtime.cli.verb_lookup import command_of
 from runtime.cli.verb_table import GROUPS, VERBS
+from tests.support.each import each
 from tests.support.ground.runs import written
 
 ROOT = Path(__file__).parents[4]
@@ -33,7 +34,7 @@ def words_for(line: str) -> list[str]:
     return [found.partition("\t")[0] for found in completions(line.split(" "))]
 
 
-@pytest.mark.parametrize(
+@each(
     ("line", "found"),
     [
         ("re", ["rec", "replay", "resume"]),
@@ -113,7 +114,7 @@ def test_first_word_is_a_group_or_a_short_verb_with_its_summary() -> None:
     assert rows == dict(GROUPS) | short
 
 
-@pytest.mark.parametrize("word", VERBS)
+@each("word", VERBS)
 def test_options_of_every_verb_are_offered(word: str) -> None:
     assert "--help" in words_for(f"{command_of(word)} --")
 
@@ -141,7 +142,7 @@ def test_verbs_are_completed_without_loading_their_packages() -> None:
     assert done.stdout.splitlines()[-1] == "set()"
 
 
-@pytest.mark.parametrize("shell", SCRIPTS)
+@each("shell", SCRIPTS)
 def test_script_of_each_shell_is_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert print_script([shell]) == 0
     assert capsys.readouterr().out == SCRIPTS[shell]
