@@ -21,7 +21,7 @@ def set_up(checkout: Path) -> tuple[str, ...]:
     """Give a clone the set-up of this checkout; return the words that run a command in it.
 
     Python and sidestep run the modules of the clone with the packages of this checkout, and git
-    has an author but no settings of a user. A `make` that runs this test passes on nothing.
+    has an author but no settings of a user. It is no CI, and no recipe of a `make` around it.
     """
     programs = checkout / ".venv" / "bin"
     programs.mkdir(parents=True)
@@ -31,7 +31,7 @@ def set_up(checkout: Path) -> tuple[str, ...]:
         program.chmod(0o755)
     (checkout / ".venv" / "ready").write_text(f"{checkout}\n")
     return (
-        *("env", "-u", "MAKEFLAGS", "-u", "MAKELEVEL"),
+        *("env", "-u", "MAKEFLAGS", "-u", "MAKELEVEL", "-u", "CI"),
         f"PATH={programs}:{Path(sys.executable).parent}:/usr/local/bin:/usr/bin:/bin",
         f"PYTHONPATH={checkout}",
         "GIT_CONFIG_NOSYSTEM=1",
