@@ -5,6 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
+from typing import Final
 
 import pytest
 from hypothesis import settings
@@ -103,6 +104,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-screens", action="store_true", help="take the screens as they are")
     parser.addoption("--no-skips", action="store_true", help="a skipped test fails, as in CI")
     parser.addoption("--examples", choices=EXAMPLES, default="usual", help="of each property")
+
+
+LOADS: Final[list[float]] = []
+"""The load average at the end of each test whose verdict depends on real time."""
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Note the load that a test of real time has met."""
+    if "realtime" in report.keywords and report.when == "call":
+        LOADS.append(os.getloadavg()[0])
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which load the tests of real time have met: with much of it a failure proves little."""
+    if LOADS:
+        terminalreporter.write_line(
+            f"load average met by tests of real time: {min(LOADS):.1f} to {max(LOADS):.1f}"
+            f" on {os.cpu_count()} cores"
+        )
 
 
 class Count:

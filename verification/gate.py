@@ -55,8 +55,10 @@ PERIOD_S: Final = 10.0
 """Between two lines of progress where no terminal shows one that changes."""
 TICK_S: Final = 0.5
 LAST_LINES: Final = 40
-CLOSING: Final = re.compile(r"^\d+ \w+(?:, \d+ \w+)* in [\d.]+s.*$", re.MULTILINE)
-"""The last line of pytest."""
+CLOSING: Final = re.compile(
+    r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|load average met by).*$", re.MULTILINE
+)
+"""The last line of pytest, and the load that tests of real time have met."""
 
 
 class Step(NamedTuple):
@@ -114,7 +116,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     ]
     containers = (*PYTEST, "-m", "compose and not realtime", *extra, "tests/compose")
     clients = (*PYTEST, "-m", "interop and brief and not realtime", *extra, "tests/interop")
-    realtime = (*PYTEST, "-m", "realtime", *extra, "tests/stack", "tests/bus")
+    realtime = (*PYTEST, "-s", "-m", "realtime", *extra, *PROCESSES_FOLDERS)
     return [
         [[Step("tests", computing, 150)], prepared],
         [[Step("tests with processes", processes, 150)]],
@@ -248,7 +250,7 @@ class Gate:
             text = output.read().decode(errors="replace")
         progress.end(step)
         took = f"{monotonic() - began_s:4.0f} s"
-        closing = CLOSING.findall(text)[-1:]
+        closing = CLOSING.findall(text)[-2:]
         if code == 0:
             self._print("\n".join([f"passed {took}  {step.name}", *closing]))
             return

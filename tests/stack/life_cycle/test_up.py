@@ -47,6 +47,7 @@ def driving(folder: Path) -> Iterator[tuple[subprocess.Popen[str], list[int]]]:
             up.kill()
 
 
+@pytest.mark.brief
 def test_up_reaches_the_goal_by_a_router_with_another_navigator() -> None:
     done = sidestep(
         "up", "--headless", "--speed", "max", "--json", "--router", "--navigator", "bug"

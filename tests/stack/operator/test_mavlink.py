@@ -32,6 +32,7 @@ def is_driving(heartbeat: Any) -> bool:
     return bool(armed) and heartbeat.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
+@pytest.mark.brief
 def test_client_of_up_sees_the_drive_and_stops_it() -> None:
     port = free_port()
     with Crew() as crew:

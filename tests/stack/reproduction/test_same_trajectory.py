@@ -59,7 +59,7 @@ def test_in_every_world(case: str, tmp_path: Path) -> None:
     [
         ("bug", "right", "none"),
         ("vgm", "left", "lossy"),
-        ("vgm_memory", "left", "harsh"),
+        pytest.param("vgm_memory", "left", "harsh", marks=pytest.mark.brief),
     ],
 )
 def test_with_every_navigator_and_noise(navigator: str, side: str, noise: str) -> None:
