@@ -253,6 +253,11 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
     facts += [_output([tool, "--version"]) for tool in ("arm-none-eabi-gcc", "arm-none-eabi-ld")]
 
     def make(place: Path) -> None:
+        tarball = image.OUTPUT / "source" / toolchain.TARBALL
+        if not tarball.exists():
+            source = built("micropython", toolchain.TARBALL_SHA256[:20], _fetch)
+            tarball.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(source / toolchain.TARBALL, tarball)
         firmware_build.build(chosen)
         for path in (chosen.elf, chosen.elf.with_suffix(".map")):
             shutil.copy2(path, place)
@@ -266,6 +271,12 @@ def firmware(variant: str = image.IMAGE.name) -> Path:
             shutil.copy2(path, target.with_suffix(f".new-{os.getpid()}"))
             target.with_suffix(f".new-{os.getpid()}").replace(target)
     return chosen.elf
+
+
+def _fetch(place: Path) -> None:
+    """Fetch the source of MicroPython, which is needed once for all states of the core."""
+    toolchain.fetch(place / toolchain.TARBALL)
+    toolchain.check(place / toolchain.TARBALL)
 
 
 def _is_same(path: Path, other: Path) -> bool:
