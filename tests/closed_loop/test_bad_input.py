@@ -12,11 +12,13 @@ from protocol.outcome import Outcome
 from robot.core.values import Outputs
 from study.trial.core_loop import CoreLoop
 from study.trial.trial import NAVIGATORS, Trial, run_trial
+from tests.support.each import each
 
 TIMEOUT_S = 300.0
 GIVEN_UP = ("unreachable", "lost", "stuck")
 BLOCK = Polygon(((2.2, 1.4), (3.4, 1.4), (3.4, 2.6), (2.2, 2.6)))
-every_navigator = pytest.mark.parametrize("navigator", NAVIGATORS)
+every_navigator = each("navigator", NAVIGATORS)
+some_navigators = pytest.mark.parametrize("navigator", NAVIGATORS)
 
 
 def room(*obstacles: Obstacle, goal: tuple[float, float], walls: bool = True) -> World:
@@ -39,7 +41,8 @@ def ends(
     return run_trial(trial, watch)
 
 
-@every_navigator
+@pytest.mark.sweep(4)
+@some_navigators
 def test_a_goal_inside_an_obstacle_is_given_up(navigator: str) -> None:
     outcome = ends(room(BLOCK, goal=(2.8, 2.0)), navigator)
     assert outcome.outcome in GIVEN_UP
@@ -47,7 +50,8 @@ def test_a_goal_inside_an_obstacle_is_given_up(navigator: str) -> None:
     assert outcome.reason != "ok"
 
 
-@every_navigator
+@pytest.mark.sweep(4)
+@some_navigators
 def test_a_goal_behind_the_outer_wall_is_given_up(navigator: str) -> None:
     outcome = ends(room(goal=(5.6, 2.0)), navigator)
     assert outcome.outcome in GIVEN_UP
@@ -55,7 +59,7 @@ def test_a_goal_behind_the_outer_wall_is_given_up(navigator: str) -> None:
 
 
 @every_navigator
-@pytest.mark.parametrize("heading_rad", [None, 0.0, pi / 2])
+@each("heading_rad", [None, 0.0, pi / 2])
 def test_a_goal_at_the_robot_is_reached_without_a_way(
     navigator: str, heading_rad: float | None
 ) -> None:
@@ -67,14 +71,15 @@ def test_a_goal_at_the_robot_is_reached_without_a_way(
 
 
 @every_navigator
-@pytest.mark.parametrize("walls", [True, False])
+@each("walls", [True, False])
 def test_a_world_without_any_obstacle_is_crossed_straight(navigator: str, walls: bool) -> None:
     outcome = ends(room(goal=(4.0, 2.6), walls=walls), navigator)
     assert (outcome.outcome, outcome.contacts) == ("reached", 0)
     assert outcome.path_m < 1.02 * (3.0**2 + 0.6**2) ** 0.5
 
 
-@every_navigator
+@pytest.mark.sweep(5)
+@some_navigators
 @pytest.mark.parametrize("heading_deg", [0, 60, 120, 180])
 def test_a_robot_that_starts_in_contact_does_not_push(navigator: str, heading_deg: int) -> None:
     """Check that it drives away or stops with its back to the wall, and turns or stops facing it.
@@ -101,7 +106,7 @@ def test_sonars_that_freeze_beside_an_obstacle_stop_the_robot(navigator: str) ->
 
 
 @every_navigator
-@pytest.mark.parametrize("range_m", [0.0, 60.0])
+@each("range_m", [0.0, 60.0])
 def test_impossible_range_stops_the_robot(navigator: str, range_m: float) -> None:
     fault: Settings = {"kind": "sonar_fixed", "target": "4", "start_s": 6.0, "value": range_m}
     outcome = ends(replace(room(BLOCK, goal=(4.4, 2.0)), faults=(fault,)), navigator)
@@ -110,7 +115,7 @@ def test_impossible_range_stops_the_robot(navigator: str, range_m: float) -> Non
 
 
 @every_navigator
-@pytest.mark.parametrize("value", [nan, inf])
+@each("value", [nan, inf])
 def test_pose_with_nan_while_following_stops_the_robot(navigator: str, value: float) -> None:
     def spoil(plant: Plant, onboard: CoreLoop, _outputs: Outputs) -> None:
         if plant.now_ns == 6_000_000_000:

@@ -24,6 +24,7 @@ def run(world: str, navigator: str, noise: str, side: str = "left", seed: int = 
     )
 
 
+@pytest.mark.sweep(7)
 @pytest.mark.parametrize("navigator", BUGS)
 @pytest.mark.parametrize("noise", ["none", "default"])
 @pytest.mark.parametrize("world", ["u_trap", "zigzag", "corridor", "door", "forest_medium"])
@@ -35,12 +36,14 @@ def test_traps_and_narrow_places_are_passed_without_contact(
     assert outcome.min_clearance_m > 0.02
 
 
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize("navigator", BUGS)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_obstacles_are_passed_on_either_side(side: str, navigator: str) -> None:
     assert run("u_trap", navigator, "lossy", side).outcome == "reached"
 
 
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize("navigator", BUGS)
 @pytest.mark.parametrize("index", [1, 2])
 def test_a_goal_without_a_way_to_it_is_unreachable(index: int, navigator: str) -> None:
@@ -49,8 +52,3 @@ def test_a_goal_without_a_way_to_it_is_unreachable(index: int, navigator: str) -
     assert outcome.outcome == "unreachable"
     assert outcome.reason == reason_text(Reason.UNREACHABLE)
     assert outcome.contacts == 0
-
-
-@pytest.mark.parametrize("navigator", BUGS)
-def test_crossing_pedestrians_are_not_hit(navigator: str) -> None:
-    assert run("moving", navigator, "default").own_contacts == 0

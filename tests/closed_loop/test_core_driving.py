@@ -12,6 +12,7 @@ from robot.core.navigators.registry import NAVIGATORS
 from robot.core.parameters import DEFAULTS
 from robot.core.values import Goal, Outputs
 from tests.support.closed_loop.toy import Toy, box, drive_to
+from tests.support.each import each
 
 LIMIT_MRAD_S = DEFAULTS.wheel_max_m_s / DEFAULTS.wheel_radius_m * 1000
 STEP_MRAD_S = DEFAULTS.accel_m_s2 * DEFAULTS.period_s / DEFAULTS.wheel_radius_m * 1000
@@ -22,7 +23,7 @@ def within_limits(state: brain.State, outputs: Outputs) -> None:
     assert max(abs(outputs.left_mrad_s), abs(outputs.right_mrad_s)) <= LIMIT_MRAD_S
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=settings().max_examples // 4, deadline=None)
 @given(st.floats(0.3, 5.0), st.floats(-pi, pi), st.floats(-pi, pi))
 def test_in_the_open_it_arrives_at_any_pose(
     distance_m: float, at_rad: float, heading_rad: float
@@ -36,15 +37,14 @@ def test_in_the_open_it_arrives_at_any_pose(
     assert abs(wrap(toy.heading_rad - heading_rad)) < 2.1 * pi / 180
 
 
-@pytest.mark.parametrize(("navigator", "side"), BOTH)
-@pytest.mark.parametrize(
+@each(("navigator", "side"), BOTH)
+@each(
     "toy",
     [
         Toy(discs=((2.4, -0.1, 0.4),)),
         Toy(walls=box(2.0, -0.5, 0.8, 0.8)),
         Toy(walls=box(2.0, -0.4, 0.8, 0.8)),
     ],
-    ids=["disc", "box", "box straight ahead"],
 )
 def test_it_gets_round_an_obstacle(toy: Toy, navigator: int, side: int) -> None:
     fresh = Toy(discs=toy.discs, walls=toy.walls)
@@ -55,6 +55,7 @@ def test_it_gets_round_an_obstacle(toy: Toy, navigator: int, side: int) -> None:
     assert hypot(fresh.x_m - 4.8, fresh.y_m) < 0.06
 
 
+@pytest.mark.sweep(5)
 @pytest.mark.parametrize("first", NAVIGATORS)
 @pytest.mark.parametrize("second", NAVIGATORS)
 def test_another_navigator_takes_over_on_the_way_and_gets_there(first: int, second: int) -> None:
@@ -74,7 +75,7 @@ def test_another_navigator_takes_over_on_the_way_and_gets_there(first: int, seco
     assert state.machine.serial == 1
 
 
-@pytest.mark.parametrize("side", [states.LEFT, states.RIGHT])
+@each("side", [states.LEFT, states.RIGHT])
 def test_bug_passes_on_the_side_the_user_chose(side: int) -> None:
     toy, ys_m = Toy(discs=((2.4, 0.0, 0.4),)), []
     drive_to(
@@ -87,7 +88,7 @@ def test_bug_passes_on_the_side_the_user_chose(side: int) -> None:
     assert max(ys_m, key=abs) * side > 0.4
 
 
-@pytest.mark.parametrize("noticed_m", [0.06, 0.2, 0.5])
+@each("noticed_m", [0.06, 0.2, 0.5])
 def test_a_wall_in_front_of_its_nose_does_not_freeze_it(noticed_m: float) -> None:
     toy = Toy(walls=(((0.12 + noticed_m, -0.4), (0.12 + noticed_m, 0.4)),))
     state = drive_to(toy, Goal(2.0, 0.0, None, 0.05, 0.05))

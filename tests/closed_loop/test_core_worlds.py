@@ -4,14 +4,13 @@ import pytest
 
 from plant.world.file import load, shipped
 from study.trial.trial import Trial, run_trial
+from tests.support.each import each
 
 EVERY_NOISE = ("none", "default", "lossy", "harsh")
 
 
-@pytest.mark.parametrize("noise", EVERY_NOISE)
-@pytest.mark.parametrize(
-    ("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")]
-)
+@each("noise", EVERY_NOISE)
+@each(("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")])
 def test_the_box_is_passed_by_both_navigators(navigator: str, side: str, noise: str) -> None:
     outcome = run_trial(
         Trial(world=load("box"), navigator=navigator, side=side, noise=noise, seed=3)
@@ -20,6 +19,7 @@ def test_the_box_is_passed_by_both_navigators(navigator: str, side: str, noise: 
     assert outcome.contacts == 0
 
 
+@pytest.mark.sweep(7)
 @pytest.mark.parametrize("navigator", ["bug", "vgm"])
 @pytest.mark.parametrize("world", sorted(set(shipped()) - {"moving"}))
 @pytest.mark.parametrize("noise", ["none", "default"])

@@ -5,6 +5,7 @@ import pytest
 from protocol.bus.faults.link_faults import LinkFaults
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.harness import Stack
 
 STOPPING_S = 0.40
@@ -17,16 +18,17 @@ def under_way(stack: Stack) -> None:
     stack.until(stack.driving)
 
 
+@pytest.mark.sweep(2)
 @pytest.mark.parametrize(
     "trouble",
     [
-        LinkFaults(loss=0.01),
         LinkFaults(loss=0.05),
-        LinkFaults(duplicate=0.3),
+        LinkFaults(loss=0.01),
         LinkFaults(reorder=0.3),
+        LinkFaults(duplicate=0.3),
         LinkFaults(delay_ms=50),
     ],
-    ids=["1 % lost", "5 % lost", "30 % doubled", "30 % swapped", "50 ms late"],
+    ids=["5 % lost", "1 % lost", "30 % swapped", "30 % doubled", "50 ms late"],
 )
 def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults) -> None:
     with Stack("box", noise="default") as stack:
@@ -38,7 +40,7 @@ def test_a_slightly_bad_link_does_not_keep_it_from_its_goal(trouble: LinkFaults)
         assert stack.truth.contact == 0
 
 
-@pytest.mark.parametrize("delay_ms", [300, 500])
+@each("delay_ms", [300, 500])
 def test_very_late_sensor_frames_count_as_lost(delay_ms: int) -> None:
     with Stack("corridor", noise="default") as stack:
         under_way(stack)
