@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from protocol.wire.codec import CHECKSUM_SIZE, LARGEST_FRAME, Encoder, decode, is_frame
@@ -11,6 +11,7 @@ from protocol.wire.layout import LAYOUT
 from protocol.wire.message import Message
 from protocol.wire.messages import MESSAGES, GroundTruth, Statustext, WheelCommand
 from runtime.errors import LocalError, RemoteError
+from tests.support.each import each
 from tests.support.protocol.made_up import any_message, messages_of, wire_values
 from tests.support.protocol.oracle import frame_by_pymavlink, read_by_pymavlink, value_read
 
@@ -18,6 +19,8 @@ COMMAND = WheelCommand(
     time_ns=50_000_000, seq=1, sense_seq=1, left_mrad_s=-900, right_mrad_s=900, ttl_ms=150
 )
 octets = st.integers(0, 255)
+FEW = settings().max_examples // 3
+"""Of each of some fifty messages."""
 
 
 def refused(frame: bytes) -> bool:
@@ -28,8 +31,9 @@ def refused(frame: bytes) -> bool:
     return False
 
 
-@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: str(cls.__name__))
+@each("cls", MESSAGES)
 def test_every_message_is_byte_identical_with_pymavlinks(cls: type[Message]) -> None:
+    @settings(max_examples=FEW)
     @given(messages_of(cls), octets, octets)
     def story(message: Message, system: int, component: int) -> None:
         ours = Encoder(system, component).encode(message)
@@ -38,8 +42,9 @@ def test_every_message_is_byte_identical_with_pymavlinks(cls: type[Message]) -> 
     story()
 
 
-@pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: str(cls.__name__))
+@each("cls", MESSAGES)
 def test_every_message_is_read_as_pymavlink_reads_it(cls: type[Message]) -> None:
+    @settings(max_examples=FEW)
     @given(messages_of(cls))
     def story(message: Message) -> None:
         frame = Encoder(1, 1).encode(message)
@@ -99,8 +104,8 @@ def test_two_frames_in_one_sample_are_refused() -> None:
     assert refused(Encoder(1, 1).encode(COMMAND) * 2)
 
 
-@pytest.mark.parametrize("text", ["", "a", "x" * 50])
-@pytest.mark.parametrize("chunk_seq", [0, 255])
+@each("text", ["", "a", "x" * 50])
+@each("chunk_seq", [0, 255])
 def test_zeros_at_the_end_are_left_out_and_read_back(text: str, chunk_seq: int) -> None:
     sent = Statustext(severity=6, text=text, id=65_535, chunk_seq=chunk_seq)
     frame = Encoder(1, 1).encode(sent)
@@ -160,7 +165,7 @@ def resealed(frame: bytes, payload: bytes) -> bytes:
     return b"\xfd" + body + mcrf4xx(body + bytes([crc_extra])).to_bytes(2, "little")
 
 
-@pytest.mark.parametrize(
+@each(
     ("field", "value", "words"),
     [
         ("ttl_ms", 70_000, r"WheelCommand\.ttl_ms = 70000: .* from 0 to 65535"),

@@ -29,6 +29,8 @@ from study.runner.progress import StudyProgress
 from study.runner.rows import TrialRow
 from tests.support.study.made import Watch, floor, ids, rows, spoil, tasks
 
+MAX_EXAMPLES = max(5, tuned().max_examples // 20)
+
 
 def gather(directory: Path, coming: Iterator[TrialRow | None], watch: Watch) -> None:
     collect(coming, Collector(directory, watch), StudyProgress(9, 0, StringIO(), watch))
@@ -91,11 +93,11 @@ def test_interrupted_write_keeps_each_row_once(
 def test_write_interval_grows_up_to_its_limit(tmp_path: Path) -> None:
     watch = Watch()
     collector = Collector(tmp_path, watch)
-    for row in rows(1000):
+    for row in rows(250):
         watch.now_s += 3.6
         collector.add(row)
         collector.flush_if_due()
-    assert 3600.0 / MAX_FLUSH_S * 0.8 <= shards(tmp_path) <= 700
+    assert 900.0 / MAX_FLUSH_S * 0.8 <= shards(tmp_path) <= 175
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, UserError, RuntimeError])
@@ -177,7 +179,11 @@ def test_unfinished_files_are_removed(tmp_path: Path) -> None:
     assert len(ids(store.read(tmp_path))) == 1
 
 
-@tuned(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=12, deadline=None)
+@tuned(
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=MAX_EXAMPLES,
+    deadline=None,
+)
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(1, 4), st.booleans()), max_size=6))
 def test_any_interruptions_end_with_each_trial_once(
     tmp_path: Path, calls: list[tuple[int, int, bool]]
