@@ -12,6 +12,7 @@ from ground.app.screens.log import LogScreen
 from ground.app.widgets.command_line import CommandLine, printable
 from ground.app.widgets.lines import Lines
 from ground.app.widgets.printable import Printable
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import driving
@@ -34,7 +35,7 @@ async def resize(stage: Stage, width: int, height: int) -> None:
     await stage.redraw()
 
 
-@pytest.mark.parametrize("size", TINY, ids=lambda size: f"{size[0]}x{size[1]}")
+@each("size", TINY)
 def test_app_runs_in_a_terminal_of_any_size(size: tuple[int, int]) -> None:
     async def story() -> None:
         async with staged(size) as stage:
@@ -44,13 +45,13 @@ def test_app_runs_in_a_terminal_of_any_size(size: tuple[int, int]) -> None:
     play(story)
 
 
-@pytest.mark.parametrize("name", [name for name in SCREENS if name != "drive"])
-def test_every_screen_runs_in_one_cell(name: str) -> None:
+def test_every_screen_runs_in_one_cell() -> None:
     async def story() -> None:
         async with staged((1, 1)) as stage:
-            await stage.press(str(SCREENS[name]))
-            await resize(stage, 200, 60)
-            await resize(stage, 1, 1)
+            for key in SCREENS.values():
+                await stage.press(str(key))
+                await resize(stage, 200, 60)
+                await resize(stage, 1, 1)
 
     play(story)
 
@@ -85,20 +86,21 @@ def test_many_resizes_end_with_the_right_picture() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("text", GARBAGE, ids=range(len(GARBAGE)))
-def test_pasted_garbage_is_plain_text(text: str) -> None:
+def test_pasted_garbage_is_plain_text() -> None:
     async def story() -> None:
         async with staged() as stage:
-            await stage.press("colon")
-            stage.app.post_message(events.Paste(text))
-            await stage.redraw()
-            value = stage.app.screen.query_one(CommandLine).value
-            assert value.isprintable() or value == ""
-            assert len(value) <= 400
-            assert stage.commands.given == []
-            assert stage.station.stops == 0
-            await stage.press("enter")
-            assert all(line.isprintable() for line in stage.commands.given)
+            for text in GARBAGE:
+                await stage.press("colon")
+                stage.app.post_message(events.Paste(text))
+                await stage.redraw()
+                value = stage.app.screen.query_one(CommandLine).value
+                assert value.isprintable() or value == ""
+                assert len(value) <= 400
+                assert stage.commands.given == []
+                assert stage.station.stops == 0
+                await stage.press("enter", "escape")
+                assert all(line.isprintable() for line in stage.commands.given)
+                stage.commands.given.clear()
 
     play(story)
 
@@ -124,7 +126,7 @@ def test_no_color_removes_all_colours(theme: str, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setenv("NO_COLOR", "1")
 
     async def story() -> None:
-        async with staged((160, 50), theme=theme) as stage:
+        async with staged((100, 30), theme=theme) as stage:
             assert [type(one) for one in stage.app.get_line_filters()] == [NoColor, Printable]
             await stage.press("?", "escape", "v", "escape", "ctrl+p", "escape")
             await stage.press("2", "3", "4", "5")

@@ -7,6 +7,7 @@ from ground.app.input.driver import InputParser
 from ground.app.screens import SCREENS
 from ground.app.screens.drive import DriveScreen
 from protocol.wire.enums import Vehicle
+from tests.support.each import each
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import stopped
 from tests.support.tui.underway import driving
@@ -25,19 +26,20 @@ def drive_of(stage: Stage) -> DriveScreen:
     return stage.app.screen
 
 
-@pytest.mark.parametrize("name", SCREENS)
-def test_stop_keys_work_on_every_screen(name: str) -> None:
+def test_stop_keys_work_on_every_screen() -> None:
     async def story() -> None:
         async with staged() as stage:
-            await stage.press(SCREEN_KEYS[name])
-            assert type(stage.app.screen).__name__ == f"{name.capitalize()}Screen"
-            await stage.press("f12")
-            await later(stage).press("space")
-            later(stage).app.post_message(events.Key("ctrl+@", "\x00"))
-            await stage.redraw()
-            assert stage.station.stops == 3
-            await stage.press("S")
-            assert (stage.station.stops, stage.station.stops_of_all) == (3, 1)
+            for number, (name, key) in enumerate(SCREEN_KEYS.items()):
+                await later(stage).press(key)
+                assert type(stage.app.screen).__name__ == f"{name.capitalize()}Screen"
+                await stage.press("f12")
+                await later(stage).press("space")
+                later(stage).app.post_message(events.Key("ctrl+@", "\x00"))
+                await stage.redraw()
+                assert stage.station.stops == 3 * number + 3, name
+                await stage.press("S")
+                assert stage.station.stops == 3 * number + 3, name
+                assert stage.station.stops_of_all == number + 1, name
 
     play(story)
 
@@ -61,7 +63,7 @@ def test_stop_keys_work_in_dialogs_and_command_lines(name: str, opening: str) ->
     play(story)
 
 
-@pytest.mark.parametrize("opening", ["?", "m"])
+@each("opening", ["?", "m"])
 def test_space_stops_the_robot_in_dialogs(opening: str) -> None:
     async def story() -> None:
         async with staged() as stage:
@@ -75,8 +77,8 @@ def test_space_stops_the_robot_in_dialogs(opening: str) -> None:
     play(story)
 
 
-@pytest.mark.parametrize("second", ["space", "f12"])
-@pytest.mark.parametrize("first", ["space", "f12"])
+@each("second", ["space", "f12"])
+@each("first", ["space", "f12"])
 def test_second_press_within_a_second_stops_all_robots(first: str, second: str) -> None:
     async def story() -> None:
         async with staged() as stage:
@@ -169,7 +171,7 @@ def test_space_stops_the_robot_during_teleop() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("opening", ["colon", "m", "e"])
+@each("opening", ["colon", "m", "e"])
 def test_escape_and_a_quick_space_stop_the_robot(opening: str) -> None:
     """A terminal sends both in one piece, as the bytes of alt and space."""
 

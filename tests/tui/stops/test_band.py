@@ -1,6 +1,5 @@
 """The band names the cause of a stop and the next keys, on every screen and in every size."""
 
-import pytest
 from msgspec.structs import replace
 
 from ground.app.input.keymap import keymap_of
@@ -9,6 +8,7 @@ from ground.app.widgets.lines import Lines
 from ground.client.telemetry import Age
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import entry, show, stopped, stopped_status
@@ -24,28 +24,27 @@ def roles(stage: Stage) -> set[str]:
     return {span.role for row in rows for span in row}
 
 
-@pytest.mark.parametrize("screen", SCREENS)
-@pytest.mark.parametrize(("vehicle", "words", "role", "css"), KINDS)
-def test_stop_colours_every_screen(
-    screen: str, vehicle: Vehicle, words: str, role: str, css: str
-) -> None:
+@each(("vehicle", "words", "role", "css"), KINDS)
+def test_stop_colours_every_screen(vehicle: Vehicle, words: str, role: str, css: str) -> None:
     async def story() -> None:
         async with staged(station=stopped(vehicle)) as stage:
-            await stage.press(str(SCREENS[screen]))
-            rows = stage.words("alarm").splitlines()
-            assert rows[0].strip().startswith(words)
-            assert all(len(row) == 80 for row in rows)
-            assert roles(stage) == {role}
-            assert stage.app.screen.has_class(css)
-            assert ("1 Drive, then " in rows[1]) is (screen != "drive")
-            show(stage.station, stopped_status(Vehicle.ACTIVE, stage.station.now_ns))
-            await stage.redraw()
-            assert not stage.app.screen.has_class(css)
+            for screen, key in SCREENS.items():
+                await stage.press(str(key))
+                rows = stage.words("alarm").splitlines()
+                assert rows[0].strip().startswith(words), screen
+                assert all(len(row) == 80 for row in rows), screen
+                assert roles(stage) == {role}, screen
+                assert stage.app.screen.has_class(css), screen
+                assert ("1 Drive, then " in rows[1]) is (screen != "drive")
+                show(stage.station, stopped_status(Vehicle.ACTIVE, stage.station.now_ns))
+                await stage.redraw()
+                assert not stage.app.screen.has_class(css), screen
+                stopped(vehicle, stage.station)
 
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     ("size", "rows"),
     [
         ((120, 40), ["EMERGENCY STOP r1  by you 12 s ago, acknowledged in 36 ms, wheels stand"
@@ -57,7 +56,7 @@ def test_stop_colours_every_screen(
         ((20, 5), ["EMERGENCY STOP r1", "D D  a  r"]),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("look", ["dark", "mono", "ansi", "ascii"])
+@each("look", ["dark", "mono", "ansi", "ascii"])
 def test_band_fits_every_size_and_look(size: tuple[int, int], rows: list[str], look: str) -> None:
     async def story() -> None:
         theme = "dark" if look == "ascii" else look
@@ -68,7 +67,7 @@ def test_band_fits_every_size_and_look(size: tuple[int, int], rows: list[str], l
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     ("size", "rows"),
     [
         ((80, 24), ["FAILSAFE r1  3 s ago: control loop too slow (computer busy), wheels stand",

@@ -8,6 +8,7 @@ from ground.app.chrome.button_row import ButtonRow
 from ground.app.screens import SCREENS
 from protocol.wire.enums import GoalState, Mode, Vehicle
 from protocol.wire.messages import NavigatorStatus
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import entry, stopped
@@ -28,7 +29,7 @@ def under_way(**changes: int) -> FakeStation:
     return station
 
 
-@pytest.mark.parametrize("screen", ["drive", "params"])
+@each("screen", ["drive", "params"])
 def test_app_is_left_at_the_second_press_while_a_robot_drives(screen: str) -> None:
     async def story() -> None:
         async with staged(station=under_way()) as stage:
@@ -57,7 +58,7 @@ def test_robot_that_is_not_selected_keeps_the_app_open_too() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     "changes",
     [
         {"goal": GoalState.REACHED},
@@ -75,7 +76,7 @@ def test_app_is_left_at_once_when_all_robots_stand(changes: dict[str, int]) -> N
     play(story)
 
 
-@pytest.mark.parametrize("key", ["q", "ctrl+c"])
+@each("key", ["q", "ctrl+c"])
 def test_keys_that_usually_quit_name_the_one_that_does(key: str) -> None:
     async def story() -> None:
         async with staged() as stage:
@@ -97,7 +98,8 @@ def test_letter_q_is_text_in_a_command() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("screen", ["drive", "params", "worlds", "faults"])
+@pytest.mark.sweep(2)
+@pytest.mark.parametrize("screen", ["drive", "worlds", "params", "faults"])
 def test_clicks_command_nothing_in_an_emergency_stop(screen: str) -> None:
     async def story() -> None:
         async with staged((120, 24), station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
@@ -125,13 +127,13 @@ def test_click_on_the_key_bar_holds_a_robot_that_drives() -> None:
     play(story)
 
 
-@pytest.mark.parametrize("screen", SCREENS)
-def test_pasted_text_clears_no_emergency_stop(screen: str) -> None:
+def test_pasted_text_clears_no_emergency_stop() -> None:
     async def story() -> None:
         async with staged(station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
-            await stage.press(str(SCREENS[screen]))
-            stage.app.post_message(events.Paste("DDarg 1 2\nclear-estop\narm\n"))
-            await stage.redraw()
-            assert stage.commands.given == []
+            for screen, key in SCREENS.items():
+                await stage.press(str(key))
+                stage.app.post_message(events.Paste("DDarg 1 2\nclear-estop\narm\n"))
+                await stage.redraw()
+                assert stage.commands.given == [], screen
 
     play(story)
