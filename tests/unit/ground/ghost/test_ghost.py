@@ -19,6 +19,7 @@ from plant.world.file import load
 from plant.world.to_json import as_json
 from runtime.clock import ManualClock
 from study.trial.trial import NAVIGATORS, Trial
+from tests.support.each import each
 from tests.support.ground.ghost.runs import driven, ghost_in, goal_in
 from tests.support.until import until
 
@@ -56,6 +57,7 @@ def stubborn(**more: Any) -> Ghost:
     return Ghost("box", START, 0.0, goal_in("box"), "bug", command_of=instead(FOREVER), **more)
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("navigator", NAVIGATORS)
 def test_ghost_without_noise_repeats_the_run(navigator: str) -> None:
     outcome, places = driven(Trial(world=load("box"), navigator=navigator, noise="none"))
@@ -66,7 +68,7 @@ def test_ghost_without_noise_repeats_the_run(navigator: str) -> None:
     assert (course.path_m[0], course.path_m[-1]) == (places[0], places[-1])
 
 
-@pytest.mark.parametrize("at_s", [0.0, 7.3])
+@each("at_s", [0.0, 7.3])
 def test_among_things_that_move_too_from_any_time_on(at_s: float) -> None:
     trial = Trial(world=load("moving"), noise="none", at_s=at_s, moved=True)
     outcome, places = driven(trial)
@@ -100,6 +102,7 @@ def test_world_received_from_the_plant_needs_no_file() -> None:
         assert ended(ghost).length_m == outcome.path_m
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize(
     ("ghost", "said"),
     [

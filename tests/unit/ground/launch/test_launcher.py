@@ -2,16 +2,20 @@
 
 import json
 from collections.abc import Sequence
+from copy import deepcopy
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ground.cli.main import parse
 from ground.launch.child_processes import Children
 from ground.launch.launcher import PAUSED, Stack
-from ground.launch.scenario import Scenario
+from ground.launch.scenario import Scenario, world_facts
 from runtime.clock import ManualClock
 from runtime.errors import UserError
+from tests.support.each import each
 
 ENDPOINT = "tcp/127.0.0.1:7999"
 
@@ -39,6 +43,23 @@ class RecordedChildren(Children):
         return role in self.roles
 
 
+@cache
+def facts_of(*command: str, written: tuple[str, ...]) -> dict[str, Any]:
+    return world_facts(list(command))
+
+
+@pytest.fixture(autouse=True)
+def each_world_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read each world in one process only: the same command and files have the same facts."""
+
+    def facts(command: list[str]) -> dict[str, Any]:
+        files = [Path(word) for word in command if word.endswith((".json", ".toml"))]
+        written = tuple(file.read_text("utf-8") for file in files)
+        return deepcopy(facts_of(*command, written=written))
+
+    monkeypatch.setattr("ground.launch.launcher.world_facts", facts)
+
+
 def stack_of(*words: str) -> tuple[Stack, RecordedChildren]:
     options = parse(["up", *words])
     clock = ManualClock()
@@ -63,7 +84,7 @@ def test_all_processes_share_one_endpoint() -> None:
     assert stack.common.endpoint == ENDPOINT
 
 
-@pytest.mark.parametrize("speed", ["1", "4"])
+@each("speed", ["1", "4"])
 def test_lockstep_waits_only_when_paused(speed: str) -> None:
     stack, children = stack_of("--world", "box", "--speed", speed)
     stack.start(paused=True)

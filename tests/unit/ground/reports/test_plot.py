@@ -51,12 +51,22 @@ def test_a_png_has_the_drawing_in_it(
     assert len({tuple(pixel) for row in image[::7, ::7] for pixel in row}) > 20, "not blank"
 
 
+def drawn_twice(tmp_path: Path, frames: list[PublishedFrame], suffix: str, style: str) -> bytes:
+    """Return a figure; two of the same run must be equal."""
+    log = str(mcap(tmp_path / "a.mcap", frames))
+    drawn = []
+    for number in range(2):
+        out = tmp_path / f"{number}{suffix}"
+        assert main(["plot", log, "--style", style, "--out", str(out)]) == 0
+        drawn.append(out.read_bytes())
+    assert drawn[0] == drawn[1]
+    return drawn[0]
+
+
 def test_an_svg_is_well_formed_and_names_what_it_shows(
     tmp_path: Path, frames: list[PublishedFrame]
 ) -> None:
-    out = tmp_path / "a.svg"
-    assert main(["plot", str(mcap(tmp_path / "a.mcap", frames)), "--out", str(out)]) == 0
-    text = out.read_text()
+    text = drawn_twice(tmp_path, frames, ".svg", "screen").decode()
     ElementTree.fromstring(text)
     for words in (
         "r1 in made: REACHED at",
@@ -72,32 +82,18 @@ def test_an_svg_is_well_formed_and_names_what_it_shows(
         assert f"<!-- {words}" in text, words
 
 
-@pytest.mark.parametrize("suffix", [".pdf", ".svg"])
 def test_the_figure_of_a_paper_is_one_column_wide_without_a_title(
-    tmp_path: Path, frames: list[PublishedFrame], suffix: str
+    tmp_path: Path, frames: list[PublishedFrame]
 ) -> None:
-    out = tmp_path / f"a{suffix}"
-    log = str(mcap(tmp_path / "a.mcap", frames))
-    assert main(["plot", log, "--style", "paper", "--out", str(out)]) == 0
-    text = out.read_bytes().decode("latin-1")
-    if suffix == ".pdf":
-        assert text.startswith("%PDF")
-        assert "/MediaBox [ 0 0 252 " in text, "3.5 inches"
-    else:
-        assert 'width="252pt"' in text
-        assert "r1 in made" not in text
-        assert "x (m)" in text
-
-
-def test_equal_runs_give_equal_figures(tmp_path: Path, frames: list[PublishedFrame]) -> None:
-    log = str(mcap(tmp_path / "a.mcap", frames))
-    for suffix in (".svg", ".pdf"):
-        drawn = []
-        for number in range(2):
-            out = tmp_path / f"{number}{suffix}"
-            assert main(["plot", log, "--out", str(out)]) == 0
-            drawn.append(out.read_bytes())
-        assert drawn[0] == drawn[1]
+    pdf = drawn_twice(tmp_path, frames, ".pdf", "paper").decode("latin-1")
+    assert pdf.startswith("%PDF")
+    assert "/MediaBox [ 0 0 252 " in pdf, "3.5 inches"
+    out = tmp_path / "a.svg"
+    assert main(["plot", str(tmp_path / "a.mcap"), "--style", "paper", "--out", str(out)]) == 0
+    svg = out.read_text()
+    assert 'width="252pt"' in svg
+    assert "r1 in made" not in svg
+    assert "x (m)" in svg
 
 
 def test_the_fence_is_drawn_and_several_goals_are_numbered(

@@ -8,6 +8,7 @@ import pytest
 from ground.vehicle_check.check import Judged, Options, judge
 from ground.vehicle_check.verdict import Status, Verdict, rows
 from runtime.errors import RemoteError
+from tests.support.each import each
 from tests.support.vehicle_check.ardupilot import ArduPilotLike, OneConnection
 from tests.support.vehicle_check.broken import (
     CarelessVehicle,
@@ -126,14 +127,14 @@ def test_every_row_of_the_list_is_judged() -> None:
     assert sorted(rows()) == NUMBERS
 
 
-@pytest.mark.parametrize("number", NUMBERS)
+@each("number", NUMBERS)
 def test_good_vehicle_passes_each_row(number: int) -> None:
     verdict = verdicts_of(SigningVehicle)[number]
     wanted = Status.NOT_APPLICABLE if number == 59 else Status.PASS
     assert verdict.status is wanted, verdict.evidence
 
 
-@pytest.mark.parametrize("number", NUMBERS)
+@each("number", NUMBERS)
 def test_each_row_fails_on_a_broken_vehicle(number: int) -> None:
     found = [verdicts_of(kind)[number] for kind in BROKEN]
     if number == 59:
@@ -181,9 +182,11 @@ def test_own_plans_and_mode_are_restored() -> None:
     assert vehicle.mode == 4
 
 
-def test_garbage_among_the_frames_never_ends_the_judge() -> None:
-    found = judged(GarbageVehicle(), key=None)
-    assert [one.row.number for one in found] == NUMBERS
+@pytest.mark.sweep(3)
+@pytest.mark.parametrize("first", range(3))
+def test_garbage_among_the_frames_never_ends_the_judge(first: int) -> None:
+    found = judged(GarbageVehicle(), numbers=NUMBERS[first::3], key=None)
+    assert [one.row.number for one in found] == NUMBERS[first::3]
 
 
 def test_no_vehicle_is_an_error_within_seconds() -> None:
@@ -193,13 +196,15 @@ def test_no_vehicle_is_an_error_within_seconds() -> None:
     assert network.now_ns() <= 7e9
 
 
-def test_rows_pass_while_the_judge_drops_a_fifth_of_the_frames() -> None:
-    found = by_number(judged(SigningVehicle(), loss=0.2))
+@pytest.mark.sweep(3)
+@pytest.mark.parametrize("numbers", [NUMBERS[1::3], NUMBERS[0::3], NUMBERS[2::3]], ids=str)
+def test_rows_pass_while_the_judge_drops_a_fifth_of_the_frames(numbers: list[int]) -> None:
+    found = by_number(judged(SigningVehicle(), numbers=numbers, loss=0.2))
     wrong = {number: one for number, one in found.items() if one.status is not Status.PASS}
-    assert list(wrong) == [59], wrong
+    assert list(wrong) == [number for number in numbers if number == 59], wrong
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "loss", "status"),
     [
         (RepeatingVehicle, 0.0, Status.FAIL),
@@ -214,6 +219,7 @@ def test_same_answer_may_be_sent_twice_on_a_lossy_line(
     assert found.verdict.status is status, found.verdict
 
 
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_copies_of_an_acceptance_do_not_count(seed: int) -> None:
     numbers = [27, 28, 29, 30]

@@ -20,6 +20,7 @@ from plant.model.types import Circle, Point, Polyline, World
 from plant.placement.shortest_path import shortest_path_m
 from plant.world.file import load, loads
 from plant.world.to_toml import dumps
+from tests.support.each import each
 
 FIXED_DIR = Path(made.__file__).parent / "fixed"
 SOME = 5
@@ -47,20 +48,21 @@ def test_corpus_lists_every_family_in_order() -> None:
     assert worlds[0] == generate(FAMILIES[0], 0, 7)
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES])
 def test_generated_world_survives_a_round_trip_through_a_file(family: str) -> None:
     for world in some(family):
         assert loads(dumps(world)) == world
 
 
-@pytest.mark.parametrize("family", [*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES])
+@each("family", [*FAMILIES, *GRID_FAMILIES, *CROWD_FAMILIES])
 def test_family_seed_and_index_determine_the_world(family: str) -> None:
     assert generate(family, 1, 11) == some(family)[1]
     assert some(family)[0] != some(family)[1]
     assert generate(family, 1, 12).obstacles != some(family)[1].obstacles or family == "open"
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@each("family", FAMILIES)
 def test_start_and_goal_are_clear_of_static_obstacles(family: str) -> None:
     for world in some(family):
         for point in ends(world):
@@ -69,7 +71,7 @@ def test_start_and_goal_are_clear_of_static_obstacles(family: str) -> None:
             assert min([rim_m, *gaps_m]) >= STANDING_M > Body().radius_m
 
 
-@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "unreachable"])
+@each("family", [name for name in FAMILIES if name != "unreachable"])
 def test_larger_robot_has_a_path_too(family: str) -> None:
     for world in some(family):
         larger = replace(world, robot={"radius_m": Body().radius_m + MARGIN_M})
@@ -77,7 +79,7 @@ def test_larger_robot_has_a_path_too(family: str) -> None:
         assert shortest_path_m(larger) is not None
 
 
-@pytest.mark.parametrize("family", [name for name in FAMILIES if name != "unreachable"])
+@each("family", [name for name in FAMILIES if name != "unreachable"])
 def test_world_gives_its_shortest_path_to_the_millimetre(family: str) -> None:
     for world in some(family):
         exact_m = shortest_path_m(world)

@@ -23,6 +23,7 @@ from plant.model.scene import moves
 from plant.model.types import Point, World
 from plant.placement.near_path import near_path
 from plant.placement.shortest_path import shortest_path_m
+from tests.support.each import each
 
 RADIUS_M = Body().radius_m
 PITCH_M = 0.07
@@ -66,6 +67,7 @@ def grid_length_m(world: World, free: Mask) -> float:
     return inf
 
 
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize("family", [name for name in FAMILIES if name != "forest_dense"])
 def test_exact_path_is_not_longer_than_a_fine_grid_path(
     family: str,
@@ -84,7 +86,7 @@ def test_exact_path_is_not_longer_than_a_fine_grid_path(
         assert safe_m == inf
 
 
-@pytest.mark.parametrize("family", GRID_FAMILIES)
+@each("family", GRID_FAMILIES)
 def test_path_over_cells_matches_the_exact_search(family: str) -> None:
     world = generate(family, {"grid_maze": 2, "grid_rooms": 3, "grid_random": 0}[family], 1)
     exact_m = shortest_path_m(world)
@@ -133,6 +135,7 @@ def test_straight_path_over_cells_is_straight() -> None:
     assert world.shortest_path_m == round(dist((1.0, 1.0), (10.0, 6.3)), 3)
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_path_over_cells_touches_no_obstacle(seed: int) -> None:
     mask = np.random.default_rng(seed).random((24, 24)) < 0.25

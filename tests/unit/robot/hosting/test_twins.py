@@ -234,6 +234,7 @@ def step(both: Twins) -> None:
             both.tick(wheels=random.random() < 0.5, scan=random.random() < 0.5)
 
 
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize("seed", range(4))
 def test_random_drives_are_equal_to_the_bit(seed: int) -> None:
     with twins(seed) as both:

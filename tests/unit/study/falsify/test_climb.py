@@ -12,6 +12,7 @@ from study.falsify import space
 from study.falsify.climb import STEPS, Violation, class_of, climb
 from study.falsify.evaluate import evaluate
 from study.falsify.shrink import Shrinker, walls_in
+from tests.support.each import each
 from tests.unit.study.falsify.examples import SCENES, first_violation, search_of
 
 SEEDS = {"bug": 32, "bug:right": 1, "vgm": 7}
@@ -35,6 +36,7 @@ def test_climb_is_determined_by_its_number() -> None:
     assert digests[0] == digests[1]
 
 
+@pytest.mark.sweep(len(SEEDS))
 @pytest.mark.parametrize("navigator", SEEDS)
 def test_paper_method_fails_at_most_three_walls(navigator: str) -> None:
     violation = found(navigator)
@@ -80,8 +82,8 @@ def test_people_and_faults_are_part_of_the_world() -> None:
     assert made
 
 
-@pytest.mark.parametrize("number", range(1, len(space.FAULTS) + 1))
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@each("number", range(1, len(space.FAULTS) + 1))
+@each("share", [0.0, 0.3, 1.0])
 def test_every_fault_of_the_space_is_valid(number: int, share: float) -> None:
     for target in range(8):
         values = {"fault": float(number), "fault_target": float(target), "fault_start_s": 1.5}

@@ -4,24 +4,40 @@ from html import escape
 from pathlib import Path
 
 import pytest
+from _pytest.mark.structures import ParameterSet
 
 import study.falsify
 from plant.placement.shortest_path import shortest_path_m
 from study.falsify.finding import read
 from study.falsify.properties import LETTERS
 from study.falsify.shrink import walls_in
+from tests.support.each import each
 from verification.findings import renewed
 
 WORLDS = Path(study.falsify.__file__).parent / "worlds"
 OPEN, FIXED, PAPER = (sorted((WORLDS / name).glob("*.toml")) for name in ("open", "fixed", "paper"))
 EVERY = [*OPEN, *FIXED, *PAPER]
+SLOW = (
+    "a-nested_rings-timeout-still",
+    "b-hairpin-claim",
+    "b-interlocking_spirals-claim",
+    "b-island_room-claim-turn",
+    "b-nested_rings-claim-hop",
+    "b-wedge-claim",
+    "c-double_spiral-contact-passing",
+    "c-interlocking_spirals-contact-passing-robot",
+    "c-symmetric_trap-contact-passing",
+    "c-symmetric_trap-contact-stopped-robot",
+)
+"""Drives of more than a second, each of the letter and kind of a quicker one."""
 
 
-def name_of(file: Path) -> str:
-    return f"{file.parent.name}-{file.stem}"
+def row_of(file: Path) -> ParameterSet:
+    marks = pytest.mark.sweep(len(SLOW)) if file.stem in SLOW else ()
+    return pytest.param(file, marks=marks, id=f"{file.parent.name}-{file.stem}")
 
 
-@pytest.mark.parametrize("file", EVERY, ids=name_of)
+@each("file", EVERY)
 def test_finding_states_its_property_and_its_shortest_way(file: Path) -> None:
     finding = read(file)
     assert finding.letter in LETTERS
@@ -33,16 +49,17 @@ def test_finding_states_its_property_and_its_shortest_way(file: Path) -> None:
 
 def test_every_finding_is_in_a_folder_that_is_tested() -> None:
     assert sorted(WORLDS.rglob("*.toml")) == sorted(EVERY)
+    assert set(SLOW) <= {file.stem for file in EVERY}
 
 
-@pytest.mark.parametrize("file", FIXED, ids=name_of)
+@pytest.mark.parametrize("file", [row_of(file) for file in FIXED])
 def test_fixed_finding_does_not_fail_again(file: Path) -> None:
     finding = read(file)
     assert finding.fixed, "the line '# fixed: ' with the subject of the commit is missing"
     assert not set(finding.replay().violated) & {finding.letter, "b", "c"}, finding.sentence
 
 
-@pytest.mark.parametrize("file", [*OPEN, *PAPER], ids=name_of)
+@pytest.mark.parametrize("file", [row_of(file) for file in (*PAPER, *OPEN)])
 def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
     stored, now = read(file), renewed(file)
     assert now is not None, "it holds now: move the file to fixed/"
@@ -53,9 +70,7 @@ def test_failing_finding_ends_as_its_file_states(file: Path) -> None:
     assert f"<title>{escape(stored.sentence)}</title>" in file.with_suffix(".svg").read_text()
 
 
-@pytest.mark.parametrize(
-    ("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")]
-)
+@each(("navigator", "side"), [("bug", "left"), ("bug", "right"), ("vgm", "left")])
 def test_paper_method_has_a_counterexample_of_three_walls(navigator: str, side: str) -> None:
     subjects = [one.subject for one in map(read, PAPER) if walls_in(one.world) <= 3]
     assert (navigator, side) in {(one.navigator, one.side) for one in subjects}
