@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,19 @@ def study(place: Path, *words: str, small: tuple[str, ...] = SMALL) -> int:
     return sidestep.main(["study", *small, "--no-report", "--output", str(place), *words])
 
 
+@pytest.fixture(scope="module")
+def finished_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("once") / "s"
+    assert study(place) == 0
+    return place
+
+
+@pytest.fixture
+def finished(finished_once: Path, tmp_path: Path) -> Path:
+    """Return the folder of a finished study."""
+    return shutil.copytree(finished_once, tmp_path / "s")
+
+
 def summary_printed(capsys: pytest.CaptureFixture[str]) -> Any:
     return json.loads(capsys.readouterr().out)
 
@@ -43,48 +57,44 @@ def test_results_contain_their_provenance(
     assert set(read(tmp_path / "s")["study"].to_pylist()) == {"s"}
 
 
-def test_repeated_command_runs_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study(tmp_path)
-    before = read(tmp_path)
+def test_repeated_command_runs_nothing(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = read(finished)
     capsys.readouterr()
-    assert study(tmp_path, "--json") == 0
+    assert study(finished, "--json") == 0
     assert summary_printed(capsys)["run_now"] == 0
-    assert read(tmp_path).equals(before)
+    assert read(finished).equals(before)
 
 
 def test_trials_of_a_damaged_shard_are_run_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    study(tmp_path)
-    whole = read(tmp_path)
-    (tmp_path / RESULTS).unlink()
-    write_shard(tmp_path, rows_of(whole.slice(0, 1)))
-    bad = write_shard(tmp_path, rows_of(whole.slice(1, 1)))
+    whole = read(finished)
+    (finished / RESULTS).unlink()
+    write_shard(finished, rows_of(whole.slice(0, 1)))
+    bad = write_shard(finished, rows_of(whole.slice(1, 1)))
     spoil(bad)
     capsys.readouterr()
-    assert study(tmp_path, "--json") == 0
+    assert study(finished, "--json") == 0
     printed = capsys.readouterr()
     assert f"{bad}: cannot be read" in printed.err
     assert json.loads(printed.out)["run_now"] == 1
-    assert ids(read(tmp_path)) == ids(whole)
-    assert read(tmp_path)["digest"].equals(whole["digest"])
+    assert ids(read(finished)) == ids(whole)
+    assert read(finished)["digest"].equals(whole["digest"])
 
 
-def test_changed_settings_require_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study(tmp_path)
-    assert study(tmp_path, "--seeds", "2") == 2
+def test_changed_settings_require_mixed(finished: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert study(finished, "--seeds", "2") == 2
     assert "seeds was 1, is 2" in capsys.readouterr().err
-    assert study(tmp_path, "--seeds", "2", "--mixed", "--json") == 0
+    assert study(finished, "--seeds", "2", "--mixed", "--json") == 0
     printed = capsys.readouterr()
     assert "--mixed: continuing although seeds was 1, is 2" in printed.err
     assert json.loads(printed.out)["run_now"] == 1
 
 
-def test_results_list_each_command_once(tmp_path: Path) -> None:
-    study(tmp_path)
+def test_results_list_each_command_once(finished: Path) -> None:
     for _ in range(2):
-        assert study(tmp_path, "--seeds", "2", "--mixed") == 0
-    first, second = commands_of(tmp_path).splitlines()
+        assert study(finished, "--seeds", "2", "--mixed") == 0
+    first, second = commands_of(finished).splitlines()
     assert "--mixed" not in first
     assert second.endswith("--seeds 2 --mixed")
 
