@@ -131,7 +131,7 @@ evidence: setup
 # The steps are in verification/gate.py. With CI set a skipped test fails.
 test: setup
 	@PATH="$(BIN):$$PATH"
-	exec "$(BIN)/python" -m verification.gate $(if $(ARGS),room,test) $(if $(CI),--no-skips) $(ARGS)
+	exec "$(BIN)/python" -m verification.gate $(if $(ARGS),room,test) $(ARGS) $(if $(CI),--no-skips)
 
 # Everything: `test`, then the rest; ARGS=rest leaves out what `make test` has run.
 gate: setup

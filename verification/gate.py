@@ -76,6 +76,7 @@ Phase = Sequence[Lane]
 def brief_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of `make test`; `extra` are options for each call of pytest."""
     brief = [line for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
+    checked = (*LOCAL, *EXAMPLES, "-p", "verification.brief")
     lint_imports = str(Path(sys.executable).with_name("lint-imports"))
     processes = ("-n", "2", "--dist", "worksteal", "-m", "stack and brief", *extra)
     return [
@@ -89,7 +90,7 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 Step("processes", (*PYTEST, *processes, *BRIEF_PROCESSES), 20),
             ],
         ],
-        [[Step("brief tests", (*PYTEST, *LOCAL, *EXAMPLES, "-m", ELSEWHERE, *extra, *brief), 45)]],
+        [[Step("brief tests", (*PYTEST, *checked, "-m", ELSEWHERE, *extra, *brief), 45)]],
     ]
 
 
@@ -108,14 +109,22 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     prepared = [
         Step("images", (*PYTHON, "tests.support.compose.images"), 60),
         Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 30),
-        Step("tests with the firmware", (*PYTEST, "-m", "mcu", *extra, "tests/mcu"), 60),
+        Step("tests with the firmware", (*PYTEST, "-n", "2", "-m", "mcu", *extra, "tests/mcu"), 60),
         Step("documentation", (*PYTHON, "verification.site"), 30),
         Step(
             "mutation of the stop", (*PYTHON, "verification.mutation", "--module", "stop_latch"), 15
         ),
     ]
     containers = (*PYTEST, "-m", "compose and not realtime", *extra, "tests/compose")
-    clients = (*PYTEST, "-m", "interop and brief and not realtime", *extra, "tests/interop")
+    clients = (
+        *PYTEST,
+        "-n",
+        "4",
+        "-m",
+        "interop and brief and not realtime",
+        *extra,
+        "tests/interop",
+    )
     realtime = (*PYTEST, "-s", "-m", "realtime", *extra, *PROCESSES_FOLDERS)
     return [
         [[Step("tests", computing, 150)], prepared],
@@ -132,7 +141,7 @@ NOT_IN_TEST: Final = """\
 make test did not run: the other computing tests, most tests with processes, and those with
 containers, the emulated board, real MAVLink clients and compiled modules, the site, and the
 mutation test. `make gate` runs everything; it needs Docker and, of Debian's packages, gcc,
-python3-dev, tmux, chromium, gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm."""
+python3-dev, tmux, chromium, gcc-arm-none-eabi, libnewlib-dev and qemu-system-arm."""
 
 
 class Progress:

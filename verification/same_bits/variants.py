@@ -15,6 +15,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final, NamedTuple
 
+from verification.built import BuildError, install_compiled
+
 ROOT: Final = Path(__file__).resolve().parents[2]
 LIBRARIES: Final = ("numpy", "pymunk", "msgspec", "fastcrc")
 """Dependencies of the project that a trial imports."""
@@ -92,17 +94,10 @@ def compiled(folder: Path) -> Variant:
 
     The folder goes before the checkout on the search path.
     """
-    shutil.rmtree(folder, ignore_errors=True)
-    words = ("pip", "install", "-q", "--no-deps", "--no-build-isolation", "--target", str(folder))
-    run = subprocess.run(
-        [sys.executable, "-m", *words, str(ROOT)],
-        env={**os.environ, "SIDESTEP_COMPILE": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if run.returncode or not list(folder.glob("runtime/elementary.*.so")):
-        raise RuntimeError(f"cannot compile: {run.stderr.strip()[-2000:]}")
+    try:
+        install_compiled(folder)
+    except BuildError as error:
+        raise RuntimeError(f"cannot compile: {error}") from None
     return Variant("compiled modules", sys.executable, {"PYTHONPATH": f"{folder}:{ROOT}"})
 
 
