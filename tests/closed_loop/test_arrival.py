@@ -10,6 +10,7 @@ from robot.core import brain, reasons, states
 from robot.core.geometry import wrap
 from robot.core.values import Goal, Outputs
 from tests.support.closed_loop.toy import Toy, box, drive_to
+from tests.support.each import each
 
 TOLERANCE_RAD = 3 * pi / 180
 
@@ -37,7 +38,7 @@ def test_a_wide_tolerance_is_used() -> None:
     assert 0.15 < believed(state, goal) <= 0.2
 
 
-@pytest.mark.parametrize(("tolerance_deg", "turns"), [(180.0, False), (20.0, True)])
+@each(("tolerance_deg", "turns"), [(180.0, False), (20.0, True)])
 def test_a_wide_heading_tolerance_is_used(tolerance_deg: float, turns: bool) -> None:
     goal = Goal(0.0, 0.0, pi / 2, 0.05, tolerance_deg * pi / 180)
     state = drive_to(Toy(), goal, limit_s=10.0)
@@ -79,8 +80,8 @@ def test_with_the_heading_free_it_does_not_turn_at_the_goal() -> None:
     assert states.ALIGNING not in seen
 
 
-@pytest.mark.parametrize("gap_m", [0.1, 0.2])
-@pytest.mark.parametrize("navigator", [states.BUG, states.VGM_MEMORY])
+@each("gap_m", [0.1, 0.2])
+@each("navigator", [states.BUG, states.VGM_MEMORY])
 def test_in_front_of_a_wall_the_tolerance_will_do(navigator: int, gap_m: float) -> None:
     toy = Toy(walls=box(2.0 + 0.12 + gap_m, -1.0, 0.2, 2.0))
     goal = Goal(2.0, 0.0, 0.0, 0.05, TOLERANCE_RAD)

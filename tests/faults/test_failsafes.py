@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 
-import pytest
-
 from protocol.wire.enums import Command, GoalState, Mode, Vehicle
 from protocol.wire.reasons import Reason
 from robot.core.safety import failsafe
 from robot.core.safety.fence import Fence
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.harness import STOPPING_S, Stack
 from tests.support.until import until
 from verification.faults_matrix.intruders import second_robot
@@ -87,7 +86,7 @@ CAUSES: dict[Reason, tuple[Callable[[Stack], object], float]] = {
 """The triggers of rows without a fault in the plant, and the time limit of their detection."""
 
 
-@pytest.mark.parametrize("reason", CAUSES, ids=lambda reason: reason.name)
+@each("reason", CAUSES)
 def test_faults_of_the_robot_process_stop_it(reason: Reason) -> None:
     with BreakableStack("corridor", noise="default", enforced=True) as stack:
         stack.arm()
@@ -115,7 +114,7 @@ def test_all_rows_but_three_are_in_the_fault_matrix() -> None:
     assert rows - measured == {Reason.NOT_FINITE} | fence
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.kind}-{row.target or 'all'}")
+@each("row", ROWS)
 def test_robot_stops_with_the_reason(row: Row) -> None:
     with Stack("corridor", noise="default") as stack:
         stack.forward(1.0)

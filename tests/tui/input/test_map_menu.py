@@ -1,9 +1,8 @@
 """Test the menu of a place on the map, by right click and by key."""
 
-import pytest
-
 from ground.map.look import described, measured
 from ground.map.scene import Disc, MapScene, Outline
+from tests.support.each import each
 from tests.support.tui.pilot import play, staged
 
 ROOM = Outline(((0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0)))
@@ -24,7 +23,7 @@ def test_right_click_offers_to_drive_there() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(("number", "line"), [("1", "goal"), ("2", "wp add")])
+@each(("number", "line"), [("1", "goal"), ("2", "wp add")])
 def test_key_at_the_cursor_opens_the_menu(number: str, line: str) -> None:
     async def story() -> None:
         async with staged() as stage:
@@ -47,7 +46,7 @@ def test_menu_measures_and_looks() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     ("place", "words"),
     [
         ((2.5, 1.5), "2.5 1.5: in an obstacle"),

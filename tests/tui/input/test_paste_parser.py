@@ -2,7 +2,6 @@
 
 from itertools import pairwise
 
-import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from textual import events
@@ -20,6 +19,7 @@ from ground.app.input.paste_parser import (
     InputPiece,
     PasteParser,
 )
+from tests.support.each import each
 
 ESC = "\x1b"
 LATER_S = 10.0
@@ -102,7 +102,7 @@ def test_paste_may_arrive_letter_by_letter() -> None:
     ]
 
 
-@pytest.mark.parametrize("key", [" ", f"{ESC}[24~"])
+@each("key", [" ", f"{ESC}[24~"])
 def test_repeated_stop_key_ends_a_paste_without_end(key: str) -> None:
     """Repeat the key 30 times a second."""
     keys = "".join(
@@ -111,7 +111,7 @@ def test_repeated_stop_key_ends_a_paste_without_end(key: str) -> None:
     assert keys.count(key) > 10
 
 
-@pytest.mark.parametrize("rest", [f"D D{END}", "D" * (LONGEST_KEY + 1)])
+@each("rest", [f"D D{END}", "D" * (LONGEST_KEY + 1)])
 def test_late_rest_of_a_paste_presses_no_keys(rest: str) -> None:
     assert pieces_of(f"{START}a", rest, "h", apart_s=2 * SILENT_S) == [
         InputPiece("a", pasted=True), InputPiece("h"),
@@ -175,7 +175,7 @@ def test_late_letter_after_escape_is_its_own_key() -> None:
 KNOWN = [one for one in ANSI_SEQUENCES_KEYS if len(one) > 1 and one != ESC + ESC]
 
 
-@pytest.mark.parametrize("sequence", KNOWN)
+@each("sequence", KNOWN)
 def test_known_sequence_gives_the_messages_of_textual(sequence: str) -> None:
     known = [repr(one) for one in XTermParser().feed(sequence)]
     parser = InputParser()
@@ -183,12 +183,12 @@ def test_known_sequence_gives_the_messages_of_textual(sequence: str) -> None:
     assert known or ANSI_SEQUENCES_KEYS[sequence] is IGNORE_SEQUENCE
 
 
-@pytest.mark.parametrize("report", [f"{ESC}[<35;10;5M", f"{ESC}[I", f"{ESC}[48;24;80;480;800t"])
+@each("report", [f"{ESC}[<35;10;5M", f"{ESC}[I", f"{ESC}[48;24;80;480;800t"])
 def test_reports_of_a_terminal_are_passed_on(report: str) -> None:
     assert len(list(InputParser().feed(report, 0.0))) == 1
 
 
-@pytest.mark.parametrize(
+@each(
     "unknown",
     [
         f"{ESC}[?62;22c",
@@ -213,15 +213,13 @@ def test_unknown_sequence_neither_adds_nor_loses_keys(unknown: str) -> None:
     assert keys_of(unknown, " ", apart_s=1.0) == ["space"]
 
 
-@pytest.mark.parametrize(
-    ("typed", "key"), [("x", "alt+x"), ("O", "alt+shift+o"), ("[", "left_square_bracket")]
-)
+@each(("typed", "key"), [("x", "alt+x"), ("O", "alt+shift+o"), ("[", "left_square_bracket")])
 def test_escape_and_a_letter_are_a_chord(typed: str, key: str) -> None:
     assert keys_of(ESC + typed) == [key]
     assert keys_of(f"{ESC}{typed}{ESC}[24~") == [key, "f12"]
 
 
-@pytest.mark.parametrize(
+@each(
     "garbage",
     [
         f"{ESC}[99999999999u",

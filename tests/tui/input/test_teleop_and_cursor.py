@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from ground.app.frame_rate import FrameRate
 from ground.app.input.map_cursor import Cursor, step_of
 from ground.app.input.teleop_keys import AGAIN_NS, FAST, FIRST_NS, SLOW, DeadManSwitch
+from tests.support.each import each
 from tests.support.tui.fakes import MS, S
 
 
@@ -54,9 +55,7 @@ def test_robot_stops_after_any_presses(
     assert keys.twist(now_ns + FIRST_NS) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("cell_m", "step_m"), [(0.0, 0.001), (0.03, 0.05), (0.05, 0.05), (0.11, 0.2), (7.0, 10.0)]
-)
+@each(("cell_m", "step_m"), [(0.0, 0.001), (0.03, 0.05), (0.05, 0.05), (0.11, 0.2), (7.0, 10.0)])
 def test_cursor_step_is_round_and_visible(cell_m: float, step_m: float) -> None:
     assert step_of(cell_m) == pytest.approx(step_m)
 

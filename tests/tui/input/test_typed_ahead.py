@@ -9,6 +9,7 @@ from ground.app.screens import SCREENS
 from ground.app.screens.choice import ChoiceScreen
 from ground.app.screens.list_screen import ScrolledScreen
 from ground.app.widgets.command_line import CommandLine
+from tests.support.each import each
 from tests.support.tui.pilot import Stage, play, staged
 
 
@@ -60,7 +61,7 @@ def test_keys_behind_the_slash_are_the_filter(name: str, worlds: None) -> None:
     play(story)
 
 
-@pytest.mark.parametrize("opening", [":", "v/", "4/", "g", "\x10"])
+@each("opening", [":", "v/", "4/", "g", "\x10"])
 def test_space_is_text_where_text_is_typed(opening: str) -> None:
     async def story() -> None:
         async with staged() as stage:

@@ -1,6 +1,5 @@
 """The bell rings once for each stop and arrival of any robot, on any screen."""
 
-import pytest
 from msgspec.structs import replace
 from textual.widgets._toast import Toast
 
@@ -11,6 +10,7 @@ from ground.client.telemetry import Age
 from protocol.topics import STATUS
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.messages import NavigatorStatus
+from tests.support.each import each
 from tests.support.tui.fakes import FakeCommandSink, FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.stopped import entry, stopped_status
@@ -112,7 +112,7 @@ def test_message_about_a_stop_disappears_with_the_stop() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     ("size", "shown"),
     [((80, 24), [8, 9, 10]), ((60, 18), [9, 10]), ((200, 60), [8, 9, 10]), ((20, 5), [])],
 )

@@ -2,11 +2,11 @@
 
 from math import nan
 
-import pytest
 from msgspec.structs import replace
 
 from ground.app.input.keymap import keymap_of
 from protocol.topics import ODOMETRY, TRUTH
+from tests.support.each import each
 from tests.support.tui.fakes import FakeStation
 from tests.support.tui.pilot import Stage, play, staged
 from tests.support.tui.underway import drive_messages
@@ -31,7 +31,7 @@ def alarm(stage: Stage) -> str:
     return " ".join(stage.words("alarm").split())
 
 
-@pytest.mark.parametrize(
+@each(
     ("simulated", "entered", "typed", "sent"),
     [(True, TRUE, "", "pose truth"), (False, BY_HAND, "1 2 90", "pose set 1 2 90")],
 )
@@ -61,7 +61,7 @@ def test_alarm_names_the_way_to_where_the_key_works() -> None:
     play(story)
 
 
-@pytest.mark.parametrize(
+@each(
     ("simulated", "steps"),
     [(True, f":pose truth, then {TRUE}"), (False, f":pose set, then {BY_HAND}")],
 )

@@ -8,9 +8,10 @@ from robot.parameters.table import SPECS, with_value
 from runtime import calibration
 from runtime.calibration import FOLDER, calibration_of, settings_of
 from runtime.errors import ConfigError
+from tests.support.each import each
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@each("level", LEVELS)
 def test_every_noise_level_has_a_valid_calibration(
     level: str,
 ) -> None:

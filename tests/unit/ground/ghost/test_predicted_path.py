@@ -3,11 +3,11 @@
 import json
 from itertools import pairwise
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from ground.ghost.predicted_path import FAILED, STEP_M, PathReader, PredictedPath, number
+from tests.support.each import each
 
 HEAD = b"time_s,true_x_m,true_y_m,more\n"
 END = json.dumps(
@@ -59,7 +59,7 @@ def test_without_an_outcome_it_failed_for_the_reason_given() -> None:
     assert course == PredictedPath([(1.0, 2.0)], FAILED, "it was ended")
 
 
-@pytest.mark.parametrize(
+@each(
     "line",
     [
         b"{",
@@ -86,8 +86,6 @@ def test_any_bytes_can_come(before: bytes, after: bytes) -> None:
     assert isinstance(taken(before, run((1.0, 2.0)), after, END, b"\n").course(""), PredictedPath)
 
 
-@pytest.mark.parametrize(
-    ("value", "found"), [(1, 1.0), (2.5, 2.5), (None, None), ("3", None), (float("nan"), None)]
-)
+@each(("value", "found"), [(1, 1.0), (2.5, 2.5), (None, None), ("3", None), (float("nan"), None)])
 def test_what_is_no_number_is_missing(value: object, found: float | None) -> None:
     assert number(value) == found

@@ -5,8 +5,6 @@ from functools import cache
 from itertools import pairwise
 from math import dist, isclose
 
-import pytest
-
 from plant.corpus import (
     ADVERSARIAL_FAMILIES,
     CROWD_FAMILIES,
@@ -25,6 +23,7 @@ from plant.model.types import Polyline, World
 from plant.placement.shortest_path import shortest_path_m
 from plant.world.file import loads
 from plant.world.to_toml import dumps
+from tests.support.each import each
 
 SOME = 3
 MIDDLE = {
@@ -54,20 +53,20 @@ def test_adversarial_families_are_not_in_the_corpus() -> None:
     assert (*others, *ADVERSARIAL_FAMILIES) == EVERY_FAMILY
 
 
-@pytest.mark.parametrize("family", ADVERSARIAL_FAMILIES)
+@each("family", ADVERSARIAL_FAMILIES)
 def test_names_of_axes_are_unique_within_a_family(family: str) -> None:
     names = [axis.name for axis in ADVERSARIES[family].axes]
     assert len(names) == len(set(names))
     assert all(axis.low < axis.high for axis in ADVERSARIES[family].axes)
 
 
-@pytest.mark.parametrize("family", ADVERSARIAL_FAMILIES)
+@each("family", ADVERSARIAL_FAMILIES)
 def test_generated_adversary_is_the_same_world_from_its_file(family: str) -> None:
     for world in some(family):
         assert loads(dumps(world)) == world
 
 
-@pytest.mark.parametrize("family", ADVERSARIAL_FAMILIES)
+@each("family", ADVERSARIAL_FAMILIES)
 def test_reachability_holds_for_slightly_other_robots(family: str) -> None:
     radius_m = Body().radius_m
     for world in some(family):
@@ -75,14 +74,14 @@ def test_reachability_holds_for_slightly_other_robots(family: str) -> None:
         assert (length_for(world, other_m) is not None) == world.reachable
 
 
-@pytest.mark.parametrize("family", ["nested_rings", "nested_boxes", "island_room"])
+@each("family", ["nested_rings", "nested_boxes", "island_room"])
 def test_sealed_enclosure_is_unreachable(family: str) -> None:
     world = world_of(family, {**MIDDLE[family], "sealed": 0.0}, "sealed", 1)
     assert world is not None
     assert world.reachable is False
 
 
-@pytest.mark.parametrize("family", ["nested_rings", "hairpin", "comb"])
+@each("family", ["nested_rings", "hairpin", "comb"])
 def test_passages_grow_with_the_robot(family: str) -> None:
     values = {**MIDDLE[family], "sealed": 1.0, "excess_m": 0.05}
     for radius_m in (0.08, 0.2):
@@ -98,7 +97,7 @@ def test_mouth_within_the_margin_makes_no_world() -> None:
     assert world_of("hairpin", {**values, "mouth_m": -2.4 * MARGIN_M}, "w", 1) is not None
 
 
-@pytest.mark.parametrize("family", ADVERSARIAL_FAMILIES)
+@each("family", ADVERSARIAL_FAMILIES)
 def test_drawn_values_are_within_their_axes(family: str) -> None:
     values = drawn(Draws(family), ADVERSARIES[family].axes)
     for axis in ADVERSARIES[family].axes:
@@ -142,7 +141,7 @@ def test_scene_of_three_walls_has_at_most_three_walls() -> None:
         assert all(isinstance(one, Polyline) and len(one.points_m) == 2 for one in world.obstacles)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.25, 0.6, 0.99])
+@each("share", [0.0, 0.1, 0.25, 0.6, 0.99])
 def test_cut_outline_lacks_exactly_its_gap(share: float) -> None:
     square = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)]
     line = cut_outline(square, share, 0.5)

@@ -3,7 +3,6 @@
 from itertools import combinations, pairwise
 from math import dist, isclose, pi
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from plant.imports.moving_ai import parse_map
 from plant.model.body import Body
 from plant.model.draws import Draws
 from plant.model.types import Circle, Polyline, World
+from tests.support.each import each
 
 SOME = range(8)
 
@@ -64,7 +64,7 @@ def test_door_is_wide_enough_and_the_only_passage_of_its_wall() -> None:
                 assert not (0.0 <= x_m <= world.size_m[0] and 0.0 <= y_m <= world.size_m[1])
 
 
-@pytest.mark.parametrize(
+@each(
     ("family", "low_m2", "high_m2"),
     [
         ("forest_sparse", 0.2, 0.5),
@@ -143,8 +143,8 @@ def test_maze_wall_length_equals_length_of_closed_borders(
     assert len(lines) <= borders - len(doors)
 
 
-@pytest.mark.parametrize("family", GRID_FAMILIES)
-@pytest.mark.parametrize("seed", SOME)
+@each("family", GRID_FAMILIES)
+@each("seed", SOME)
 def test_grid_map_has_the_requested_size(family: str, seed: int) -> None:
     cells = parse_map(MAPS[family](Draws(str(seed))), "test.map", 0.4)
     assert 20 <= min(cells.rows, cells.columns) <= max(cells.rows, cells.columns) <= 32
@@ -154,7 +154,7 @@ def test_grid_map_has_the_requested_size(family: str, seed: int) -> None:
         assert labelled(~cells.blocked).max() == 1
 
 
-@pytest.mark.parametrize("family", GRID_FAMILIES)
+@each("family", GRID_FAMILIES)
 def test_grid_world_has_a_path_to_its_goal(family: str) -> None:
     for index in range(3):
         world = generate(family, index, 9)
@@ -164,9 +164,7 @@ def test_grid_world_has_a_path_to_its_goal(family: str) -> None:
         assert world.shortest_path_m > dist(start, goal) - 1e-3 > 1.0
 
 
-@pytest.mark.parametrize(
-    ("family", "speeds_m_s"), [("crowd", CROWD_M_S), ("crowd_hasty", HASTY_M_S)]
-)
+@each(("family", "speeds_m_s"), [("crowd", CROWD_M_S), ("crowd_hasty", HASTY_M_S)])
 def test_crowd_has_one_to_six_people_of_its_speeds(
     family: str, speeds_m_s: tuple[float, float]
 ) -> None:

@@ -10,6 +10,7 @@ from protocol.wire.codec import LARGEST_FRAME, SMALLEST_FRAME, Encoder, Frame, d
 from protocol.wire.message import Message
 from protocol.wire.messages import GroundTruth, Statustext, WheelCommand
 from runtime.errors import LocalError, RemoteError
+from tests.support.each import each
 
 COMMAND = WheelCommand(
     time_ns=50_000_000,
@@ -55,7 +56,7 @@ def sealed(payload: bytes, flags: bytes = b"\0\0") -> bytes:
     return b"\xfd" + body + mcrf4xx(body + bytes([CRC_EXTRA_OF_STATUSTEXT])).to_bytes(2, "little")
 
 
-@pytest.mark.parametrize(("message", "system", "component", "frame"), FRAMES)
+@each(("message", "system", "component", "frame"), FRAMES)
 def test_message_becomes_these_bytes_and_comes_back(
     message: Message, system: int, component: int, frame: bytes
 ) -> None:
@@ -80,7 +81,7 @@ def test_sequence_wraps_after_255() -> None:
     assert [decode(frame).sequence for frame in frames] == [*range(256), 0, 1]
 
 
-@pytest.mark.parametrize("numbers", [(-1, 0), (256, 0), (0, -1), (0, 256)])
+@each("numbers", [(-1, 0), (256, 0), (0, -1), (0, 256)])
 def test_encoder_refuses_a_sender_beyond_a_byte(numbers: tuple[int, int]) -> None:
     words = f"^system {numbers[0]}, component {numbers[1]}: each must be 0 to 255$"
     with pytest.raises(LocalError, match=words):
@@ -132,14 +133,14 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize(("frame", "words"), REFUSED.values(), ids=REFUSED)
+@each(("frame", "words"), REFUSED.values())
 def test_error_names_the_first_fault(frame: bytes, words: str) -> None:
     with pytest.raises(RemoteError) as refused:
         decode(frame)
     assert str(refused.value) == words
 
 
-@pytest.mark.parametrize("at", range(len(COMMAND_BYTES)))
+@each("at", range(len(COMMAND_BYTES)))
 def test_changed_byte_is_refused(at: int) -> None:
     with pytest.raises(RemoteError):
         decode(COMMAND_BYTES[:at] + bytes([COMMAND_BYTES[at] ^ 1]) + COMMAND_BYTES[at + 1 :])

@@ -11,6 +11,7 @@ from runtime import config
 from runtime.calibration import Calibration
 from sidestep import main as sidestep
 from study.calibration import log
+from tests.support.each import each
 
 QUICK = ("calibrate", "--runs", "2", "--side", "1", "--noise", "none")
 
@@ -97,7 +98,7 @@ def test_impossible_runs_are_refused_with_advice(
     assert "these runs fit no robot" in refused(capsys, "--log", str(file))
 
 
-@pytest.mark.parametrize("words", [("--runs", "1"), ("--side", "x"), ("--noise", "gale")])
+@each("words", [("--runs", "1"), ("--side", "x"), ("--noise", "gale")])
 def test_wrong_usage_is_refused(words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit) as end:
         sidestep(["calibrate", *words])

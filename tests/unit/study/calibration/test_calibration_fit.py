@@ -9,6 +9,7 @@ from robot.core.parameters import DEFAULTS
 from robot.parameters.table import OutOfRangeError, with_values
 from study.calibration.fit import Fit, covariance_parts_of, fit_parameters, minimum, most_likely_k
 from study.calibration.runs import SquareRun, believed, covariance_of
+from tests.support.each import each
 from tests.support.study.calibration_runs import squares
 
 
@@ -40,7 +41,7 @@ def test_insignificant_changes_are_not_adopted() -> None:
     assert fit.adopted(DEFAULTS) == {}
 
 
-@pytest.mark.parametrize("k_m", [1e-7, 2e-6, 3e-5])
+@each("k_m", [1e-7, 2e-6, 3e-5])
 def test_most_likely_k_matches_simulated_errors(k_m: float) -> None:
     spreads = covariance_parts_of(squares({}, 20), DEFAULTS)
     rng = np.random.default_rng(8)
@@ -65,7 +66,7 @@ def test_impossible_runs_raise_an_error() -> None:
         fit_parameters(runs, DEFAULTS)
 
 
-@pytest.mark.parametrize(("k_m", "set_"), [(1.4e-6, False), (1.1e-6, True), (3.5e-6, True)])
+@each(("k_m", "set_"), [(1.4e-6, False), (1.1e-6, True), (3.5e-6, True)])
 def test_k_changes_only_when_significantly_different(k_m: float, set_: bool) -> None:
     relative = 0.13
     value = {"wheel_ratio": 1.0, "track_m": 0.2, "k_r_m": k_m, "k_l_m": k_m}

@@ -6,6 +6,7 @@ from robot.core.parameters import DEFAULTS
 from robot.parameters.table import with_values
 from study.calibration.runs import CCW, CW
 from study.calibration.umbmark import umbmark, wheel_ratio
+from tests.support.each import each
 from tests.support.study.calibration_runs import SIDE_M, squares
 
 
@@ -16,14 +17,14 @@ def test_correct_parameters_give_no_error() -> None:
     assert mark.track_ratio == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("ratio", [0.996, 0.999, 1.001, 1.005])
+@each("ratio", [0.996, 0.999, 1.001, 1.005])
 def test_wheel_ratio_is_within_15_percent(ratio: float) -> None:
     mark = umbmark(squares({"wheel_ratio": ratio}, 1), DEFAULTS, SIDE_M)
     assert mark.wheel_ratio - 1.0 == pytest.approx(ratio - 1.0, rel=0.15)
     assert mark.track_ratio == pytest.approx(1.0, abs=0.8 * abs(ratio - 1.0))
 
 
-@pytest.mark.parametrize("track_m", [0.198, 0.1995, 0.2005, 0.203])
+@each("track_m", [0.198, 0.1995, 0.2005, 0.203])
 def test_track_ratio_is_within_10_percent(track_m: float) -> None:
     mark = umbmark(squares({"track_m": track_m}, 1), DEFAULTS, SIDE_M)
     assert mark.track_ratio - 1.0 == pytest.approx(track_m / 0.2 - 1.0, rel=0.1)

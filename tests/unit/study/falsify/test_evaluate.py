@@ -19,6 +19,7 @@ from study.falsify.monitor import Monitor
 from study.falsify.properties import LETTERS
 from study.falsify.search import Budget, Search
 from study.falsify.workers import workers
+from tests.support.each import each
 from tests.unit.study.falsify.examples import evaluation_of, search_of
 from tests.unit.study.falsify.outcomes import ARRIVED, STUCK
 
@@ -32,7 +33,7 @@ def watched(moved_m: float = 0.0, branch: int = states.NO_BRANCH) -> Monitor:
     return monitor
 
 
-@pytest.mark.parametrize(
+@each(
     ("outcome", "reason", "monitor", "kind"),
     [
         (ARRIVED, Reason.NONE, watched(), "reached"),
@@ -47,7 +48,7 @@ def test_kind_of_end_is_named(outcome: Outcome, reason: int, monitor: Monitor, k
     assert kind_of(outcome, reason, monitor) == kind
 
 
-@pytest.mark.parametrize(
+@each(
     ("branch", "kind"),
     [
         (states.TO_GOAL, "contact-to-goal"),
@@ -69,7 +70,7 @@ def test_evaluation_of_an_easy_world_violates_nothing() -> None:
     assert result.mahalanobis2 < 23.0
 
 
-@pytest.mark.parametrize("letter", LETTERS)
+@each("letter", LETTERS)
 def test_sentence_names_navigator_and_numbers(letter: str) -> None:
     sentence = sentence_of(letter, "vgm", evaluation_of("blocked"))
     assert "vgm" in sentence

@@ -14,6 +14,7 @@ from study.falsify.directory import ClassRecord
 from study.falsify.finding import finding_of, read
 from study.falsify.nearby import near
 from study.falsify.search import Search
+from tests.support.each import each
 from tests.unit.study.falsify.examples import first_violation, search_of
 
 
@@ -38,7 +39,7 @@ def test_letters_of_properties_are_sorted() -> None:
     assert parser().parse_args(["vgm", "--properties", "ca"]).properties == "ac"
 
 
-@pytest.mark.parametrize("words", [["--properties", "x"], ["--detour", "1"], ["--vary", "x"]])
+@each("words", [["--properties", "x"], ["--detour", "1"], ["--vary", "x"]])
 def test_wrong_option_exits_with_2(words: list[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(["vgm", *words])

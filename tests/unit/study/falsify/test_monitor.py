@@ -18,6 +18,7 @@ from study.falsify.finding import read
 from study.falsify.monitor import Monitor, nearest_thing, sonar_towards
 from study.falsify.properties import Evaluation
 from study.trial.core_loop import CoreLoop
+from tests.support.each import each
 
 FIXED = Path(__file__).parents[4] / "study" / "falsify" / "worlds" / "fixed"
 WALL = Polyline(((2.0, 1.0), (2.0, 3.0)), 0.1)
@@ -66,7 +67,7 @@ def claim() -> Evaluation:
     return evaluate(subject, world, 0, 400.0)
 
 
-@pytest.mark.parametrize(
+@each(
     ("truth", "name", "bearing_rad"),
     [
         (truth_at(1.8, 2.0), "wall 1", 0.0),

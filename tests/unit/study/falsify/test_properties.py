@@ -17,6 +17,7 @@ from study.falsify.properties import (
     time_limit_s,
     violated_by,
 )
+from tests.support.each import each
 from tests.unit.study.falsify.outcomes import ARRIVED, STUCK
 
 WORLD = World(
@@ -29,7 +30,7 @@ WORLD = World(
 )
 
 
-@pytest.mark.parametrize(
+@each(
     ("outcome", "reason", "reachable", "letters"),
     [
         (ARRIVED, Reason.NONE, True, ""),

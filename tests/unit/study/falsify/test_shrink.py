@@ -1,6 +1,5 @@
 """Parts of shrinking: delta debugging, simple values, and rounding."""
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -10,6 +9,7 @@ from plant.model.types import Circle, Polyline
 from plant.world.to_toml import dumps
 from study.falsify.rounding import roundings
 from study.falsify.shrink import checked, parts_of, reduce_list, replaced, simple_values, walls_in
+from tests.support.each import each
 
 
 @given(st.sets(st.integers(0, 30), max_size=6), st.integers(1, 31))
@@ -24,7 +24,7 @@ def test_reduction_ends_where_no_item_can_be_removed_alone() -> None:
     assert kept == ["c"]
 
 
-@pytest.mark.parametrize(
+@each(
     ("axis", "value", "simpler"),
     [
         (Axis("turn_deg", -180.0, 180.0), 12.34, [0.0, 90.0, 45.0, 12.0, 12.3]),

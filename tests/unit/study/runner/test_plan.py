@@ -23,6 +23,7 @@ from study.runner.plan import (
     time_for,
 )
 from study.runner.sources import ListedWorld
+from tests.support.each import each
 from tests.support.study.made import boxed, floor, list_of, settings, tasks
 
 
@@ -56,7 +57,7 @@ def test_world_source_does_not_change_trial_ids() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@each(
     "changed",
     [
         {"navigators": ("vgm:right",)},
@@ -113,7 +114,7 @@ def test_navigator_side_defaults_to_left() -> None:
     assert navigator_of("bug:right") == "bug:right"
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("vgm_memroy", "did you mean 'vgm_memory'"),

@@ -2,11 +2,11 @@
 
 from io import StringIO
 
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from study.runner.progress import StudyProgress, duration_text
+from tests.support.each import each
 from tests.support.study.made import Watch, rows
 
 
@@ -58,7 +58,7 @@ def test_failed_trial_does_not_change_simulated_time() -> None:
     assert progress.simulated_s == 0.0
 
 
-@pytest.mark.parametrize(
+@each(
     ("span_s", "words"),
     [(0.0, "0 s"), (89.4, "89 s"), (90.0, "2 min"), (3600.0, "60 min"), (11_100.0, "3 h 05 min")],
 )

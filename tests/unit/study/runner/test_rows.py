@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from study.runner.rows import ADDED, COLUMNS, SCHEMA, TrialRow, rows_of, table_of, with_added
+from tests.support.each import each
 from tests.support.study.made import rows
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([inf, -inf])
@@ -76,7 +77,7 @@ def test_nan_is_not_stored_as_null() -> None:
     assert isnan(back.heading_error_rad)
 
 
-@pytest.mark.parametrize("column", ["world", "seed", "dirty", "path_m"])
+@each("column", ["world", "seed", "dirty", "path_m"])
 def test_missing_required_value_is_refused(column: str) -> None:
     missing: dict[str, Any] = {column: None}
     with pytest.raises(ValueError, match=column):

@@ -19,6 +19,7 @@ from study.runner.rows import FAILED, rows_of, table_of
 from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
 from study.runner.scores import published_score
 from study.trial.trial import run_trial
+from tests.support.each import each
 from tests.support.study.made import CODE, boxed, context_of, floor, tasks
 from tests.support.study.trouble import faulty
 
@@ -125,6 +126,6 @@ def test_mahalanobis_is_never_negative(
     assert mahalanobis2(x_m, y_m, (xx, correlation * (xx * yy) ** 0.5, yy)) >= -1e-9
 
 
-@pytest.mark.parametrize("spread", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (nan, 0.0, 1.0)])
+@each("spread", [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0), (nan, 0.0, 1.0)])
 def test_singular_covariance_gives_nan(spread: tuple[float, float, float]) -> None:
     assert isnan(mahalanobis2(0.1, 0.1, spread))

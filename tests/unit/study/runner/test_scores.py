@@ -10,15 +10,14 @@ from plant.model.body import Body
 from plant.model.types import GoalPose, Polygon, Polyline, Start, World
 from study.runner.lap import lap_m
 from study.runner.scores import FULL_SCORE, published_score, spl
+from tests.support.each import each
 
 RADIUS_M = Body().radius_m
 RING = Polyline(((4.0, 2.0), (6.0, 2.0), (6.0, 4.0), (4.0, 4.0), (4.0, 2.0)), 0.02)
 GROWN_M = RADIUS_M + 0.01
 
 
-@pytest.mark.parametrize(
-    ("time_s", "score"), [(10.0, 0.5), (20.0, 0.5), (40.0, 0.25), (80.0, 0.125), (400.0, 0.125)]
-)
+@each(("time_s", "score"), [(10.0, 0.5), (20.0, 0.5), (40.0, 0.25), (80.0, 0.125), (400.0, 0.125)])
 def test_published_score_is_clipped_at_2_and_8(time_s: float, score: float) -> None:
     assert published_score(True, time_s, 3.0, 0.3) == pytest.approx(score)
 
@@ -46,7 +45,7 @@ def room(*obstacles: Polyline | Polygon, walls: bool = True) -> World:
     )
 
 
-@pytest.mark.parametrize("walls", [True, False])
+@each("walls", [True, False])
 def test_lap_round_a_closed_ring_has_round_corners(walls: bool) -> None:
     assert lap_m(room(RING, walls=walls)) == pytest.approx(8.0 + 2 * pi * GROWN_M, rel=0.005)
 
@@ -67,6 +66,6 @@ def test_reachable_goal_has_no_lap() -> None:
     assert lap_m(replace(room(RING), start=Start(x_m=4.0, y_m=2.0))) is None
 
 
-@pytest.mark.parametrize("index", range(4))
+@each("index", range(4))
 def test_every_generated_unreachable_world_has_a_lap(index: int) -> None:
     assert 1.0 < (lap_m(generate("unreachable", index, 3)) or 0.0) < 200.0

@@ -12,6 +12,7 @@ from plant.world.to_toml import dumps
 from runtime.errors import UserError
 from study.runner import sources
 from study.runner.sources import ListedWorld, WorldSelection, digest_of, keep, listed, world_of
+from tests.support.each import each
 from tests.support.study.made import boxed, floor
 
 
@@ -123,7 +124,7 @@ def test_directory_without_worlds_is_refused(tmp_path: Path) -> None:
         listed(wanted(str(tmp_path)))
 
 
-@pytest.mark.parametrize(
+@each(
     ("place", "message"), [("u_trab", "did you mean 'u_trap'"), ("corpsu", "did you mean 'corpus'")]
 )
 def test_unknown_world_is_refused_with_suggestion(place: str, message: str) -> None:
@@ -136,7 +137,7 @@ def test_missing_file_is_refused() -> None:
         listed(wanted("nowhere.toml"))
 
 
-@pytest.mark.parametrize("place", ["corpus", "fixed", "box"])
+@each("place", ["corpus", "fixed", "box"])
 def test_unknown_family_is_refused(place: str) -> None:
     with pytest.raises(UserError, match="--families: no such family: 'boxx'"):
         listed(wanted(place, families=["boxx"]))

@@ -31,6 +31,7 @@ from robot.core.navigators.memory.proof import (
 from robot.core.perception.echoes import CIRCLE, HALF_CIRCLE
 from robot.core.perception.odometry import Odometry
 from robot.core.values import Pose
+from tests.support.each import each
 from tests.support.robot.core.rings import HERE, RADIUS_MM, SILENT, Disc, Wall, ring, seen_from
 from tests.support.robot.core.vgm_memory import SIDES
 
@@ -162,7 +163,7 @@ def test_lap_is_open_until_it_has_passed_the_mark() -> None:
     assert past_mm == pytest.approx(PAST_MM, abs=50)
 
 
-@pytest.mark.parametrize("drift_m", [0.0, 0.05])
+@each("drift_m", [0.0, 0.05])
 def test_lap_is_open_again_if_the_chain_passes_by_its_first_arc(drift_m: float) -> None:
     """The robot was near the mark, but the chain goes on without reaching its first arc.
 
