@@ -265,7 +265,7 @@ class Gate:
             return
         self.failed.append(step.name)
         self._print(
-            f"FAILED {took}  {step.name}: {' '.join(step.words)}\n{text.rstrip()}\n"
+            f"FAILED {took}  {step.name}:\n{text.rstrip()}\n"
             f"FAILED {took}  {step.name}: exit code {code}, output in {log}"
         )
 

@@ -15,8 +15,8 @@ from verification.gate import (
     Progress,
     Step,
     brief_phases,
-    rest_phases,
     find_tests,
+    rest_phases,
 )
 
 PASSES = Step("passes", (sys.executable, "-c", "print('3 passed, 1 skipped in 0.1s')"), 1)
