@@ -49,12 +49,16 @@ FOLDERS_OF = {
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None]:
-    """Collect without garbage collection, which never traverses the thousands of items."""
+    """Collect without garbage collection, which never traverses the thousands of items.
+
+    Afterwards it is rarer than usual: starting an app makes many objects that live on.
+    """
     gc.disable()
     try:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(50_000, 20, 100)
         gc.enable()
 
 

@@ -211,12 +211,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--budget", type=float, default=BUDGET_S, help="seconds (%(default)s)")
     parser.add_argument("--records", type=Path, help="of an earlier run, instead of a new one")
     options = parser.parse_args(argv)
-    from verification.gate import ELSEWHERE, EXAMPLES, LOCAL, PYTEST
+    from verification.gate import ELSEWHERE, EXAMPLES, PYTEST, cores
 
     with tempfile.TemporaryDirectory() as place:
         code, folder = 0, options.records or Path(place)
         if options.records is None:
-            words = (*PYTEST, *LOCAL, *EXAMPLES, "-p", "verification.brief", "-p", "no:cov")
+            words = (*PYTEST, *cores(0), *EXAMPLES, "-p", "verification.brief", "-p", "no:cov")
             code = subprocess.run(
                 (*words, "-m", ELSEWHERE), cwd=ROOT, env={**os.environ, RECORDS: place}
             ).returncode

@@ -38,8 +38,11 @@ EXAMPLES: Final = ("--examples", "brief")
 ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"
 """Tests that own their time: they need nothing but processor time."""
 PROCESSES: Final = "stack and not realtime"
-PROCESSES_FOLDERS: Final = ("tests/stack", "tests/bus")
-"""tests/conftest.py rejects such a test elsewhere."""
+FOLDERS: Final = ("tests/stack", "tests/bus")
+"""tests/conftest.py rejects the marker `stack` elsewhere."""
+CONTAINERS: Final = "compose and not realtime"
+CLIENTS: Final = "interop and brief and not realtime"
+"""Real clients on a clean line. `make interop` has the rest."""
 BRIEF_PROCESSES: Final = (
     "tests/stack/life_cycle/test_up.py",
     "tests/stack/operator/test_mavlink.py",
@@ -47,10 +50,6 @@ BRIEF_PROCESSES: Final = (
     "tests/stack/reproduction/test_same_trajectory.py",
 )
 """The files with processes of `make test`: those of their tests that are marked `brief`."""
-WORKERS: Final = 4
-"""Of the tests with processes, which wait for each other most of the time."""
-LOCAL: Final = ("-n", str(os.cpu_count() or 1), "--dist", "worksteal")
-"""As many workers as cores, for tests that need only processor time."""
 PERIOD_S: Final = 10.0
 """Between two lines of progress where no terminal shows one that changes."""
 TICK_S: Final = 0.5
@@ -73,12 +72,20 @@ Lane = Sequence[Step]
 Phase = Sequence[Lane]
 
 
+def tests(name: str, marker: str, words: Sequence[str], expected_s: float) -> Step:
+    """Return a step that runs the tests with these markers."""
+    return Step(name, (*PYTEST, "-m", marker, *words), expected_s)
+
+
+def brief_files() -> list[str]:
+    """Return the test files of `make test`."""
+    return [line for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
+
+
 def brief_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of `make test`; `extra` are options for each call of pytest."""
-    brief = [line for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
-    checked = (*LOCAL, *EXAMPLES, "-p", "verification.brief")
     lint_imports = str(Path(sys.executable).with_name("lint-imports"))
-    processes = ("-n", "2", "--dist", "worksteal", "-m", "stack and brief", *extra)
+    checked = (*cores(0), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
     return [
         [
             [Step("types", (*PYTHON, "mypy", "--strict"), 35)],
@@ -87,54 +94,52 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
                 Step("lint", (*PYTHON, "ruff", "check", "."), 1),
                 Step("import contracts", (lint_imports,), 3),
                 Step("branch coverage", (*PYTHON, "verification.branch_coverage"), 8),
-                Step("processes", (*PYTEST, *processes, *BRIEF_PROCESSES), 20),
+                tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 12),
             ],
         ],
-        [[Step("brief tests", (*PYTEST, *checked, "-m", ELSEWHERE, *extra, *brief), 45)]],
+        [[tests("brief tests", ELSEWHERE, checked, 60)]],
     ]
 
 
 def rest_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of every other check.
 
-    In the first phase tests that own their time run beside what is built. The others measure real
-    processes: those of tests/stack with nothing but their own kind, and those with containers
-    beside MAVLink clients, which wait for their robot most of the time.
+    First the tests that own their time run beside what is built, then those with processes,
+    containers and MAVLink clients, which wait for each other most of the time. The tests whose
+    verdict depends on real time run last, with nothing beside them.
     """
-    brief = [f"--deselect={line}" for line in BRIEF.read_text(encoding="utf-8").split("\n") if line]
-    computing = (*PYTEST, *LOCAL, *EXAMPLES, "-m", ELSEWHERE, *extra, *brief)
+    # One worker more than there are cores: some tests wait for threads and sockets.
+    computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # A file runs on one worker, as its tests share processes; in the order of the folders.
-    by_file = ("-n", str(WORKERS), "--dist", "loadfile", "--no-loadscope-reorder")
-    processes = (*PYTEST, *by_file, "-m", PROCESSES, *extra, *PROCESSES_FOLDERS)
-    prepared = [
-        Step("images", (*PYTHON, "tests.support.compose.images"), 60),
-        Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 30),
-        Step("tests with the firmware", (*PYTEST, "-n", "2", "-m", "mcu", *extra, "tests/mcu"), 60),
-        Step("documentation", (*PYTHON, "verification.site"), 30),
-        Step(
-            "mutation of the stop", (*PYTHON, "verification.mutation", "--module", "stop_latch"), 15
-        ),
-    ]
-    containers = (*PYTEST, "-m", "compose and not realtime", *extra, "tests/compose")
-    clients = (
-        *PYTEST,
-        "-n",
-        "4",
-        "-m",
-        "interop and brief and not realtime",
-        *extra,
-        "tests/interop",
-    )
-    realtime = (*PYTEST, "-s", "-m", "realtime", *extra, *PROCESSES_FOLDERS)
+    by_file = ("-n", "4", "--dist", "loadfile", "--no-loadscope-reorder")
+    mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
-        [[Step("tests", computing, 150)], prepared],
-        [[Step("tests with processes", processes, 150)]],
         [
-            [Step("tests with containers", containers, 120)],
-            [Step("tests with MAVLink clients", clients, 90)],
+            [tests("tests", ELSEWHERE, computing, 250)],
+            [
+                Step("images", (*PYTHON, "tests.support.compose.images"), 60),
+                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 30),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 70),
+                Step("documentation", (*PYTHON, "verification.site"), 15),
+                Step("mutation of the stop", mutation, 8),
+            ],
         ],
-        [[Step("tests of real time", realtime, 30)]],
+        [
+            [tests("tests with processes", PROCESSES, (*by_file, *extra, *FOLDERS), 270)],
+            [
+                tests(
+                    "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 60
+                ),
+                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 200),
+            ],
+        ],
+        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 60)]],
     ]
+
+
+def cores(more: int) -> tuple[str, ...]:
+    """Return the options of pytest for as many workers as there are cores, and some more."""
+    return "-n", str((os.cpu_count() or 1) + more), "--dist", "worksteal"
 
 
 NOT_IN_TEST: Final = """\
@@ -335,7 +340,7 @@ def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
             return code
     # Two workers take seconds to start: they are worth it for a large room only.
     count = sum(len(list((ROOT / test.partition("::")[0]).rglob("test_*.py"))) for test in tests)
-    workers = LOCAL if count > 20 else ("-n", "0")
+    workers = cores(0) if count > 20 else ("-n", "0")
     return subprocess.run((*PYTEST, *workers, *EXAMPLES, *extra, *tests), cwd=ROOT).returncode
 
 

@@ -122,8 +122,8 @@ def test_brief_tests_are_run_once_by_make_gate() -> None:
         step for lanes in rest_phases([]) for lane in lanes for step in lane if step.name == "tests"
     )
     assert [word for word in brief.words if word.startswith("tests/")] == names
-    assert [f"--deselect={name}" for name in names] == [
-        word for word in rest.words if word.startswith("--deselect=")
+    assert [f"--ignore={name}" for name in names] == [
+        word for word in rest.words if word.startswith("--ignore=")
     ]
 
 
