@@ -26,8 +26,8 @@ from study.runner.progress import StudyProgress
 from study.runner.provenance import code, machine
 from study.runner.rows import FAILED
 from study.runner.run_task import StudyContext, trial_of
-from study.runner.sources import ListedWorld, keep, listed
-from study.runner.store import commands_of
+from study.runner.sources import ListedWorld, listed
+from study.runner.store import commands_of, keep
 from study.runner.study_settings import check_settings, exclusive, settings_of
 from study.trial.trial import params_of
 

@@ -16,7 +16,8 @@ from plant.model.noise import LEVELS
 from protocol.outcome import UNREACHABLE
 from protocol.wire.reasons import Reason
 from runtime.errors import UserError
-from study.runner.rows import COLUMNS, FAILED, SCHEMA
+from study.runner.rows import COLUMNS, FAILED
+from study.runner.store import SCHEMA
 from study.statistics.intervals import CHI2_2, Floats
 from study.trial.trial import ALL_NAVIGATORS
 

@@ -1,12 +1,13 @@
-"""One row per trial: request, outcome, driving statistics and provenance."""
+"""One row per trial: request, outcome, driving statistics and provenance.
+
+A worker process imports this module, so it does without pyarrow: see `study.runner.store`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import nan
-from types import MappingProxyType, UnionType
-from typing import Any, Final, get_args, get_type_hints
-
-import pyarrow as pa
+from types import MappingProxyType
+from typing import Final
 
 FAILED: Final = "failed"
 """Outcome of a trial that raised an exception or whose worker process died."""
@@ -110,48 +111,3 @@ ADDED: Final[Mapping[str, float | None]] = MappingProxyType(
     }
 )
 """Columns that results of earlier versions lack, with the value of their rows."""
-
-_ARROW: Final[Mapping[type, Any]] = MappingProxyType(
-    {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
-)
-
-
-def _column(name: str, kind: Any) -> Any:
-    """Return a column that holds nulls where its annotation allows None."""
-    nullable = isinstance(kind, UnionType)
-    plain = get_args(kind)[0] if nullable else kind
-    return pa.field(name, _ARROW[plain], nullable=nullable)
-
-
-SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(TrialRow).items()])
-
-
-def table_of(rows: list[TrialRow]) -> pa.Table:
-    """Return the rows as a table in their order.
-
-    Raises ValueError, naming the column, where a value is missing.
-    """
-    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
-    for field in SCHEMA:
-        if not field.nullable and None in columns[field.name]:
-            raise ValueError(f"{field.name}: a row without a value")
-    return pa.table(columns, schema=SCHEMA)
-
-
-def with_added(table: pa.Table) -> pa.Table:
-    """Return a table of an earlier version with the columns that were added since, in order.
-
-    A table that lacks other columns, or has others, is returned as it is.
-    """
-    missing = [name for name in COLUMNS if name not in table.column_names]
-    if not set(missing) <= set(ADDED) or not set(table.column_names) <= set(COLUMNS):
-        return table
-    for name in missing:
-        values = pa.array([ADDED[name]] * table.num_rows, SCHEMA.field(name).type)
-        table = table.append_column(SCHEMA.field(name), values)
-    return table.select(list(COLUMNS)) if missing else table
-
-
-def rows_of(table: pa.Table) -> list[TrialRow]:
-    """Return the rows of a table that has the schema."""
-    return [TrialRow(**record) for record in table.to_pylist()]

@@ -15,7 +15,6 @@ from plant.placement.shortest_path import known_length_m
 from plant.world.file import load, shipped
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
-from study.runner.store import replacing
 
 CORPUS: Final = "corpus"
 FIXED: Final = "fixed"
@@ -84,18 +83,6 @@ def digest_of(world: World) -> str:
     """Return the SHA-256 of all that a trial depends on in a world, and of its name."""
     bare = replace(world, family=None, family_seed=None, shortest_path_m=None, reachable=None)
     return sha256(dumps(bare).encode()).hexdigest()
-
-
-def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
-    """Copy given files into the study's directory, since they may be removed later."""
-    for one in worlds:
-        if one.text is None:
-            continue
-        file = directory / KEPT / one.source.partition(":")[2]
-        file.parent.mkdir(exist_ok=True)
-        if not file.exists():
-            with replacing(file) as opened:
-                opened.write(one.text.encode())
 
 
 def _sources(place: str, selection: WorldSelection) -> Iterator[tuple[str, Path | None]]:

@@ -5,10 +5,11 @@ shards and at most one temporary file.
 """
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from types import MappingProxyType, UnionType
+from typing import Any, Final, NamedTuple, get_args, get_type_hints
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,7 +17,8 @@ import pyarrow.parquet as pq
 
 from runtime.atomic_file import sync_folder
 from runtime.errors import UserError
-from study.runner.rows import SCHEMA, TrialRow, table_of, with_added
+from study.runner.rows import ADDED, COLUMNS, TrialRow
+from study.runner.sources import KEPT, ListedWorld
 
 RESULTS: Final = "results.parquet"
 SHARDS: Final = "shards"
@@ -24,6 +26,21 @@ ASIDE: Final = "aside"
 UNFINISHED: Final = ".unfinished"
 PROVENANCE: Final = b"sidestep"
 """Prefix of the metadata keys of the results, which hold command and settings."""
+
+
+_ARROW: Final[Mapping[type, Any]] = MappingProxyType(
+    {str: pa.string(), bool: pa.bool_(), int: pa.int64(), float: pa.float64()}
+)
+
+
+def _column(name: str, kind: Any) -> Any:
+    """Return a column that holds nulls where its annotation allows None."""
+    nullable = isinstance(kind, UnionType)
+    plain = get_args(kind)[0] if nullable else kind
+    return pa.field(name, _ARROW[plain], nullable=nullable)
+
+
+SCHEMA: Final = pa.schema([_column(name, kind) for name, kind in get_type_hints(TrialRow).items()])
 
 
 class StoredRows(NamedTuple):
@@ -95,6 +112,49 @@ def _merged(tables: list[pa.Table]) -> pa.Table:
 def _first_line(error: Exception) -> str:
     strerror = getattr(error, "strerror", None)
     return strerror or (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def keep(worlds: Iterable[ListedWorld], directory: Path) -> None:
+    """Copy given files into the study's directory, since they may be removed later."""
+    for one in worlds:
+        if one.text is None:
+            continue
+        file = directory / KEPT / one.source.partition(":")[2]
+        file.parent.mkdir(exist_ok=True)
+        if not file.exists():
+            with replacing(file) as opened:
+                opened.write(one.text.encode())
+
+
+def table_of(rows: list[TrialRow]) -> pa.Table:
+    """Return the rows as a table in their order.
+
+    Raises ValueError, naming the column, where a value is missing.
+    """
+    columns = {name: [getattr(row, name) for row in rows] for name in COLUMNS}
+    for field in SCHEMA:
+        if not field.nullable and None in columns[field.name]:
+            raise ValueError(f"{field.name}: a row without a value")
+    return pa.table(columns, schema=SCHEMA)
+
+
+def with_added(table: pa.Table) -> pa.Table:
+    """Return a table of an earlier version with the columns that were added since, in order.
+
+    A table that lacks other columns, or has others, is returned as it is.
+    """
+    missing = [name for name in COLUMNS if name not in table.column_names]
+    if not set(missing) <= set(ADDED) or not set(table.column_names) <= set(COLUMNS):
+        return table
+    for name in missing:
+        values = pa.array([ADDED[name]] * table.num_rows, SCHEMA.field(name).type)
+        table = table.append_column(SCHEMA.field(name), values)
+    return table.select(list(COLUMNS)) if missing else table
+
+
+def rows_of(table: pa.Table) -> list[TrialRow]:
+    """Return the rows of a table that has the schema."""
+    return [TrialRow(**record) for record in table.to_pylist()]
 
 
 def write_shard(directory: Path, rows: list[TrialRow]) -> Path:

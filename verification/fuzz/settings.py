@@ -25,8 +25,7 @@ from robot.storage.files import FILE_NAME, Store
 from runtime.calibration import FOLDER, Calibration
 from runtime.config import load, load_shared
 from study.calibration.cli import SIDE_M, from_log
-from study.runner.rows import SCHEMA
-from study.runner.store import RESULTS, find
+from study.runner.store import RESULTS, SCHEMA, find
 from study.runner.study_settings import FILE as SETTLED
 from study.runner.study_settings import differences, settings_in
 from verification.fuzz.target import FuzzTarget

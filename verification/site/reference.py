@@ -23,7 +23,7 @@ from robot.parameters.table import SPECS
 from runtime.cli.parsers import parser_of, program_parsers
 from runtime.cli.verb_lookup import command_of
 from runtime.cli.verb_table import MORE, REC, RUN, VERBS, Verb
-from study.runner.rows import SCHEMA
+from study.runner.store import SCHEMA
 
 WIDTH: Final = 88
 TITLES: Final = {RUN: "Run one process", REC: "Recordings", MORE: "Further groups"}

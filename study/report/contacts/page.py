@@ -22,8 +22,9 @@ from study.report.output.markdown import table_lines
 from study.report.page import PageTable
 from study.report.paper.targets import OWN
 from study.report.words import DASH, number
-from study.runner.rows import TrialRow, rows_of
+from study.runner.rows import TrialRow
 from study.runner.run_task import trial_of
+from study.runner.store import rows_of
 
 NOISES: Final = ("default", "lossy")
 HASTY: Final = "crowd_hasty"

@@ -12,8 +12,9 @@ from protocol.outcome import Outcome
 from protocol.wire.reasons import Reason
 from study.report.charts.drives import DrivenTrial, Pose
 from study.report.trials import Trials, trials_of
-from study.runner.rows import SCHEMA, TrialRow, table_of
+from study.runner.rows import TrialRow
 from study.runner.scores import published_score, spl
+from study.runner.store import SCHEMA, table_of
 from study.trial.trial import Trial
 from tests.support.study.made import floor
 

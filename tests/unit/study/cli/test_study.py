@@ -14,8 +14,7 @@ from study.cli import study as study_cli
 from study.cli import study_run
 from study.cli.study_options import parser
 from study.report import cli as report_cli
-from study.runner.rows import rows_of
-from study.runner.store import RESULTS, SHARDS, commands_of, read, write_shard
+from study.runner.store import RESULTS, SHARDS, commands_of, read, rows_of, write_shard
 from tests.support.study.made import ids, rows, spoil
 
 SMALL = ("--worlds", "open", "--noise", "none", "default", "--navigators", "vgm", "--jobs", "1")

@@ -14,7 +14,7 @@ from study.report.groups import (
 )
 from study.report.output.files import summary_of
 from study.report.output.markdown import markdown
-from study.runner.rows import table_of
+from study.runner.store import table_of
 from tests.support.each import each
 from tests.support.study.report.made import GAVE_UP, row, trials
 

@@ -27,8 +27,7 @@ from study.report.page import (
     Section,
 )
 from study.report.paper.runs import PaperRuns
-from study.runner.rows import SCHEMA, table_of
-from study.runner.store import commands_of, compact, write_table
+from study.runner.store import SCHEMA, commands_of, compact, table_of, write_table
 from tests.support.study.made import floor
 from tests.support.study.report.made import STUCK, drive, row, study, without_values
 

@@ -4,7 +4,7 @@ import pytest
 
 from runtime.errors import UserError
 from study.report.trials import distinct, trials_of
-from study.runner.rows import SCHEMA, table_of
+from study.runner.store import SCHEMA, table_of
 from tests.support.study.report.made import (
     COLLIDED,
     GAVE_UP,

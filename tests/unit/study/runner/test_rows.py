@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from study.runner.rows import ADDED, COLUMNS, SCHEMA, TrialRow, rows_of, table_of, with_added
+from study.runner.rows import ADDED, COLUMNS, TrialRow
+from study.runner.store import SCHEMA, rows_of, table_of, with_added
 from tests.support.each import each
 from tests.support.study.made import rows
 

@@ -15,9 +15,10 @@ from robot.core import states
 from robot.core.parameters import DEFAULTS
 from study.runner.lap import lap_m
 from study.runner.provenance import machine
-from study.runner.rows import FAILED, rows_of, table_of
+from study.runner.rows import FAILED
 from study.runner.run_task import failed, mahalanobis2, row_of, trial_of
 from study.runner.scores import published_score
+from study.runner.store import rows_of, table_of
 from study.trial.trial import run_trial
 from tests.support.each import each
 from tests.support.study.made import CODE, boxed, context_of, floor, tasks

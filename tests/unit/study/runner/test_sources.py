@@ -11,7 +11,8 @@ from plant.world.file import load, shipped
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
 from study.runner import sources
-from study.runner.sources import ListedWorld, WorldSelection, digest_of, keep, listed, world_of
+from study.runner.sources import ListedWorld, WorldSelection, digest_of, listed, world_of
+from study.runner.store import keep
 from tests.support.each import each
 from tests.support.study.made import boxed, floor
 

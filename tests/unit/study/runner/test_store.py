@@ -10,7 +10,7 @@ import pytest
 
 from runtime.errors import UserError
 from study.runner import store
-from study.runner.rows import table_of
+from study.runner.store import table_of
 from tests.support.study.made import ids, rows, spoil
 
 

@@ -7,8 +7,9 @@ from runtime.errors import UserError
 from study.report.charts.gallery import command_of, diverse, gallery, kind_of, selected_failures
 from study.report.page import Gallery, Paragraph
 from study.report.trials import distinct, trials_of
-from study.runner.rows import TrialRow, table_of
+from study.runner.rows import TrialRow
 from study.runner.run_task import trial_of
+from study.runner.store import table_of
 from study.trial.trial import run_trial
 from tests.support.each import each
 from tests.support.study.made import floor

@@ -15,8 +15,7 @@ from study.report.contacts.__main__ import main
 from study.report.contacts.kinds import PERSON_AHEAD
 from study.report.contacts.page import chosen_rows, events_of, explained
 from study.report.contacts.recorder import before_contact
-from study.runner.rows import table_of
-from study.runner.store import write_table
+from study.runner.store import table_of, write_table
 from study.trial.trial import Trial
 from tests.support.each import each
 from tests.support.study.made import floor

@@ -25,7 +25,8 @@ from study.report.paper.runs import (
 )
 from study.report.paper.section import claims_table, paper_section
 from study.report.trials import trials_of
-from study.runner.rows import SCHEMA, TrialRow
+from study.runner.rows import TrialRow
+from study.runner.store import SCHEMA
 from tests.support.each import each
 from tests.support.study.made import floor
 from tests.support.study.report.made import COLLIDED, STUCK, drive, row, trials
