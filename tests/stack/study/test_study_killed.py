@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,33 +22,49 @@ from tests.support.until import until
 ROOT = Path(__file__).parents[3]
 WORDS = (
     *("--worlds", "box", "u_trap", "--noise", "default", "harsh"),
-    *("--navigators", "vgm", "bug", "--seeds", "3", "--timeout", "30"),
-    *("--no-report", "--jobs", "2"),
+    *("--navigators", "vgm", "bug", "--seeds", "2", "--timeout", "30"),
+    "--no-report",
 )
-TRIALS = 2 * 2 * 2 * 3
+TRIALS = 2 * 2 * 2 * 2
+WRITTEN = 2
+"""Shards of one row each that a study writes before it suspends itself."""
 SOON_S = 120.0
-SIDESTEP = """
+SIDESTEP = f"""
+import os
+import signal
 import sys
 import sidestep
 from study.runner import conduct
+
 conduct.FLUSH_S = 0.0
+write, written = conduct.write_shard, []
+
+def write_and_suspend(*shard):
+    written.append(write(*shard))
+    if len(written) == {WRITTEN} and os.environ.get("SUSPEND"):
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return written[-1]
+
+conduct.write_shard = write_and_suspend
 sys.exit(sidestep.main())
 """
-"""Every row is written at once, so that few trials make many shards."""
+"""Every row is written at once, and the study cannot end before the test acts."""
 
 
-def command(place: Path, *more: str) -> list[str]:
-    return [sys.executable, "-c", SIDESTEP, "study", *WORDS, "--output", str(place), *more]
+def command(place: Path, *more: str, jobs: int = 2) -> list[str]:
+    words = ("study", *WORDS, "--jobs", str(jobs), "--output", str(place), *more)
+    return [sys.executable, "-c", SIDESTEP, *words]
 
 
 @contextmanager
-def begun(
+def suspended(
     place: Path, limits: Callable[[], None] | None = None
 ) -> Iterator["subprocess.Popen[str]"]:
-    """Start a study in its own process group; end all of it afterwards."""
+    """Start a study in its own process group until it has written; end all of it afterwards."""
     with subprocess.Popen(
         command(place),
         cwd=ROOT,
+        env={**os.environ, "SUSPEND": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -56,26 +72,27 @@ def begun(
         preexec_fn=limits,
     ) as process:
         try:
+            until(lambda: state_of(process.pid)[0] == "T", SOON_S, f"{WRITTEN} shards")
             yield process
         finally:
             process.kill()
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGCONT)
     until(lambda: not members(process.pid), SOON_S, "workers go when the study is gone")
 
 
-def members(group: int) -> list[int]:
+def state_of(pid: int | str) -> tuple[str, int]:
+    """Return the state of a process and its group; that of a zombie when it is gone."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        return fields[0], int(fields[2])
+    except (OSError, IndexError):
+        return "Z", 0
+
+
+def members(group: int) -> list[str]:
     """Return the processes of a group that still run."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                state, _, its_group = (entry / "stat").read_text().rpartition(")")[2].split()[:3]
-            except (OSError, ValueError):
-                continue
-            if int(its_group) == group and state != "Z":
-                found.append(int(entry.name))
-    return found
+    pids = [entry.name for entry in Path("/proc").iterdir() if entry.name.isdigit()]
+    states = {pid: state_of(pid) for pid in pids}
+    return [pid for pid, (state, its) in states.items() if its == group and state != "Z"]
 
 
 def workers(process: "subprocess.Popen[str]") -> list[int]:
@@ -93,162 +110,102 @@ def arguments(pid: int) -> bytes:
         return b""
 
 
-def shards(place: Path) -> int:
-    return len(list((place / SHARDS).glob("*.parquet")))
+def shards(place: Path) -> list[Path]:
+    return sorted((place / SHARDS).glob("*.parquet"))
 
 
-def underway(process: "subprocess.Popen[str]", place: Path, number: int = 1) -> None:
-    """Wait for shards, and suspend the workers: the study cannot end before the test acts."""
-    until(lambda: shards(place) >= number, SOON_S, f"{number} shards")
-    for pid in workers(process):
-        os.kill(pid, signal.SIGSTOP)
-    assert process.poll() is None
-
-
-def finish(place: Path, *more: str) -> tuple[Any, str]:
-    """Run the rest of the study; return its summary and its messages."""
-    run = subprocess.run(
-        command(place, "--json", *more), cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return json.loads(run.stdout), run.stderr
+def finish(place: Path, python: str = sys.executable, jobs: int = 2) -> Any:
+    """Run the rest of the study; return its summary."""
+    words = [python, *command(place, "--json", jobs=jobs)[1:]]
+    run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    return json.loads(run.stdout)
 
 
 @pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """Return the results of the study without interruption."""
-    place = tmp_path_factory.mktemp("undisturbed")
-    summary, _ = finish(place)
-    assert summary["run_now"] == summary["trials"] == TRIALS
-    return read(place)
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Return studies without interruption by one worker, of every Python that can run them."""
+    places = []
+    for python in (sys.executable, *others()):
+        places.append(tmp_path_factory.mktemp("undisturbed"))
+        summary = finish(places[-1], python, jobs=1)
+        assert summary["run_now"] == summary["trials"] == TRIALS
+    return places
 
 
-def same(place: Path, undisturbed: Any) -> None:
+def same(place: Path, undisturbed: list[Path]) -> None:
     found = read(place)
-    assert ids(found) == ids(undisturbed)
-    assert found["digest"].equals(undisturbed["digest"])
+    for expected in map(read, undisturbed):
+        assert ids(found) == ids(expected)
+        assert found["digest"].equals(expected["digest"])
 
 
-def test_killed_twice_it_goes_on_where_it_was(tmp_path: Path, undisturbed: Any) -> None:
-    done = 0
-    for _ in range(2):
-        before = shards(tmp_path)
-        with begun(tmp_path) as process:
-            underway(process, tmp_path, before + 1)
-            process.kill()
-            process.wait()
-        assert read(tmp_path).num_rows > done
-        done = read(tmp_path).num_rows
-    summary, _ = finish(tmp_path)
-    assert summary["run_now"] == TRIALS - done
-    same(tmp_path, undisturbed)
-
-
-def test_its_workers_killed_it_goes_on_with_others(tmp_path: Path, undisturbed: Any) -> None:
-    with begun(tmp_path) as process:
-        until(lambda: len(workers(process)) == 2, SOON_S, "two workers")
-        underway(process, tmp_path)
-        for pid in workers(process):
-            os.kill(pid, signal.SIGKILL)
-        assert process.wait(SOON_S) == 0
-    same(tmp_path, undisturbed)
-    assert "failed" not in set(read(tmp_path)["outcome"].to_pylist())
-
-
-def test_all_of_it_killed_at_once_loses_only_what_was_not_yet_written(
-    tmp_path: Path, undisturbed: Any
+def test_interrupted_study_loses_and_repeats_no_trial(
+    tmp_path: Path, undisturbed: list[Path]
 ) -> None:
-    with begun(tmp_path) as process:
-        underway(process, tmp_path)
+    with suspended(tmp_path) as process:
+        second_is_refused(tmp_path)
+        assert state_of(process.pid)[0] == "T"
+        process.kill()
+        process.wait()
+    assert read(tmp_path).num_rows == WRITTEN
+    with suspended(tmp_path) as process:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-    kept = read(tmp_path).num_rows
-    assert 0 < kept < TRIALS
-    summary, _ = finish(tmp_path)
-    assert summary["run_now"] == TRIALS - kept
+    assert read(tmp_path).num_rows == 2 * WRITTEN
+    stopped(tmp_path, lambda process: os.killpg(process.pid, signal.SIGINT))  # as a terminal does
+    bad = shards(tmp_path)[0]
+    spoil(bad)
+    told = stopped(tmp_path, lambda process: process.send_signal(signal.SIGTERM))
+    assert f"{bad}: cannot be read" in told
+    assert (tmp_path / ASIDE / bad.name).exists()
+    without_room_and_workers(tmp_path, (undisturbed[0] / RESULTS).stat().st_size)
+    rows = read(tmp_path)
+    assert rows.num_rows == TRIALS
+    assert "failed" not in set(rows["outcome"].to_pylist())
+    assert finish(tmp_path)["run_now"] == 0
     same(tmp_path, undisturbed)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_stopped_study_keeps_its_rows_and_can_continue(
-    tmp_path: Path, undisturbed: Any, number: signal.Signals
-) -> None:
-    with begun(tmp_path) as process:
-        until(lambda: len(workers(process)) == 2, SOON_S, "two workers")
-        underway(process, tmp_path)
-        if number == signal.SIGINT:
-            os.killpg(process.pid, number)  # as a terminal does
-        else:
-            process.send_signal(number)
+def second_is_refused(place: Path) -> None:
+    second = subprocess.run(command(place), cwd=ROOT, capture_output=True, text=True, check=False)
+    assert second.returncode == 2
+    assert "another study is writing there" in second.stderr
+
+
+def stopped(place: Path, stop: Callable[["subprocess.Popen[str]"], None]) -> str:
+    """Stop a study by a signal; return its messages."""
+    with suspended(place) as process:
+        assert len(workers(process)) == 2
+        stop(process)
+        process.send_signal(signal.SIGCONT)
         _, told = process.communicate(timeout=SOON_S)
         assert process.returncode == 130
     assert "Traceback" not in told
-    assert f"of {TRIALS} trials are in {tmp_path}" in told
+    kept = read(place).num_rows  # a row that was written twice counts once
+    assert kept < TRIALS
+    assert f"stopped; {kept} of {TRIALS} trials are in {place}" in told
     assert f"sidestep study {' '.join(WORDS)}" in told
-    kept = read(tmp_path).num_rows
-    assert f"stopped; {kept} of" in told
-    summary, _ = finish(tmp_path)
-    assert summary["run_now"] == TRIALS - kept
-    same(tmp_path, undisturbed)
+    return told
 
 
-def test_without_room_it_ends_clearly_and_loses_nothing_written(
-    tmp_path: Path, undisturbed: Any
-) -> None:
+def without_room_and_workers(place: Path, results_size: int) -> None:
+    """Kill the workers of a study that has room for shards, but not for the file of results."""
+    limit = (max(file.stat().st_size for file in shards(place)) + results_size) // 2
+
     def little_room() -> None:
-        """Allow a shard of few rows, but not the file of all results."""
-        resource.setrlimit(resource.RLIMIT_FSIZE, (24_000, 24_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    with begun(tmp_path, little_room) as process:
+    with suspended(place, little_room) as process:
+        assert len(workers(process)) == 2
+        for pid in workers(process):
+            os.kill(pid, signal.SIGKILL)
+        process.send_signal(signal.SIGCONT)
         _, told = process.communicate(timeout=SOON_S)
         assert process.returncode == 2
     assert "Traceback" not in told
-    assert "cannot be written: File too large" in told
+    assert f"{RESULTS}: cannot be written: File too large" in told
     assert "free disk space and run the same command again" in told
-    assert shards(tmp_path) > 0
-    finish(tmp_path)
-    same(tmp_path, undisturbed)
-
-
-def test_a_shard_spoilt_meanwhile_is_set_aside_and_run_again(
-    tmp_path: Path, undisturbed: Any
-) -> None:
-    with begun(tmp_path) as process:
-        underway(process, tmp_path, 2)
-        process.kill()
-        process.wait()
-    bad = min((tmp_path / SHARDS).glob("*.parquet"))
-    spoil(bad)
-    _, told = finish(tmp_path)
-    assert f"{bad}: cannot be read" in told
-    assert (tmp_path / ASIDE / bad.name).exists()
-    same(tmp_path, undisturbed)
-
-
-def test_two_studies_in_one_place_do_not_mix(tmp_path: Path) -> None:
-    with begun(tmp_path) as process:
-        underway(process, tmp_path)
-        second = subprocess.run(
-            command(tmp_path), cwd=ROOT, capture_output=True, text=True, check=False
-        )
-        assert second.returncode == 2
-        assert "another study is writing there" in second.stderr
-        assert process.poll() is None
-
-
-def test_another_process_and_another_python_give_the_same_digests(
-    tmp_path: Path, undisturbed: Any
-) -> None:
-    """Run a new process of this Python, and of every other one here with the packages."""
-    tried = []
-    for python in (sys.executable, *others()):
-        place = tmp_path / Path(python).name
-        words = command(place)[1:]
-        words[words.index("--jobs") + 1] = "3"
-        subprocess.run([python, *words], cwd=ROOT, capture_output=True, check=True)
-        same(place, undisturbed)
-        tried.append(python)
-    assert tried
-    assert (tmp_path / Path(sys.executable).name / RESULTS).exists()
+    assert shards(place)
 
 
 def others() -> list[str]:
