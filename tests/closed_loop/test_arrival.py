@@ -20,7 +20,7 @@ def believed(state: brain.State, goal: Goal) -> float:
     return hypot(pose.x_m - goal.x_m, pose.y_m - goal.y_m)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=settings().max_examples // 4, deadline=None)
 @given(st.floats(0.3, 5.0), st.floats(-pi, pi), st.floats(-pi, pi))
 def test_in_the_open_it_stops_in_the_middle_and_aligned(
     distance_m: float, at_rad: float, heading_rad: float

@@ -1,10 +1,12 @@
 """Capture the state of a graph of objects, and restore it."""
 
 from collections import OrderedDict, deque
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, NamedTuple, TypeAlias
 
-Contents: TypeAlias = list[tuple[Any, Any]]
-"""Each object with its content at the time of capture."""
+Contents: TypeAlias = list[tuple[Callable[[Any], None], Any]]
+"""The content of each object at the time of capture, after the function that restores it."""
 
 PACKAGES: Final = ("robot.", "protocol.bus.mailbox.", "verification.")
 """Modules whose classes hold state; instances of all other classes count as values."""
@@ -52,22 +54,25 @@ def capture(root: object) -> Memento:
         if id(one) in seen:
             continue
         seen.add(id(one))
-        contents, inside = contents_of(one, shape)
-        memento[perceives].append((one, contents))
+        put, contents, inside = contents_of(one, shape)
+        memento[perceives].append((put, contents))
         pending.extend([(inner, perceives) for inner in inside])
     return memento
 
 
-def contents_of(one: Any, shape: Shape | None) -> tuple[Any, Any]:
-    """Return the content of an object, and the objects in it."""
+def contents_of(one: Any, shape: Shape | None) -> tuple[Callable[[Any], None], Any, Any]:
+    """Return the function that restores an object, its content, and the objects in it."""
     if shape is None:
         contents = one.copy()
-        return contents, contents.values() if type(one) in MAPPINGS else contents
+        if type(one) is list:
+            return partial(one.__setitem__, slice(None)), contents, contents
+        inside = contents.values() if type(one) in MAPPINGS else contents
+        return partial(refill, one), contents, inside
     if shape.slots:
         values = [getattr(one, name) for name in shape.slots]
-        return values, values
+        return partial(set_slots, one, shape.slots), values, values
     fields = dict(vars(one))
-    return fields, fields.values()
+    return vars(one).update, fields, fields.values()
 
 
 def restore(memento: Memento, *, perception: bool) -> None:
@@ -79,19 +84,20 @@ def restore(memento: Memento, *, perception: bool) -> None:
 
 def put_back(contents: Contents) -> None:
     """Restore the contents of some objects."""
-    for one, was in contents:
-        kind: Any = type(one)
-        if kind in SEQUENCES:
-            one[:] = was
-        elif kind in MAPPINGS or kind is set:
-            one.clear()
-            one.update(was)
-        elif type(was) is dict:
-            one.__dict__.update(was)
-        else:
-            shape = shape_of(kind)
-            for name, value in zip(shape.slots if shape else (), was, strict=True):
-                setattr(one, name, value)
+    for put, was in contents:
+        put(was)
+
+
+def refill(one: Any, was: Any) -> None:
+    """Restore a mapping, a set or a queue."""
+    one.clear()
+    (one.extend if type(one) is deque else one.update)(was)
+
+
+def set_slots(one: Any, slots: tuple[str, ...], was: list[Any]) -> None:
+    """Restore the slots of an object."""
+    for name, value in zip(slots, was, strict=True):
+        setattr(one, name, value)
 
 
 def shape_of(kind: type) -> Shape | None:

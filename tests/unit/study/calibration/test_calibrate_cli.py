@@ -55,6 +55,8 @@ def test_log_gives_the_same_result_as_the_drive(
     assert read["found"]["wheel_ratio"] == pytest.approx(driven["found"]["wheel_ratio"], abs=1e-6)
     assert driven["unslipped_before_m"] > 10.0 * driven["unslipped_after_m"]
     assert read["unslipped_before_m"] is None
+    output = tmp_path / "no" / "found.toml"
+    assert f"{output}: cannot be written" in refused(capsys, *words, "--output", str(output))
 
 
 def test_result_depends_on_the_seed_only(
@@ -76,13 +78,6 @@ def test_invalid_options_are_refused_before_driving(
     assert "name a file that ends in .svg or .png" in refused(capsys, "--plot", "plot.pdf")
     assert "leave one of them out" in refused(capsys, "--log", "a", "--save-log", "b")
     assert "there is no parameter «trak»" in refused(capsys, "--param", "trak=1")
-
-
-def test_missing_output_folder_is_reported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    file = tmp_path / "no" / "found.toml"
-    assert f"{file}: cannot be written" in refused(capsys, *QUICK[1:], "--output", str(file))
 
 
 def test_impossible_runs_are_refused_with_advice(

@@ -19,6 +19,7 @@ def search_of(navigator: str, properties: str = "abc", seed: int = 1) -> SearchS
     return SearchSettings(subject=subject, properties=properties, families=SCENES, seed=seed)
 
 
+@cache
 def first_violation(settings: SearchSettings, most_trials: int) -> Violation:
     """Return the first violation of a search within a number of trials."""
     number = trials = 0
