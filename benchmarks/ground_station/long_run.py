@@ -23,7 +23,6 @@ BURST_S: Final = 0.02
 TURNS: Final = (("4", "Severity"), ("1", "Command"))
 """A key, and a word that only the key bar of its screen contains."""
 APART_S: Final = 0.4
-PRESSES_AFTER: Final = 20
 
 
 def long_run_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
@@ -31,7 +30,7 @@ def long_run_figures(options: argparse.Namespace) -> tuple[list[Figure], list[st
     sizes = sizes_mb(options.minutes, options.lines)
     name = f"{options.minutes:g} min at 50 Hz, {options.lines} lines"
     with observed(WORLD) as observer:
-        during_ms, after_ms, grown_mb = during_flood(observer, options.lines)
+        during_ms, after_ms, grown_mb = during_flood(observer, options.lines, options.presses_after)
     figures = [
         Figure(
             name=f"growth, {name}",
@@ -60,7 +59,9 @@ def long_run_figures(options: argparse.Namespace) -> tuple[list[Figure], list[st
     ]
 
 
-def during_flood(observer: Observer, lines: int) -> tuple[list[float], list[float], float]:
+def during_flood(
+    observer: Observer, lines: int, presses_after: int
+) -> tuple[list[float], list[float], float]:
     """Return key latencies in ms during the flood and after it, and growth in MB."""
     with commanding(observer, SIZES[1]) as terminal:
         before_mb, flood = (
@@ -70,7 +71,7 @@ def during_flood(observer: Observer, lines: int) -> tuple[list[float], list[floa
         flood.start()
         during_ms: list[float] = []
         after_ms: list[float] = []
-        while flood.is_alive() or len(after_ms) < PRESSES_AFTER:
+        while flood.is_alive() or len(after_ms) < presses_after:
             into = during_ms if flood.is_alive() else after_ms
             for key, words in TURNS:
                 terminal.forget()

@@ -31,6 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--presses", type=int, default=200, help="of hold, and of the e-stop")
     parser.add_argument("--minutes", type=float, default=10.0, help="of telemetry at 50 Hz")
     parser.add_argument("--lines", type=int, default=100_000, help="of log")
+    parser.add_argument("--presses-after", type=int, default=20, help="of keys after these lines")
 
 
 def measure(options: argparse.Namespace) -> Report:
