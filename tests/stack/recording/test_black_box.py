@@ -82,7 +82,7 @@ def test_full_disk_is_reported_and_the_drive_continues(tmp_path: Path) -> None:
         goto.ends()
         code, said = crew.run("goto", "1.6", "2")
         assert code == 0, said
-        assert witness.status.goal == GoalState.REACHED
+        until(lambda: witness.status.goal == GoalState.REACHED, what="REACHED")
         recorder.send(signal.SIGINT)
         assert recorder.ends() == 1
         assert "LOST" in recorder.said

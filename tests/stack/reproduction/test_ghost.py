@@ -104,7 +104,7 @@ def test_a_robot_that_drives_is_explained_and_others_go_on_from_where_it_is() ->
 
 def test_missing_process_is_named() -> None:
     with Crew(router=True) as crew:
-        for verb in (("explain",), ("ghost", "--navigator", "bug")):
-            code, said = crew.run(*verb)
-            assert code == 1
-            assert "no robot" in said or Role.ROBOT.value in said
+        verbs = [crew.dialling(*words) for words in (("explain",), ("ghost", "--navigator", "bug"))]
+        for verb in verbs:
+            assert verb.ends() == 1, verb.said
+            assert "no robot" in verb.said or Role.ROBOT.value in verb.said
