@@ -54,9 +54,12 @@ class Streams(Core):
         super().due(now_ns)
         for peer in list(self.peers.values()):
             for name, rate in self.rates.items():
+                due_ns = peer.due.get(name, now_ns)
+                if now_ns < due_ns:
+                    continue
                 interval = peer.intervals.get(name, 1_000_000_000 // rate)
-                if interval and now_ns >= peer.due.get(name, 0):
-                    peer.due[name] = max(peer.due.get(name, now_ns) + interval, now_ns)
+                if interval:
+                    peer.due[name] = max(due_ns + interval, now_ns)
                     self.stream(name, peer)
 
     def stream(self, name: str, peer: Peer | None) -> bool:
