@@ -32,7 +32,7 @@ def told(crew: Crew, *words: str, code: int = 0) -> dict[str, Any]:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Record a complete run in a world with moving obstacles."""
     folder = tmp_path_factory.mktemp("logs")
-    words = ["--world", "moving", "--navigator", "vgm", "--noise", "none", "--speed", "4"]
+    words = ["--world", "moving", "--navigator", "vgm", "--noise", "none", "--speed", "max"]
     with Crew() as crew:
         assert crew.start("up", *words, "--record", str(folder)).ends(60.0) in (0, 1)
     (log,) = folder.glob("*.mcap")
