@@ -25,7 +25,9 @@ def unpack(commit: str, folder: Path) -> Path:
     archive = subprocess.run(["git", "archive", commit], cwd=ROOT, capture_output=True, check=True)
     shutil.rmtree(folder, ignore_errors=True)
     with tarfile.open(fileobj=BytesIO(archive.stdout)) as tar:
-        tar.extractall(folder, filter="data")
+        # An attribute, not an argument: Python before 3.11.4, as in Debian 12, has no filters.
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)
+        tar.extractall(folder)
     for name in BROUGHT:
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -70,7 +70,9 @@ def source_tree() -> Path:
         check(tarball)
         shutil.rmtree(tree, ignore_errors=True)
         with tarfile.open(tarball) as archive:
-            archive.extractall(OUTPUT, filter="data")
+            # An attribute, not an argument: Python before 3.11.4, as in Debian 12, has no filters.
+            archive.extraction_filter = getattr(tarfile, "data_filter", None)
+            archive.extractall(OUTPUT)
         # The makefiles test for a file of a folder that Debian leaves out.
         (tree / "lib/micropython-lib").mkdir(exist_ok=True)
         (tree / "lib/micropython-lib/README.md").touch()
