@@ -53,7 +53,8 @@ BRIEF_PROCESSES: Final = (
 PERIOD_S: Final = 10.0
 """Between two lines of progress where no terminal shows one that changes."""
 TICK_S: Final = 0.5
-LAST_LINES: Final = 40
+LAST_LINES: Final = 300
+"""Of a failed step, printed; pytest ends with a line for each failure."""
 CLOSING: Final = re.compile(
     r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|load average met by).*$", re.MULTILINE
 )
@@ -269,8 +270,11 @@ class Gate:
             self._print("\n".join([f"passed {took}  {step.name}", *closing]))
             return
         self.failed.append(step.name)
+        lines = text.rstrip().splitlines()
+        left_out = [f"({len(lines) - LAST_LINES} lines before)"] if len(lines) > LAST_LINES else []
+        shown = "\n".join([*left_out, *lines[-LAST_LINES:]])
         self._print(
-            f"FAILED {took}  {step.name}:\n{text.rstrip()}\n"
+            f"FAILED {took}  {step.name}:\n{shown}\n"
             f"FAILED {took}  {step.name}: exit code {code}, output in {log}"
         )
 
