@@ -111,8 +111,8 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     """
     # One worker more than there are cores: some tests wait for threads and sockets.
     computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
-    # A file runs on one worker, as its tests share processes; in the order of the folders.
-    by_file = ("-n", "4", "--dist", "loadfile", "--no-loadscope-reorder")
+    # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
+    four = ("-n", "4", "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
@@ -126,7 +126,7 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*by_file, *extra, *FOLDERS), 270)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 270)],
             [
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 60
