@@ -98,10 +98,15 @@ def again(
 
 
 def unheard(wheels: Container[int], scans: Container[int], heard: Heard, given: TickInputs) -> bool:
-    """Return whether an idle tick has samples or messages from before the tape had all topics."""
+    """Return whether an idle tick has samples or messages from before the tape had all topics.
+
+    A tick without a new scan goes by the one before, which the tape may have missed.
+    """
     if given.requests:
         return False
-    samples = given.wheels_seq in wheels and given.scan_seq in scans
+    both = INPUT_WHEELS | INPUT_SCAN
+    samples = given.flags & both == both
+    samples = samples and given.wheels_seq in wheels and given.scan_seq in scans
     return not samples or any(given.time_ns not in messages for messages in heard)
 
 

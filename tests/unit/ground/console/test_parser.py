@@ -38,7 +38,7 @@ from runtime.errors import UserError
 from tests.support.each import each
 from tests.support.ground.console.spoken import SPOKEN
 
-GRACE_S = 0.05
+GRACE_S = 1.0
 
 
 @each(("typed", "argv"), SPOKEN)

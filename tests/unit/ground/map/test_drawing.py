@@ -161,7 +161,7 @@ def test_a_huge_world_is_drawn_as_fast() -> None:
     for view in (View.fit(huge.box(), 100, 40), View(100, 40, 1.9, 2.0, 1e-4)):
         begun_s = thread_time()
         draw(huge, view, Canvas(100, 40))
-        assert thread_time() - begun_s < 0.2
+        assert thread_time() - begun_s < 1.0
 
 
 @given(ANY, ANY, ANY)
