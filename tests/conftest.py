@@ -5,7 +5,6 @@ import os
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
-from typing import Final
 
 import pytest
 from hypothesis import settings
@@ -26,13 +25,14 @@ def state_of_our_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Load a profile of Hypothesis by the name in `--examples`.
+    """Load a profile of Hypothesis by the name in `--examples`; watch the load.
 
     An example has no deadline: its duration depends on the load of the machine.
     """
     for name, examples in EXAMPLES.items():
         settings.register_profile(name, deadline=None, max_examples=examples)
     settings.load_profile(config.getoption("--examples"))
+    config.pluginmanager.register(Loads())
 
 
 TESTS = Path(__file__).parent
@@ -110,23 +110,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--examples", choices=EXAMPLES, default="usual", help="of each property")
 
 
-LOADS: Final[list[float]] = []
-"""The load average at the end of each test whose verdict depends on real time."""
+class Loads:
+    """Says which load the tests of real time have met: with much of it a failure proves little."""
 
+    def __init__(self) -> None:
+        self._loads: list[float] = []
 
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Note the load that a test of real time has met."""
-    if "realtime" in report.keywords and report.when == "call":
-        LOADS.append(os.getloadavg()[0])
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note the load average at the end of a test whose verdict depends on real time."""
+        if "realtime" in report.keywords and report.when == "call":
+            self._loads.append(os.getloadavg()[0])
 
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which load the tests of real time have met: with much of it a failure proves little."""
-    if LOADS:
-        terminalreporter.write_line(
-            f"load average met by tests of real time: {min(LOADS):.1f} to {max(LOADS):.1f}"
-            f" on {os.cpu_count()} cores"
-        )
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Print the least and the most of them."""
+        if self._loads:
+            terminalreporter.write_line(
+                f"load average met by tests of real time: {min(self._loads):.1f} to"
+                f" {max(self._loads):.1f} on {os.cpu_count()} cores"
+            )
 
 
 class Count:
