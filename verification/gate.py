@@ -56,9 +56,11 @@ TICK_S: Final = 0.5
 LAST_LINES: Final = 300
 """Of a failed step, printed; pytest ends with a line for each failure."""
 CLOSING: Final = re.compile(
-    r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|load average met by).*$", re.MULTILINE
+    r"^(?:\d+ \w+(?:, \d+ \w+)* in [\d.]+s|SKIPPED \[|load average met by).*$", re.MULTILINE
 )
-"""The last line of pytest, and the load that tests of real time have met."""
+"""The last line of pytest, the tests it has skipped with the reasons, and the load that tests of
+real time have met."""
+MAX_CLOSING: Final = 20
 
 
 class Step(NamedTuple):
@@ -89,13 +91,13 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
     checked = (*cores(0), *EXAMPLES, "-p", "verification.brief", *extra, *brief_files())
     return [
         [
-            [Step("types", (*PYTHON, "mypy", "--strict"), 35)],
+            [Step("types", (*PYTHON, "mypy", "--strict"), 30)],
             [
                 Step("format", (*PYTHON, "ruff", "format", "--check", "."), 1),
                 Step("lint", (*PYTHON, "ruff", "check", "."), 1),
                 Step("import contracts", (lint_imports,), 3),
                 Step("branch coverage", (*PYTHON, "verification.branch_coverage"), 8),
-                tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 12),
+                tests("processes", "stack and brief", ("-n", "2", *extra, *BRIEF_PROCESSES), 10),
             ],
         ],
         [[tests("brief tests", ELSEWHERE, checked, 60)]],
@@ -116,25 +118,25 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
-            [tests("tests", ELSEWHERE, computing, 250)],
+            [tests("tests", ELSEWHERE, computing, 290)],
             [
-                Step("images", (*PYTHON, "tests.support.compose.images"), 60),
-                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 30),
-                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 70),
+                Step("images", (*PYTHON, "tests.support.compose.images"), 20),
+                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 130),
                 Step("documentation", (*PYTHON, "verification.site"), 15),
                 Step("mutation of the stop", mutation, 8),
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 270)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 315)],
             [
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 60
                 ),
-                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 200),
+                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 230),
             ],
         ],
-        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 60)]],
+        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 85)]],
     ]
 
 
@@ -265,7 +267,7 @@ class Gate:
             text = output.read().decode(errors="replace")
         progress.end(step)
         took = f"{monotonic() - began_s:4.0f} s"
-        closing = CLOSING.findall(text)[-2:]
+        closing = CLOSING.findall(text)[-MAX_CLOSING:]
         if code == 0:
             self._print("\n".join([f"passed {took}  {step.name}", *closing]))
             return
