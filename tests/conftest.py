@@ -43,6 +43,7 @@ FOLDERS_OF = {
     "compose": ("compose",),
     "interop": ("interop",),
     "mcu": ("mcu",),
+    "realtime": ("stack", "bus"),
 }
 """A step of the gate collects only these: to collect everything costs more than many a test."""
 

@@ -181,8 +181,8 @@ class ImportCheck:
         if missing and session.testscollected and not session.testsfailed:
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
             print(
-                f"\n{CHOSEN.relative_to(ROOT)} touches no test of {', '.join(missing)}:"
-                " add the file of such a test, or run `make brief`"
+                f"\nno test in {CHOSEN.relative_to(ROOT)} imports {', '.join(missing)}:"
+                " add the file of a test that does, or run `make brief`"
             )
 
 

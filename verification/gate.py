@@ -40,8 +40,8 @@ ELSEWHERE: Final = "not stack and not compose and not interop and not mcu"
 PROCESSES: Final = "stack and not realtime"
 FOLDERS: Final = ("tests/stack", "tests/bus")
 """tests/conftest.py rejects the marker `stack` elsewhere."""
-CONTAINERS: Final = "compose and not realtime"
-CLIENTS: Final = "interop and brief and not realtime"
+CONTAINERS: Final = "compose"
+CLIENTS: Final = "interop and brief"
 """Real clients on a clean line. `make interop` has the rest."""
 BRIEF_PROCESSES: Final = (
     "tests/stack/life_cycle/test_up.py",
@@ -50,6 +50,8 @@ BRIEF_PROCESSES: Final = (
     "tests/stack/reproduction/test_same_trajectory.py",
 )
 """The files with processes of `make test`: those of their tests that are marked `brief`."""
+INTERRUPTED_S: Final = 30.0
+"""For steps to end their processes after ctrl+c."""
 PERIOD_S: Final = 10.0
 """Between two lines of progress where no terminal shows one that changes."""
 TICK_S: Final = 0.5
@@ -145,6 +147,7 @@ def cores(more: int) -> tuple[str, ...]:
     return "-n", str((os.cpu_count() or 1) + more), "--dist", "worksteal"
 
 
+NAMES: Final = {"test": "test", "gate": "gate", "rest": "gate ARGS=rest"}
 NOT_IN_TEST: Final = """\
 make test did not run: the other computing tests, most tests with processes, and those with
 containers, the emulated board, real MAVLink clients and compiled modules, the site, and the
@@ -177,7 +180,7 @@ class Progress:
     def line(self) -> str:
         """Return the share, the time left, and what runs."""
         whole_s = sum(step.expected_s for step in self._steps)
-        done_s = sum(step.expected_s for step in self._ended)
+        done_s = sum(step.expected_s for step in tuple(self._ended))
         names = []
         for step, (began_s, report) in list(self._running.items()):
             counted = counts_in(report)
@@ -217,24 +220,31 @@ class Gate:
         self._printing = Lock()
         self._changing = sys.stdout.isatty()
         """Whether a line of progress can be overwritten."""
+        self._running: set[subprocess.Popen[bytes]] = set()
+        self._stopping = False
         self.failed: list[str] = []
 
     def run(self, phases: Sequence[Phase]) -> int:
         """Run all steps to their ends; return the exit code."""
         shutil.rmtree(self._logs, ignore_errors=True)
-        self._logs.mkdir(parents=True)
+        self._logs.mkdir(parents=True, exist_ok=True)
         began_s, over = monotonic(), Event()
         progress = Progress(phases)
         shown = Thread(target=self._show, args=(progress, over), daemon=True)
         shown.start()
         for lanes in phases:
-            threads = [
-                Thread(target=self._run_lane, args=(lane, progress), daemon=True) for lane in lanes
-            ]
-            for thread in threads:
-                thread.start()
-            for thread in threads:
-                thread.join()
+            # Events, because an interrupted `join` takes a thread that runs for one that has ended.
+            ends = [Event() for _ in lanes]
+            try:
+                for lane, end in zip(lanes, ends, strict=True):
+                    Thread(target=self._run_lane, args=(lane, progress, end), daemon=True).start()
+                for end in ends:
+                    end.wait()
+            except KeyboardInterrupt:
+                over.set()
+                self._interrupt(ends)
+                self._print(f"{self._name}: interrupted ({monotonic() - began_s:.0f} s)")
+                return EXIT_INTERRUPTED
         over.set()
         shown.join()
         took_s = monotonic() - began_s
@@ -244,9 +254,28 @@ class Gate:
         self._print(f"{self._name}: all passed ({took_s:.0f} s)")
         return 0
 
-    def _run_lane(self, lane: Lane, progress: Progress) -> None:
+    def _run_lane(self, lane: Lane, progress: Progress, end: Event) -> None:
         for step in lane:
-            self._run_step(step, progress)
+            if self._stopping:
+                break
+            try:
+                self._run_step(step, progress)
+            except Exception as error:  # a program that is missing, a disk that is full
+                progress.end(step)
+                self.failed.append(step.name)
+                self._print(f"FAILED         {step.name}: {error}")
+        end.set()
+
+    def _interrupt(self, ends: Sequence[Event]) -> None:
+        """Interrupt all running steps, and kill those that have not ended some time later."""
+        self._stopping = True
+        for number, within_s in ((signal.SIGINT, INTERRUPTED_S), (signal.SIGKILL, 1.0)):
+            for process in tuple(self._running):
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, number)
+            deadline_s = monotonic() + within_s
+            for end in ends:
+                end.wait(max(0.0, deadline_s - monotonic()))
 
     def _run_step(self, step: Step, progress: Progress) -> None:
         stem = re.sub(r"\W+", "-", step.name)
@@ -254,20 +283,26 @@ class Gate:
         began_s = monotonic()
         progress.begin(step, report)
         with log.open("w+b") as output:
-            code = subprocess.run(
+            # In a group of its own: an interrupt reaches it once, from here, and it is waited for.
+            process = subprocess.Popen(
                 step.words,
                 cwd=self._folder,
                 env={**os.environ, "SIDESTEP_TEST_COUNT": str(report)},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
-                check=False,
-            ).returncode
+                process_group=0,
+            )
+            self._running.add(process)
+            code = process.wait()
+            self._running.discard(process)
             output.seek(0)
             text = output.read().decode(errors="replace")
         progress.end(step)
         took = f"{monotonic() - began_s:4.0f} s"
         closing = CLOSING.findall(text)[-MAX_CLOSING:]
+        if self._stopping:
+            return
         if code == 0:
             self._print("\n".join([f"passed {took}  {step.name}", *closing]))
             return
@@ -347,7 +382,9 @@ def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
     # Two workers take seconds to start: they are worth it for a large room only.
     count = sum(len(list((ROOT / test.partition("::")[0]).rglob("test_*.py"))) for test in tests)
     workers = cores(0) if count > 20 else ("-n", "0")
-    return subprocess.run((*PYTEST, *workers, *EXAMPLES, *extra, *tests), cwd=ROOT).returncode
+    # In the place of this process: ctrl+c reaches pytest alone, and it ends what it has started.
+    os.chdir(ROOT)
+    return os.execv(sys.executable, (*PYTEST, *workers, *EXAMPLES, *extra, *tests))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -359,7 +396,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     extra = ["--no-skips"] if options.no_skips else []
     # A job in the background of a shell ignores it, and so would every process under test.
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     try:
@@ -367,7 +405,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             return run_room(options.paths, extra)
         phases = brief_phases(extra) if options.part in ("test", "gate") else []
         phases += rest_phases(extra) if options.part in ("gate", "rest") else []
-        code = Gate(f"make {options.part}").run(phases)
+        code = Gate(f"make {NAMES[options.part]}").run(phases)
+        if code == EXIT_INTERRUPTED:
+            return code
         if options.part == "test":
             print(NOT_IN_TEST)
         else:

@@ -37,7 +37,7 @@ def each(names: str | Sequence[str], rows: Iterable[Any]) -> Callable[[Test], Te
         raise ValueError(f"no rows for {', '.join(keys)}: the test could not fail")
 
     def decorate(test: Test) -> Test:
-        joined = getattr(test, "__wrapped__", test)
+        joined = vars(test)["__wrapped__"] if hasattr(test, "rows") else test
         inner: list[Row] = getattr(test, "rows", [Row()])
         combined = [Row(row | more) for more in inner for row in table]
 

@@ -1,15 +1,19 @@
 """The gate runs the steps of all lanes, fails when one of them does, and shows its progress."""
 
 import re
+import signal
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from tests.support.each import each
+from tests.support.until import until
 from verification.gate import (
     BRIEF,
     BRIEF_PROCESSES,
+    EXIT_INTERRUPTED,
     ROOT,
     Gate,
     Progress,
@@ -28,6 +32,26 @@ from tests.support.until import until
 mine, other = map(Path, sys.argv[1:])
 mine.touch()
 until(other.exists)
+"""
+INTERRUPTED = """
+import sys
+from pathlib import Path
+from verification.gate import Gate, Step
+WAITS = '''
+import signal, sys
+from pathlib import Path
+from threading import Event
+began, ended = map(Path, sys.argv[1:])
+try:
+    began.touch()
+    signal.pause()
+except KeyboardInterrupt:
+    Event().wait(0.2)
+    ended.touch()
+'''
+first = Step("first", (sys.executable, "-c", WAITS, {}, {}), 1)
+second = Step("second", (sys.executable, "-c", "open(" + repr({}) + ", 'w')"), 1)
+sys.exit(Gate("make test", Path({})).run([[[first, second]]]))
 """
 LAST = Step("last", (sys.executable, "-c", ""), 1)
 
@@ -77,6 +101,29 @@ def test_failed_step_is_printed_whole_and_the_next_ones_run(
     assert "make gate: FAILED: fails (" in out.splitlines()[-1]
 
 
+def test_step_that_cannot_start_has_failed_and_the_next_ones_run(
+    gate: Gate, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert gate.run([[[Step("missing", ("no-such-program",), 1), LAST]]]) == 1
+    out = capfd.readouterr().out
+    assert "missing: [Errno 2] No such file or directory: 'no-such-program'" in out
+    assert "  last" in out
+    assert "FAILED: missing (" in out.splitlines()[-1]
+
+
+def test_interrupt_waits_for_the_steps_and_starts_no_other(tmp_path: Path) -> None:
+    program, began, ended, late = (
+        tmp_path / name for name in ("gate.py", "began", "ended", "late")
+    )
+    program.write_text(INTERRUPTED.format(*map(repr, map(str, (began, ended, late, tmp_path)))))
+    with subprocess.Popen([sys.executable, program], cwd=ROOT) as process:
+        until(began.exists)
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == EXIT_INTERRUPTED
+    assert ended.exists(), "it was not waited for"
+    assert not late.exists()
+
+
 def test_progress_counts_tests_and_weighs_steps(tmp_path: Path) -> None:
     long, short = Step("long", (), 30.0), Step("short", (), 10.0)
     progress, report = Progress([[[long], [short]]]), tmp_path / "count"
@@ -97,8 +144,8 @@ def test_every_test_is_in_one_of_the_steps() -> None:
     steps = [step.words for lane in lanes for step in lane if "pytest" in step.words]
     chosen = [words[words.index("-m", 2) + 1] for words in steps]
     assert sorted(chosen) == [
-        "compose and not realtime",
-        "interop and brief and not realtime",
+        "compose",
+        "interop and brief",
         "mcu",
         "not stack and not compose and not interop and not mcu",
         "realtime",
