@@ -7,7 +7,7 @@ from typing import Any, Final, TypeVar
 
 from ground.client.connection import Common
 from ground.client.emergency_stop import ServiceCaller
-from ground.client.presence import explain_silence, present_processes
+from ground.client.presence import PresentProcesses, explain_silence, present_processes
 from ground.client.requests import (
     ATTEMPTS,
     PATIENCE_NS,
@@ -103,17 +103,17 @@ class Link:
         request: Request,
         *,
         attempts: int = ATTEMPTS,
-        patience_ns: int = PATIENCE_NS,
+        patience_ns: int | None = None,
         service: Service = COMMAND,
     ) -> Answer:
         """Send a request until it is answered; return the answer.
 
-        While this machine is busy, a request gets more attempts, unless the caller has set a limit;
-        the robot ignores each one that arrives later than its sender waits. Raises UnansweredError,
-        which names the process that is missing or hangs.
+        Without a time limit for each, there are more attempts while this machine is busy; the robot
+        ignores each one that arrives later than its sender waits. Raises UnansweredError, which
+        names the process that is missing or hangs.
         """
-        if (attempts, patience_ns) == (ATTEMPTS, PATIENCE_NS):
-            attempts = round(attempts * self._slowdown())
+        if patience_ns is None:
+            attempts, patience_ns = round(attempts * self._slowdown()), PATIENCE_NS
         asking = CommandExchange(
             request, self.clock.now_ns(), attempts=attempts, patience_ns=patience_ns
         )
@@ -140,6 +140,10 @@ class Link:
             self.bus.await_matched([self._heartbeat], timeout_s=0.5)
         self._heartbeat.put(ALIVE)
 
+    def processes(self) -> PresentProcesses:
+        """Return the announced processes; a busy machine has more time to answer."""
+        return present_processes(self.bus.present(self._slowdown()))
+
     def diagnosis(self) -> str:
         """Explain why the robot does not answer; listens for its heartbeat for up to 0.7 s.
 
@@ -151,7 +155,7 @@ class Link:
             is_beating = box.latest() is not None
             if box.rejected and not is_beating:
                 return f"robot {self.robot} runs, but its heartbeat {box.last_rejection}"
-        present = present_processes(self.bus.present())
+        present = self.processes()
         why = self.bus.lost() or explain_silence(
             present, self.robot, self.endpoint, is_beating=is_beating
         )

@@ -28,7 +28,7 @@ STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGKILL, 400_000_000),
 )
 """Each signal and the nanoseconds until the next one, which count less while the machine is busy.
-`up` promises to end within two seconds, and needs some of them for its own end."""
+`up` promises to end within two seconds on an idle machine, and needs some for its own end."""
 
 
 class ChildExitError(RemoteError):
@@ -175,9 +175,9 @@ class Children:
             child.trim()
 
     def stop(self) -> None:
-        """End all children within two seconds; ignore SIGINT and SIGTERM meanwhile.
+        """End all children within two seconds, or up to five times that on a busy machine.
 
-        A busy machine takes longer: a child that is killed cannot close its files.
+        A child that is killed cannot close its files. Ignore SIGINT and SIGTERM meanwhile.
         """
         ends: tuple[int, ...] = (signal.SIGINT, signal.SIGTERM)
         before = [(number, signal.getsignal(number)) for number in ends]

@@ -7,15 +7,15 @@ attributed to the hub first. A process that waits for a processor is slow and do
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from runtime.load import starved_ns
+from runtime.load import MAX_SLOWDOWN, starved_ns
 from runtime.units import NS_PER_MS, NS_PER_S
 
 SILENT_NS: Final = 2_500 * NS_PER_MS
 PACED_SILENT_NS: Final = 4_500 * NS_PER_MS
 """In paced time lateness is no safety event, and after a restart the robot's position is unknown.
 
-Longer than the plant waits for a silent robot (3 s), and shorter than the watchdog of each process
-(5 s), so that the cause of the restart is the same in both clocks.
+Longer than the plant of an idle machine waits for a silent robot (3 s), and shorter than the
+watchdog of each process (5 s), so that the cause of the restart is the same in both clocks.
 """
 SLOW_NS: Final = 3 * NS_PER_S
 """Added for roles that send only once a second."""
@@ -108,7 +108,10 @@ class HangDetector:
         return now_ns - since_ns - self._starved_ns(role, since_ns, now_ns) > limit_ns
 
     def _starved_ns(self, role: str, since_ns: int, now_ns: int) -> int:
-        """Return how long a silent process has waited for a processor."""
+        """Return how long a silent process has waited for a processor, up to a limit.
+
+        Some of its threads may wait although the one that sends hangs.
+        """
         if now_ns - since_ns < READ_NS:
             return 0
         queued_ns = self._queued_ns(role)
@@ -116,4 +119,5 @@ class HangDetector:
         if at_ns != since_ns:
             self._queued_at[role] = since_ns, queued_ns
             return 0
-        return starved_ns(before, queued_ns)
+        longest_ns = round((MAX_SLOWDOWN - 1.0) * self._silent_ns)
+        return min(starved_ns(before, queued_ns), longest_ns)

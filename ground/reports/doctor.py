@@ -7,7 +7,6 @@ from typing import Any, ClassVar, Final
 
 from ground.client.link import Link, UnansweredError
 from ground.client.operations import Session
-from ground.client.presence import present_processes
 from ground.client.telemetry import Telemetry
 from ground.reports.doctor_findings import Finding, Observed, Stream, examine, installation, lines
 from ground.reports.doctor_findings import Report as Findings
@@ -81,7 +80,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
     """Collect tokens, streams, status and the replies of the services."""
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
-    processes = present_processes(link.bus.present())
+    processes = link.processes()
     status, cycle = telemetry.latest(STATUS), telemetry.latest(CYCLE)
     odometry = telemetry.latest(ODOMETRY)
     return Observed(

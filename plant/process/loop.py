@@ -22,7 +22,7 @@ REPEAT_S: Final = 0.5
 a robot that has just joined receives the tick."""
 PATIENCE_S: Final = 3.0
 """In lockstep, wall time after which simulated time advances without the answer of a robot that is
-present; it counts less while the machine is busy. A supervisor kills a robot that hangs before."""
+present; it counts less while the machine is busy. A supervisor restarts a robot that hangs."""
 
 
 class Wake:

@@ -44,7 +44,6 @@ from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import Timesync
 from runtime.errors import LocalError
-from runtime.load import slowdown
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame and time of arrival in ns; for a cached event, the time of its publication."""
@@ -287,15 +286,13 @@ class Bus:
     def present(self, timeout_s: float = 1.0) -> list[Presence]:
         """Return the announced processes of all robots of this prefix.
 
-        A busy machine has more time to answer than `timeout_s`.
-
         A session that watches answers from its own state: Zenoh 1.10 does not answer such a query
         for some time after each token that its own subscriber received.
         """
         if self._watched is not None:
             return sorted(self._watched.there)
         key = f"{self.network.prefix}/*/alive/*/*"
-        replies = self._session.liveliness().get(key, timeout=timeout_s * slowdown())
+        replies = self._session.liveliness().get(key, timeout=timeout_s)
         keys = islice((str(reply.ok.key_expr) for reply in replies if reply.ok), MAX_TOKENS)
         return sorted({token for key in keys if (token := presence_in(key)) is not None})
 

@@ -63,40 +63,49 @@ def open_session(network: Network) -> zenoh.Session:
     """Open a session.
 
     Raises EndpointInUseError, NoPeerError, PeerHangsError, AccessDeniedError, EndpointError or
-    KeysError. Dials in short turns, because Python handles a signal only between them. A process
-    that listens but has not answered in time may be slow: it then gets `SLOW_DIAL_S` more, with as
-    much time for the handshake, and several times as much while this machine is busy.
+    KeysError. Dials in short turns, because Python handles a signal only between them. While this
+    machine is busy, a process that listens but has not answered in time is dialled longer.
     """
-    deadline_s = monotonic() + network.connect_timeout_s
+    deadline_s, busiest = monotonic() + network.connect_timeout_s, slowdown()
     while True:
         try:
             return zenoh.open(configured(network, min(DIAL_S, deadline_s - monotonic())))
         except zenoh.ZError as error:
+            busiest = max(busiest, slowdown())
             text = SOURCE_PLACES.sub("", str(error))
             if UNCONNECTED not in text:
                 raise in_words(network, text) from error
             if monotonic() >= deadline_s:
-                if any(map(listens, network.connect)) and not peer_refusal(network):
-                    return open_slowly(network)
+                if is_silent(network):
+                    return open_slowly(network, busiest)
                 raise in_words(network, text) from error
 
 
-def open_slowly(network: Network) -> zenoh.Session:
-    """Open a session to a process that listens, but has not answered in the usual time."""
-    factor = slowdown()
-    left = round(factor)
-    while True:
+def is_silent(network: Network) -> bool:
+    """Return whether a dialled process listens and has not refused."""
+    return any(map(listens, network.connect)) and not peer_refusal(network)
+
+
+def open_slowly(network: Network, busiest: float) -> zenoh.Session:
+    """Open a session to a process that listens, but has not answered in the usual time.
+
+    It gets `SLOW_DIAL_S` more for each time that this machine is slower than an idle one, with as
+    much time for the handshake.
+    """
+    turns = round(busiest) - 1
+    for _ in range(turns):
         try:
             return zenoh.open(configured(network, SLOW_DIAL_S, round(SLOW_DIAL_S * 1000)))
         except zenoh.ZError as error:
-            left -= 1
-            if not left:
-                waited_s = network.connect_timeout_s + round(factor) * SLOW_DIAL_S
-                raise PeerHangsError(
-                    f"a process listens at {', '.join(network.connect)} but does not answer"
-                    f" (waited {waited_s:g} s{load_words(factor)}): it is slow, hangs, is suspended"
-                    " or is another program: try again, restart it, or correct the endpoint"
-                ) from error
+            text = SOURCE_PLACES.sub("", str(error))
+            if UNCONNECTED not in text or not is_silent(network):
+                raise in_words(network, text) from error
+    waited_s = network.connect_timeout_s + turns * SLOW_DIAL_S
+    raise PeerHangsError(
+        f"a process listens at {', '.join(network.connect)} but does not answer"
+        f" (waited {waited_s:g} s{load_words(busiest)}): it is slow, hangs, is suspended"
+        " or is another program: try again, restart it, or correct the endpoint"
+    )
 
 
 def configured(network: Network, dial_s: float, open_ms: int = OPEN_MS) -> zenoh.Config:

@@ -12,7 +12,6 @@ from typing import Any, Final
 
 from ground.cli.options import common_of
 from ground.client.link import Link, UnansweredError, open_link
-from ground.client.presence import present_processes
 from ground.grammar.words import add_common
 from ground.text.output import Output
 from ground.web.address import Address, address_of
@@ -90,7 +89,7 @@ def missing_topic(role: str, topic: Topic[Any], rejection: str, link: Link) -> s
     what = f"no message on {topic.path} of {link.robot} within {within_ms} ms"
     if role != Role.PLANT.value:
         return f"{what}: {link.diagnosis()}"
-    has_plant = present_processes(link.bus.present()).has(link.robot, Role.PLANT)
+    has_plant = link.processes().has(link.robot, Role.PLANT)
     return (
         f"{what}: {'the plant is slow, hangs or is paused' if has_plant else 'no plant is running'}"
     )

@@ -7,7 +7,7 @@ from typing import Final, Protocol, TypeVar
 from ground.client.link import Link
 from ground.client.operations.floor import Floor
 from ground.client.operations.lease_holder import refusing_holder
-from ground.client.requests import ATTEMPTS, BEAT_NS, PATIENCE_NS, Request
+from ground.client.requests import ATTEMPTS, BEAT_NS, Request
 from ground.client.results import Accepted, Answer
 from ground.text.status_parts import Part
 from protocol.topics import STATUS
@@ -119,8 +119,8 @@ class Session:
         return False
 
 
-def patience_ns(timeout_s: float | None) -> int:
-    """Return the time limit of each attempt, so that all end within `timeout_s`."""
+def patience_ns(timeout_s: float | None) -> int | None:
+    """Return the time limit of each attempt, so that all end within `timeout_s`; None without."""
     if timeout_s is None:
-        return PATIENCE_NS
+        return None
     return max(1, round(timeout_s * NS_PER_S / ATTEMPTS))

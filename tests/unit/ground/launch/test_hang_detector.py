@@ -120,3 +120,17 @@ def test_wait_for_a_processor_before_a_message_is_no_excuse() -> None:
     detector = Watched(ROBOT, [ROBOT], lambda: True, SECOND - 200 * MS, queued_ns=lambda _: queued)
     detector.note_message(ROBOT, SECOND)
     assert detector.until(QUIET_NS + 1) == [ROBOT]
+
+
+def test_hang_of_a_process_whose_other_threads_wait_is_found() -> None:
+    queued = {"main": 0}
+    detector = Watched(
+        ROBOT, [ROBOT], lambda: True, SECOND - 200 * MS, queued_ns=lambda _: dict(queued)
+    )
+    detector.note_message(ROBOT, SECOND)
+    ended: list[str] = []
+    while not ended and detector._last_check_ns < SECOND + 6 * SILENT_NS:
+        queued["main"] += 100 * MS
+        ended = detector.until(detector._last_check_ns + 100 * MS)
+    assert ended == [ROBOT]
+    assert detector._last_check_ns >= SECOND + 5 * SILENT_NS
