@@ -10,6 +10,8 @@ from tests.support.docs.console import Command, matches, steps_of
 from tests.support.docs.session import ROOT, Session
 
 PAGE = ROOT / "CONTRIBUTING.md"
+OUTER = ("MAKEFLAGS", "MAKELEVEL", "CI", "PYTEST_ADDOPTS")
+"""Of a `make` or pytest around this test; a newcomer has none of them."""
 
 
 def git(folder: Path, *words: str) -> str:
@@ -31,7 +33,7 @@ def set_up(checkout: Path) -> tuple[str, ...]:
         program.chmod(0o755)
     (checkout / ".venv" / "ready").write_text(f"{checkout}\n")
     return (
-        *("env", "-u", "MAKEFLAGS", "-u", "MAKELEVEL", "-u", "CI"),
+        *("env", *(word for name in OUTER for word in ("-u", name))),
         f"PATH={programs}:{Path(sys.executable).parent}:/usr/local/bin:/usr/bin:/bin",
         f"PYTHONPATH={checkout}",
         "GIT_CONFIG_NOSYSTEM=1",
