@@ -142,7 +142,7 @@ def test_progress_counts_tests_and_weighs_steps(tmp_path: Path) -> None:
 def test_every_test_is_in_one_of_the_steps() -> None:
     lanes = [lane for phase in rest_phases(["--no-skips"]) for lane in phase]
     steps = [step.words for lane in lanes for step in lane if "pytest" in step.words]
-    chosen = [words[words.index("-m", 2) + 1] for words in steps]
+    chosen = [words[words.index("-m", words.index("pytest")) + 1] for words in steps]
     assert sorted(chosen) == [
         "compose",
         "interop and brief",
