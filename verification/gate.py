@@ -109,32 +109,34 @@ def brief_phases(extra: Sequence[str]) -> list[Phase]:
 def rest_phases(extra: Sequence[str]) -> list[Phase]:
     """Return the phases of every other check.
 
-    Tests with processes, containers and MAVLink clients wait for each other most of the time. The
-    tests that own their time take what they leave of the cores: they give way (`nice`), so that
-    they delay nobody. The tests whose verdict depends on real time run last, with nothing beside.
+    First the tests that own their time run beside what is built, then those with processes,
+    containers and MAVLink clients, which wait for each other most of the time. The tests whose
+    verdict depends on real time run last, with nothing beside them.
     """
-    computing = (*cores(0), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
+    # One worker more than there are cores: some tests wait for threads and sockets.
+    computing = (*cores(1), *EXAMPLES, *extra, *(f"--ignore={file}" for file in brief_files()))
     # Neighbours, which share processes, mostly stay on one worker; no long file is left to the end.
     four = ("-n", "4", "--dist", "worksteal")
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
-    giving_way = [
-        tests("tests", ELSEWHERE, computing, 290),
-        tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 130),
-        Step("documentation", (*PYTHON, "verification.site"), 15),
-        Step("mutation of the stop", mutation, 8),
-    ]
     return [
+        [
+            [tests("tests", ELSEWHERE, computing, 290)],
+            [
+                Step("images", (*PYTHON, "tests.support.compose.images"), 20),
+                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 130),
+                Step("documentation", (*PYTHON, "verification.site"), 15),
+                Step("mutation of the stop", mutation, 8),
+            ],
+        ],
         [
             [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 315)],
             [
-                Step("images", (*PYTHON, "tests.support.compose.images"), 20),
-                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 230),
-                Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
                 tests(
                     "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 60
                 ),
+                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 230),
             ],
-            [step._replace(words=("nice", *step.words)) for step in giving_way],
         ],
         [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 85)]],
     ]
