@@ -25,10 +25,12 @@ TERMINATING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STOP_STEPS: Final[tuple[tuple[int, int], ...]] = (
     (signal.SIGINT, 800_000_000),
     (signal.SIGTERM, 300_000_000),
-    (signal.SIGKILL, 400_000_000),
+    (signal.SIGKILL, 10_000_000_000),
 )
 """Each signal and the nanoseconds until the next one, which count less while the machine is busy.
-`up` promises to end within two seconds on an idle machine, and needs some for its own end."""
+`up` promises to end within two seconds on an idle machine, and needs some for its own end. A child
+that is killed ends at once, but for a disk that does not answer or a processor it has to wait for:
+to leave before would leave it behind."""
 
 
 class ChildExitError(RemoteError):
