@@ -18,7 +18,8 @@ from protocol.bus.bus import Bus, open_bus
 from protocol.topics import COMMAND, STATUS, Role
 from protocol.wire.enums import GoalState
 from protocol.wire.goal import wire_goal
-from protocol.wire.messages import CommandRequest, GoalRequest
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest
+from protocol.wire.reasons import Reason
 from study.trial.trial import wire_goal_of
 from verification.harness.bus_calls import (
     arm_request,
@@ -98,14 +99,22 @@ class PlantStandIn:
             self._departure = self._pool.submit(self._set_off)
 
     def _set_off(self) -> None:
-        """Arm, and drive to the goal and back to the start in turn."""
-        self._ask(arm_request(next(self._requests)))
-        self._ask(auto_goal_request(next(self._requests), next(self._goals)))
+        """Arm, and drive to the goal and back to the start in turn; or wait for a better moment."""
+        if self._obeys(arm_request(next(self._requests))):
+            self._obeys(auto_goal_request(next(self._requests), next(self._goals)))
 
-    def _ask(self, request: CommandRequest | GoalRequest) -> None:
+    def _obeys(self, request: CommandRequest | GoalRequest) -> bool:
+        """Ask for something; return False if the robot's own loop is too slow at the moment.
+
+        Raises:
+            RuntimeError: It refuses for another reason, which waiting does not change.
+        """
         answer = self._operator.ask(COMMAND, request, robot=ROBOT)
-        if not is_accepted(answer):
-            raise RuntimeError(f"the robot refused {request}: {answer!r}")
+        if is_accepted(answer):
+            return True
+        if isinstance(answer, CommandAck) and answer.result_param2 == Reason.BUDGET:
+            return False
+        raise RuntimeError(f"the robot refused {request}: {answer!r}")
 
     def _notice(self, arrived_ns: int) -> None:
         self._arrived_ns = arrived_ns

@@ -18,11 +18,12 @@ from protocol.bus.network import Hub, Network
 from protocol.bus.session import configured
 from protocol.topics import COMMAND, OPERATOR, SONAR, STATUS, STOP, Role
 from runtime.errors import AccessDeniedError
-from tests.support.bus.locked import DIAL_S, SESSION
+from tests.support.bus.locked import SESSION
 from tests.support.keyring import Keyring
 from tests.support.until import PATIENCE_S, until
 
 PREFIX = "impostor"
+DIAL_S = 2.0
 BEFORE = "before"
 """Session of the operator at the true router, whose last frames may arrive late."""
 
