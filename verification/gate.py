@@ -13,6 +13,7 @@ step failed, and the last line names it.
 """
 
 import argparse
+import fcntl
 import os
 import re
 import shutil
@@ -31,6 +32,7 @@ LOGS: Final = ROOT / "build" / "gate"
 PYTHON: Final = (sys.executable, "-m")
 PYTEST: Final = (*PYTHON, "pytest", "-q")
 EXIT_INTERRUPTED: Final = 130
+EXIT_REFUSED: Final = 2
 BRIEF: Final = ROOT / "tests" / "brief.txt"
 """The test files of `make test`, made by `python -m verification.brief`."""
 EXAMPLES: Final = ("--examples", "brief")
@@ -225,9 +227,19 @@ class Gate:
         self.failed: list[str] = []
 
     def run(self, phases: Sequence[Phase]) -> int:
-        """Run all steps to their ends; return the exit code."""
+        """Run all steps to their ends; return the exit code, 2 if another run is under way here."""
+        self._logs.parent.mkdir(parents=True, exist_ok=True)
+        with self._logs.with_suffix(".lock").open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                self._print(f"{self._name}: another run writes to {self._logs}: wait for its end")
+                return EXIT_REFUSED
+            return self._run(phases)
+
+    def _run(self, phases: Sequence[Phase]) -> int:
         shutil.rmtree(self._logs, ignore_errors=True)
-        self._logs.mkdir(parents=True, exist_ok=True)
+        self._logs.mkdir()
         began_s, over = monotonic(), Event()
         progress = Progress(phases)
         shown = Thread(target=self._show, args=(progress, over), daemon=True)
@@ -371,7 +383,7 @@ def run_room(paths: Sequence[str], extra: Sequence[str]) -> int:
         tests = [test for path in paths for test in find_tests(path)]
     except ValueError as refusal:
         print(f"make test: {refusal}", file=sys.stderr)
-        return 2
+        return EXIT_REFUSED
     sources = [path for path in paths if not path.startswith("tests")]
     for words in (("format", "--check"), ("check",)):
         checked = [*sources, *(test.partition("::")[0] for test in tests)]
@@ -406,7 +418,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         phases = brief_phases(extra) if options.part in ("test", "gate") else []
         phases += rest_phases(extra) if options.part in ("gate", "rest") else []
         code = Gate(f"make {NAMES[options.part]}").run(phases)
-        if code == EXIT_INTERRUPTED:
+        if code in (EXIT_INTERRUPTED, EXIT_REFUSED):
             return code
         if options.part == "test":
             print(NOT_IN_TEST)

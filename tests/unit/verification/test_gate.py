@@ -14,6 +14,7 @@ from verification.gate import (
     BRIEF,
     BRIEF_PROCESSES,
     EXIT_INTERRUPTED,
+    EXIT_REFUSED,
     ROOT,
     Gate,
     Progress,
@@ -111,13 +112,17 @@ def test_step_that_cannot_start_has_failed_and_the_next_ones_run(
     assert "FAILED: missing (" in out.splitlines()[-1]
 
 
-def test_interrupt_waits_for_the_steps_and_starts_no_other(tmp_path: Path) -> None:
-    program, began, ended, late = (
-        tmp_path / name for name in ("gate.py", "began", "ended", "late")
+def test_interrupt_waits_for_the_steps_and_starts_no_other(
+    gate: Gate, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    program, began, ended, late, logs = (
+        tmp_path / name for name in ("gate.py", "began", "ended", "late", "logs")
     )
-    program.write_text(INTERRUPTED.format(*map(repr, map(str, (began, ended, late, tmp_path)))))
+    program.write_text(INTERRUPTED.format(*map(repr, map(str, (began, ended, late, logs)))))
     with subprocess.Popen([sys.executable, program], cwd=ROOT) as process:
         until(began.exists)
+        assert gate.run([[[LAST]]]) == EXIT_REFUSED, "two runs would delete each other's logs"
+        assert f"another run writes to {logs}" in capfd.readouterr().out
         process.send_signal(signal.SIGINT)
         assert process.wait() == EXIT_INTERRUPTED
     assert ended.exists(), "it was not waited for"
