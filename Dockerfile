@@ -97,7 +97,7 @@ ENV HYPOTHESIS_STORAGE_DIRECTORY=/tmp/hypothesis SHELL=/bin/sh
 ENTRYPOINT ["/source/docker/run-tests"]
 
 FROM base AS runtime
-COPY docker/router.toml docker/bus.toml docker/keys /etc/sidestep/
+COPY docker/router.toml docker/bus.toml docker/keys docker/health /etc/sidestep/
 COPY --from=built /opt/sidestep /opt/sidestep
 WORKDIR /home/sidestep
 USER 10001:10001

@@ -84,14 +84,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--own", metavar="DIR", help=f"folder to create, private to that user; {NAME} as above"
     )
+    parser.add_argument(
+        "--healthy", metavar="FILE", help="file to create when the verb `run health` succeeds"
+    )
     parser.add_argument("words", nargs=argparse.REMAINDER, metavar="VERB ...")
 
 
 def run(options: argparse.Namespace, output: Output) -> int:
     """Replace this process with the verb; UserError if its number cannot be determined.
 
-    The health check, which every container repeats every few seconds, runs in this process: to
-    start a second one would double its cost.
+    The health check, which every container repeats, runs in this process: to start a second one
+    would double its cost.
     """
     place = place_of(options, addresses)
     if options.users is not None:
@@ -101,7 +104,10 @@ def run(options: argparse.Namespace, output: Output) -> int:
     words = ["sidestep", *words_of(options, place)]
     call = find(words[1:])
     if call is not None and call.word == HEALTH:
-        return health.run(parser_of(HEALTH).parse_args(call.arguments), output)
+        code = health.run(parser_of(HEALTH).parse_args(call.arguments), output)
+        if options.healthy is not None:
+            Path(options.healthy).touch()
+        return code
     try:
         os.execvp(words[0], words)
     except FileNotFoundError:
@@ -109,14 +115,19 @@ def run(options: argparse.Namespace, output: Output) -> int:
 
 
 def become(user: int) -> None:
-    """Switch to this user and group, without capabilities and with private files."""
+    """Switch to this user and group, without capabilities and with private files.
+
+    Do not switch if this process is that user already, because it may not.
+    """
+    os.umask(0o077)
+    if user == os.getuid() == os.getgid():
+        return
     try:
         os.setgroups([])
         os.setgid(user)
         os.setuid(user)
     except PermissionError as error:
         raise UserError(f"cannot switch to user {user}: start the container as root") from error
-    os.umask(0o077)
 
 
 def make_private_folder(folder: Path) -> None:

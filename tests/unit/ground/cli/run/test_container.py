@@ -5,11 +5,13 @@ import errno
 import os
 import socket
 import stat
+import subprocess
 from pathlib import Path
 
 import pytest
 
 from ground.cli.main import main, parse
+from ground.cli.observe import health
 from ground.cli.run.container import addresses, place_of, words_of
 from plant.model.configuration import body_of
 from plant.placement.start_positions import starts
@@ -156,9 +158,20 @@ def test_each_robot_gets_its_own_user_and_folder(
     monkeypatch.setattr(os, "execvp", lambda _file, words: called.append(("exec", words[2])))
     own = tmp_path / "state-{id}"
     main(["berth", "--users", "20000", "--own", str(own), "plant"])
-    rights = [("setgroups", []), ("setgid", 20001), ("setuid", 20001), ("umask", 0o077)]
+    rights = [("umask", 0o077), ("setgroups", []), ("setgid", 20001), ("setuid", 20001)]
     assert called == [*rights, ("exec", "plant")]
     assert stat.S_IMODE((tmp_path / "state-r1").stat().st_mode) == 0o700
+
+
+def test_a_process_that_is_the_user_does_not_switch(monkeypatch: pytest.MonkeyPatch) -> None:
+    became: list[list[str]] = []
+    monkeypatch.setattr(os, "execvp", lambda _file, words: became.append(words))
+    monkeypatch.setattr(os, "umask", lambda _: None)
+    monkeypatch.setattr(os, "getuid", lambda: 20001)
+    monkeypatch.setattr(os, "getgid", lambda: 20001)
+    monkeypatch.setattr(os, "setgroups", lambda _: pytest.fail("it switched"))
+    main(["berth", "--users", "20000", "plant"])
+    assert len(became) == 1
 
 
 def test_failed_user_switch_or_foreign_folder_is_an_error(
@@ -220,14 +233,52 @@ def test_it_becomes_the_executable(monkeypatch: pytest.MonkeyPatch) -> None:
     ]
 
 
-def test_a_health_check_runs_in_this_process(
+def test_a_health_check_runs_in_this_process_and_marks_success(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(os, "execvp", lambda *_: pytest.fail("another process"))
     (tmp_path / "bus.toml").write_text("[network]\nconnect = ['tcp/127.0.0.1:1']\n")
-    words = ["berth", "--config", str(tmp_path / "bus.toml"), "health", "robot"]
+    mark = tmp_path / "healthy"
+    options = ["--config", str(tmp_path / "bus.toml"), "--healthy", str(mark)]
+    words = ["berth", *options, "health", "robot"]
     assert main(words) == 1
     assert "tcp/127.0.0.1:1" in capsys.readouterr().err
+    assert not mark.exists()
+    monkeypatch.setattr(health, "run", lambda *_: 0)
+    assert main(words) == 0
+    assert mark.exists()
+
+
+CHECK = Path(__file__).parents[5] / "docker" / "health"
+
+
+def checked(folder: Path, now_s: int, *, succeeds: bool) -> list[str]:
+    """Return what the script of the containers' checks does at a time, one word a program."""
+    mark, calls, programs = folder / "healthy", folder / "calls", folder / "bin"
+    programs.mkdir(exist_ok=True)
+    result = f"touch -d @{now_s} {mark}" if succeeds else "exit 1"
+    for name, body in (("check", result), ("sleep", ":")):
+        (programs / name).write_text(f"#!/bin/sh\necho {name} $1 >>{calls}\n{body}\n")
+    (programs / "date").write_text(f"#!/bin/sh\necho {now_s}\n")
+    for program in programs.iterdir():
+        program.chmod(0o755)
+    script = folder / "health"
+    script.write_text(CHECK.read_text().replace("last=/tmp/healthy", f"last={mark}"))
+    calls.write_text("")
+    path = f"{programs}:{os.environ['PATH']}"
+    done = subprocess.run(["sh", script, "check"], env={"PATH": path}, check=False)
+    assert done.returncode == (0 if succeeds else 1)
+    return calls.read_text().split()
+
+
+def test_only_a_healthy_container_waits_for_its_next_check(tmp_path: Path) -> None:
+    assert checked(tmp_path, 1000, succeeds=False) == ["check"]
+    assert checked(tmp_path, 1001, succeeds=True) == ["check"]
+    assert checked(tmp_path, 1011, succeeds=True) == ["sleep", "20", "check"]
+    assert checked(tmp_path, 1012, succeeds=False) == ["sleep", "29", "check"]
+    assert checked(tmp_path, 1013, succeeds=True) == ["check"]
+    assert checked(tmp_path, 1043, succeeds=True) == ["check"]  # it was paused, for example
+    assert checked(tmp_path, 500, succeeds=True) == ["check"]  # the clock was set back
 
 
 def test_missing_executable_is_an_error(
