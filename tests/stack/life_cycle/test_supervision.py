@@ -39,6 +39,7 @@ STOPPED_MS = 200 + 50  # the truth comes once in a period
 HUNG = {"paced": "hung (silent for 4.5 s)", WALL: "hung (silent for 2.5 s)"}
 KILLED = "was killed (signal SIGKILL)"
 HEALED_S = 60.0
+ROUND_S = 0.02  # between two rounds of supervision; `up` has a longer pause
 DRIVES_S = 60.0
 HOWS = ("SIGKILL", "SIGSTOP", "holds the lock")
 
@@ -69,7 +70,7 @@ class Stage:
             self.look()
             return bool(condition())
 
-        until(there, HEALED_S, what)
+        until(there, HEALED_S, what, ROUND_S)
 
     def drive(self) -> None:
         """Armed, on its way; on a busy machine it may stop for its budget, and is sent again."""

@@ -27,7 +27,11 @@ class Screen:
 
     def shows(self, *words: str) -> None:
         """Wait until all these words are on the screen."""
-        until(lambda: all(word in str(self) for word in words), what=lambda: f"{words}:\n{self}")
+        until(
+            lambda: all(word in str(self) for word in words),
+            what=lambda: f"{words}:\n{self}",
+            poll_s=0.05,
+        )
 
 
 @pytest.mark.brief

@@ -21,6 +21,8 @@ PAGES: Final = tuple(
 )
 """The pages whose commands are run."""
 PATIENCE_S: Final = 60.0
+AGAIN_S: Final = 0.5
+"""A command that is repeated costs as much as a start of Python."""
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
 HOLDER: Final = "from tests.support.docs.session import hold; hold()"
 
@@ -193,7 +195,7 @@ class Session:
             return matches(command.output, printed)
 
         with suppress(AssertionError):
-            until(is_expected, PATIENCE_S)
+            until(is_expected, PATIENCE_S, poll_s=AGAIN_S)
         return printed
 
 

@@ -9,6 +9,8 @@ from typing import Self
 from tests.support.until import PATIENCE_S, until
 
 NAMES = {" ": "Space", ";": "\\;"}
+POLL_S = 0.05
+"""A look at the screen starts a process."""
 
 
 class Tmux:
@@ -60,7 +62,7 @@ class Tmux:
             return all(word in found for word in words)
 
         try:
-            until(there, within_s, f"{words} on the screen")
+            until(there, within_s, f"{words} on the screen", POLL_S)
         except AssertionError as error:
             raise AssertionError(f"{error}\n{found}") from None
         return found
