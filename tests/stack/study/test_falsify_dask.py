@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from distributed import LocalCluster
 
 from study.cli.falsify import main
 from study.falsify.workers import workers
@@ -14,6 +13,8 @@ pytestmark = pytest.mark.stack
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
+    from distributed import LocalCluster
+
     with LocalCluster(
         n_workers=2, threads_per_worker=3, processes=True, dashboard_address="127.0.0.1:0"
     ) as cluster:
@@ -28,7 +29,7 @@ def test_search_uses_every_thread_of_the_cluster(address: str) -> None:
 
 def test_findings_on_dask_are_those_of_our_own_processes(address: str, tmp_path: Path) -> None:
     words = ["vgm", "--properties", "e", "--detour", "1.0001", "--families", "wedge"]
-    words += ["--trials", "1", "--vary", "--seed", "3", "--jobs", "1"]
+    words += ["--trials", "1", "--vary", "--seed", "1", "--jobs", "1"]
     found = {}
     for name, more in (("dask", ["--dask", address]), ("ours", [])):
         output = tmp_path / name

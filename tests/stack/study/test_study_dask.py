@@ -5,10 +5,9 @@ import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from distributed import LocalCluster
 
 from plant.model.types import World
 from runtime.errors import UserError
@@ -21,31 +20,34 @@ from study.runner.run_task import StudyContext
 from tests.support.study.made import boxed, context_of, floor, tasks
 from tests.support.study.trouble import deadly
 
-pytestmark = pytest.mark.stack
+MAX_DEATHS = 1
+"""Dask rejects a task after more deaths of its workers; each death costs a start of a worker."""
 
-ANYWHERE = "127.0.0.1:0"
+if TYPE_CHECKING:
+    from distributed import LocalCluster
+
+pytestmark = pytest.mark.stack
 
 
 @contextmanager
-def two_workers() -> Iterator[str]:
-    """Start a scheduler with two worker processes."""
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=ANYWHERE
-    ) as cluster:
-        yield cluster.scheduler_address
+def local_cluster(workers: int) -> Iterator["LocalCluster"]:
+    """Start a scheduler with so many worker processes, which it replaces when they die."""
+    import dask.config
+    from distributed import LocalCluster
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": MAX_DEATHS}),
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+    ):
+        yield cluster
 
 
 @pytest.fixture(scope="module")
 def address() -> Iterator[str]:
-    with two_workers() as found:
-        yield found
-
-
-@pytest.fixture
-def doomed() -> Iterator[str]:
-    """Start a cluster for one test whose workers get killed."""
-    with two_workers() as found:
-        yield found
+    with local_cluster(2) as cluster:
+        yield cluster.scheduler_address
 
 
 def run(address: str, made: Sequence[TrialTask], *worlds: World) -> dict[str, TrialRow]:
@@ -72,18 +74,26 @@ def test_the_rows_are_those_of_our_own_processes(address: str) -> None:
     assert len(ours) == len(made)
 
 
-def test_a_dask_worker_that_dies_costs_no_trial(doomed: str, tmp_path: Path) -> None:
-    worlds = (floor(), deadly(tmp_path / "marks", times=1), boxed())
+def test_trials_outlive_dask_workers_and_one_that_kills_them_has_failed(tmp_path: Path) -> None:
+    with local_cluster(2) as cluster:
+        address = cluster.scheduler_address
+        killed_from_outside_they_cost_no_trial(address)
+        one_that_dies_costs_no_trial(address, tmp_path / "once")
+        a_trial_that_every_worker_dies_of_has_failed(address, tmp_path / "always")
+
+
+def one_that_dies_costs_no_trial(address: str, marks: Path) -> None:
+    worlds = (floor(), deadly(marks, times=1), boxed())
     made = tasks(*worlds, noise=("default",), seeds=4)
-    rows = run(doomed, made, *worlds)
-    assert len(list((tmp_path / "marks").iterdir())) == 1
+    rows = run(address, made, *worlds)
+    assert len(list(marks.iterdir())) == 1
     assert sorted(rows) == sorted(task.trial_id for task in made)
     assert {row.outcome for row in rows.values()} == {"reached"}
 
 
-def test_dask_workers_killed_from_outside_cost_no_trial(doomed: str) -> None:
+def killed_from_outside_they_cost_no_trial(address: str) -> None:
     made = tasks(boxed(), noise=("default",), seeds=12)
-    with on_dask.cluster(doomed) as client:
+    with on_dask.cluster(address) as client:
         pids = list(client.run(os.getpid).values())
         coming = on_dask.run(client, context_of(boxed()), made)
         first = next(row for row in coming if row is not None)
@@ -95,9 +105,9 @@ def test_dask_workers_killed_from_outside_cost_no_trial(doomed: str) -> None:
     assert {row.outcome for row in rows.values()} == {"reached"}
 
 
-def test_a_trial_that_every_dask_worker_dies_of_has_failed(doomed: str, tmp_path: Path) -> None:
-    worlds = (deadly(tmp_path / "marks", times=99), floor())
-    rows = run(doomed, tasks(*worlds), *worlds)
+def a_trial_that_every_worker_dies_of_has_failed(address: str, marks: Path) -> None:
+    worlds = (deadly(marks, times=99), floor())
+    rows = run(address, tasks(*worlds), *worlds)
     ends = {row.world: row.outcome for row in rows.values()}
     assert ends == {"deadly": FAILED, "floor": "reached"}
     assert any("workers that ran it died" in row.reason for row in rows.values())
@@ -109,7 +119,7 @@ def test_a_study_on_dask_is_like_any_other(address: str, tmp_path: Path) -> None
 
     words = ["--worlds", "open", "box", "--noise", "none", "--no-report"]
     assert main([*words, "--dask", address, "--output", str(tmp_path / "dask")]) == 0
-    assert main([*words, "--jobs", "2", "--output", str(tmp_path / "ours")]) == 0
+    assert main([*words, "--jobs", "1", "--output", str(tmp_path / "ours")]) == 0
     one, other = read(tmp_path / "dask"), read(tmp_path / "ours")
     assert one.num_rows == 14
     assert one["trial_id"].equals(other["trial_id"])
@@ -140,7 +150,7 @@ def test_invalid_address_is_reported() -> None:
 def test_scheduler_without_workers_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(on_dask, "FIRST_WORKER_S", 1.0)
     with (
-        LocalCluster(n_workers=0, dashboard_address=ANYWHERE) as cluster,
+        local_cluster(0) as cluster,
         pytest.raises(UserError, match="has no workers"),
         on_dask.cluster(cluster.scheduler_address),
     ):
@@ -150,7 +160,7 @@ def test_scheduler_without_workers_is_reported(monkeypatch: pytest.MonkeyPatch) 
 def test_a_scheduler_that_goes_away_ends_the_study_with_what_is_done() -> None:
     made = tasks(boxed(), noise=("default",), seeds=40)
     with (
-        LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=ANYWHERE) as cluster,
+        local_cluster(1) as cluster,
         on_dask.cluster(cluster.scheduler_address) as client,
     ):
         coming = on_dask.run(client, context_of(boxed()), made)
