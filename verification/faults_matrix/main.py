@@ -63,7 +63,7 @@ def measure(options: argparse.Namespace) -> Report:
     results = Results(None) if options.short else Results.kept_in(options.keep)
     for way, workers in ((Way.LOCKSTEP, options.cores), (Way.WALL, options.jobs)):
         jobs = [job for job in planned(faults, way, options) if not results.has(*job)]
-        for one in done(jobs, workers):
+        for one in done(jobs, workers, short=options.short):
             results.add(one)
             print_verdict(one)
     about = machine.described(load_before)
@@ -96,12 +96,12 @@ def planned(
                 yield PlannedRepetition(fault.name, way, number)
 
 
-def done(jobs: list[PlannedRepetition], workers: int) -> Iterator[Repetition]:
+def done(jobs: list[PlannedRepetition], workers: int, *, short: bool) -> Iterator[Repetition]:
     """Yield repetitions as they finish, each run in a new process."""
     if not jobs:
         return
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        running = [pool.submit(one, job) for job in jobs]
+        running = [pool.submit(one, job, short) for job in jobs]
         try:
             for future in as_completed(running):
                 yield future.result()
@@ -109,10 +109,11 @@ def done(jobs: list[PlannedRepetition], workers: int) -> Iterator[Repetition]:
             pool.shutdown(cancel_futures=True)
 
 
-def one(job: PlannedRepetition) -> Repetition:
-    """Run a repetition."""
-    run = lockstep.run if job.way is Way.LOCKSTEP else wall_time.run
-    return run(BY_NAME[job.fault], job.number)
+def one(job: PlannedRepetition, short: bool) -> Repetition:
+    """Run a repetition; `short` drives a shorter way in simulated time."""
+    if job.way is Way.LOCKSTEP:
+        return lockstep.run(BY_NAME[job.fault], job.number, short=short)
+    return wall_time.run(BY_NAME[job.fault], job.number)
 
 
 def print_verdict(one: Repetition) -> None:
