@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from typing import Final
 
-from benchmarks.ground_station.stage import SIZES, commanding, replaying
+from benchmarks.ground_station.stage import SIZES, AdjustableTerminal, commanding, replaying
 from verification.harness.figures import Figure
 from verification.harness.observer import Observer, Shuttle, observed
-from verification.harness.terminal import Spent
+from verification.harness.terminal import Spent, Terminal
 from verification.harness.until import until
 
 WORLD: Final = "forest_medium"
@@ -20,25 +20,26 @@ SLOW_KEY_AT_MOST_MS: Final = 1000.0
 
 
 def cost_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
-    """Measure CPU share and output in each situation."""
-    seconds, times, settle_s = options.seconds, options.repetitions, options.settle
+    """Measure CPU share and output of one app in each situation, then of a replay."""
     figures: list[Figure] = []
     with observed(WORLD) as observer:
-        with keep_driving(observer):
-            for size, cpu, kb in zip(SIZES, CPU_AT_MOST, KB_AT_MOST, strict=True):
-                found = readings(observer, size, options, times)
-                figures += figures_of(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
-            figures += on_a_slow_line(observer, options)
-        observer.hold()
-        figures += figures_of("standing, 80x24", readings(observer, SIZES[0], options, 1))
+        with commanding(observer, SIZES[0]) as terminal:
+            with keep_driving(observer):
+                for size, cpu, kb in zip(SIZES, CPU_AT_MOST, KB_AT_MOST, strict=True):
+                    terminal.resize(size)
+                    found = readings(terminal, options, options.repetitions)
+                    figures += figures_of(f"driving, {size[0]}x{size[1]}", found, cpu, kb)
+                figures += on_a_slow_line(terminal, options)
+            terminal.resize(SIZES[0])
+            observer.hold()
+            figures += figures_of("standing, 80x24", readings(terminal, options, 1))
+            observer.pause()
+            figures += figures_of("paused, 80x24", readings(terminal, options, 1))
         with replaying(observer, SIZES[0]) as terminal:
-            Event().wait(settle_s)
-            still = [terminal.spent(seconds)]
+            still = readings(terminal, options, 1)
         figures += figures_of("nothing changes, 80x24", still, None, 0.0)
-        observer.pause()
-        figures += figures_of("paused, 80x24", readings(observer, SIZES[0], options, 1))
     notes = [
-        f"10 frames a second; each reading {seconds:g} s; in {WORLD}, with noise",
+        f"10 frames a second; each reading {options.seconds:g} s; in {WORLD}, with noise",
         "nothing changes: a recording that is shown but not played",
         "paused: simulated time is stopped; the robot continues and reports the cost of its cycles",
         f"slow line: the app's output is read at {SLOW_LINE // 1000} kB/s; from the key that shows"
@@ -47,13 +48,10 @@ def cost_figures(options: argparse.Namespace) -> tuple[list[Figure], list[str]]:
     return figures, notes
 
 
-def readings(
-    observer: Observer, size: tuple[int, int], options: argparse.Namespace, times: int
-) -> list[Spent]:
-    """Return the readings of an app in command of the robot."""
-    with commanding(observer, size) as terminal:
-        Event().wait(options.settle)
-        return [terminal.spent(options.seconds) for _ in range(times)]
+def readings(terminal: Terminal, options: argparse.Namespace, times: int) -> list[Spent]:
+    """Return the readings of an app that has settled."""
+    Event().wait(options.settle)
+    return [terminal.spent(options.seconds) for _ in range(times)]
 
 
 def figures_of(
@@ -68,10 +66,10 @@ def figures_of(
     ]
 
 
-def on_a_slow_line(observer: Observer, options: argparse.Namespace) -> list[Figure]:
+def on_a_slow_line(terminal: AdjustableTerminal, options: argparse.Namespace) -> list[Figure]:
     """Measure at the larger size, which has the most output."""
     waits_ms = []
-    with commanding(observer, SIZES[1], most_per_s=SLOW_LINE) as terminal:
+    with terminal.slow(SLOW_LINE):
         Event().wait(2 * options.settle)
         spent = terminal.spent(options.seconds)
         for turn in range(options.slow_presses):

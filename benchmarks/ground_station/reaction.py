@@ -7,7 +7,7 @@ permitted. An e-stop has acted when the wheels are commanded to zero.
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import cycle
+from math import hypot
 from random import Random
 from threading import Event
 from typing import Final, TypeVar
@@ -46,7 +46,7 @@ class TerminalOperator:
 
     def __init__(self, terminal: Terminal, observer: Observer) -> None:
         self._terminal, self._observer = terminal, observer
-        self._places, self._random = cycle(PLACES), Random(1)
+        self._random = Random(1)
 
     def presses(self, key: str, release: Callable[[], None], times: int) -> Presses:
         """Press a key while the robot drives, then release it; repeat."""
@@ -77,7 +77,7 @@ class TerminalOperator:
             if self._observer.status.vehicle == Vehicle.FAILSAFE:
                 self._leave_failsafe()
             if not self._observer.on_its_way:
-                x_m, y_m = next(self._places)
+                x_m, y_m = self._farthest()
                 self._terminal.type(f":goal {x_m:g} {y_m:g}\r")
             elif self._observer.status.mode == Mode.HOLD:
                 self._terminal.type("r")
@@ -85,6 +85,11 @@ class TerminalOperator:
                 until(self._fast, "driving", AGAIN_S)
                 return
         raise RuntimeError(f"the robot does not drive: {self._terminal.text()[-500:]!r}")
+
+    def _farthest(self) -> tuple[float, float]:
+        """Return the farther place: a robot that stopped on its way there need not turn round."""
+        truth = self._observer.truths[-1][0]
+        return max(PLACES, key=lambda place: hypot(place[0] - truth.x_m, place[1] - truth.y_m))
 
     def _leave_failsafe(self) -> None:
         """Disarm after a failsafe: a busy machine may delay samples past their limit."""
