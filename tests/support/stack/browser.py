@@ -10,11 +10,10 @@ import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-import aiohttp
-import numpy as np
-from PIL import Image
+if TYPE_CHECKING:
+    import aiohttp
 
 NAMES: Final = ("chromium", "chromium-browser", "google-chrome")
 FLAGS: Final = (
@@ -36,7 +35,7 @@ def chromium() -> str | None:
 class Page:
     """One tab."""
 
-    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+    def __init__(self, socket: "aiohttp.ClientWebSocketResponse") -> None:
         self._socket = socket
         self._asked = 0
 
@@ -80,6 +79,8 @@ class Page:
 @asynccontextmanager
 async def browsing(url: str) -> AsyncIterator[Page]:
     """Open the page in a browser; end the browser afterwards."""
+    import aiohttp  # not when tests are collected
+
     program = chromium()
     assert program is not None
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -101,7 +102,7 @@ async def browsing(url: str) -> AsyncIterator[Page]:
             await process.wait()
 
 
-async def _target(session: aiohttp.ClientSession, file: Path) -> str:
+async def _target(session: "aiohttp.ClientSession", file: Path) -> str:
     """Return the address for control of the only tab."""
     async with asyncio.timeout(START_S):
         while True:
@@ -115,6 +116,9 @@ async def _target(session: aiohttp.ClientSession, file: Path) -> str:
 
 def drawn(png: bytes) -> int:
     """Return how many pixels differ from the most frequent colour."""
+    import numpy as np
+    from PIL import Image
+
     pixels = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).reshape(-1, 3).astype(int)
     codes = pixels[:, 0] * 65536 + pixels[:, 1] * 256 + pixels[:, 2]
     _, counts = np.unique(codes, return_counts=True)
