@@ -17,7 +17,8 @@ from runtime import elementary
 from runtime.errors import LocalError
 
 SOURCE: Final = Path(elementary.__file__).read_text(encoding="utf-8")
-COUNT: Final = 100_000
+COUNT: Final = {"usual": 25_000, "long": 400_000}
+"""Of arguments by `--examples`; the special ones are fewer than 10,000 and always among them."""
 HOST: Final = """\
 #include <math.h>
 #include <stdint.h>
@@ -105,7 +106,10 @@ def bits(values: Values) -> bytes:
 @pytest.mark.parametrize(
     "name", [one.name for one in native.functions_of(SOURCE) if not one.name.startswith("_")]
 )
-def test_translation_has_the_bits_of_python(name: str, library: ctypes.CDLL) -> None:
+def test_translation_has_the_bits_of_python(
+    name: str, library: ctypes.CDLL, pytestconfig: pytest.Config
+) -> None:
+    wanted = COUNT["long" if pytestconfig.getoption("--examples") == "long" else "usual"]
     definition = next(one for one in native.functions_of(SOURCE) if one.name == name)
     count = len(definition.args.args)
     results = len(native.result_types(definition))
@@ -114,13 +118,13 @@ def test_translation_has_the_bits_of_python(name: str, library: ctypes.CDLL) -> 
     compared = 0
     for given in arguments(name, count):
         if is_in_domain(name, given):
-            if compared == COUNT:
+            if compared == wanted:
                 break
             expected = ours(*given)
             values = expected if isinstance(expected, tuple) else (expected,)
             assert bits(theirs(*given)) == bits(values), given
             compared += 1
-    assert compared == COUNT
+    assert compared == wanted
 
 
 @pytest.mark.parametrize(
