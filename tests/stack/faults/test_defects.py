@@ -80,12 +80,11 @@ def test_doctor_distinguishes_suspended_from_absent_robot() -> None:
         watch = crew.dialling("watch")
         watch.says("STANDBY")
         robot.send(signal.SIGSTOP)
-        late = crew.dialling("watch")
-        code, said = crew.run("doctor")
-        assert code == 1
-        assert f"a process listens at {crew.endpoint} but does not answer" in said
-        assert "hangs" in said
-        assert "restart the process" in said
+        late, doctor = crew.dialling("watch"), crew.dialling("doctor")
+        assert doctor.ends() == 1
+        assert f"a process listens at {crew.endpoint} but does not answer" in doctor.said
+        assert "hangs" in doctor.said
+        assert "restart the process" in doctor.said
         watch.says("hangs")
         assert late.ends() == 1
         assert "hangs" in late.said

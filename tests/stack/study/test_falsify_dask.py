@@ -16,14 +16,14 @@ def address() -> Iterator[str]:
     from distributed import LocalCluster
 
     with LocalCluster(
-        n_workers=2, threads_per_worker=3, processes=True, dashboard_address="127.0.0.1:0"
+        n_workers=2, threads_per_worker=2, processes=True, dashboard_address="127.0.0.1:0"
     ) as cluster:
         yield cluster.scheduler_address
 
 
 def test_search_uses_every_thread_of_the_cluster(address: str) -> None:
     with workers(1, address) as pool:
-        assert pool.threads() == 6
+        assert pool.threads() == 4
         assert pool.executor.submit(abs, -3).result() == 3
 
 

@@ -22,7 +22,7 @@ from tests.support.until import until
 ROOT = Path(__file__).parents[3]
 WORDS = (
     *("--worlds", "box", "u_trap", "--noise", "default", "harsh"),
-    *("--navigators", "vgm", "bug", "--seeds", "2", "--timeout", "30"),
+    *("--navigators", "vgm", "bug", "--seeds", "2", "--timeout", "10"),
     "--no-report",
 )
 TRIALS = 2 * 2 * 2 * 2
@@ -51,18 +51,18 @@ sys.exit(sidestep.main())
 """Every row is written at once, and the study cannot end before the test acts."""
 
 
-def command(place: Path, *more: str, jobs: int = 2) -> list[str]:
+def command(place: Path, *more: str, jobs: int = 1) -> list[str]:
     words = ("study", *WORDS, "--jobs", str(jobs), "--output", str(place), *more)
     return [sys.executable, "-c", SIDESTEP, *words]
 
 
 @contextmanager
 def suspended(
-    place: Path, limits: Callable[[], None] | None = None
+    place: Path, limits: Callable[[], None] | None = None, jobs: int = 1
 ) -> Iterator["subprocess.Popen[str]"]:
     """Start a study in its own process group until it has written; end all of it afterwards."""
     with subprocess.Popen(
-        command(place),
+        command(place, jobs=jobs),
         cwd=ROOT,
         env={**os.environ, "SUSPEND": "1"},
         stdout=subprocess.PIPE,
@@ -114,9 +114,9 @@ def shards(place: Path) -> list[Path]:
     return sorted((place / SHARDS).glob("*.parquet"))
 
 
-def finish(place: Path, python: str = sys.executable, jobs: int = 2) -> Any:
+def finish(place: Path, python: str = sys.executable) -> Any:
     """Run the rest of the study; return its summary."""
-    words = [python, *command(place, "--json", jobs=jobs)[1:]]
+    words = [python, *command(place, "--json")[1:]]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     return json.loads(run.stdout)
 
@@ -127,7 +127,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     places = []
     for python in (sys.executable, *others()):
         places.append(tmp_path_factory.mktemp("undisturbed"))
-        summary = finish(places[-1], python, jobs=1)
+        summary = finish(places[-1], python)
         assert summary["run_now"] == summary["trials"] == TRIALS
     return places
 
@@ -152,7 +152,8 @@ def test_interrupted_study_loses_and_repeats_no_trial(
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     assert read(tmp_path).num_rows == 2 * WRITTEN
-    stopped(tmp_path, lambda process: os.killpg(process.pid, signal.SIGINT))  # as a terminal does
+    # As a terminal does, which reaches the workers, too.
+    stopped(tmp_path, lambda process: os.killpg(process.pid, signal.SIGINT), jobs=2)
     bad = shards(tmp_path)[0]
     spoil(bad)
     told = stopped(tmp_path, lambda process: process.send_signal(signal.SIGTERM))
@@ -172,10 +173,10 @@ def second_is_refused(place: Path) -> None:
     assert "another study is writing there" in second.stderr
 
 
-def stopped(place: Path, stop: Callable[["subprocess.Popen[str]"], None]) -> str:
+def stopped(place: Path, stop: Callable[["subprocess.Popen[str]"], None], jobs: int = 1) -> str:
     """Stop a study by a signal; return its messages."""
-    with suspended(place) as process:
-        assert len(workers(process)) == 2
+    with suspended(place, jobs=jobs) as process:
+        assert len(workers(process)) == jobs
         stop(process)
         process.send_signal(signal.SIGCONT)
         _, told = process.communicate(timeout=SOON_S)
@@ -195,7 +196,7 @@ def without_room_and_workers(place: Path, results_size: int) -> None:
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 
-    with suspended(place, little_room) as process:
+    with suspended(place, little_room, jobs=2) as process:
         assert len(workers(process)) == 2
         for pid in workers(process):
             os.kill(pid, signal.SIGKILL)
