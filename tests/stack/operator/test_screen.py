@@ -39,7 +39,7 @@ def test_drive_is_drawn_to_its_end_and_space_stops_the_robot() -> None:
     with Terminal(("up", "--speed", "10"), SIZE) as terminal:
         screen = Screen(terminal)
         screen.shows("● r1", "AUTO", "goal", "pose", "space E-STOP")
-        screen.shows("r1 goal reached", "reached in", "100 %")
+        screen.shows("REACHED", "reached in", "100 %")
         terminal.type(" ")
         screen.shows("EMERGENCY")
         assert "Traceback" not in terminal.text()
