@@ -72,9 +72,9 @@ def test_a_script_sends_the_robot_to_a_place(stack: Compose) -> None:
 
 
 def test_every_verb_finds_its_way_from_a_container_of_its_own(stack: Compose) -> None:
-    own = ("run", "--rm", "-T", "ground")
-    assert "healthy: plant of r1, robot of r1" in stack.tries(*own, "doctor").said
-    refused = stack.tries(*own, "fly")
+    own = ("run", "--rm", "-T")
+    assert "healthy: plant of r1, robot of r1" in stack.tries(*own, "ground", "doctor").said
+    refused = stack.tries(*own, "--no-deps", "ground", "fly")
     assert (refused.code, "unknown verb 'fly'" in refused.said) == (2, True), refused.said
 
 
