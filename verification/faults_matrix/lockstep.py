@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from random import Random
-from typing import Final
+from typing import Final, NamedTuple
 
 from plant.model.types import World
 from plant.world.file import load
@@ -43,9 +43,7 @@ from verification.harness import motion
 from verification.harness.inprocess import InProcess
 from verification.harness.motion import PERIOD_S, Seen
 
-SET_OFF_TICKS: Final = (4, 60)
 HEALS_S: Final = 1.0
-WATCHED_S: Final = 1.5
 RUNS_OUT_S: Final = 0.5
 """Wheels that were turning when the plant was stopped may run on for this long."""
 NEAR_X_M: Final = 1.8
@@ -54,7 +52,6 @@ PAST_CORNER_M: Final = (3.0, 2.6)
 LONGEST_S: Final = {True: 12.0, False: 300.0}
 BEGIN_NS: Final = 60_000_000_000
 
-GIVEN_UP_TICKS: Final = 40
 WRAPS_AFTER: Final = 2500
 """Encoder ticks, half a metre."""
 RECEIVES: Final = {
@@ -65,6 +62,24 @@ RECEIVES: Final = {
     ("ground", "plant"): ("sense/", "truth/"),
 }
 """Topics that each process receives from each other."""
+
+
+class Timing(NamedTuple):
+    """The simulated time of a repetition beside the reaction itself.
+
+    The robot is at rest for `settles_s`, then drives for `set_off_ticks` (at least, at most) until
+    the fault, and is watched for `watched_s` after the end of the fault, or for `ended_ticks` after
+    the end of its drive.
+    """
+
+    settles_s: float
+    set_off_ticks: tuple[int, int]
+    watched_s: float
+    ended_ticks: int
+
+
+FULL: Final = Timing(1.0, (4, 60), 1.5, 40)
+SHORT: Final = Timing(0.25, (4, 20), 1.0, 20)
 
 
 class BreakableInProcess(InProcess):
@@ -112,6 +127,7 @@ class LockstepDrill:
 
     def __init__(self, fault: FaultCase, number: int, *, short: bool = False) -> None:
         self._fault, self._number = fault, number
+        self._timing = SHORT if short else FULL
         self._stops = fault.must_stop
         self._random = Random(f"{fault.name} {number}")
         world = world_for(fault.act, "corridor" if self._stops else "box")
@@ -133,12 +149,12 @@ class LockstepDrill:
     def run(self) -> Repetition:
         """Drive, cause the fault and return the reaction."""
         with self._board or nullcontext(), self.stack as stack:
-            stack.forward(1.0)
+            stack.forward(self._timing.settles_s)
             if not self._fault.at_rest:
                 stack.arm()
                 stack.goto_goal()
                 stack.until(stack.driving, within_s=10.0)
-            stack.forward(PERIOD_S * self._random.randint(*SET_OFF_TICKS))
+            stack.forward(PERIOD_S * self._random.randint(*self._timing.set_off_ticks))
             self._seen.append(Seen(0.0, stack.truth))
             before = self._random.randrange(len(stack.phases))
             for number, phase in enumerate(stack.phases):
@@ -168,11 +184,12 @@ class LockstepDrill:
         self._ended_ticks = self._ended_ticks + 1 if ended else 0
 
     def _over(self) -> bool:
+        timing = self._timing
         if self._now_s >= LONGEST_S[self._stops]:
             return True
         if self._stops:
-            return self._healed_s is not None and self._now_s >= self._healed_s + WATCHED_S
-        return self._ended_ticks >= GIVEN_UP_TICKS
+            return self._healed_s is not None and self._now_s >= self._healed_s + timing.watched_s
+        return self._ended_ticks >= timing.ended_ticks
 
     def _heal_in_time(self) -> None:
         if self._healed_s is not None:
