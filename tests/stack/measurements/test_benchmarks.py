@@ -82,7 +82,7 @@ def test_a_run_over_the_bus_is_the_run_in_process_to_the_last_bit() -> None:
 
 @pytest.mark.realtime
 def test_attacks_are_measured_on_an_open_bus_and_behind_locked_doors() -> None:
-    words = ("--world", "open", "--seconds", "1.5", "--presses", "1")
+    words = ("--world", "open", "--seconds", "1", "--presses", "1")
     found = figures(flood, *words, "--doors", "open", "--kinds", "questions")
     found |= figures(flood, *words, "--doors", "locked", "--kinds", "stops")
     for name in ("open, questions", "locked, stops"):

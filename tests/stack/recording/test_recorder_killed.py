@@ -91,13 +91,15 @@ def test_killed_with_its_group_at_any_moment_a_recorder_loses_the_last_second_at
     with stage() as (crew, speaker):
         folders = [tmp_path / f"{number}" for number in range(KILLS)]
         running = [recorder(crew, folder) for folder in folders]
-        for folder, one in zip(folders, running, strict=True):
-            until(lambda folder=folder: recorded(folder), STARTS_S, "both files")  # type: ignore[misc]
-            threading.Event().wait(random.uniform(0.0, 0.6))
-            killed_s = time.monotonic()
+        until(lambda: all(map(recorded, folders)), STARTS_S, "both files of each")
+        killed_s = []
+        for one in running:
+            threading.Event().wait(random.uniform(0.0, 0.2))
+            killed_s.append(time.monotonic())
             os.killpg(one.process.pid, signal.SIGKILL)
+        for folder, one, at_s in zip(folders, running, killed_s, strict=True):
             one.ends()
-            lost_s += [lost(path, speaker, killed_s) for path in logs_in(folder)]
+            lost_s += [lost(path, speaker, at_s) for path in logs_in(folder)]
     assert len(lost_s) == 2 * KILLS
     assert max(lost_s) <= LOST_AT_MOST_S, sorted(lost_s)
 
