@@ -32,23 +32,27 @@ class Shape(NamedTuple):
 
 
 _shapes: dict[type, Shape | None] = {}
+_values: set[type] = {bool, bytes, float, int, str, type(None)}
+"""Classes whose instances hold no state, as far as they have been met."""
 
 
 def capture(root: object) -> Memento:
     """Return the contents of `root` and of every object reachable from it."""
     memento = Memento([], [])
     seen: set[int] = set()
+    values = _values
     pending: list[tuple[Any, bool]] = [(root, False)]
     while pending:
         one, perceives = pending.pop()
         kind = type(one)
         shape = None
         if isinstance(one, tuple):
-            pending.extend([(inner, perceives) for inner in one])
+            pending.extend([(inner, perceives) for inner in one if type(inner) not in values])
             continue
         if kind not in SEQUENCES and kind not in MAPPINGS and kind is not set:
             shape = shape_of(kind)
             if shape is None:
+                values.add(kind)
                 continue
             perceives = perceives or shape.perceives
         if id(one) in seen:
@@ -56,7 +60,7 @@ def capture(root: object) -> Memento:
         seen.add(id(one))
         put, contents, inside = contents_of(one, shape)
         memento[perceives].append((put, contents))
-        pending.extend([(inner, perceives) for inner in inside])
+        pending.extend([(inner, perceives) for inner in inside if type(inner) not in values])
     return memento
 
 
@@ -90,8 +94,10 @@ def put_back(contents: Contents) -> None:
 
 def refill(one: Any, was: Any) -> None:
     """Restore a mapping, a set or a queue."""
-    one.clear()
-    (one.extend if type(one) is deque else one.update)(was)
+    if one:
+        one.clear()
+    if was:
+        (one.extend if type(one) is deque else one.update)(was)
 
 
 def set_slots(one: Any, slots: tuple[str, ...], was: list[Any]) -> None:
