@@ -121,6 +121,7 @@ def test_paste_is_reduced_to_its_first_line() -> None:
     assert printable("") == ""
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("theme", ["dark", "mono", "ansi"])
 def test_no_color_removes_all_colours(theme: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")

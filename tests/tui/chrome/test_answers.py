@@ -16,17 +16,17 @@ from tests.support.tui.pilot import play, staged
 
 
 @pytest.mark.usefixtures("worlds")
-@pytest.mark.parametrize("key", [str(number) for number in SCREENS.values()])
-def test_refusal_is_shown_on_every_screen_for_some_seconds(key: str) -> None:
+def test_refusal_is_shown_on_every_screen_for_some_seconds() -> None:
     async def story() -> None:
         async with staged() as stage:
-            await stage.press(key)
-            stage.station.note("set side 0.4: refused: not a whole number", Severity.WARNING)
-            await stage.redraw()
-            assert "▲ set side 0.4: refused: not a whole number" in stage.words("answer")
-            stage.station.clock.advance(round((SHOWN_S + 0.1) * S))
-            await stage.redraw()
-            assert stage.words("answer") == ""
+            for key in map(str, SCREENS.values()):
+                await stage.press(key)
+                stage.station.note(f"set side 0.{key}: not a whole number", Severity.WARNING)
+                await stage.redraw()
+                assert f"▲ set side 0.{key}: not a whole number" in stage.words("answer"), key
+                stage.station.clock.advance(round((SHOWN_S + 0.1) * S))
+                await stage.redraw()
+                assert stage.words("answer") == "", key
 
     play(story)
 

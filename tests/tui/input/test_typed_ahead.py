@@ -21,6 +21,7 @@ async def send(stage: Stage, text: str) -> None:
         await stage.redraw()
 
 
+@pytest.mark.sweep(2)
 @pytest.mark.parametrize(
     ("typed", "given"),
     [
@@ -47,6 +48,7 @@ def test_keys_in_one_piece_are_handled_in_their_order(typed: str, given: list[st
     play(story)
 
 
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("name", ["params", "log", "links", "worlds", "faults"])
 def test_keys_behind_the_slash_are_the_filter(name: str, worlds: None) -> None:
     async def story() -> None:
@@ -73,6 +75,7 @@ def test_space_is_text_where_text_is_typed(opening: str) -> None:
     play(story)
 
 
+@pytest.mark.sweep(2)
 @pytest.mark.parametrize(
     "opening",
     [":arm\r", ":a\x1b", "v", "vj", "v/b\x1b", "?", "?j", "4", "4j", "4/a\r", "4/a\x1b", "e", "G",

@@ -39,7 +39,7 @@ def test_filter_narrows_at_each_letter() -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("screen", LISTS)
 def test_typing_a_filter_sends_no_command(screen: str) -> None:
     async def story(stage: Stage) -> None:
@@ -56,7 +56,7 @@ def test_typing_a_filter_sends_no_command(screen: str) -> None:
 
 
 @pytest.mark.usefixtures("worlds")
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(3)
 @pytest.mark.parametrize("screen", LISTS)
 def test_single_keys_do_not_command_the_robot_on_lists(screen: str) -> None:
     async def story(stage: Stage) -> None:

@@ -98,8 +98,8 @@ def test_letter_q_is_text_in_a_command() -> None:
     play(story)
 
 
-@pytest.mark.sweep(2)
-@pytest.mark.parametrize("screen", ["drive", "worlds", "params", "faults"])
+@pytest.mark.sweep(4)
+@pytest.mark.parametrize("screen", ["params", "drive", "worlds", "faults"])
 def test_clicks_command_nothing_in_an_emergency_stop(screen: str) -> None:
     async def story() -> None:
         async with staged((120, 24), station=stopped(Vehicle.EMERGENCY_STOP)) as stage:
