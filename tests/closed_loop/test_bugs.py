@@ -24,7 +24,7 @@ def run(world: str, navigator: str, noise: str, side: str = "left", seed: int = 
     )
 
 
-@pytest.mark.sweep(7)
+@pytest.mark.sweep(11)
 @pytest.mark.parametrize("navigator", BUGS)
 @pytest.mark.parametrize("noise", ["none", "default"])
 @pytest.mark.parametrize("world", ["u_trap", "zigzag", "corridor", "door", "forest_medium"])

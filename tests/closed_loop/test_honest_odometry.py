@@ -25,20 +25,20 @@ from study.trial.core_loop import CoreLoop
 from study.trial.trial import Trial, run_trial
 from tests.support.each import each
 
-SIZES = [("default", 40), *((level, 100) for level in ("default", "lossy", "harsh"))]
+SIZES = [("default", 20), *((level, 100) for level in ("default", "lossy", "harsh"))]
 
 
 @pytest.mark.sweep(len(SIZES))
 @pytest.mark.parametrize(("level", "each_kind"), SIZES)
 def test_errors_of_many_runs_match_the_covariance(level: str, each_kind: int) -> None:
-    """Errors whose variance is 27 % too large (16 % in 400 drives) fail with 95 % probability.
+    """Errors whose variance is 38 % too large (16 % in 400 drives) fail with 95 % probability.
 
-    The standard deviation of the mean is 6.5 % (4.1 %); its bounds lie two of them to either side.
+    The standard deviation of the mean is 9 % (4.1 %); its bounds lie two of them to either side.
     """
     first = 100_000 * list(LEVELS).index(level)
     drives = [drive(kind, level, first + k) for kind in KINDS for k in range(each_kind)]
     found = consistency_of(drives)
-    assert found.drives == len(KINDS) * each_kind >= 160
+    assert found.drives == len(KINDS) * each_kind >= 80
     assert found.consistent, found
     assert 0.92 <= found.inside <= 0.98
 

@@ -14,7 +14,7 @@ SEEDS = 500
 PART = 20
 
 
-@pytest.mark.sweep(10)
+@pytest.mark.sweep(25)
 @pytest.mark.parametrize("first", range(0, SEEDS, PART))
 def test_seeds_reach_all_modes_and_violate_no_invariant(first: int) -> None:
     found = run_seeds(range(first, first + PART))

@@ -31,6 +31,7 @@ SLOW = (
     "b-wedge-claim",
     "b-zigzag-claim-ghost",
     "c-double_spiral-contact-passing",
+    "c-double_spiral-contact-passing-robot",
     "c-double_spiral-contact-stopped",
     "c-hairpin-contact-passing",
     "c-interlocking_spirals-contact-passing",
@@ -38,9 +39,10 @@ SLOW = (
     "c-interlocking_spirals-contact-stopped",
     "c-symmetric_trap-contact-passing",
     "c-symmetric_trap-contact-stopped-robot",
+    "c-nested_rings-contact-passing-robot",
     "c-tight_door-contact-passing",
 )
-"""Drives of more than 0.6 s, each of the letter and kind of a quicker one."""
+"""Drives of more than 0.4 s, each of the letter and kind of a quicker one."""
 
 
 def row_of(file: Path) -> ParameterSet:

@@ -111,6 +111,7 @@ def test_lap_round_an_island_does_not_separate(side: int, goal: tuple[float, flo
     assert round_post(goal, side) == AROUND
 
 
+@pytest.mark.sweep(5)
 @SIDES
 @pytest.mark.parametrize("goal", [(3.0, 0.0), (-1.2, 0.9), (0.0, -9.0)])
 def test_lap_inside_of_walls_separates_from_outside(side: int, goal: tuple[float, float]) -> None:
@@ -122,6 +123,7 @@ def test_lap_inside_of_walls_with_the_goal_does_not_separate(side: int) -> None:
     assert inside((0.1, 0.2), side) == AROUND
 
 
+@pytest.mark.sweep(3)
 @SIDES
 @pytest.mark.parametrize("missing", [2, 5])
 def test_gap_for_the_robot_makes_the_lap_prove_nothing(side: int, missing: int) -> None:
