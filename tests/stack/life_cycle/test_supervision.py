@@ -39,7 +39,7 @@ STOPPED_MS = 200 + 50  # the truth comes once in a period
 HUNG = {"paced": "hung (silent for 4.5 s)", WALL: "hung (silent for 2.5 s)"}
 KILLED = "was killed (signal SIGKILL)"
 HEALED_S = 60.0
-ROUND_S = 0.02  # between two rounds of supervision; `up` has a longer pause
+ROUND_S = 0.02  # `up` looks more often, but each round costs processor time
 DRIVES_S = 60.0
 HOWS = ("SIGKILL", "SIGSTOP", "holds the lock")
 
