@@ -94,8 +94,9 @@ class AppScreen(Screen[None], StillWidget):
         self.home()
 
     def home(self) -> None:
-        """Focus the content, so that keys are actions again."""
-        self.set_focus(next(iter(self.query(self.focus_first)), None))
+        """Focus the content, so that keys are actions again; nothing, if it takes no focus."""
+        takers = (one for one in self.query(self.focus_first) if one.focusable)
+        self.set_focus(next(takers, None))
 
     def on_screen_resume(self) -> None:
         """Redraw."""

@@ -54,8 +54,7 @@ def test_stop_keys_work_in_dialogs_and_command_lines() -> None:
     async def story() -> None:
         async with staged() as stage:
             cases = [("drive", key) for key in ("?", "m", "ctrl+p")]
-            # Escape does not leave the command line of the plots, so they come last.
-            cases += [(name, "colon") for name in sorted(SCREENS, key="plots".__eq__)]
+            cases += [(name, "colon") for name in SCREENS]
             for number, (name, opening) in enumerate(cases):
                 case = f"{opening} on {name}"
                 await later(stage).press(SCREEN_KEYS[name])
@@ -70,6 +69,7 @@ def test_stop_keys_work_in_dialogs_and_command_lines() -> None:
                 await stage.press("f12")
                 assert stage.station.stops_of_all == number + 1, case
                 await stage.press("escape")
+                assert shape_of(stage) == shut, case
 
     play(story)
 

@@ -75,7 +75,6 @@ def test_space_is_text_where_text_is_typed(opening: str) -> None:
     play(story)
 
 
-@pytest.mark.sweep(2)
 @pytest.mark.parametrize(
     "opening",
     [":arm\r", ":a\x1b", "v", "vj", "v/b\x1b", "?", "?j", "4", "4j", "4/a\r", "4/a\x1b", "e", "G",
