@@ -412,6 +412,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, signal.default_int_handler)
     # Hundreds of processes are started: none of them compiles what another has compiled.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         if options.part == "room":
             return run_room(options.paths, extra)
