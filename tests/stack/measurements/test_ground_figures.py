@@ -20,7 +20,7 @@ def figures(*words: str) -> dict[str, Figure]:
 
 @pytest.mark.realtime
 def test_a_driving_robot_costs_little_a_paused_one_less_and_a_slow_line_is_not_flooded() -> None:
-    short = ("--seconds", "1", "--settle", "0.3", "--slow-presses", "1", "--repetitions", "1")
+    short = ("--seconds", "1", "--settle", "0.3", "--slow-presses", "2", "--repetitions", "1")
     found = figures("--parts", "cost", *short)
     for size, cpu, kb in (("80x24", 20.0, 90.0), ("140x40", 32.0, 180.0)):
         assert found[f"CPU of one core, driving, {size}"].median < cpu
