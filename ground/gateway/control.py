@@ -15,16 +15,15 @@ from ground.gateway.port import Answered, Done, RobotPort, Snapshot
 from ground.gateway.traffic import Outbox, Sender
 from protocol.wire.enums import LeaseAction
 from protocol.wire.reasons import Reason
-from runtime.units import NS_PER_S
 
-SILENCE_NS: Final = 5 * NS_PER_S
-"""A client in control that is silent for this long loses control; ArduPilot's FS_GCS_TIMEOUT."""
+SILENCE_NS: Final = 3_500_000_000
+"""A client in control that is silent for this long loses control. The robot misses its operator
+1.5 s later, so that both together are the 5 s of ArduPilot's FS_GCS_TIMEOUT."""
 CROSSING_NS: Final = 300_000_000
 """A lease status sent before a change may arrive up to this time after it."""
 MAX_TAKING: Final = 64
 """Requests for control that wait for the robot; more are refused."""
 BUSY: Final = "too many requests for control at once"
-WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
 
 
 class Owner(NamedTuple):
@@ -75,7 +74,7 @@ class OperatorControl:
         Take control first if it moves the robot and no client has control.
         """
         if not sender.may_command:
-            done(Answered(None, WATCHER))
+            done(Answered(None, sender.barred))
         elif not operation.moves or self.holds(sender):
             self._port.perform(operation, done)
         else:
@@ -93,7 +92,7 @@ class OperatorControl:
         Otherwise `done` receives the refusal.
         """
         if not sender.may_command:
-            done(Answered(None, WATCHER))
+            done(Answered(None, sender.barred))
         elif self.holds(sender):
             done(Answered(Accepted(0)))
         elif self.owner is not None:
@@ -119,7 +118,7 @@ class OperatorControl:
         if self.owner is None or self.holds(sender) or not self.takeover_allowed:
             self.ensure(sender, granted)
         elif not sender.may_command:
-            done(Answered(None, WATCHER))
+            done(Answered(None, sender.barred))
         elif len(self._taking) >= MAX_TAKING:
             done(Answered(None, BUSY))
         else:

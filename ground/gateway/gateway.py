@@ -10,15 +10,14 @@ from typing import Final
 
 from ground.gateway.bus_port import BusPort
 from ground.gateway.clients.client_table import Client, Clients
-from ground.gateway.clients.framing import Frame
-from ground.gateway.clients.guests import is_emergency_stop
+from ground.gateway.clients.framing import Frame, is_emergency_stop
 from ground.gateway.clients.report import Reporter
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.policy import Rights
-from ground.gateway.traffic import Sender
+from ground.gateway.traffic import NEWCOMER, WATCHER, Sender
 from ground.gateway.vehicle import Face
 from protocol.wire.enums import Severity
 from runtime.clock import Clock
@@ -191,10 +190,10 @@ class Gateway:
         if message is None:
             return
         self._pace.note(frame.number, now_ns)
-        may_command = rights is Rights.COMMAND
-        sender = Sender(
-            link.number, frame.system, frame.component, may_command, is_signed, loopback
-        )
+        barred = "" if rights is Rights.COMMAND else WATCHER
+        if client.is_newcomer(frame):
+            barred = barred or NEWCOMER
+        sender = Sender(link.number, frame.system, frame.component, barred, is_signed, loopback)
         if self._recorder is not None:
             self._recorder.received(message, now_ns)
         for face in self._faces:

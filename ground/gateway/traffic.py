@@ -9,21 +9,28 @@ from protocol.wire.statustext import pieces_of
 
 COMPONENT: Final = mavlink.MAV_COMP_ID_AUTOPILOT1
 EVERYONE: Final = None
+WATCHER: Final = "signing: this endpoint takes commands only from clients that sign"
+NEWCOMER: Final = "by TCP a client has to send a HEARTBEAT before its first command"
 
 
 class Sender(NamedTuple):
     """The origin of a message.
 
-    `client` numbers the peers of all endpoints, and is never reused. `may_command` is False for a
-    peer that may only receive telemetry by the signing policy of its endpoint.
+    `client` numbers the peers of all endpoints, and is never reused. `barred` is the reason why
+    this message may command nothing, such as `WATCHER` or `NEWCOMER`; empty if it may.
     """
 
     client: int
     system: int
     component: int
-    may_command: bool = True
+    barred: str = ""
     is_signed: bool = False
     is_loopback: bool = True
+
+    @property
+    def may_command(self) -> bool:
+        """Whether what it asks for is done."""
+        return not self.barred
 
 
 class Send(NamedTuple):

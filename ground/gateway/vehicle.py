@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from ground.client.operations import ClearFence, Operation
 from ground.gateway.catalogue import Catalogue
-from ground.gateway.control import WATCHER, OperatorControl
+from ground.gateway.control import OperatorControl
 from ground.gateway.dialect import MavMessage
 from ground.gateway.motion.modes import Modes
 from ground.gateway.port import KEEPS_FENCE, Answered, Done, RobotPort, Snapshot
@@ -117,7 +117,7 @@ class Face:
         number = message.get_msgId()
         services = self._by_id.get(number, ())
         if services and not sender.may_command and number not in WATCHING:
-            self.vehicle.refusals.say(WATCHER, sender.client, now_ns)
+            self.vehicle.refusals.say(sender.barred, sender.client, now_ns)
             return
         for service in services:
             service.receive(message, sender, now_ns)

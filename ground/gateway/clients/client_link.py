@@ -30,17 +30,18 @@ class NoFile:
 class ClientLink:
     """Frames from and to one client.
 
-    Each vehicle has its own sequence numbers, so they have no gaps.
+    Each vehicle has its own sequence numbers, so they have no gaps. With `begins` what it sends has
+    to begin with a frame.
     """
 
-    def __init__(self, number: int, name: str, now_ns: int) -> None:
+    def __init__(self, number: int, name: str, now_ns: int, *, begins: bool = False) -> None:
         self.number = number
         self.name = name
         self.heard_ns = now_ns
         self.received = self.sent = self.lost = 0
-        self.is_mavlink1 = False
+        self.is_mavlink1 = self.is_introduced = False
         self.signing = Counters()
-        self._deframer = Deframer()
+        self._deframer = Deframer(begins=begins)
         self._ready: list[Frame] = []
         self._decoder = mavlink.MAVLink(NoFile())
         self._encoders: dict[int, Any] = {}
@@ -56,6 +57,11 @@ class ClientLink:
     def malformed(self) -> int:
         """The number of byte sequences that were no frame, or a frame of an unknown message."""
         return self._deframer.malformed + self._deframer.unknown
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the first bytes were no frame: another program than a MAVLink client."""
+        return self._deframer.is_foreign
 
     @property
     def dropped(self) -> int:

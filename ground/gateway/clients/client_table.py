@@ -4,14 +4,17 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from ground.gateway.clients.client_link import GONE_NS, ClientLink
-from ground.gateway.clients.framing import MAX_WAITING, Frame
-from ground.gateway.clients.guests import MAX_GUESTS, is_emergency_stop
+from ground.gateway.clients.framing import MAX_WAITING, Frame, is_emergency_stop
+from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS, Endpoint, Received
 from runtime.units import NS_PER_S
 
 FRAMES_PER_ROUND: Final = 256
 """Received frames of all clients that a round of 20 ms processes; more wait, then are dropped."""
 MIN_FRAMES: Final = 8
+MAX_GUESTS: Final = 8
+"""Peers for which there is no place: of these, only the emergency stop is taken. A new one pushes
+out the oldest."""
 CROWDED_NS: Final = 3 * NS_PER_S
 """A client that is silent for so long loses its place to a new one if all places are taken."""
 
@@ -29,6 +32,17 @@ class Client(NamedTuple):
         """Whether the line loses frames; gaps in a sequence on a reliable one are the client's."""
         return self.link.is_lossy and not self.endpoint.is_reliable
 
+    def is_newcomer(self, frame: Frame) -> bool:
+        """Return whether a frame comes by TCP before the first HEARTBEAT, and is no emergency stop.
+
+        A program that was never meant to talk to a robot, such as a browser that a web page makes
+        send bytes of its choice, thus commands nothing by accident.
+        """
+        if frame.number == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self.link.is_introduced = True
+        is_known = self.link.is_introduced or not self.endpoint.is_reliable
+        return not (is_known or is_emergency_stop(frame))
+
 
 Key = tuple[Endpoint, str]
 
@@ -38,7 +52,7 @@ class Clients:
 
     Each endpoint has MAX_PEERS places. If all are taken, a new peer gets that of the client which
     has been silent the longest, but never that of one for which `is_owner` returns True. A peer
-    without a place is a guest.
+    without a place is a guest. A TCP connection that does not begin with a frame is closed.
     """
 
     def __init__(
@@ -130,10 +144,13 @@ class Clients:
                 client.link.allow(MAX_WAITING)
             for frame in client.link.frames(now_ns):
                 yield client, frame
+            if client.link.is_foreign:
+                self._push_out(client)
 
     def _made(self, endpoint: Endpoint, peer: str, now_ns: int, *, is_loopback: bool) -> Client:
         self._numbers += 1
-        return Client(endpoint, peer, ClientLink(self._numbers, peer, now_ns), is_loopback)
+        link = ClientLink(self._numbers, peer, now_ns, begins=endpoint.is_reliable)
+        return Client(endpoint, peer, link, is_loopback)
 
     def _welcome(self, endpoint: Endpoint, peer: str, now_ns: int) -> None:
         """Add a peer that has connected, as a guest if there is no place."""
@@ -173,6 +190,8 @@ class Clients:
         client.link.allow(MIN_FRAMES)
         frames = client.link.frames(now_ns)
         self._stops += [(client, frame) for frame in frames if is_emergency_stop(frame)]
+        if client.link.is_foreign:
+            self._push_out(client)
 
     def _push_out(self, client: Client) -> None:
         self._drop((client.endpoint, client.peer))

@@ -2,9 +2,12 @@
 
 pymavlink's parser waits for as many bytes as a damaged length field demands, and drops them all if
 the checksum is wrong. This parser continues with the byte after the wrong start, and limits its
-work.
+work. A start whose header no frame can have is wrong at once; another one may be the beginning of a
+frame whose rest is on its way. An emergency stop behind it never waits for that rest.
 """
 
+import re
+from struct import Struct
 from typing import Final, NamedTuple
 
 from fastcrc.crc16 import mcrf4xx
@@ -24,6 +27,13 @@ MAX_WAITING: Final = 16_384
 """Bytes of one client that wait to be processed; more are dropped."""
 UNFINISHED_NS: Final = 500 * NS_PER_MS
 """If the rest of a frame does not arrive within this time, the frame is incomplete."""
+COMMANDS: Final = (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT)
+COMMAND_START: Final = re.compile(
+    rb"\xfd.[\x00\x01]....[\x4b\x4c]\x00\x00|\xfe....[\x4b\x4c]", re.DOTALL
+)
+"""The header of a message that may be an emergency stop."""
+STOP_LAYOUT: Final = Struct("<f24xH")
+"""Parameter 1 and the command; both messages have them at the same places."""
 
 
 class Frame(NamedTuple):
@@ -42,40 +52,92 @@ class Frame(NamedTuple):
         return bool(self.data[0] == V1)
 
 
+def is_emergency_stop(frame: Frame) -> bool:
+    """Return whether a frame is a DO_FLIGHTTERMINATION that stops the robot."""
+    if frame.number not in COMMANDS:
+        return False
+    header = HEADER_V1 if frame.is_mavlink1 else HEADER_V2
+    payload = frame.data[header : header + frame.data[1]].ljust(STOP_LAYOUT.size, b"\0")
+    param1, command = STOP_LAYOUT.unpack_from(payload)
+    return bool(command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION and param1 > 0.5)
+
+
 class Deframer:
     """The waiting bytes of one client; `malformed`, `unknown` and `dropped` count faults.
 
-    `allowance` is the number of positions that may be examined before it is raised again.
+    `allowance` is the number of positions that may be examined before it is raised again. With
+    `begins` the first bytes have to be a frame: otherwise `is_foreign` becomes True, and nothing
+    is taken any more.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, begins: bool = False) -> None:
         self.malformed = self.unknown = self.dropped = self.allowance = 0
+        self.is_foreign = False
+        self._begins = begins
         self._waiting = bytearray()
         self._unfinished_ns: int | None = None
+        self._is_searched = False
+        """Whether the waiting bytes have been searched for a stop behind an unfinished frame."""
 
     def feed(self, data: bytes) -> None:
         """Add received bytes; drop those for which there is no room."""
         room = MAX_WAITING - len(self._waiting)
         self.dropped += max(0, len(data) - room)
         self._waiting += data[:room]
+        self._is_searched = False
 
     def take(self, now_ns: int) -> list[Frame]:
         """Return the next frames, as many as the allowance permits; the rest waits."""
         found: list[Frame] = []
         waiting, at = bytes(self._waiting), 0
-        while self.allowance > 0:
-            at = _next_start(waiting, at)
+        while self.allowance > 0 and not self.is_foreign:
+            start = _next_start(waiting, at)
+            if self._begins and start > at:
+                self._wrong(at)
+                break
+            at = start
             size = _size(waiting, at)
             if size == 0 or at + size > len(waiting):
-                if not self._is_overdue(at, len(waiting), now_ns):
+                if at < len(waiting) and not _is_possible(waiting, at):
+                    self.allowance -= 1
+                    at = self._wrong(at)
+                elif (end := self._stop_behind(waiting, at, found)) is not None:
+                    at = end
+                elif self._is_overdue(at, len(waiting), now_ns):
+                    at = self._wrong(at)
+                else:
                     break
-                at = self._wrong(at)
                 continue
             self._unfinished_ns = None
             self.allowance -= 1
             at = self._frame(waiting, at, size, found)
         del self._waiting[:at]
         return found
+
+    def _stop_behind(self, waiting: bytes, at: int, found: list[Frame]) -> int | None:
+        """Add the emergency stop behind an unfinished frame; return its end, None without one.
+
+        A frame that is carried by another one, as in an uploaded log, looks the same. It stops the
+        robot without need, which is the lesser harm; other messages there have no effect.
+        """
+        if self._is_searched:
+            return None
+        for start in COMMAND_START.finditer(waiting, at + 1):
+            if self.allowance <= 0:
+                return None
+            self.allowance -= 1
+            place, size = start.start(), _size(waiting, start.start())
+            if place + size > len(waiting):
+                continue
+            frame = _parsed(waiting[place : place + size])
+            extra = mavlink.mavlink_map[frame.number].crc_extra
+            if is_emergency_stop(frame) and _is_intact(frame, extra):
+                self.malformed += 1
+                self._unfinished_ns, self._begins = None, False
+                found.append(frame)
+                return place + size
+        self._is_searched = True
+        return None
 
     def _is_overdue(self, at: int, end: int, now_ns: int) -> bool:
         """Return whether the rest of the frame at a position has not arrived in time."""
@@ -98,11 +160,13 @@ class Deframer:
             return end
         if not _is_intact(frame, known.crc_extra):
             return self._wrong(at)
+        self._begins = False
         found.append(frame)
         return at + size
 
     def _wrong(self, at: int) -> int:
         self.malformed += 1
+        self.is_foreign = self._begins
         return at + 1
 
 
@@ -120,6 +184,18 @@ def _size(data: bytes, at: int) -> int:
         return HEADER_V1 + data[at + 1] + CHECKSUM
     signature = SIGNATURE if data[at + 2] & SIGNED else 0
     return HEADER_V2 + data[at + 1] + CHECKSUM + signature
+
+
+def _is_possible(data: bytes, at: int) -> bool:
+    """Return whether the header at a position, as far as it is there, can be that of a frame.
+
+    Version 2 may have unknown messages, and known ones that have grown.
+    """
+    there = len(data) - at
+    if data[at] == V2:
+        return there < 3 or data[at + 2] & ~SIGNED == 0
+    known = mavlink.mavlink_map.get(data[at + 5]) if there >= HEADER_V1 else None
+    return there < HEADER_V1 or (known is not None and data[at + 1] <= known.unpacker.size)
 
 
 def _parsed(data: bytes) -> Frame:

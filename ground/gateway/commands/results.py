@@ -9,9 +9,9 @@ from typing import Final
 
 from ground.client.operations import ParameterChanged
 from ground.client.results import Outcome
-from ground.gateway.control import WATCHER
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, mavlink
 from ground.gateway.port import KEEPS_FENCE, NO_TELEMETRY, Answered
+from ground.gateway.traffic import NEWCOMER, WATCHER
 from protocol.wire.reasons import Reason
 
 ACCEPTED: Final = mavlink.MAV_RESULT_ACCEPTED
@@ -96,7 +96,7 @@ def result_of(answered: Answered) -> int:
         return int(ACCEPTED)
     if answered.error in (NO_TELEMETRY, KEEPS_FENCE):
         return int(LATER)
-    if answered.error == WATCHER or isinstance(answered.outcome, ParameterChanged):
+    if answered.error in (WATCHER, NEWCOMER) or isinstance(answered.outcome, ParameterChanged):
         return int(DENIED)
     reason = reason_of(answered.outcome)
     return int(FAILED if reason is None else RESULTS[reason])

@@ -7,7 +7,6 @@ from typing import Final, NamedTuple
 from ground.gateway.commands.call import Call, call_of
 from ground.gateway.commands.repeats import Repeats
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER, UNSUPPORTED, result_of
-from ground.gateway.control import WATCHER
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.port import Answered
 from ground.gateway.traffic import Sender
@@ -83,7 +82,7 @@ class CommandService:
         if row is None:
             self._answer(call, acknowledged, UNSUPPORTED, f"no command {call.number}")
         elif not (row.reads or sender.may_command):
-            self._answer(call, acknowledged, DENIED, WATCHER)
+            self._answer(call, acknowledged, DENIED, sender.barred)
         elif row.reads:
             row.handler(call, self._reply(call, acknowledged))
         else:

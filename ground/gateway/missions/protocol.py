@@ -2,7 +2,6 @@
 
 from typing import Any, Final
 
-from ground.gateway.control import WATCHER
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.missions.clients import Answers, ClientKey, key_of
 from ground.gateway.missions.downloads import Downloads
@@ -115,7 +114,7 @@ class MissionProtocol:
         self._answers.heard(sender)
         number, found = message.mission_type, self._kinds.get(message.mission_type)
         if message.get_msgId() in CHANGING and not sender.may_command:
-            self._answers.refuse(sender, number, Refusal(DENIED, WATCHER))
+            self._answers.refuse(sender, number, Refusal(DENIED, sender.barred))
         elif message.get_msgId() == CLEAR:
             self._clear(number, sender, now_ns)
         elif found is not None:

@@ -4,9 +4,9 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 from ground.client.operations import TransferOutcome
-from ground.gateway.control import WATCHER
 from ground.gateway.dialect import mavlink
 from ground.gateway.port import Answered
+from ground.gateway.traffic import NEWCOMER, WATCHER
 from ground.missions.items import ItemPart
 from protocol.wire.reasons import Reason, reason_text
 
@@ -68,7 +68,7 @@ def refusal_of(answered: Answered, name: str, home_items: int) -> Refusal:
     outcome = answered.outcome
     number = getattr(outcome, "reason", None)
     if not isinstance(number, int):
-        is_watcher = answered.error == WATCHER
+        is_watcher = answered.error in (WATCHER, NEWCOMER)
         return Refusal(DENIED if is_watcher else ERROR, f"{name}: {answered.text}")
     item = outcome.item if isinstance(outcome, TransferOutcome) else None
     if number == Reason.MISSION_TOO_LONG and item is not None:

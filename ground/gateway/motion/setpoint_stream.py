@@ -3,7 +3,7 @@
 from typing import Final
 
 from ground.client.goal import Destination
-from ground.gateway.control import WATCHER, held_by
+from ground.gateway.control import held_by
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.motion.guided_drive import GuidedDrive
 from ground.gateway.motion.pilot import Pilot
@@ -49,7 +49,7 @@ class SetpointStream:
             return
         owner = self._vehicle.control.owner
         if not sender.may_command:
-            self._refuse(message, WATCHER, sender, now_ns)
+            self._refuse(message, sender.barred, sender, now_ns)
         elif owner is not None and not self._vehicle.control.holds(sender):
             self._refuse(message, held_by(owner.system).text, sender, now_ns)
         else:

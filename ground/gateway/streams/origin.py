@@ -11,7 +11,7 @@ from typing import Final
 from ground.gateway.commands.call import Call
 from ground.gateway.commands.results import ACCEPTED, DENIED, LATER
 from ground.gateway.commands.service import CommandTable, Reply, Row
-from ground.gateway.control import WATCHER, held_by
+from ground.gateway.control import held_by
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from ground.gateway.frames.globe import Place, home_at, place_of
 from ground.gateway.frames.ned import MM_PER_M
@@ -71,7 +71,7 @@ class OriginService:
         vehicle = self._vehicle
         home, owner = home_at(place), vehicle.control.owner
         if not sender.may_command:
-            return DENIED, WATCHER
+            return DENIED, sender.barred
         if owner is not None and not vehicle.control.holds(sender):
             return RESULT_NOT_IN_CONTROL, held_by(owner.system).text
         if home is None or abs(height_mm) > MAX_ALTITUDE_MM:

@@ -7,8 +7,13 @@ from typing import cast
 import pytest
 
 from ground.gateway.clients.client_link import GONE_NS, ClientLink
-from ground.gateway.clients.client_table import CROWDED_NS, FRAMES_PER_ROUND, Client, Clients
-from ground.gateway.clients.guests import MAX_GUESTS
+from ground.gateway.clients.client_table import (
+    CROWDED_NS,
+    FRAMES_PER_ROUND,
+    MAX_GUESTS,
+    Client,
+    Clients,
+)
 from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 from tests.support.each import each
@@ -16,9 +21,10 @@ from tests.unit.ground.gateway.clients.test_framing import packed
 
 
 class FakeEndpoint:
-    text, line_bytes_s, is_reliable = "fake", None, False
+    text, line_bytes_s = "fake", None
 
     def __init__(self) -> None:
+        self.is_reliable = False
         self.connected: list[str] = []
         self.ended: list[str] = []
         self.forgotten: list[str] = []
@@ -118,6 +124,42 @@ def test_silent_sender_is_dropped_but_not_a_connection(room: Room) -> None:
     room.endpoint.ended.append("line")
     room.clients.begin_round(GONE_NS)
     assert room.log[3:] == [("leave", 1)]
+
+
+@pytest.mark.parametrize("is_guest", [False, True])
+@each(
+    "begins",
+    [
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1:5760\r\n\r\n",
+        b"GET /chat HTTP/1.1\r\nUpgrade: websocket\r\n\r\n",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        packed()[:-1] + b"!",
+        b"\0",
+    ],
+)
+def test_tcp_connection_that_begins_with_no_frame_is_closed(begins: bytes, is_guest: bool) -> None:
+    room = Room()
+    room.endpoint.is_reliable = True
+    if is_guest:
+        room.fill()
+    room.endpoint.connected.append("web")
+    room.clients.begin_round(0)
+    room.feed("web", begins + packed(STOP) + packed())
+    assert list(room.frames()) == []
+    assert room.endpoint.forgotten == ["web"]
+    assert "web" not in room.peers()
+
+
+def test_false_bytes_after_the_first_frame_close_no_tcp_connection(room: Room) -> None:
+    room.endpoint.is_reliable = True
+    room.endpoint.connected.append("line")
+    room.clients.begin_round(0)
+    for data in (packed()[:5], packed()[5:] + b"POST / HTTP/1.1\r\n\r\n", packed(STOP)):
+        room.feed("line", data)
+        list(room.frames())
+    room.feed("line", b"\xfd rubbish" + packed())
+    assert len(list(room.frames())) == 1
+    assert room.endpoint.forgotten == []
 
 
 def test_flood_of_one_client_leaves_others_their_share(room: Room) -> None:

@@ -42,8 +42,59 @@ def test_frame_after_rubbish_is_found() -> None:
         assert deframer.malformed or rubbish == b"hello"
 
 
+STOP = mavlink.MAVLink_command_long_message(1, 1, 185, 0, 1.0, 0, 0, 0, 0, 0, 0)
+STUCK = b"\xfd\xff\x00\x00\x00\xff\xbe\x00\x00\x00"
+"""The header of a frame of 267 bytes."""
+
+
+@each(
+    "false",
+    [
+        b"\xfd\xff\x02",
+        b"\xfd\xff\x40\x00",
+        b"\xfe\xff" + bytes(3) + b"\xff",
+        b"\xfe\xff" + bytes(4),
+    ],
+)
+def test_start_that_no_frame_can_have_delays_nothing(false: bytes) -> None:
+    assert len(taken(Deframer(), false + packed())) == 1
+
+
+@each(
+    ("before", "behind"),
+    [
+        (STUCK, b""),
+        (STUCK, STUCK),
+        (STUCK[:4], b""),
+        (b"\xfd", b""),
+        (b"\xfe\x09\x00\x00\x00\x00", b""),
+    ],
+)
+def test_emergency_stop_behind_an_unfinished_frame_is_found_at_once(
+    before: bytes, behind: bytes
+) -> None:
+    for mavlink1 in (False, True):
+        stop = packed(STOP, mavlink1=mavlink1)
+        whole, pieces = Deframer(), Deframer()
+        assert [one.data for one in taken(whole, before + stop + behind)] == [stop]
+        found = [one for byte in before + stop for one in taken(pieces, bytes((byte,)))]
+        assert [one.data for one in found] == [stop]
+        assert taken(whole, b"", UNFINISHED_NS) == [], "it was taken twice"
+
+
+def test_other_command_behind_an_unfinished_frame_waits_for_its_end() -> None:
+    """It may be a part of the outer frame, such as a file that is uploaded."""
+    arm = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0)
+    resume = mavlink.MAVLink_command_long_message(1, 1, 185, 0, 0.0, 0, 0, 0, 0, 0, 0)
+    inner = (packed(arm) + packed(resume)).ljust(128, b"!")
+    outer = packed(mavlink.MAVLink_tunnel_message(1, 1, 0, len(inner), inner))
+    deframer = Deframer()
+    assert taken(deframer, outer[:-20]) == []
+    assert [one.data for one in taken(deframer, outer[-20:])] == [outer]
+
+
 def test_length_that_never_completes_costs_half_a_second() -> None:
-    deframer, stuck = Deframer(), b"\xfd\xff\x00"
+    deframer, stuck = Deframer(), STUCK
     assert taken(deframer, stuck + packed()) == []
     assert taken(deframer, packed(), UNFINISHED_NS - 1) == []
     assert len(taken(deframer, packed(), UNFINISHED_NS)) == 3

@@ -4,6 +4,7 @@ import pytest
 
 from ground.client.operations import Arm, ClearEmergencyStop, Disarm
 from ground.gateway.services import face_of
+from ground.gateway.traffic import WATCHER
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
@@ -96,7 +97,7 @@ def test_emergency_stop_is_repeated_each_time(bench: Bench) -> None:
 
 
 def test_emergency_stop_needs_a_client_that_may_command(bench: Bench) -> None:
-    sent = bench.send(command(STOP, 1), CLIENT._replace(may_command=False))
+    sent = bench.send(command(STOP, 1), CLIENT._replace(barred=WATCHER))
     assert acks(sent) == [(STOP, DENIED)]
     assert bench.port.stops == []
 

@@ -11,7 +11,7 @@ from ground.gateway.commands.service import CommandService
 from ground.gateway.control import SILENCE_NS
 from ground.gateway.dialect import RESULT_NOT_IN_CONTROL, MavMessage, mavlink
 from ground.gateway.streams.scheduler import StreamScheduler
-from ground.gateway.traffic import Sender
+from ground.gateway.traffic import WATCHER, Sender
 from ground.gateway.vehicle import Face
 from protocol.wire.enums import LeaseAction
 from protocol.wire.messages import LeaseStatus
@@ -157,7 +157,7 @@ def test_unsigned_frames_of_the_owner_keep_no_control(bench: ControlBench) -> No
     bench.asks(CLIENT)
     for _ in range(6):
         forged = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
-        bench.send(forged, CLIENT._replace(may_command=False))
+        bench.send(forged, CLIENT._replace(barred=WATCHER))
         bench.after(1.0)
     assert bench.vehicle.control.owner is None
 
@@ -173,5 +173,5 @@ def test_bad_request_for_control_is_denied(bench: ControlBench, params: tuple[fl
 
 
 def test_client_that_may_only_watch_gets_no_control(bench: ControlBench) -> None:
-    assert acks(bench.asks(CLIENT._replace(may_command=False))) == [(CONTROL, DENIED)]
+    assert acks(bench.asks(CLIENT._replace(barred=WATCHER))) == [(CONTROL, DENIED)]
     assert bench.port.leases == []

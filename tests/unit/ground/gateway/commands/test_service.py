@@ -8,6 +8,7 @@ from ground.gateway.commands.results import RESULTS
 from ground.gateway.commands.service import MAX_STOPS, MAX_WAITING
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.services import face_of
+from ground.gateway.traffic import WATCHER
 from protocol.wire.enums import Mode
 from protocol.wire.reasons import Reason
 from tests.support.gateway.fake_port import CLIENT, OTHER, Bench
@@ -144,7 +145,7 @@ def test_lease_of_another_operator_is_not_in_control(bench: Bench) -> None:
 
 
 def test_client_that_may_only_watch_is_denied(bench: Bench) -> None:
-    sent = bench.send(command(ARM, 1), CLIENT._replace(may_command=False))
+    sent = bench.send(command(ARM, 1), CLIENT._replace(barred=WATCHER))
     assert acks(sent) == [(ARM, DENIED)]
     assert "sign" in words(sent)
 

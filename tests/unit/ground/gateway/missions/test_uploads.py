@@ -4,9 +4,9 @@ from typing import Any
 import pytest
 
 from ground.client.operations import ClearMission, UploadMission
-from ground.gateway.control import WATCHER
 from ground.gateway.dialect import MavMessage, MissionCount, mavlink
 from ground.gateway.missions.uploads import LAST_REQUESTS, RETRY_NS, TIMEOUT_NS
+from ground.gateway.traffic import WATCHER
 from ground.missions.transfer import Verdict
 from protocol.wire.enums import Severity
 from protocol.wire.reasons import Reason
@@ -199,7 +199,7 @@ def test_client_without_control_cannot_upload(bench: MissionBench) -> None:
     assert "MAVLink 255" in words(found.all)
 
 
-WATCHING = CLIENT._replace(may_command=False)
+WATCHING = CLIENT._replace(barred=WATCHER)
 
 
 @pytest.mark.parametrize(

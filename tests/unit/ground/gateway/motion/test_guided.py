@@ -7,6 +7,7 @@ from ground.client.operations import Goto, SetMode, SetParameter
 from ground.client.operations.parameters import ParameterChanged
 from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.frames.globe import PER_DEG
+from ground.gateway.traffic import WATCHER
 from ground.missions.geography import to_global
 from protocol.wire.enums import Mode, Vehicle
 from protocol.wire.reasons import Reason
@@ -257,7 +258,7 @@ def test_setpoint_of_another_client_is_refused(bench: Bench) -> None:
 
 
 def test_setpoint_of_a_watching_client_is_refused(bench: Bench) -> None:
-    assert "sign" in words(bench.send(local_target(vx=1), CLIENT._replace(may_command=False)))
+    assert "sign" in words(bench.send(local_target(vx=1), CLIENT._replace(barred=WATCHER)))
     assert performed(bench) == []
 
 

@@ -11,6 +11,7 @@ from ground.gateway.signing.key_file import KeyRing, SigningKey
 from ground.gateway.signing.policy import Policy
 from ground.gateway.signing.setup import SigningSetup
 from ground.gateway.streams.heartbeat import HeartbeatStream
+from ground.gateway.traffic import WATCHER
 from ground.gateway.vehicle import Face
 from protocol.wire.enums import Vehicle as VehicleState
 from runtime.errors import UserError
@@ -21,7 +22,7 @@ from tests.support.gateway.telemetry import status
 from tests.unit.ground.gateway.signing.test_verifier import KEY, NOW_S, framed
 
 NEW = bytes(range(32))
-LOCAL, REMOTE = CLIENT, CLIENT._replace(is_loopback=False, may_command=False)
+LOCAL, REMOTE = CLIENT, CLIENT._replace(is_loopback=False, barred=WATCHER)
 SIGNED = CLIENT._replace(is_loopback=False, is_signed=True)
 ring = KeyRing(key=(SigningKey(secret=KEY.hex()),))
 
@@ -117,7 +118,7 @@ def test_stranger_sets_no_key() -> None:
     bench = SetupBench()
     assert "signing" in bench.set_key(NEW, REMOTE)
     bench.after(1.0)
-    assert "signing" in bench.set_key(bytes(32), LOCAL._replace(may_command=False))
+    assert "signing" in bench.set_key(bytes(32), LOCAL._replace(barred=WATCHER))
     assert not bench.saved
     assert is_valid(bench.next_heartbeat(), KEY)
 

@@ -8,6 +8,7 @@ from ground.gateway.motion.setpoints import place_goal
 from ground.gateway.services import face_of
 from ground.gateway.streams.origin import SET_GLOBAL_ORIGIN
 from ground.gateway.streams.position import global_position
+from ground.gateway.traffic import WATCHER
 from protocol.wire.enums import Vehicle
 from tests.support.each import each
 from tests.support.gateway.fake_port import CLIENT, ORIGIN, OTHER, Bench
@@ -97,7 +98,7 @@ def test_other_client_does_not_move_the_origin() -> None:
 def test_client_that_may_only_watch_does_not_move_the_origin() -> None:
     bench = whole_bench()
     message = mavlink.MAVLink_set_gps_global_origin_message(1, *THERE, 0)
-    bench.send(message, CLIENT._replace(may_command=False))
+    bench.send(message, CLIENT._replace(barred=WATCHER))
     assert bench.vehicle.origin == ORIGIN
 
 
