@@ -48,7 +48,8 @@ def main(argv: Sequence[str]) -> int:
     network = network_of(arguments, settings.network, listens=True)
     name = robot_name(arguments.id or settings.robot)
     warning = own(arguments.state, name)
-    store = Store(arguments.state, InlineWriter() if arguments.lockstep else WriterThread())
+    writer = InlineWriter() if arguments.lockstep else WriterThread()
+    store = Store(arguments.state, writer, arguments.stops)
     options = Options(
         lockstep=arguments.lockstep,
         freeze=arguments.gc_freeze,
@@ -90,7 +91,14 @@ def parser() -> argparse.ArgumentParser:
         "--state",
         metavar="DIR",
         type=Path,
-        help="directory that keeps parameters, fence, mission and how the run ended",
+        help="directory that keeps parameters, fence, mission, the emergency stop and how the run "
+        "ended",
+    )
+    parser.add_argument(
+        "--stops",
+        metavar="DIR",
+        type=Path,
+        help="directory that keeps only the emergency stop over a restart (default --state)",
     )
     parser.add_argument(
         "--after", metavar="WORDS", default="", help='how the previous run ended: "signal SIGKILL"'

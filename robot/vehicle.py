@@ -42,10 +42,12 @@ from robot.lease import Lease, needs_no_lease
 from robot.mission.fence_items import FenceItems
 from robot.mission.mission import Mission
 from robot.mission.persistence import MissionStore
-from robot.mission.restore import Exchange, restored
+from robot.mission.restore import restored
 from robot.mission.transfer import Reply, Transfers
 from robot.parameters.service import NO_COMMAND, ParameterService
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
+from robot.storage.kept_stop import RESTORED
 from robot.storage.writer import Ticket
 from robot.teleop import TeleopInput
 from runtime.units import NS_PER_MS
@@ -166,9 +168,12 @@ class Vehicle:
         """Collect the writes that have ended since the last call; report failed ones."""
         for file in self._store.directory.collect():
             self.parameters.forget_text()
-            if file.error is not None:
+            news = self._store.stop.news_of(file)
+            if news is None and file.error is not None:
                 words = file.error.strerror or str(file.error)
-                self.announce(Severity.ERROR, f"{file.name} not saved: {words}")
+                news = Severity.ERROR, f"{file.name} not saved: {words}"
+            if news is not None:
+                self.announce(*news)
 
     def finish_saving(self, patience_s: float) -> None:
         """Wait at most `patience_s` for pending writes; call it only after the loop has ended."""
@@ -197,13 +202,22 @@ class Vehicle:
             return True
         return machine.mode == states.MANUAL and self.state.manual is None
 
-    def restore(self) -> list[Exchange]:
-        """Restore the saved fence and mission; call it before the first request."""
+    def restore(self) -> list[tuple[Message, Message]]:
+        """Restore the saved stop, fence and mission; call it before the first request.
+
+        Return the requests that restore the same elsewhere, with their answers.
+        """
         done = restored(self._mission_store, self._transfers, self.core)
-        for severity, words in done.words:
-            self.announce(severity, words)
-        self.restored = tuple(words for _, words in done.words)
-        return done.exchange
+        found: list[tuple[Message, Message]] = list(done.exchange)
+        words = list(done.words)
+        if self._store.stop.found():
+            request = emergency_stop(0)
+            found.insert(0, (request, self._command(request, 0, "")))
+            words.insert(0, (Severity.CRITICAL, RESTORED))
+        for severity, text in words:
+            self.announce(severity, text)
+        self.restored = tuple(text for _, text in words)
+        return found
 
     def step(self, inputs: Inputs, mark: StageHook, manual: Twist | None = None) -> Outputs:
         """Run one tick of mission and core; `manual` is the twist the operator commands.
@@ -272,8 +286,10 @@ class Vehicle:
     ) -> CommandAck:
         """Act on a command; when it arms, list the safety parameters changed from configuration."""
         machine = self.state.machine
-        was_armed = machine.vehicle == states.ACTIVE
+        was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
+        if self.stopped or was_stopped:
+            self._store.stop.keep(stopped=self.stopped)
         self.parameters.adopt_navigator()
         if answer.command == Command.SIDESTEP_SET_POSE and answer.result_param2 == reasons.OK:
             x_m, y_m, heading_rad = self.state.odometry.pose

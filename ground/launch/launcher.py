@@ -113,7 +113,7 @@ class Stack:
         self._roles = [name for name, _ in commands]
         check(self.scenario.locks, self._roles)
         for before, its_words in first:
-            self._children.start(before, its_words)
+            self._children.start(before, self._kept(before, its_words))
         ready()
         waits = paused or PAUSED not in words
         self._children.start(role, words if waits else [w for w in words if w != PAUSED])
@@ -251,7 +251,21 @@ class Stack:
             for word in dict(process_arguments(self.scenario, self.endpoint))[role]
             if word != PAUSED
         ]
-        return [*words, "--after", cause] if words[0] == "robot" else words
+        if words[0] == "robot":
+            words += ["--after", cause]
+        return self._kept(role, words)
+
+    def _kept(self, role: str, words: list[str]) -> list[str]:
+        """Return the arguments of a process; a robot keeps its emergency stop over a restart."""
+        if words[0] != "robot":
+            return words
+        return [*words, "--stops", str(self._place() / role)]
+
+    def _place(self) -> Path:
+        """Return the folder of this run, which ends with it."""
+        if self._folder is None:
+            self._folder = TemporaryDirectory(prefix="sidestep-")
+        return Path(self._folder.name)
 
     def scenario_in(self, world: str, faults: Sequence[Mapping[str, object]] = ()) -> Scenario:
         """Return the scenario in another world with these faults added, or raise UserError."""
@@ -268,9 +282,7 @@ class Stack:
         """Write a file of the world with these faults added; return its path."""
         world = {name: value for name, value in facts.items() if name not in ("starts", "goals")}
         world["faults"] = [*facts.get("faults", ()), *faults]
-        if self._folder is None:
-            self._folder = TemporaryDirectory(prefix="sidestep-")
-        path = Path(self._folder.name) / CHANGED_WORLD
+        path = self._place() / CHANGED_WORLD
         path.write_text(json.dumps(world), encoding="utf-8")
         return str(path)
 

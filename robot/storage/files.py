@@ -10,6 +10,9 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.parameters.table import OutOfRangeError, UnknownParameterError, is_less_safe, with_value
+from robot.storage.kept_stop import ENDING as STOP_ENDING
+from robot.storage.kept_stop import NAME as STOP_NAME
+from robot.storage.kept_stop import KeptStop
 from robot.storage.writer import Directory, Ticket, Writer
 from runtime import atomic_file
 from runtime.errors import UserError
@@ -54,11 +57,18 @@ def _note(path: Path, robot: str) -> str:
 class Store:
     """The saved parameters in `directory`; without a directory nothing is saved.
 
-    Without a `writer` each change is written at once.
+    Without a `writer` each change is written at once. The emergency stop is kept in `stop_folder`,
+    by default in `directory`.
     """
 
-    def __init__(self, directory: Path | None, writer: Writer | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path | None,
+        writer: Writer | None = None,
+        stop_folder: Path | None = None,
+    ) -> None:
         self.directory = Directory(directory, writer)
+        self.stop = KeptStop(self.directory.file(STOP_NAME, STOP_ENDING, stop_folder))
         self._file = self.directory.file(NAME)
         self._values: dict[str, float] = {}
         self._durable: dict[str, float] = {}

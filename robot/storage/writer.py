@@ -140,6 +140,11 @@ class StateFile:
         """Note the content that an earlier run has left."""
         self.on_disk = self._text = text
 
+    @property
+    def is_wanted(self) -> bool:
+        """Whether the newest content is a file, not its removal."""
+        return self._text is not None
+
     def put(self, text: str | None) -> "Ticket":
         """Replace the content; with None, remove the file.
 
@@ -208,11 +213,17 @@ class Directory:
         self._files: dict[Path, StateFile] = {}
         self._collected: dict[Path, int] = {}
 
-    def file(self, name: str, ending: str = ".json") -> StateFile | None:
-        """Return a file by its name without the ending, or None if nothing is stored."""
-        if self.path is None:
+    def file(
+        self, name: str, ending: str = ".json", folder: Path | None = None
+    ) -> StateFile | None:
+        """Return a file by its name without the ending, or None if nothing is stored.
+
+        With `folder` it lies there instead.
+        """
+        place = folder or self.path
+        if place is None:
             return None
-        path = self.path / f"{name}{ending}"
+        path = place / f"{name}{ending}"
         if path not in self._files:
             self._files[path] = StateFile(name, path, self._writer)
         return self._files[path]

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from protocol.wire.enums import MissionType
+from protocol.wire.enums import Command, MissionType
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet, ParamValue
 from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
 from robot.mission.persistence import MissionStore, text_of
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from robot.storage.writer import Directory
 from runtime import atomic_file
@@ -18,8 +19,8 @@ from tests.support.robot.vehicles import Desk
 from verification.power_cut import ReorderingDisk, State, restore
 
 HOME = Path("/state/of/r1")
-Held = tuple[float, str, str]
-"""A parameter, the fence and the mission that a restart finds."""
+Held = tuple[float, str, str, bool]
+"""A parameter, the fence, the mission and whether it is stopped: what a restart finds."""
 
 
 class ChangingOperator:
@@ -29,7 +30,7 @@ class ChangingOperator:
         self.desk = Desk(Store(HOME))
         self.desk.vehicle.restore()
         self.desk.arm()
-        self.held: Held = (DEFAULTS.d_obs_m, text_of(()), text_of(()))
+        self.held: Held = (DEFAULTS.d_obs_m, text_of(()), text_of(()), False)
 
     def put(self, items: list[MissionItemInt]) -> None:
         assert upload(self.desk, items).reason == Reason.NONE
@@ -46,16 +47,28 @@ class ChangingOperator:
         self.held = value, *self.held[1:]
 
     def _holds(self, kind: int, items: str) -> None:
-        value, fence, mission = self.held
+        value, fence, mission, stopped = self.held
         fence = items if kind == MissionType.FENCE else fence
-        self.held = value, fence, items if kind == MissionType.MISSION else mission
+        mission = items if kind == MissionType.MISSION else mission
+        self.held = value, fence, mission, stopped
+
+    def stop(self) -> None:
+        self.desk.vehicle.receive(emergency_stop(0), 0)
+        self.held = *self.held[:3], True
+
+    def release(self) -> None:
+        assert self.desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP) == Reason.NONE
+        self.held = *self.held[:3], False
 
 
 STEPS: tuple[Callable[[ChangingOperator], None], ...] = (
     lambda owner: owner.put(circle(0.0, 0.0, 3.0)),
     lambda owner: owner.set(0.45),
     lambda owner: owner.put(line(2)),
+    lambda owner: owner.stop(),
+    lambda owner: owner.release(),
     lambda owner: owner.put(circle(0.0, 0.0, 5.0)),
+    lambda owner: owner.stop(),
     lambda owner: owner.clear(MissionType.FENCE),
     lambda owner: owner.set(0.5),
     lambda owner: owner.put(circle(0.0, 0.0, 4.0)),
@@ -68,10 +81,11 @@ def found(state: State, folder: Path) -> Held:
     restore(state, folder)
     home = folder / str(HOME).removeprefix("/")
     kept = MissionStore(Directory(home))
-    params, warnings = Store(home).load(DEFAULTS)
+    store = Store(home)
+    params, warnings = store.load(DEFAULTS)
     assert warnings == []
     fence, mission = kept.found(MissionType.FENCE), kept.found(MissionType.MISSION)
-    return params.d_obs_m, text_of(fence), text_of(mission)
+    return params.d_obs_m, text_of(fence), text_of(mission), store.stop.found()
 
 
 def outcomes(disk: ReorderingDisk, folder: Path) -> list[tuple[Held, Held, set[Held], set[Held]]]:

@@ -337,7 +337,7 @@ def test_no_control_period_touches_the_disk(
     assert rig.vehicle.stopped
     rig.process.finish()
     names = sorted(path.name for path in (tmp_path / "state").iterdir())
-    assert names == ["life.txt", "mission.json", "parameters.json"]
+    assert names == ["life.txt", "mission.json", "parameters.json", "stop.txt"]
 
 
 @contextmanager

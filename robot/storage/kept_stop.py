@@ -1,0 +1,57 @@
+"""Keep the emergency stop over a restart of the robot's process.
+
+The file exists while the stop is latched. Its content is for people: a damaged file, a directory or
+a device of this name stops the robot, too, because only an operator may release a stop.
+"""
+
+import os
+from typing import Final
+
+from protocol.wire.enums import Severity
+from robot.storage.writer import StateFile
+
+NAME: Final = "stop"
+ENDING: Final = ".txt"
+TEXT: Final = "The emergency stop holds until an operator clears it.\n"
+SAVED: Final = "emergency stop saved: it holds over a restart"
+RESTORED: Final = "the emergency stop of the previous run still holds: clear it to arm"
+
+
+class KeptStop:
+    """Whether the stop is latched, in a file; without a file nothing is kept."""
+
+    def __init__(self, file: StateFile | None) -> None:
+        self._file = file
+
+    def found(self) -> bool:
+        """Return whether an earlier run has left a stop; one that cannot be looked up counts."""
+        if self._file is None:
+            return False
+        try:
+            os.lstat(self._file.path)
+        except (FileNotFoundError, NotADirectoryError):
+            self._file.found(None)
+            return False
+        except OSError:
+            return True
+        self._file.found(TEXT)
+        return True
+
+    def keep(self, *, stopped: bool) -> None:
+        """Write the file, or remove it; a failed write is tried again with the next call."""
+        if self._file is not None:
+            self._file.put(TEXT if stopped else None)
+
+    def news_of(self, file: StateFile) -> tuple[Severity, str] | None:
+        """Return what operators should know about a write that has ended; None if it is not ours.
+
+        The removal of a file is no news.
+        """
+        if file is not self._file:
+            return None
+        if file.error is not None:
+            words = file.error.strerror or str(file.error)
+            if file.is_wanted:
+                return Severity.CRITICAL, f"emergency stop NOT saved, a restart loses it: {words}"
+            return Severity.ERROR, f"the next start is stopped: {file.path} not removed: {words}"
+        return (Severity.NOTICE, SAVED) if file.on_disk is not None else None

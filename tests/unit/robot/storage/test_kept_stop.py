@@ -1,0 +1,111 @@
+"""The emergency stop holds over a restart, whatever happened to its file; an operator clears it."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import mkdtemp
+
+from protocol.wire.enums import Command, Severity
+from protocol.wire.reasons import Reason
+from robot.core import states
+from robot.stop_latch import emergency_stop
+from robot.storage.files import Store
+from robot.storage.kept_stop import RESTORED, SAVED
+from tests.support.each import each
+from tests.support.robot.held_writer import HeldWriter
+from tests.support.robot.vehicles import Desk
+
+
+def started(store: Store) -> Desk:
+    desk = Desk(store)
+    desk.vehicle.restore()
+    return desk
+
+
+def told(desk: Desk) -> list[tuple[int, str]]:
+    """Return severity and words of each text, whose pieces share an id."""
+    pieces: dict[tuple[int, int], str] = {}
+    for at, one in enumerate(desk.vehicle.texts()):
+        key = one.severity, one.id or -at
+        pieces[key] = pieces.get(key, "") + one.text
+    return [(severity, words) for (severity, _), words in pieces.items()]
+
+
+def test_stop_holds_until_an_operator_clears_it(tmp_path: Path) -> None:
+    first = started(Store(tmp_path))
+    assert first.arm() == Reason.NONE
+    first.vehicle.receive(emergency_stop(7), first.now_ns)
+    for _ in range(2):
+        desk = started(Store(tmp_path))
+        assert (Severity.CRITICAL, RESTORED) in told(desk)
+        assert desk.arm() == Reason.EMERGENCY_STOPPED
+        assert desk.goto(2, 0) != Reason.NONE
+        assert desk.vehicle.stopped
+        assert desk.vehicle.brakes
+    assert desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP) == Reason.NONE
+    desk = started(Store(tmp_path))
+    assert desk.arm() == Reason.NONE
+
+
+def test_restored_stop_is_a_request_for_whoever_executes_the_run_again(tmp_path: Path) -> None:
+    started(Store(tmp_path)).vehicle.receive(emergency_stop(7), 0)
+    desk = Desk(Store(tmp_path))
+    ((request, _),) = desk.vehicle.restore()
+    again = Desk()
+    again.vehicle.receive(request, 0)
+    assert again.vehicle.state.machine.vehicle == states.EMERGENCY_STOP
+
+
+def link_to(target: str) -> Callable[[Path], None]:
+    return lambda path: os.symlink(target, path)
+
+
+@each(
+    "make",
+    [
+        Path.touch,
+        Path.mkdir,
+        os.mkfifo,
+        link_to("/dev/zero"),
+        link_to("nowhere"),
+        lambda path: path.write_bytes(b"\xff\0" * 100_000),
+    ],
+)
+def test_whatever_has_its_name_stops_the_robot(
+    make: Callable[[Path], object], tmp_path: Path
+) -> None:
+    folder = Path(mkdtemp(dir=tmp_path))
+    make(folder / "stop.txt")
+    assert started(Store(folder)).vehicle.stopped
+
+
+def test_operator_reads_whether_it_is_saved(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert desk.vehicle.stopped, "it must not wait for the disk"
+    assert not any("saved" in words for _, words in told(desk))
+    writer.finish()
+    assert (Severity.NOTICE, SAVED) in told(desk)
+
+
+def test_full_disk_is_reported_and_the_next_stop_tries_again(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    for _ in range(2):
+        desk.vehicle.receive(emergency_stop(7), 0)
+        writer.finish(OSError(28, "No space left on device"))
+        ((severity, words),) = [one for one in told(desk) if "stop" in one[1]]
+        assert severity == Severity.CRITICAL
+        assert words == "emergency stop NOT saved, a restart loses it: No space left on device"
+    desk.vehicle.receive(emergency_stop(7), 0)
+    writer.finish()
+    assert started(Store(tmp_path)).vehicle.stopped
+
+
+def test_folder_of_its_own_keeps_only_the_stop(tmp_path: Path) -> None:
+    desk = started(Store(None, None, tmp_path / "robot r1"))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert [path.name for path in tmp_path.rglob("*.*")] == ["stop.txt"]
+    assert started(Store(None, None, tmp_path / "robot r1")).vehicle.stopped
+    assert not started(Store(None)).vehicle.stopped
