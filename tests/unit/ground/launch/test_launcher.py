@@ -1,7 +1,8 @@
 """Test the stack of `up`: changed worlds, added faults, faults of processes."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
@@ -18,6 +19,14 @@ from runtime.errors import UserError
 from tests.support.each import each
 
 ENDPOINT = "tcp/127.0.0.1:7999"
+STACKS = ExitStack()
+
+
+@pytest.fixture(autouse=True)
+def ended() -> Iterator[None]:
+    """End the stacks of a test, which have folders."""
+    with STACKS:
+        yield
 
 
 class RecordedChildren(Children):
@@ -66,6 +75,7 @@ def stack_of(*words: str) -> tuple[Stack, RecordedChildren]:
     first = Stack(options, EMPTY, ENDPOINT, clock)
     children = RecordedChildren(clock)
     first._children = children
+    STACKS.enter_context(first)
     first.scenario = first.scenario_in(options.world)
     return first, children
 
@@ -144,3 +154,15 @@ def test_every_start_of_processes_is_reported() -> None:
     assert found == [["robot r1", "plant"]]
     stack.restarted(stack.scenario_in("open"))
     assert len(found) == 2
+
+
+def test_each_robot_keeps_its_emergency_stop_in_a_folder_of_this_run() -> None:
+    stack, children = stack_of("--world", "open", "--robots", "2")
+    stack.start()
+    first = [
+        words[words.index("--stops") + 1] for _, words in children.started if "--stops" in words
+    ]
+    assert len(set(first)) == 2
+    again = stack._arguments_of("robot r2", "was killed")
+    assert again[again.index("--stops") + 1] == first[1]
+    assert "--stops" not in stack._arguments_of("plant", "was killed")
