@@ -10,6 +10,7 @@ import msgspec
 from protocol.wire.enums import MissionType
 from protocol.wire.message import check
 from protocol.wire.messages import MissionItemInt
+from robot.storage.sealed import sealed, text_in, unsealed
 from robot.storage.writer import Directory, StateFile, Ticket
 from runtime.errors import LocalError
 
@@ -42,7 +43,7 @@ class MissionStore:
         """Store these items instead of the former ones; without items remove the file."""
         file = self._files.get(kind)
         if file is not None:
-            file.put(text_of(items) if items else None)
+            file.put(sealed(text_of(items)) if items else None)
 
     def found(self, kind: int) -> Items:
         """Return the items of an earlier run; raise UnreadableItemsError if they cannot be read."""
@@ -50,8 +51,8 @@ class MissionStore:
         if file is None:
             return ()
         try:
-            rows = json.loads(file.path.read_text(encoding="utf-8"))
-            items = tuple(item_of(row) for row in rows)
+            text = text_in(file.path)
+            items = tuple(item_of(row) for row in unsealed(text))
             if not items:
                 raise ValueError("it contains no items")
         except FileNotFoundError:
@@ -59,7 +60,7 @@ class MissionStore:
             return ()
         except (OSError, ValueError, TypeError, RecursionError, LocalError) as error:
             raise UnreadableItemsError(f"{file.path}: {error}") from error
-        file.found(text_of(items))
+        file.found(text)
         return items
 
 

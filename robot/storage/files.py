@@ -13,10 +13,10 @@ from robot.parameters.table import OutOfRangeError, UnknownParameterError, is_le
 from robot.storage.kept_stop import ENDING as STOP_ENDING
 from robot.storage.kept_stop import NAME as STOP_NAME
 from robot.storage.kept_stop import KeptStop
+from robot.storage.sealed import sealed, text_in, unsealed
 from robot.storage.writer import Directory, Ticket, Writer
 from runtime import atomic_file
 from runtime.errors import UserError
-from runtime.json_reader import value_in
 
 NAME: Final = "parameters"
 FILE_NAME: Final = f"{NAME}.json"
@@ -32,10 +32,10 @@ def own(directory: Path | None, robot: str) -> str:
         return ""
     path = directory / OWNER_NAME
     try:
-        owner = path.read_text(encoding="utf-8").strip()
+        owner = text_in(path).strip()
     except (FileNotFoundError, NotADirectoryError):
         return _note(path, robot)
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise UserError(f"{path}: owner of the directory not readable: {error}") from None
     if owner != robot:
         raise UserError(
@@ -95,8 +95,8 @@ class Store:
             return params, []
         path = self._file.path
         try:
-            text = path.read_text(encoding="utf-8")
-            saved = dict(value_in(text))
+            text = text_in(path)
+            saved = dict(unsealed(text))
         except FileNotFoundError:
             return params, []
         except (OSError, ValueError, TypeError) as error:
@@ -117,13 +117,15 @@ class Store:
     def save(self, name: str, value: float) -> Ticket | None:
         """Save a value for the next start; return its ticket, or None if nothing is saved."""
         self._values[name] = value
-        return None if self._file is None else self._file.put(json.dumps(self._values, indent=1))
+        if self._file is None:
+            return None
+        return self._file.put(sealed(json.dumps(self._values, indent=1)))
 
 
 def values_in(text: str | None) -> dict[str, float]:
     """Return the numbers in a parameter file; empty if it cannot be read."""
     try:
-        saved = value_in(text or "")
+        saved = unsealed(text or "")
     except ValueError:
         return {}
     numbers = saved.items() if isinstance(saved, dict) else ()

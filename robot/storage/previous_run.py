@@ -4,6 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from robot.storage.sealed import text_in
 from robot.storage.writer import Directory
 from runtime.watchdog import HANGS
 
@@ -59,8 +60,8 @@ class PreviousRun:
             if hung.stat().st_size:
                 hung.replace(self._directory / HUNG_BEFORE)
                 return HANGS
-        with suppress(OSError, UnicodeDecodeError):
-            return (self._directory / FILE_NAME).read_text(encoding="utf-8").strip()
+        with suppress(OSError, ValueError):
+            return text_in(self._directory / FILE_NAME).strip()
         return ""
 
     def _write(self, word: str) -> None:
