@@ -14,7 +14,7 @@ import pytest
 from ground.cli.run.up import goal_runs_of
 from ground.client.goal import destination
 from ground.client.link import open_link
-from ground.client.operations import Goto, Session, SetTruePose
+from ground.client.operations import Arm, ClearEmergencyStop, Goto, Session, SetTruePose, StopNow
 from ground.client.results import Refused
 from ground.launch import child_command
 from ground.launch.child_processes import ChildExitError
@@ -152,6 +152,7 @@ def test_robot_plant_and_router_come_back_one_after_the_other(
 ) -> None:
     cause = KILLED if how == "SIGKILL" else HUNG[clock_name]
     with stage_of(router=True, clock_name=clock_name) as stage:
+        a_robot_that_was_stopped_comes_back_stopped(stage, how, cause, sabotage)
         the_robot_comes_back_disarmed(stage, how, cause, sabotage)
         without_its_plant_the_robot_stays_where_it_is(stage, how, cause, sabotage)
         the_others_find_the_router_again(stage, how, cause, sabotage)
@@ -199,6 +200,25 @@ def the_others_find_the_router_again(
     told = [] if how == "holds the lock" else [f"the router process {cause}; restarting"]
     assert stage.told == told
     assert stage.witness.status.vehicle == Vehicle.FAILSAFE
+
+
+def a_robot_that_was_stopped_comes_back_stopped(
+    stage: Stage, how: str, cause: str, sabotage: Sabotage
+) -> None:
+    with open_link(stage.stack.common) as link:
+        assert StopNow().perform(Session(link)).ok
+    stage.until(lambda: stage.said("emergency stop saved"), "the stop on the disk")
+    stage.hurt("robot r1", how, sabotage)
+    stage.until(lambda: stage.said("restarted: the previous run", cause), "the cause")
+    stage.until(lambda: stage.said("emergency stop of the previous run still holds"), "the stop")
+    stage.until(lambda: stage.witness.status.vehicle == Vehicle.EMERGENCY_STOP, "stopped")
+    with open_link(stage.stack.common) as link:
+        session = Session(link)
+        refused = Arm().perform(session)
+        assert isinstance(refused, Refused)
+        assert refused.reason == Reason.EMERGENCY_STOPPED
+        assert ClearEmergencyStop().perform(session).ok
+    stage.until(lambda: stage.witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
 
 
 @pytest.mark.parametrize("clock_name", CLOCKS)
