@@ -4,11 +4,11 @@ The file exists while the stop is latched. Its content is for people: a damaged 
 a device of this name stops the robot, too, because only an operator may release a stop.
 """
 
-import os
 from typing import Final
 
 from protocol.wire.enums import Severity
 from robot.storage.writer import StateFile
+from runtime import regular_file
 
 NAME: Final = "stop"
 ENDING: Final = ".txt"
@@ -28,14 +28,11 @@ class KeptStop:
         if self._file is None:
             return False
         try:
-            os.lstat(self._file.path)
-        except (FileNotFoundError, NotADirectoryError):
-            self._file.found(None)
-            return False
+            is_there = regular_file.is_there(self._file.path)
         except OSError:
             return True
-        self._file.found(TEXT)
-        return True
+        self._file.found(TEXT if is_there else None)
+        return is_there
 
     def keep(self, *, stopped: bool) -> None:
         """Write the file, or remove it; a failed write is tried again with the next call."""

@@ -4,12 +4,11 @@ A file of an earlier version has no checksum. It is accepted, and gets one when 
 """
 
 import json
-import os
-import stat
 from pathlib import Path
 from typing import Any, Final
 from zlib import crc32
 
+from runtime import regular_file
 from runtime.json_reader import value_in
 
 CHECKSUM: Final = "crc32"
@@ -39,18 +38,5 @@ def unsealed(text: str) -> Any:
 
 
 def text_in(path: Path) -> str:
-    """Return the text of a regular file of at most `MAX_BYTES`.
-
-    Raises:
-        FileNotFoundError: There is no such file.
-        OSError, ValueError: It is not readable, no regular file, too large, or no text.
-    """
-    # Not blocking: to open a pipe would wait for a writer.
-    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with open(number, "rb") as file:
-        if not stat.S_ISREG(os.fstat(number).st_mode):
-            raise ValueError("not a regular file")
-        data = file.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"larger than {MAX_BYTES >> 20} MB")
-    return data.decode()
+    """Return the text of a state file; raise as `regular_file.text_in`."""
+    return regular_file.text_in(path, MAX_BYTES)

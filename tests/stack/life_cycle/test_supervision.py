@@ -26,6 +26,7 @@ from ground.text.output import Output
 from protocol.wire.enums import GoalState, Vehicle
 from protocol.wire.reasons import Reason
 from runtime.clock import WallClock
+from runtime.watchdog import HANGS
 from tests.support.stack.process_table import children_of
 from tests.support.stack.processes import Crew, Witness, moved_not, real_time
 from tests.support.stack.spoilt import Sabotage
@@ -125,6 +126,18 @@ class Stage:
         """Return whether the robot sent this text; it arrives in pieces of 50 bytes."""
         return all(piece in "".join(self.witness.texts) for piece in pieces)
 
+    def said_why(self, role: str, cause: str, how: str) -> bool:
+        """Return whether the robot and the supervisor told why the process of a role ended.
+
+        A process that holds the lock also ends itself, which a busy machine may do first.
+        """
+        causes = (cause, HANGS) if how == "holds the lock" else (cause,)
+        for one in causes:
+            if self.told == [f"the {role} process {one}; restarting"]:
+                is_robot = role.startswith("robot")
+                return not is_robot or self.said("restarted: the previous run", one)
+        return False
+
 
 @contextmanager
 def stage_of(
@@ -164,8 +177,7 @@ def the_robot_comes_back_disarmed(stage: Stage, how: str, cause: str, sabotage: 
     stage.hurt("robot r1", how, sabotage)
     stage.until(witness.standing, "standing")
     assert witness.rolled_on_ms() <= STOPPED_MS
-    stage.until(lambda: stage.said("restarted: the previous run", cause), "the cause")
-    assert stage.told == [f"the robot r1 process {cause}; restarting"]
+    stage.until(lambda: stage.said_why("robot r1", cause, how), "the cause")
     stage.until(lambda: witness.status.vehicle == Vehicle.STANDBY, "STANDBY")
     assert witness.status.goal == GoalState.NONE
     seen = len(witness.truths)
@@ -184,7 +196,7 @@ def without_its_plant_the_robot_stays_where_it_is(
     stage.until(lambda: witness.status.vehicle == Vehicle.FAILSAFE, "FAILSAFE")
     assert witness.status.vehicle_reason == Reason.TICKS_LOST
     stage.until(lambda: stage.said("position lost: sensor stream restarted"), "its words")
-    assert stage.told == [f"the plant process {cause}; restarting"]
+    assert stage.said_why("plant", cause, how), stage.told
     assert witness.status.vehicle == Vehicle.FAILSAFE
     assert witness.status.goal == GoalState.ABORTED
     assert witness.speeds == (0, 0)
@@ -209,7 +221,7 @@ def a_robot_that_was_stopped_comes_back_stopped(
         assert StopNow().perform(Session(link)).ok
     stage.until(lambda: stage.said("emergency stop saved"), "the stop on the disk")
     stage.hurt("robot r1", how, sabotage)
-    stage.until(lambda: stage.said("restarted: the previous run", cause), "the cause")
+    stage.until(lambda: stage.said_why("robot r1", cause, how), "the cause")
     stage.until(lambda: stage.said("emergency stop of the previous run still holds"), "the stop")
     stage.until(lambda: stage.witness.status.vehicle == Vehicle.EMERGENCY_STOP, "stopped")
     with open_link(stage.stack.common) as link:

@@ -40,7 +40,7 @@ def in_browser(url: str, story: Callable[[Page], Awaitable[None]]) -> None:
 
 
 def test_the_map_draws_and_a_goal_that_is_typed_there_moves_the_robot() -> None:
-    with Crew() as crew:
+    with Crew(lockstep=True) as crew:
         crew.robot()
         crew.plant()
         with served(crew) as (_, url), Witness(crew.endpoint) as witness:

@@ -22,7 +22,7 @@ FLAGS: Final = (
     "--window-size=1200,700",
 )
 START_S: Final = 30.0
-SEEN_S = 30.0
+SEEN_S = 60.0
 DRAWN = 20_000
 """Pixels that are not the background: the map, the numbers and the log are far more."""
 

@@ -4,6 +4,7 @@
 """
 
 import os
+import stat
 from random import Random
 from typing import Any, Final
 
@@ -33,6 +34,8 @@ class SimulatedDisk:
         self.files: dict[str, Inode] = {}
         self.on_medium: dict[str, Inode] = {}
         self._open: dict[int, Inode | None] = {}
+        self._read: dict[int, int] = {}
+        """How much has been read of an open file."""
 
     def open(self, inode: Inode | None) -> int:
         """Return a file descriptor; `inode` None is the directory."""
@@ -46,6 +49,15 @@ class SimulatedDisk:
         inode = self.files.setdefault(name, Inode())
         inode.live = b""
         return inode
+
+    def read(self, number: int, size: int) -> bytes:
+        """Return the next bytes of a file; it does not change while it is read."""
+        inode = self._open[number]
+        assert inode is not None, "a directory is not read"
+        at = self._read.get(number, 0)
+        found = inode.live[at : at + size]
+        self._read[number] = at + len(found)
+        return found
 
     def write(self, number: int, data: bytes) -> int:
         """Append to a file."""
@@ -166,6 +178,7 @@ class SimulatedOs:
 
     O_RDONLY = os.O_RDONLY
     O_WRONLY = os.O_WRONLY
+    O_NONBLOCK = os.O_NONBLOCK
     O_CREAT = os.O_CREAT
     O_TRUNC = os.O_TRUNC
     O_CLOEXEC = os.O_CLOEXEC
@@ -199,7 +212,26 @@ class SimulatedOs:
             return disk.open(None)
         if flags & os.O_TRUNC:
             return disk.open(disk.create(path.name))
-        return disk.open(disk.files[path.name])
+        inode = disk.files.get(path.name)
+        if inode is None:
+            raise FileNotFoundError(2, "No such file or directory", str(path))
+        return disk.open(inode)
+
+    @staticmethod
+    def fstat(_number: int) -> os.stat_result:
+        """Return that it is a regular file."""
+        return os.stat_result((stat.S_IFREG, *(0,) * 9))
+
+    @staticmethod
+    def lstat(path: Any) -> None:
+        """Raise FileNotFoundError if there is no such file."""
+        if path.name not in path.disk.files:
+            raise FileNotFoundError(2, "No such file or directory", str(path))
+
+    @staticmethod
+    def read(number: int, size: int) -> bytes:
+        """Return the rest of a file."""
+        return disk_of(current_host()).read(number, size)
 
     @staticmethod
     def write(number: int, data: bytes) -> int:

@@ -138,6 +138,7 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("robot.run", "on_signal", no_signal),
     ("ground.client.link", "Pulse", simulated_pulse),
     ("runtime.atomic_file", "os", SimulatedOs),
+    ("runtime.regular_file", "os", SimulatedOs),
     ("runtime.atomic_file", "Path", lambda path: path),
 )
 
