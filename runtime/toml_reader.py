@@ -27,11 +27,7 @@ class TooDeepError(ValueError):
 
 def table_in(text: str) -> dict[str, Any]:
     """Return the tables of a text; ValueError has the problem and, if known, the line."""
-    if len(text) > MAX_BYTES:
-        raise ValueError(f"is larger than {MAX_BYTES} bytes")
-    if found := DOTTED.search(text):
-        line = text.count("\n", 0, found.start()) + 1
-        raise ValueError(f"A key has more than {MAX_DOTS} parts (at line {line}, column 1)")
+    check_size(text)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:
@@ -42,11 +38,21 @@ def table_in(text: str) -> dict[str, Any]:
         raise TooDeepError("nested too deeply") from error
 
 
+def check_size(text: str) -> None:
+    """Raise ValueError for a text or a key that would take the parsers long."""
+    if len(text) > MAX_BYTES:
+        raise ValueError(f"is larger than {MAX_BYTES} bytes")
+    if found := DOTTED.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise ValueError(f"A key has more than {MAX_DOTS} parts (at line {line}, column 1)")
+
+
 def key_lines(text: str) -> dict[Key, int]:
     """Map each key path, list indices included, to its line; `text` must be valid TOML.
 
-    Raises TooDeepError.
+    Raises TooDeepError, or ValueError as `table_in`.
     """
+    check_size(text)
     try:
         return _Scanner(text).document()
     except RecursionError as error:

@@ -19,6 +19,7 @@ from ground.reports.plot import Plot
 from ground.reports.report import Report
 from protocol.topics import STATUS
 from protocol.wire.messages import NavigatorStatus
+from runtime.cli.terminal import printable_lines
 from runtime.errors import UserError
 from runtime.json_reader import value_in
 from runtime.units import NS_PER_S
@@ -53,10 +54,12 @@ class Share:
         log_index = LogIndex(open_log(source))
         picture = picture_of(source, progress)
         drive = drive_of(log_index)
-        contents = {
-            README: readme(source.name, log_index, drive, has_picture=bool(picture)).encode(),
-            EXPLANATION: explanation(log_index).encode(),
+        texts = {
+            README: readme(source.name, log_index, drive, has_picture=bool(picture)),
+            EXPLANATION: explanation(log_index),
         }
+        # Names and words of a recording may hold anything, and their reader prints these files.
+        contents = {name: printable_lines(text).encode() for name, text in texts.items()}
         if picture:
             contents[PICTURE] = picture
         if drive.world:

@@ -2,14 +2,13 @@
 
 import json
 import re
-import tomllib
 from pathlib import Path
 from typing import Any, Final
 
 from ground.user.settings import Settings, settings_file, settings_in
 from runtime.atomic_file import make_folder, replace
 from runtime.errors import ConfigError, UserError
-from runtime.toml_reader import key_lines, table_in
+from runtime.toml_reader import MAX_DOTS, check_size, key_lines, table_in
 
 PLAIN: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 HEADER: Final = re.compile(r"\s*\[")
@@ -22,9 +21,13 @@ def set_setting(key: str, text: str) -> Settings:
     the file as it was, if the result would not be valid.
     """
     path = settings_file()
-    before = path.read_text(encoding="utf-8") if path.exists() else ""
+    before = text_of(path) if path.exists() else ""
+    try:
+        check_size(text)
+    except ValueError as error:
+        raise UserError(f"the value of {key}: {error}") from error
     names = key.split(".")
-    if not all(map(PLAIN.match, names)):
+    if len(names) > MAX_DOTS or not all(map(PLAIN.match, names)):
         raise UserError(f"{key!r} is not a key, such as theme or contexts.lab.connect")
     values = [text] if is_toml(text) else []
     values.append(json.dumps(text, ensure_ascii=False))
@@ -46,7 +49,7 @@ def unset_setting(key: str) -> None:
     path = settings_file()
     if not path.exists():
         return
-    text = path.read_text(encoding="utf-8")
+    text = text_of(path)
     line = key_lines(text).get((key,))
     if line is not None:
         lines = text.splitlines(keepends=True)
@@ -55,11 +58,21 @@ def unset_setting(key: str) -> None:
         write(path, "".join(lines))
 
 
+def text_of(path: Path) -> str:
+    """Return the text of the file; UserError if no parser should have it."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        check_size(text)
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: {error}") from error
+    return text
+
+
 def is_toml(text: str) -> bool:
     """Return whether a text is a value of TOML in one line."""
     try:
-        tomllib.loads(f"x = {text}")
-    except (tomllib.TOMLDecodeError, RecursionError):
+        table_in(f"x = {text}")
+    except ValueError:
         return False
     return "\n" not in text
 
@@ -86,7 +99,7 @@ def with_value(text: str, names: list[str], value: str) -> str:
 
 def checked(text: str, names: list[str], value: str, path: Path) -> Settings:
     """Return the settings of a text in which a key should have this value."""
-    wanted = tomllib.loads(f"x = {value}")["x"]
+    wanted = table_in(f"x = {value}")["x"]
     try:
         table = table_in(text)
     except ValueError:

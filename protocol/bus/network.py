@@ -133,4 +133,5 @@ def check_lock(endpoint: str, *, locked: bool) -> None:
         )
 
 
-PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws", "unixsock-stream")
+PROTOCOLS = ("tcp", "udp", "tls", "quic", "unixsock-stream")
+"""Not `ws`: Zenoh does not look at the Origin, so any web page could open a session."""

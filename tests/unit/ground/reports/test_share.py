@@ -10,7 +10,7 @@ import pytest
 from ground.cli.main import main
 from ground.client.operations import NoProgress
 from ground.console.parser import read
-from ground.reports.share import Share, changed_parameters
+from ground.reports.share import Drive, Share, changed_parameters
 from protocol.topics import DECISION, STATUS
 from protocol.wire.enums import GoalState
 from tests.support.ground.recording.made import (
@@ -58,6 +58,24 @@ def test_the_archive_holds_recording_picture_explanation_and_commands(
     assert again in readme
     assert "sidestep rec reexecute a.mcap" in readme
     assert "the seed is not in the recording" in readme
+
+
+def test_no_control_character_of_a_recording_reaches_the_reader(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hostile = "x\n\x1b]0;OWNED\x07\x9b2J\ud800"
+
+    def drive_of(_: object) -> Drive:
+        return Drive({"name": "w"}, ["--noise", hostile], [["param", "set", hostile, "1"]])
+
+    monkeypatch.setattr("ground.reports.share.drive_of", drive_of)
+    monkeypatch.setattr("ground.reports.share.explanation", lambda _: hostile)
+    assert Share(file=str(recording)).run(NoProgress()).ok
+    with ZipFile(recording.with_suffix(".zip")) as archive:
+        for name in ("README.txt", "explanation.txt"):
+            text = archive.read(name).decode()
+            assert "OWNED" in text
+            assert text.replace("\n", "").isprintable()
 
 
 def test_equal_recordings_give_equal_archives(recording: Path, tmp_path: Path) -> None:

@@ -154,6 +154,21 @@ def test_a_change_keeps_comments_and_order(file: Path) -> None:
     )
 
 
+def test_key_of_very_many_parts_is_refused_at_once(file: Path) -> None:
+    """The scanner's time and memory grow with their square: `bench fuzz` found it."""
+    for text in (f"{'a.' * 60_000}a = 1\n", f"theme = 'dark'\n{'x' * 1_000_001} = 1\n"):
+        file.write_text(text)
+        for change in (lambda: set_setting("theme", "light"), lambda: unset_setting("context")):
+            with pytest.raises(UserError, match=f"{file}: .*(parts|larger)"):
+                change()
+        assert file.read_text() == text
+    file.write_text("")
+    with pytest.raises(UserError, match="is not a key"):
+        set_setting("a." * 60_000 + "a", "1")
+    with pytest.raises(UserError, match="the value of theme: A key has more than"):
+        set_setting("theme", "{" + "a." * 60_000 + "a = 1}")
+
+
 @pytest.mark.parametrize(
     ("key", "value"),
     [("theme", "drak"), ("them", "dark"), ("hz", "7"), ("hz.x", "1"), ("a b", "1"), ("bell", "2")],

@@ -35,6 +35,7 @@ def test_good_endpoints_are_taken(endpoint: str) -> None:
         "tcp/127.0.0.1:99999",
         "tcp/127.0.0.1:80x",
         "foo/127.0.0.1:7447",
+        "ws/127.0.0.1:7447",
         "unixsock-stream/",
     ],
 )
