@@ -122,25 +122,25 @@ def rest_phases(extra: Sequence[str]) -> list[Phase]:
     mutation = (*PYTHON, "verification.mutation", "--module", "stop_latch")
     return [
         [
-            [tests("tests", ELSEWHERE, computing, 290)],
+            [tests("tests", ELSEWHERE, computing, 210)],
             [
                 Step("images", (*PYTHON, "tests.support.compose.images"), 20),
                 Step("MAVLink clients", (*PYTHON, "tests.interop.environments", *extra), 8),
-                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 130),
+                tests("tests with the firmware", "mcu", ("-n", "2", *extra, "tests/mcu"), 40),
                 Step("documentation", (*PYTHON, "verification.site"), 15),
                 Step("mutation of the stop", mutation, 8),
             ],
         ],
         [
-            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 315)],
+            [tests("tests with processes", PROCESSES, (*four, *extra, *FOLDERS), 230)],
             [
                 tests(
-                    "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 60
+                    "tests with MAVLink clients", CLIENTS, ("-n", "4", *extra, "tests/interop"), 30
                 ),
-                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 230),
+                tests("tests with containers", CONTAINERS, (*extra, "tests/compose"), 120),
             ],
         ],
-        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 85)]],
+        [[tests("tests of real time", "realtime", ("-s", *extra, *FOLDERS), 55)]],
     ]
 
 
