@@ -72,7 +72,7 @@ class CommandingInvariants:
             return
         holder = vehicle.lease.holder
         age_ns = now_ns - self.beaten_ns(vehicle)
-        if age_ns > vehicle.params.op_lost_ms * NS_PER_MS + limits.ROUNDING_NS:
+        if age_ns > limits.operator_lost_ns(vehicle.params.op_lost_ms) + limits.ROUNDING_NS:
             words = "never" if age_ns > 1 << 61 else f"{age_ns // NS_PER_MS} ms ago"
             facts.fail(
                 "operator present", f"the robot drives; its newest heartbeat was sent {words}"

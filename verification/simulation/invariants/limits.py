@@ -1,10 +1,22 @@
 """The limits of the invariants, and how each is composed.
 
-A limit is the sum of what the design allows in the worst case, without a margin.
+A limit is the sum of what the design allows in the worst case, without a margin. What the product
+decides is decided here once more and in another way: a limit or a table that was the product's own
+would be right by definition.
 """
 
+from math import atan2, hypot, pi
 from typing import Final
 
+from protocol.wire.enums import Command, LeaseAction
+from protocol.wire.message import Message
+from protocol.wire.messages import (
+    CommandRequest,
+    LeaseRequest,
+    MissionRequestInt,
+    MissionRequestList,
+    ParamRequestRead,
+)
 from runtime.units import NS_PER_MS
 
 PERIOD_NS: Final = 50 * NS_PER_MS
@@ -84,3 +96,55 @@ STANDSTILL_NS: Final = 12_000 * NS_PER_MS
 
 CALM_NS: Final = 3_000 * NS_PER_MS
 """After this time without a fault, all late and retained frames are gone."""
+
+OPERATOR_LOST_NS: Final = 1_500 * NS_PER_MS
+"""Longest silence of an operator; an operator may only shorten it."""
+
+
+def operator_lost_ns(op_lost_ms: float) -> float:
+    """Return the time after which an operator is lost, by the parameter in force."""
+    return min(OPERATOR_LOST_NS, op_lost_ms * NS_PER_MS)
+
+
+def is_free(request: Message) -> bool:
+    """Return whether an operator without the lease may have this request accepted.
+
+    These are the emergency stop, what only reads, and the seizure of the lease.
+    """
+    if isinstance(request, CommandRequest):
+        return request.command == Command.DO_FLIGHTTERMINATION
+    if isinstance(request, LeaseRequest):
+        return request.action == LeaseAction.SEIZE
+    return isinstance(request, ParamRequestRead | MissionRequestList | MissionRequestInt)
+
+
+def is_around(xs_m: tuple[float, ...], ys_m: tuple[float, ...], x_m: float, y_m: float) -> bool:
+    """Return whether a polygon winds around a point: the angles of its sides seen from there."""
+    turned_rad = 0.0
+    for at in range(len(xs_m)):
+        before_rad = atan2(ys_m[at - 1] - y_m, xs_m[at - 1] - x_m)
+        after_rad = atan2(ys_m[at] - y_m, xs_m[at] - x_m)
+        turned_rad += (after_rad - before_rad + pi) % (2.0 * pi) - pi
+    return abs(turned_rad) > pi
+
+
+def outside_m(
+    xs_m: tuple[float, ...], ys_m: tuple[float, ...], radius_m: float, x_m: float, y_m: float
+) -> float:
+    """Return the distance of a place outside a circle or a polygon; 0 within it."""
+    if radius_m:
+        return max(0.0, hypot(x_m - xs_m[0], y_m - ys_m[0]) - radius_m)
+    if is_around(xs_m, ys_m, x_m, y_m):
+        return 0.0
+    places = list(zip(xs_m, ys_m, strict=True))
+    return min(to_side_m((x_m, y_m), places[at - 1], places[at]) for at in range(len(places)))
+
+
+def to_side_m(
+    place: tuple[float, float], start: tuple[float, float], end: tuple[float, float]
+) -> float:
+    """Return the distance of a place from a side of a polygon."""
+    dx_m, dy_m = end[0] - start[0], end[1] - start[1]
+    share = ((place[0] - start[0]) * dx_m + (place[1] - start[1]) * dy_m) / (dx_m**2 + dy_m**2)
+    share = min(1.0, max(0.0, share))
+    return hypot(place[0] - start[0] - share * dx_m, place[1] - start[1] - share * dy_m)

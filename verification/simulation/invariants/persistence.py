@@ -8,10 +8,10 @@ from protocol.wire.message import Message
 from protocol.wire.messages import MissionClearAll, MissionItemInt, ParamSet
 from protocol.wire.packing import wire_of
 from robot.core import states
-from robot.core.safety import fence as fences
 from robot.mission.waypoint import stop_of
 from robot.vehicle import Vehicle
 from verification.simulation.hosts.operators import OperatorRequest
+from verification.simulation.invariants import limits
 from verification.simulation.invariants.shared import RunState
 
 Items = tuple[MissionItemInt, ...]
@@ -66,7 +66,7 @@ class PersistenceInvariants:
         if kind != MissionType.MISSION or fence is None or items:
             return False
         goals = [stop_of(item).goal for item in self._last_mission]
-        return not all(fences.inside(fence, goal.x_m, goal.y_m) for goal in goals)
+        return any(limits.outside_m(*fence, goal.x_m, goal.y_m) > 0.0 for goal in goals)
 
     def _fail(self, name: str, found: str, value: PossibleValues) -> None:
         wanted = " or ".join(one[:60] for one in value.possible)

@@ -14,7 +14,6 @@ from protocol.wire.messages import (
 )
 from robot.commands import is_stop
 from robot.core import reasons, states
-from robot.lease import needs_no_lease
 from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import OperatorRequest
@@ -65,7 +64,7 @@ class RequestInvariants:
             self._presence.leased(operator)
         holder = vehicle.lease.holder
         alien = holder is not None and holder.operator != operator
-        if alien and ok and not needs_no_lease(request) and not isinstance(request, LeaseRequest):
+        if alien and ok and not limits.is_free(request):
             facts.fail(
                 "only the lease holder commands",
                 f"{type(request).__name__} of {operator or 'an unnamed operator'} accepted",

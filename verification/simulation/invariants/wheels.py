@@ -1,14 +1,11 @@
 """Invariants of the wheels: what may turn them, and how soon they stop."""
 
-from math import hypot
 from typing import Any
 
 from plant.sim.simulation import Plant
 from protocol.wire.codec import decode
 from protocol.wire.messages import WheelCommand
 from robot.core import reasons, states
-from robot.core.safety import fence as fences
-from robot.core.safety.fence import Fence
 from robot.vehicle import Vehicle
 from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS
@@ -126,7 +123,7 @@ class WheelInvariants:
         if lost and machine.vehicle == states.FAILSAFE and now_ns > facts.unsure_until_ns:
             took_ns = now_ns - self._presence.beaten_ns(vehicle)
             facts.worst("operator's last heartbeat, wheels still turn", took_ns)
-            limit_ns = vehicle.params.op_lost_ms * NS_PER_MS + limits.FAILSAFE_STOP_NS
+            limit_ns = limits.operator_lost_ns(vehicle.params.op_lost_ms) + limits.FAILSAFE_STOP_NS
             if took_ns > limit_ns and now_ns - facts.sound_since_ns > limits.CALM_NS:
                 facts.fail(
                     "stopped in time",
@@ -206,7 +203,7 @@ class WheelInvariants:
         fence = vehicle.state.machine.fence
         if fence is None:
             return
-        out_m = outside_m(fence, *place)
+        out_m = limits.outside_m(*fence, *place)
         if out_m > limits.FENCE_M:
             self._facts.fail("inside the fence", f"moves {out_m:.2f} m outside the fence")
 
@@ -222,22 +219,3 @@ def rim_m_s(plant: Plant) -> float:
     drive: Any = plant._vehicles[0].drive
     left, right = drive._motors
     return max(abs(float(left.speed_m_s)), abs(float(right.speed_m_s)))
-
-
-def outside_m(fence: Fence, x_m: float, y_m: float) -> float:
-    """Return the distance of a place outside a fence; 0 within it."""
-    if fences.inside(fence, x_m, y_m):
-        return 0.0
-    xs_m, ys_m = fence.xs_m, fence.ys_m
-    if fence.radius_m:
-        return hypot(x_m - xs_m[0], y_m - ys_m[0]) - fence.radius_m
-    sides = range(len(xs_m))
-    return min(to_side_m((x_m, y_m), (xs_m[i - 1], ys_m[i - 1]), (xs_m[i], ys_m[i])) for i in sides)
-
-
-def to_side_m(place: Place, start: Place, end: Place) -> float:
-    """Return the distance of a place from a side of a polygon."""
-    dx_m, dy_m = end[0] - start[0], end[1] - start[1]
-    share = ((place[0] - start[0]) * dx_m + (place[1] - start[1]) * dy_m) / (dx_m**2 + dy_m**2)
-    share = min(1.0, max(0.0, share))
-    return hypot(place[0] - start[0] - share * dx_m, place[1] - start[1] - share * dy_m)
