@@ -3,6 +3,7 @@
 GUIDED ends as at the loss of any operator, and a mission goes on.
 """
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -142,7 +143,8 @@ def test_clients_learn_of_a_silence_and_go_on_after_it() -> None:
         stack.hanging, gateway.port.heartbeat = frozenset(), beat  # type: ignore[method-assign]
         gateway.sent.clear()
         gateway.lives(3.0)
-        assert "telemetry arrives again, after 5 s" in words(gateway.sent)
+        # It counts from the last telemetry, which threads of the bus may have delivered late.
+        assert re.search(r"telemetry arrives again, after [45] s", words(gateway.sent))
         (*_, heartbeat) = of_type(gateway.sent, "HEARTBEAT")
         assert heartbeat.system_status == mavlink.MAV_STATE_CRITICAL
         assert gateway.command(ARM, 1) == 0
