@@ -47,7 +47,7 @@ def main(argv: Sequence[str]) -> int:
     settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
     name = robot_name(arguments.id or settings.robot)
-    warning = own(arguments.state, name)
+    warning = own(arguments.state, name) or own(arguments.stops, name)
     writer = InlineWriter() if arguments.lockstep else WriterThread()
     store = Store(arguments.state, writer, arguments.stops)
     options = Options(
@@ -98,7 +98,7 @@ def parser() -> argparse.ArgumentParser:
         "--stops",
         metavar="DIR",
         type=Path,
-        help="directory that keeps only the emergency stop over a restart (default --state)",
+        help="directory that keeps only the emergency stop over a restart, instead of --state",
     )
     parser.add_argument(
         "--after", metavar="WORDS", default="", help='how the previous run ended: "signal SIGKILL"'

@@ -67,7 +67,7 @@ def run(
         apply_options(vehicle, options)
         for words in vehicle.restored:
             log_line(f"robot {robot}: {words}")
-        log_line(f"robot {robot}: ready, disarmed")
+        log_line(f"robot {robot}: ready, {'stopped' if vehicle.stopped else 'disarmed'}")
         end = STOPPED
         try:
             with (

@@ -29,7 +29,7 @@ from protocol.wire.messages import (
 )
 from robot import telemetry
 from robot.change_log import ChangeLog
-from robot.commands import Commands, ack, acknowledge
+from robot.commands import Commands, ack, acknowledge, is_clear, is_stop
 from robot.core import reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
@@ -177,6 +177,8 @@ class Vehicle:
 
     def finish_saving(self, patience_s: float) -> None:
         """Wait at most `patience_s` for pending writes; call it only after the loop has ended."""
+        if self.stopped:  # a disk that was full may have room again
+            self._store.stop.keep(stopped=True)
         self._store.directory.close(patience_s)
         self.collect_saved()
 
@@ -286,9 +288,11 @@ class Vehicle:
     ) -> CommandAck:
         """Act on a command; when it arms, list the safety parameters changed from configuration."""
         machine = self.state.machine
-        was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
+        was_armed = machine.vehicle == states.ACTIVE
+        if is_stop(request):  # before the core, which may fail at it
+            self._store.stop.keep(stopped=True)
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
-        if self.stopped or was_stopped:
+        if is_clear(request):
             self._store.stop.keep(stopped=self.stopped)
         self.parameters.adopt_navigator()
         if answer.command == Command.SIDESTEP_SET_POSE and answer.result_param2 == reasons.OK:

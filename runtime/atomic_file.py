@@ -49,7 +49,9 @@ def make_folder(path: Path) -> None:
 
 def write(path: Path, data: bytes) -> None:
     """Write a file, which may exist, and wait until its content is on the disk."""
-    number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o666)
+    # Not blocking: to open a pipe would wait for a reader.
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
+    number = os.open(path, flags, 0o666)
     try:
         while data:
             data = data[os.write(number, data) :]

@@ -7,6 +7,7 @@ process 1 of a container: such a container needs an init process.
 """
 
 import faulthandler
+import os
 import signal
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
@@ -33,8 +34,9 @@ class Watchdog:
 
     def __enter__(self) -> Self:
         if self._trace is not None:
-            with suppress(OSError):
-                self._file = self._trace.open("w", encoding="utf-8")
+            with suppress(OSError):  # not blocking: a pipe of that name has no reader
+                flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
+                self._file = open(os.open(self._trace, flags, 0o666), "w", encoding="utf-8")
         if self._file is not None:
             faulthandler.register(signal.SIGALRM, self._file, all_threads=True, chain=True)
         self.reset()

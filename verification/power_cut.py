@@ -79,6 +79,7 @@ class ReorderingDisk:
     O_RDONLY: Final = os.O_RDONLY
     O_CREAT: Final = os.O_CREAT
     O_TRUNC: Final = os.O_TRUNC
+    O_NONBLOCK: Final = os.O_NONBLOCK
     O_CLOEXEC: Final = os.O_CLOEXEC
     O_DIRECTORY: Final = os.O_DIRECTORY
 

@@ -211,6 +211,7 @@ class Gateway:
                 for received in arrived:
                     self.clients.feed(endpoint, received, now_ns)
                 for client, frame in self.clients.frames(now_ns, is_limited=False):
+                    client.is_newcomer(frame)  # notes a HEARTBEAT
                     if is_emergency_stop(frame):
                         self._dispatch(client, frame, now_ns)
                 if not arrived:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from copy import copy
 from functools import partial
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Final, Self
@@ -185,6 +186,8 @@ class Stack:
         `stopped` is called when no process runs. In lockstep time waits for `drive_to_goals`.
         """
         self._children.stop()
+        for role in self._roles:  # another run, which an operator has asked for
+            rmtree(self._place() / role, ignore_errors=True)
         stopped()
         self.scenario = scenario
         self.start(paused=scenario.lockstep)

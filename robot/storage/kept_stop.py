@@ -35,7 +35,7 @@ class KeptStop:
         return is_there
 
     def keep(self, *, stopped: bool) -> None:
-        """Write the file, or remove it; a failed write is tried again with the next call."""
+        """Write the file, or remove it; one that failed is tried again with the next call."""
         if self._file is not None:
             self._file.put(TEXT if stopped else None)
 
@@ -49,6 +49,7 @@ class KeptStop:
         if file.error is not None:
             words = file.error.strerror or str(file.error)
             if file.is_wanted:
-                return Severity.CRITICAL, f"emergency stop NOT saved, a restart loses it: {words}"
-            return Severity.ERROR, f"the next start is stopped: {file.path} not removed: {words}"
-        return (Severity.NOTICE, SAVED) if file.on_disk is not None else None
+                return Severity.CRITICAL, f"emergency stop NOT saved, press it again: {words}"
+            return Severity.ERROR, f"{file.path} not removed, clear the stop again: {words}"
+        is_kept = file.is_wanted and file.on_disk is not None
+        return (Severity.NOTICE, SAVED) if is_kept else None

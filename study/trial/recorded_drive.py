@@ -28,6 +28,7 @@ from protocol.wire.messages import (
     WheelTicks,
 )
 from protocol.wire.reasons import Reason
+from robot.commands import is_stop
 from runtime.errors import RemoteError
 from runtime.sequence import MAX_LATE_TICKS, Order, order_of
 
@@ -37,8 +38,8 @@ PREPARES: Final = (
     *(MissionCount, MissionItemInt, MissionClearAll, MissionRequestList, MissionRequestInt),
     *(ParamRequestRead, ParamSet),
 )
-"""Requests that only set the initial state of a robot that has not moved yet. A restarted robot
-restores its fence and its mission with them."""
+"""Requests that only set the initial state of a robot that has not moved yet, as an emergency stop
+does. A restarted robot restores its stop, its fence and its mission with them."""
 
 IGNORED: Final = (
     Reason.LEASE_HELD,
@@ -133,7 +134,9 @@ class RecordedDrive:
 
     def _prepares(self, number: int) -> bool:
         request = self.requests.get(number)
-        return request is not None and isinstance(request.message, PREPARES)
+        if request is None:
+            return False
+        return isinstance(request.message, PREPARES) or is_stop(request.message)
 
     def _at_rest(self, tick: tuple[TickInputs, int]) -> bool:
         """Return whether the robot had no request to act on and no teleoperation."""

@@ -29,9 +29,9 @@ UNFINISHED_NS: Final = 500 * NS_PER_MS
 """If the rest of a frame does not arrive within this time, the frame is incomplete."""
 COMMANDS: Final = (mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_INT)
 COMMAND_START: Final = re.compile(
-    rb"\xfd.[\x00\x01]....[\x4b\x4c]\x00\x00|\xfe....[\x4b\x4c]", re.DOTALL
+    rb"(?=\xfd.[\x00\x01]....[\x4b\x4c]\x00\x00|\xfe....[\x4b\x4c])", re.DOTALL
 )
-"""The header of a message that may be an emergency stop."""
+"""The header of a message that may be an emergency stop; it may overlap with another one."""
 STOP_LAYOUT: Final = Struct("<f24xH")
 """Parameter 1 and the command; both messages have them at the same places."""
 
@@ -76,8 +76,14 @@ class Deframer:
         self._begins = begins
         self._waiting = bytearray()
         self._unfinished_ns: int | None = None
+        self._passed = 0
+        """Bytes that no longer wait."""
         self._is_searched = False
         """Whether the waiting bytes have been searched for a stop behind an unfinished frame."""
+        self._judged: set[int] = set()
+        """The places there that were found to be no stop, in bytes since the beginning."""
+        self._taken: set[int] = set()
+        """The places of the stops that were found there."""
 
     def feed(self, data: bytes) -> None:
         """Add received bytes; drop those for which there is no room."""
@@ -101,47 +107,52 @@ class Deframer:
                 if at < len(waiting) and not _is_possible(waiting, at):
                     self.allowance -= 1
                     at = self._wrong(at)
-                elif (end := self._stop_behind(waiting, at, found)) is not None:
-                    at = end
-                elif self._is_overdue(at, len(waiting), now_ns):
-                    at = self._wrong(at)
-                else:
+                    continue
+                self._find_stops_behind(waiting, at, found)
+                if not self._is_overdue(at, len(waiting), now_ns):
                     break
+                at = self._wrong(at)
                 continue
             self._unfinished_ns = None
             self.allowance -= 1
             at = self._frame(waiting, at, size, found)
         del self._waiting[:at]
+        self._passed += at
+        if at:
+            self._judged = {place for place in self._judged if place >= self._passed}
+            self._taken = {place for place in self._taken if place >= self._passed}
         return found
 
-    def _stop_behind(self, waiting: bytes, at: int, found: list[Frame]) -> int | None:
-        """Add the emergency stop behind an unfinished frame; return its end, None without one.
+    def _find_stops_behind(self, waiting: bytes, at: int, found: list[Frame]) -> None:
+        """Add the emergency stops behind an unfinished frame, each of them once.
 
-        A frame that is carried by another one, as in an uploaded log, looks the same. It stops the
-        robot without need, which is the lesser harm; other messages there have no effect.
+        All bytes stay where they are: a frame that is carried by another one, as in a log that is
+        uploaded, looks the same. It stops the robot without need, which is the lesser harm; the
+        other messages there are still part of the outer frame.
         """
         if self._is_searched:
-            return None
+            return
         for start in COMMAND_START.finditer(waiting, at + 1):
-            if self.allowance <= 0:
-                return None
-            self.allowance -= 1
             place, size = start.start(), _size(waiting, start.start())
-            if place + size > len(waiting):
+            key = self._passed + place
+            if key in self._judged or key in self._taken or place + size > len(waiting):
                 continue
+            if self.allowance <= 0:
+                return
+            self.allowance -= 1
             frame = _parsed(waiting[place : place + size])
             extra = mavlink.mavlink_map[frame.number].crc_extra
             if is_emergency_stop(frame) and _is_intact(frame, extra):
-                self.malformed += 1
-                self._unfinished_ns, self._begins = None, False
+                self._taken.add(key)
+                self._begins = False
                 found.append(frame)
-                return place + size
+            else:
+                self._judged.add(key)
         self._is_searched = True
-        return None
 
     def _is_overdue(self, at: int, end: int, now_ns: int) -> bool:
         """Return whether the rest of the frame at a position has not arrived in time."""
-        if at == end:
+        if at == end or self._begins:
             self._unfinished_ns = None
             return False
         if self._unfinished_ns is None:
@@ -161,7 +172,8 @@ class Deframer:
         if not _is_intact(frame, known.crc_extra):
             return self._wrong(at)
         self._begins = False
-        found.append(frame)
+        if self._passed + at not in self._taken:
+            found.append(frame)
         return at + size
 
     def _wrong(self, at: int) -> int:
@@ -189,13 +201,13 @@ def _size(data: bytes, at: int) -> int:
 def _is_possible(data: bytes, at: int) -> bool:
     """Return whether the header at a position, as far as it is there, can be that of a frame.
 
-    Version 2 may have unknown messages, and known ones that have grown.
+    Messages may be unknown here, and those of version 2 may have grown.
     """
     there = len(data) - at
     if data[at] == V2:
         return there < 3 or data[at + 2] & ~SIGNED == 0
     known = mavlink.mavlink_map.get(data[at + 5]) if there >= HEADER_V1 else None
-    return there < HEADER_V1 or (known is not None and data[at + 1] <= known.unpacker.size)
+    return known is None or data[at + 1] <= known.unpacker.size
 
 
 def _parsed(data: bytes) -> Frame:

@@ -1,5 +1,6 @@
 """The kernel ends a process whose loop hangs, whether Python's lock is held or not."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -65,3 +66,10 @@ def test_after_the_block_the_timer_is_off(tmp_path: Path) -> None:
         assert signal.getitimer(signal.ITIMER_REAL)[0] > 50.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert (tmp_path / "hung.txt").read_text() == ""
+
+
+def test_pipe_in_the_place_of_the_trace_holds_up_no_start(tmp_path: Path) -> None:
+    trace = tmp_path / "hung.txt"
+    os.mkfifo(trace)
+    with Watchdog(600.0, trace):
+        assert signal.getitimer(signal.ITIMER_REAL)[0] > 0.0

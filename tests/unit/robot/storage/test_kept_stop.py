@@ -5,6 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import mkdtemp
 
+import pytest
+
 from protocol.wire.enums import Command, Severity
 from protocol.wire.reasons import Reason
 from robot.core import states
@@ -97,7 +99,7 @@ def test_full_disk_is_reported_and_the_next_stop_tries_again(tmp_path: Path) -> 
         writer.finish(OSError(28, "No space left on device"))
         ((severity, words),) = [one for one in told(desk) if "stop" in one[1]]
         assert severity == Severity.CRITICAL
-        assert words == "emergency stop NOT saved, a restart loses it: No space left on device"
+        assert words == "emergency stop NOT saved, press it again: No space left on device"
     desk.vehicle.receive(emergency_stop(7), 0)
     writer.finish()
     assert started(Store(tmp_path)).vehicle.stopped
@@ -109,3 +111,39 @@ def test_folder_of_its_own_keeps_only_the_stop(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*.*")] == ["stop.txt"]
     assert started(Store(None, None, tmp_path / "robot r1")).vehicle.stopped
     assert not started(Store(None)).vehicle.stopped
+
+
+def test_stop_is_kept_although_the_core_fails_at_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("the board hangs")
+
+    desk = started(Store(tmp_path))
+    monkeypatch.setattr(desk.vehicle.commands, "receive", fail)
+    with pytest.raises(RuntimeError):
+        desk.vehicle.receive(emergency_stop(7), 0)
+    assert started(Store(tmp_path)).vehicle.stopped
+
+
+def test_release_that_was_not_written_is_tried_again_by_the_next_one(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    writer.finish()
+    told(desk)
+    for error in (OSError(28, "No space left on device"), None):
+        desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+        writer.finish(error)
+        words = [words for _, words in told(desk) if "not removed, clear the stop again" in words]
+        assert len(words) == (error is not None)
+    assert not started(Store(tmp_path)).vehicle.stopped
+
+
+def test_pipe_in_the_place_of_the_draft_holds_up_no_stop(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / ".stop.txt.part")
+    desk = started(Store(tmp_path))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert any("NOT saved" in words for _, words in told(desk))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert started(Store(tmp_path)).vehicle.stopped, "the pipe was removed"

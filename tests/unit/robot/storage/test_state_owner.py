@@ -30,6 +30,8 @@ def test_robot_process_does_not_start_on_the_state_of_another(tmp_path: Path) ->
     (tmp_path / "fence.json").write_text("[]")
     with pytest.raises(UserError, match="belongs to robot 'r2'"):
         cli.main(["--id", "r1", "--state", str(tmp_path)])
+    with pytest.raises(UserError, match="belongs to robot 'r2'"):
+        cli.main(["--id", "r1", "--stops", str(tmp_path)])
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff", b"r1\x1b]0;OWNED\x07"])

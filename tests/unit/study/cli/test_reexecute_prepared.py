@@ -11,6 +11,7 @@ from protocol.topics import ANSWERED, COMMANDED, WHEELS
 from protocol.wire.enums import MissionType
 from protocol.wire.message import Message
 from protocol.wire.messages import MissionClearAll, MissionCount, ParamSet
+from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
 from runtime.errors import UserError
 from study.cli.reexecute import main
@@ -79,3 +80,10 @@ def test_recording_without_earlier_requests_is_refused(tmp_path: Path) -> None:
     drive = late(ScriptedDrive().run(ticks=20, asked=upload(AROUND)), with_events=False)
     with pytest.raises(UserError, match="begins after 2 requests"):
         main([str(drive.write(tmp_path / "a.mcap"))])
+
+
+def test_restored_stop_is_re_executed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ScriptedDrive().run(ticks=2, store=Store(tmp_path), asked=[*upload(AROUND), emergency_stop(7)])
+    drive = ScriptedDrive().run(ticks=20, store=Store(tmp_path))
+    assert verdict(drive, tmp_path, capsys) == (0, "20 0")
+    assert verdict(late(drive), tmp_path, capsys) == (0, "18 0")

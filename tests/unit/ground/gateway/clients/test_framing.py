@@ -1,7 +1,13 @@
 from random import Random
 
 from ground.gateway.clients.client_link import ClientLink, NoFile
-from ground.gateway.clients.framing import MAX_WAITING, UNFINISHED_NS, Deframer, Frame
+from ground.gateway.clients.framing import (
+    MAX_WAITING,
+    UNFINISHED_NS,
+    Deframer,
+    Frame,
+    is_emergency_stop,
+)
 from ground.gateway.dialect import mavlink
 from ground.gateway.signing.guard import SigningGuard
 from runtime.units import NS_PER_S
@@ -52,7 +58,7 @@ STUCK = b"\xfd\xff\x00\x00\x00\xff\xbe\x00\x00\x00"
     [
         b"\xfd\xff\x02",
         b"\xfd\xff\x40\x00",
-        b"\xfe\xff" + bytes(3) + b"\xff",
+        b"\xfe\xff" + bytes(4),
         b"\xfe\xff" + bytes(4),
     ],
 )
@@ -82,15 +88,41 @@ def test_emergency_stop_behind_an_unfinished_frame_is_found_at_once(
         assert taken(whole, b"", UNFINISHED_NS) == [], "it was taken twice"
 
 
-def test_other_command_behind_an_unfinished_frame_waits_for_its_end() -> None:
-    """It may be a part of the outer frame, such as a file that is uploaded."""
+def test_frames_carried_by_another_one_are_no_commands_but_for_a_stop() -> None:
+    """An uploaded log may hold any: the outer frame arrives in pieces."""
     arm = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1.0, 0, 0, 0, 0, 0, 0)
-    resume = mavlink.MAVLink_command_long_message(1, 1, 185, 0, 0.0, 0, 0, 0, 0, 0, 0)
-    inner = (packed(arm) + packed(resume)).ljust(128, b"!")
-    outer = packed(mavlink.MAVLink_tunnel_message(1, 1, 0, len(inner), inner))
+    clear = mavlink.MAVLink_command_long_message(1, 1, 185, 0, 0.0, 0, 0, 0, 0, 0, 0)
+    for carried in ([arm, clear], [STOP, clear], [STOP, arm]):
+        inner = b"".join(map(packed, carried)).ljust(128, b"!")
+        outer = packed(mavlink.MAVLink_tunnel_message(1, 1, 0, len(inner), inner))
+        for cut in range(1, len(outer)):
+            deframer = Deframer()
+            found = [*taken(deframer, outer[:cut]), *taken(deframer, outer[cut:])]
+            stops = [one for one in found if is_emergency_stop(one)]
+            assert [one.data for one in found if one not in stops] == [outer], cut
+            assert len(stops) <= (STOP in carried)
+
+
+def test_no_frame_between_a_false_start_and_a_stop_is_lost() -> None:
+    other = packed(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 0.0, 0, 0, 0, 0, 0, 0))
     deframer = Deframer()
-    assert taken(deframer, outer[:-20]) == []
-    assert [one.data for one in taken(deframer, outer[-20:])] == [outer]
+    data = STUCK + other + packed(STOP) + packed()
+    assert [one.data for one in taken(deframer, data)] == [packed(STOP)]
+    later = taken(deframer, b"", UNFINISHED_NS)
+    assert [one.data for one in later] == [other, packed()]
+
+
+def test_decoys_do_not_hold_up_the_search_for_a_stop() -> None:
+    deframer, decoy = Deframer(), b"\xfe\x00\x00\x00\x00\x4c"
+    for byte in (b"\x4a", b"\x4b", b"\x4c", b"\x4d"):
+        hidden = b"\xfe" + packed(STOP, sequence=byte[0])
+        assert len(taken(Deframer(), STUCK + hidden)) == 1, byte
+    deframer.feed(STUCK + decoy * 20 + packed(STOP))
+    found: list[Frame] = []
+    for _ in range(4):
+        deframer.allowance = 8
+        found += deframer.take(0)
+    assert len(found) == 1
 
 
 def test_length_that_never_completes_costs_half_a_second() -> None:
