@@ -10,8 +10,6 @@ from typing import Final
 
 from robot.core.parameters import Params
 from robot.parameters.table import OutOfRangeError, UnknownParameterError, is_less_safe, with_value
-from robot.storage.kept_stop import ENDING as STOP_ENDING
-from robot.storage.kept_stop import NAME as STOP_NAME
 from robot.storage.kept_stop import KeptStop
 from robot.storage.sealed import sealed, text_in, unsealed
 from robot.storage.writer import Directory, Ticket, Writer
@@ -68,7 +66,7 @@ class Store:
         stop_folder: Path | None = None,
     ) -> None:
         self.directory = Directory(directory, writer)
-        self.stop = KeptStop(self.directory.file(STOP_NAME, STOP_ENDING, stop_folder))
+        self.stop = KeptStop(self.directory, stop_folder)
         self._file = self.directory.file(NAME)
         self._values: dict[str, float] = {}
         self._durable: dict[str, float] = {}

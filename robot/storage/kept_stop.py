@@ -4,10 +4,11 @@ The file exists while the stop is latched. Its content is for people: a damaged 
 a device of this name stops the robot, too, because only an operator may release a stop.
 """
 
+from pathlib import Path
 from typing import Final
 
 from protocol.wire.enums import Severity
-from robot.storage.writer import StateFile
+from robot.storage.writer import Directory, StateFile
 from runtime import regular_file
 
 NAME: Final = "stop"
@@ -18,10 +19,13 @@ RESTORED: Final = "the emergency stop of the previous run still holds: clear it 
 
 
 class KeptStop:
-    """Whether the stop is latched, in a file; without a file nothing is kept."""
+    """Whether the stop is latched, in a file of the directory, or of `folder` if one is given.
 
-    def __init__(self, file: StateFile | None) -> None:
-        self._file = file
+    Without both nothing is kept.
+    """
+
+    def __init__(self, directory: Directory, folder: Path | None = None) -> None:
+        self._file = directory.file(NAME, ENDING, folder)
 
     def found(self) -> bool:
         """Return whether an earlier run has left a stop; one that cannot be looked up counts."""

@@ -152,7 +152,7 @@ class Deframer:
 
     def _is_overdue(self, at: int, end: int, now_ns: int) -> bool:
         """Return whether the rest of the frame at a position has not arrived in time."""
-        if at == end or self._begins:
+        if at == end or self._begins:  # a first frame may be slow; false bytes are foreign at once
             self._unfinished_ns = None
             return False
         if self._unfinished_ns is None:
