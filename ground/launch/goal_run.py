@@ -21,7 +21,7 @@ from protocol.doubt import doubt_of
 from protocol.outcome import Outcome, RunEnd, evaluated
 from protocol.topics import CYCLE, DECISION, ODOMETRY, RUN, STATUS, TRUTH
 from protocol.wire.codec import decode
-from protocol.wire.enums import Command, GoalState, Mode, RunAction
+from protocol.wire.enums import Command, GoalState, Mode, RunAction, Vehicle
 from protocol.wire.messages import CommandAck, NavigatorStatus, PlanarOdometry, RunRequest, RunScore
 from protocol.wire.reasons import Reason
 from runtime.errors import NoAnswerError, RemoteError
@@ -34,7 +34,8 @@ RETRY_NS: Final = 20_000_000
 REQUEST_TIMEOUT_S: Final = 2.0
 RESTART_WAIT_NS: Final = 5 * NS_PER_S
 MAX_POSES: Final = 20_000
-RETRYABLE: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST)
+PASSING: Final = (Reason.NO_SENSES, Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.BUDGET)
+"""Reasons that pass by themselves once the processes of a busy computer have started."""
 
 
 class NoOutcomeError(RemoteError):
@@ -103,7 +104,7 @@ class GoalRun:
             else:
                 if isinstance(answer, Accepted):
                     return
-                if answer.reason not in RETRYABLE or clock.now_ns() > deadline_ns:
+                if answer.reason not in PASSING or clock.now_ns() > deadline_ns:
                     raise NoOutcomeError(
                         f"the robot refused {command.name.lower()}: {answer.words}"
                     )
@@ -121,11 +122,41 @@ class GoalRun:
             self._ask_plant(RunRequest(until_ns=0, action=RunAction.PAUSE))
 
     def send(self) -> None:
-        """Send the goal. A refusal is an outcome, too, but is kept until time has started."""
-        request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
-        self._goal_id = request.request_id
-        answer = self.link.ask(request)
-        self._refusal = answer if isinstance(answer, Refused) else None
+        """Send the goal. A refusal is an outcome, too, but is kept until time has started.
+
+        On a busy computer a failsafe may have disarmed the robot since `prepare`, for example
+        because it lost ticks: then it is armed again.
+        """
+        deadline_ns = self.link.clock.now_ns() + READY_NS
+        while True:
+            request = goal_request(self._goal.on_the_wire(), self.link.ids.next(), Mode.AUTO)
+            self._goal_id = request.request_id
+            asked_ns = self.link.clock.now_ns()
+            answer = self.link.ask(request)
+            self._refusal = answer if isinstance(answer, Refused) else None
+            if self._refusal is None or not self._was_disarmed(self._refusal, asked_ns):
+                return
+            if self.link.clock.now_ns() > deadline_ns:
+                return
+            self._request_until_accepted(Command.COMPONENT_ARM_DISARM, 1.0)
+
+    def _was_disarmed(self, refusal: Refused, asked_ns: int) -> bool:
+        """Return whether a goal was refused because of a failsafe whose cause passes by itself."""
+
+        def newest() -> NavigatorStatus | None:
+            found = self.telemetry.latest(STATUS)
+            return None if found is None or found[1] < asked_ns else found[0]
+
+        if refusal.reason != Reason.NOT_ARMED or not self.link.wait(
+            lambda: newest() is not None, NS_PER_S
+        ):
+            return False
+        status = newest()
+        return (
+            status is not None
+            and status.vehicle == Vehicle.FAILSAFE
+            and status.vehicle_reason in PASSING
+        )
 
     def begin(self) -> None:
         """Follow the goal from now on; call it after `start`."""

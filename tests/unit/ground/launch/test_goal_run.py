@@ -1,5 +1,6 @@
 """Test a goal run that waits for the restart of a process it needs."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Self
 
@@ -15,13 +16,14 @@ from ground.launch.supervisor import VoidRun
 from protocol.bus.network import Network
 from protocol.topic import Service
 from protocol.topics import STATUS, TRUTH
-from protocol.wire.enums import AckResult, GoalState
+from protocol.wire.enums import AckResult, Command, GoalState, Vehicle
 from protocol.wire.message import Message
-from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
+from protocol.wire.messages import CommandAck, CommandRequest, GoalRequest, NavigatorStatus
 from protocol.wire.reasons import Reason
 from runtime.clock import ManualClock
 from runtime.errors import NoAnswerError
 from tests.support.boxes import Wireless
+from tests.support.each import each
 from tests.support.ground.recording.made import truth
 
 SECOND = 1_000_000_000
@@ -36,9 +38,16 @@ WHY = "the plant process was killed (signal SIGKILL)"
 class Wired(Wireless):
     """A bus without frames; the first `serves_after` requests get no answer."""
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.commands: list[Command] = []
+
     holder = None
     serves_after = 1000
     requests = 0
+    refusals: tuple[int, ...] = ()
+    """Reasons for which the next goals are refused."""
+    on_refusal: Callable[[], None] = staticmethod(lambda: None)
 
     def stream(self, *_: Any) -> None:
         """Deliver nothing."""
@@ -53,7 +62,16 @@ class Wired(Wireless):
         self.requests += 1
         if self.requests <= self.serves_after:
             raise NoAnswerError(SILENT)
+        if isinstance(message, GoalRequest):
+            refused, self.refusals = self.refusals[:1], self.refusals[1:]
+            self.on_refusal()
+            return CommandAck(
+                command=Command.DO_REPOSITION,
+                result=AckResult.DENIED if refused else AckResult.ACCEPTED,
+                result_param2=refused[0] if refused else 0,
+            )
         assert isinstance(message, CommandRequest)
+        self.commands.append(Command(message.command))
         return CommandAck(command=message.command, result=AckResult.ACCEPTED)
 
 
@@ -81,11 +99,18 @@ class Stage:
         stage.goal_run.begin()
         return stage
 
-    def receive(self, goal: GoalState, ended_ns: int = 0) -> None:
+    def receive(
+        self,
+        goal: GoalState,
+        ended_ns: int = 0,
+        vehicle: Vehicle = Vehicle.ACTIVE,
+        reason: Reason = Reason.NONE,
+    ) -> None:
         status = NavigatorStatus(
             time_ns=self.clock.now_ns(), goal_started_ns=SECOND, goal_ended_ns=ended_ns, goal_id=0,
-            goal_x_m=3.0, goal_y_m=2.0, goal_heading_rad=0.0, goal_distance_m=1.0, vehicle=2,
-            mode=10, goal=goal, vehicle_reason=0, goal_reason=Reason.TICKS_LOST, navigator=1,
+            goal_x_m=3.0, goal_y_m=2.0, goal_heading_rad=0.0, goal_distance_m=1.0,
+            vehicle=vehicle, mode=10, goal=goal, vehicle_reason=reason,
+            goal_reason=Reason.TICKS_LOST, navigator=1,
             side=1,
         )  # fmt: skip
         self.bus.boxes[STATUS.path].newest = (status, self.clock.now_ns())
@@ -108,6 +133,38 @@ def test_prepare_gives_up_on_a_silent_robot() -> None:
     with pytest.raises(UnansweredError, match=SILENT):
         stage.goal_run.prepare()
     assert READY_NS < stage.clock.now_ns() - SECOND < 2 * READY_NS
+
+
+def sent(vehicle: Vehicle, reason: Reason, *refusals: int) -> Stage:
+    """Return a stage whose robot, in this state, has refused as many goals."""
+    stage = Stage()
+    stage.bus.serves_after, stage.bus.refusals = 0, refusals
+    stage.bus.on_refusal = lambda: stage.receive(GoalState.NONE, vehicle=vehicle, reason=reason)
+    stage.goal_run.send()
+    return stage
+
+
+@each("reason", [Reason.TICKS_LOST, Reason.SCAN_LOST, Reason.NO_SENSES, Reason.BUDGET])
+def test_a_robot_that_a_failsafe_disarmed_before_its_goal_is_armed_again(reason: Reason) -> None:
+    stage = sent(Vehicle.FAILSAFE, reason, Reason.NOT_ARMED, Reason.NOT_ARMED)
+    assert stage.goal_run.refusal == ""
+    assert stage.bus.commands == [Command.COMPONENT_ARM_DISARM] * 2
+
+
+@each(
+    ("vehicle", "reason", "refusal"),
+    [
+        (Vehicle.STANDBY, Reason.NONE, Reason.NOT_ARMED),  # somebody has disarmed it
+        (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR, Reason.EMERGENCY_STOPPED),
+        (Vehicle.EMERGENCY_STOP, Reason.BY_OPERATOR, Reason.NOT_ARMED),
+        (Vehicle.FAILSAFE, Reason.OPERATOR_LOST, Reason.NOT_ARMED),
+        (Vehicle.ACTIVE, Reason.NONE, Reason.GOAL_OUT_OF_RANGE),
+    ],
+)
+def test_no_other_refusal_arms_a_robot(vehicle: Vehicle, reason: Reason, refusal: Reason) -> None:
+    stage = sent(vehicle, reason, refusal)
+    assert stage.goal_run.refusal
+    assert stage.bus.commands == []
 
 
 def test_run_waits_for_a_plant_restart_then_is_void() -> None:
