@@ -190,6 +190,7 @@ class RobotProcess:
         self._write(outputs, tick, now_ns)
         self._publish_inputs(inputs, teleop, tick.index, reported)
         self._saved.settle(self._clock.now_ns())
+        self.vehicle.retry_stop(self._bus.now_ns())
         self._bus.keep_serving()
         self._meter.end()
 
@@ -202,6 +203,7 @@ class RobotProcess:
         if self._take_stop():
             self.reports.state(self.vehicle, stamp_ns, now_ns)
         self._saved.settle(now_ns)
+        self.vehicle.retry_stop(self._bus.now_ns())
         self._answer()
         self.reports.events(self.vehicle, stamp_ns, now_ns)
 

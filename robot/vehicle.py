@@ -168,12 +168,18 @@ class Vehicle:
         """Collect the writes that have ended since the last call; report failed ones."""
         for file in self._store.directory.collect():
             self.parameters.forget_text()
-            news = self._store.stop.news_of(file)
-            if news is None and file.error is not None:
+            news: tuple[Severity, str] | None = None
+            if self._store.stop.is_of(file):
+                news = self._store.stop.news_of(file)
+            elif file.error is not None:
                 words = file.error.strerror or str(file.error)
                 news = Severity.ERROR, f"{file.name} not saved: {words}"
             if news is not None:
                 self.announce(*news)
+
+    def retry_stop(self, now_ns: int) -> None:
+        """Write the emergency stop again if that has failed; `now_ns` is the time of the wall."""
+        self._store.stop.retry(now_ns)
 
     def finish_saving(self, patience_s: float) -> None:
         """Wait at most `patience_s` for pending writes; call it only after the loop has ended."""
@@ -287,13 +293,15 @@ class Vehicle:
         self, request: CommandRequest | GoalRequest, now_ns: int, operator: str
     ) -> CommandAck:
         """Act on a command; when it arms, list the safety parameters changed from configuration."""
-        machine = self.state.machine
-        was_armed = machine.vehicle == states.ACTIVE
+        machine, kept = self.state.machine, self._store.stop
+        was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
+        if is_clear(request) and kept.was_cleared_by(request.request_id):
+            return acknowledge(request, reasons.OK)
         if is_stop(request):  # before the core, which may fail at it
-            self._store.stop.keep(stopped=True)
+            kept.keep(stopped=True)
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)
-        if is_clear(request):
-            self._store.stop.keep(stopped=self.stopped)
+        if is_clear(request) and was_stopped and not self.stopped:
+            kept.clear(request.request_id)
         self.parameters.adopt_navigator()
         if answer.command == Command.SIDESTEP_SET_POSE and answer.result_param2 == reasons.OK:
             x_m, y_m, heading_rad = self.state.odometry.pose

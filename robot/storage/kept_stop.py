@@ -2,18 +2,28 @@
 
 The file exists while the stop is latched. Its content is for people: a damaged file, a directory or
 a device of this name stops the robot, too, because only an operator may release a stop.
+
+A second file has the ids of the newest requests that released a stop. A client whose answer is lost
+repeats its request with the same id, and may do so after a restart and after a newer stop, which
+that repetition must not release. Only the id shows it: each repetition has a deadline of its own,
+an operator's time is measured again after a restart, and a stop that was restored has no time.
 """
 
 from pathlib import Path
 from typing import Final
 
 from protocol.wire.enums import Severity
+from robot.storage.sealed import text_in
 from robot.storage.writer import Directory, StateFile
 from runtime import regular_file
+from runtime.units import NS_PER_S
 
 NAME: Final = "stop"
 ENDING: Final = ".txt"
 TEXT: Final = "The emergency stop holds until an operator clears it.\n"
+CLEARED: Final = "cleared"
+MAX_CLEARED: Final = 16
+RETRY_NS: Final = NS_PER_S
 SAVED: Final = "emergency stop saved: it holds over a restart"
 RESTORED: Final = "the emergency stop of the previous run still holds: clear it to arm"
 
@@ -26,11 +36,16 @@ class KeptStop:
 
     def __init__(self, directory: Directory, folder: Path | None = None) -> None:
         self._file = directory.file(NAME, ENDING, folder)
+        self._cleared = directory.file(CLEARED, ENDING, folder)
+        self._ids: list[int] = []
+        self._retry_ns: int | None = None
+        self._told = ""
 
     def found(self) -> bool:
         """Return whether an earlier run has left a stop; one that cannot be looked up counts."""
         if self._file is None:
             return False
+        self._ids = ids_in(self._cleared)
         try:
             is_there = regular_file.is_there(self._file.path)
         except OSError:
@@ -38,22 +53,67 @@ class KeptStop:
         self._file.found(TEXT if is_there else None)
         return is_there
 
+    def was_cleared_by(self, request_id: int) -> bool:
+        """Return whether this request has already released a stop, perhaps in an earlier run."""
+        return request_id in self._ids
+
+    def clear(self, request_id: int) -> None:
+        """Remove the file of a stop that this request has released, and note the request first."""
+        if self._cleared is not None:
+            self._ids = [*self._ids, request_id][-MAX_CLEARED:]
+            self._cleared.put("".join(f"{one:x}\n" for one in self._ids))
+        self.keep(stopped=False)
+
     def keep(self, *, stopped: bool) -> None:
-        """Write the file, or remove it; one that failed is tried again with the next call."""
+        """Write the file, or remove it."""
+        self._told = ""
+        self._put(TEXT if stopped else None)
+
+    def retry(self, now_ns: int) -> None:
+        """Repeat a write that has failed, about once a second."""
+        file = self._file
+        if file is None or not file.has_failed:
+            self._retry_ns = None
+        elif self._retry_ns is None:
+            self._retry_ns = now_ns + RETRY_NS
+        elif now_ns >= self._retry_ns:
+            self._retry_ns = None
+            self._put(TEXT if file.is_wanted else None)
+
+    def _put(self, text: str | None) -> None:
         if self._file is not None:
-            self._file.put(TEXT if stopped else None)
+            self._file.put(text)
 
     def news_of(self, file: StateFile) -> tuple[Severity, str] | None:
-        """Return what operators should know about a write that has ended; None if it is not ours.
+        """Return what operators should know about a write of the stop that has ended.
 
-        The removal of a file is no news.
+        The removal of a file is no news, nor is a repetition that fails like the write before.
         """
-        if file is not self._file:
-            return None
+        told, self._told = self._told, ""
         if file.error is not None:
             words = file.error.strerror or str(file.error)
+            self._told = words
+            if words == told:
+                return None
             if file.is_wanted:
-                return Severity.CRITICAL, f"emergency stop NOT saved, press it again: {words}"
-            return Severity.ERROR, f"{file.path} not removed, clear the stop again: {words}"
+                return Severity.CRITICAL, f"emergency stop NOT saved, trying again: {words}"
+            return Severity.ERROR, f"{file.path} not removed, trying again: {words}"
         is_kept = file.is_wanted and file.on_disk is not None
         return (Severity.NOTICE, SAVED) if is_kept else None
+
+    def is_of(self, file: StateFile) -> bool:
+        """Return whether this is the file of the stop."""
+        return file is self._file
+
+
+def ids_in(file: StateFile | None) -> list[int]:
+    """Return the ids that an earlier run has noted; none if they cannot be read."""
+    if file is None:
+        return []
+    try:
+        text = text_in(file.path)
+        ids = [int(line, 16) for line in text.splitlines()][-MAX_CLEARED:]
+    except (OSError, ValueError):
+        return []
+    file.found(text)
+    return ids

@@ -145,13 +145,17 @@ class StateFile:
         """Whether the newest content is a file, not its removal."""
         return self._text is not None
 
+    @property
+    def has_failed(self) -> bool:
+        """Whether the write of the newest content has ended with an error."""
+        return self.error is not None and self.ended == self.number
+
     def put(self, text: str | None) -> "Ticket":
         """Replace the content; with None, remove the file.
 
         Content that is present, or already being written, is not written again.
         """
-        failed = self.error is not None and self.ended == self.number
-        if text != self._text or failed:
+        if text != self._text or self.has_failed:
             self._text = text
             self.number += 1
             self._submit()

@@ -1,5 +1,7 @@
 """The emergency stop at the process comes before everything else and is acknowledged."""
 
+from pathlib import Path
+
 from protocol.topics import (
     COMMANDED,
     STATUS,
@@ -12,7 +14,9 @@ from protocol.wire.messages import (
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.stop_latch import emergency_stop
+from robot.storage.files import Store
 from tests.support.each import each
+from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.processes import (
     BRAKE,
     Request,
@@ -172,3 +176,18 @@ def test_stop_repeated_after_a_release_is_recorded_again() -> None:
         rig.cycle()
         rig.vehicle.state.machine.vehicle = states.ACTIVE
     assert len(rig.sent(COMMANDED)) == before + 2
+
+
+@each("idle", [False, True])
+def test_stop_that_was_not_saved_is_saved_by_itself(idle: bool) -> None:
+    """Simulated time may stand still meanwhile."""
+    writer = HeldWriter()
+    rig = Rig(Store(Path("state"), writer)).ready()
+    press(rig)
+    rig.cycle()
+    assert [job.path.name for job in writer.waiting] == ["stop.txt"]
+    writer.finish(OSError(28, "No space left on device"))
+    for _ in range(20):
+        rig.process.idle() if idle else rig.cycle()
+        rig.clock.advance(100 * MS)
+    assert [job.path.name for job in writer.waiting] == ["stop.txt"]

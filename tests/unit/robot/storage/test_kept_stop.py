@@ -8,14 +8,15 @@ from tempfile import mkdtemp
 import pytest
 
 from protocol.wire.enums import Command, Severity
+from protocol.wire.messages import CommandAck, CommandRequest
 from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
-from robot.storage.kept_stop import RESTORED, SAVED
+from robot.storage.kept_stop import RESTORED, RETRY_NS, SAVED
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
-from tests.support.robot.vehicles import Desk
+from tests.support.robot.vehicles import MS, Desk
 
 
 def started(store: Store) -> Desk:
@@ -91,18 +92,48 @@ def test_operator_reads_whether_it_is_saved(tmp_path: Path) -> None:
     assert (Severity.NOTICE, SAVED) in told(desk)
 
 
-def test_full_disk_is_reported_and_the_next_stop_tries_again(tmp_path: Path) -> None:
+FULL = OSError(28, "No space left on device")
+
+
+def test_full_disk_is_reported_at_each_press(tmp_path: Path) -> None:
     writer = HeldWriter()
     desk = started(Store(tmp_path, writer))
     for _ in range(2):
         desk.vehicle.receive(emergency_stop(7), 0)
-        writer.finish(OSError(28, "No space left on device"))
+        writer.finish(FULL)
         ((severity, words),) = [one for one in told(desk) if "stop" in one[1]]
         assert severity == Severity.CRITICAL
-        assert words == "emergency stop NOT saved, press it again: No space left on device"
+        assert words == "emergency stop NOT saved, trying again: No space left on device"
+
+
+def test_failed_write_is_tried_again_each_second_by_itself(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
     desk.vehicle.receive(emergency_stop(7), 0)
-    writer.finish()
+    writer.finish(FULL)
+    assert any("NOT saved" in words for _, words in told(desk))
+    tried_ms = []
+    for now_ms in range(0, 5_000, 50):
+        desk.vehicle.retry_stop(now_ms * MS)
+        if writer.waiting:
+            tried_ms.append(now_ms)
+            writer.finish(None if len(tried_ms) == 4 else FULL)
+        if len(tried_ms) < 4:
+            assert not [words for _, words in told(desk) if "saved" in words], "it is known"
+    assert tried_ms == [1_000, 2_050, 3_100, 4_150]
+    assert (Severity.NOTICE, SAVED) in told(desk)
     assert started(Store(tmp_path)).vehicle.stopped
+
+
+def test_another_error_is_reported_while_it_is_tried_again(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    for error in (FULL, OSError(30, "Read-only file system")):
+        writer.finish(error)
+        assert any(str(error.strerror) in words for _, words in told(desk))
+        desk.vehicle.retry_stop(0)
+        desk.vehicle.retry_stop(RETRY_NS)
 
 
 def test_folder_of_its_own_keeps_only_the_stop(tmp_path: Path) -> None:
@@ -126,18 +157,77 @@ def test_stop_is_kept_although_the_core_fails_at_it(
     assert started(Store(tmp_path)).vehicle.stopped
 
 
-def test_release_that_was_not_written_is_tried_again_by_the_next_one(tmp_path: Path) -> None:
+def test_release_that_was_not_written_is_tried_again_by_itself(tmp_path: Path) -> None:
     writer = HeldWriter()
     desk = started(Store(tmp_path, writer))
     desk.vehicle.receive(emergency_stop(7), 0)
     writer.finish()
     told(desk)
-    for error in (OSError(28, "No space left on device"), None):
-        desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
-        writer.finish(error)
-        words = [words for _, words in told(desk) if "not removed, clear the stop again" in words]
-        assert len(words) == (error is not None)
+    desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
+    writer.finish(FULL)
+    assert [words for _, words in told(desk) if "stop.txt not removed, trying again" in words]
+    assert started(Store(tmp_path)).vehicle.stopped
+    desk.vehicle.retry_stop(0)
+    desk.vehicle.retry_stop(RETRY_NS)
+    writer.finish()
     assert not started(Store(tmp_path)).vehicle.stopped
+
+
+def clear(desk: Desk, request_id: int) -> int:
+    request = CommandRequest(
+        request_id=request_id, command=Command.SIDESTEP_CLEAR_EMERGENCY_STOP, param1=0.0, param2=0.0
+    )
+    answer = desk.vehicle.receive(request, desk.now_ns, "ada/1")
+    assert isinstance(answer, CommandAck)
+    return answer.result_param2
+
+
+@each("before_the_restart", [False, True])
+def test_late_repetition_of_a_release_spares_a_newer_stop(
+    before_the_restart: bool, tmp_path: Path
+) -> None:
+    """The answer of the release is lost, the process starts again, its client repeats it."""
+    folder = Path(mkdtemp(dir=tmp_path))
+    desk = started(Store(folder))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert clear(desk, 21) == Reason.NONE
+    assert not desk.vehicle.stopped
+    if before_the_restart:
+        desk.vehicle.receive(emergency_stop(8), 0)
+    desk = started(Store(folder))
+    if not before_the_restart:
+        desk.vehicle.receive(emergency_stop(8), 0)
+    assert clear(desk, 21) == Reason.NONE, "a repetition gets its earlier answer"
+    assert desk.vehicle.stopped
+    assert started(Store(folder)).vehicle.stopped
+    assert clear(desk, 22) == Reason.NONE
+    assert not desk.vehicle.stopped
+
+
+def test_release_that_released_nothing_may_be_repeated(tmp_path: Path) -> None:
+    """Only a request that was carried out is known; without a stop there was nothing to do."""
+    assert clear(started(Store(tmp_path)), 21) == Reason.NONE
+    desk = started(Store(tmp_path))
+    desk.vehicle.receive(emergency_stop(8), 0)
+    assert clear(desk, 21) == Reason.NONE
+    assert not desk.vehicle.stopped
+
+
+def test_newest_releases_are_known(tmp_path: Path) -> None:
+    desk = started(Store(tmp_path))
+    for request_id in range(1, 41):
+        desk.vehicle.receive(emergency_stop(7), 0)
+        clear(desk, request_id)
+    kept = (tmp_path / "cleared.txt").read_text().split()
+    assert [int(one, 16) for one in kept] == list(range(25, 41))
+
+
+def test_damaged_list_of_releases_does_not_release(tmp_path: Path) -> None:
+    (tmp_path / "cleared.txt").write_bytes(b"\xff\0 no number")
+    desk = started(Store(tmp_path))
+    desk.vehicle.receive(emergency_stop(8), 0)
+    assert clear(desk, 21) == Reason.NONE
+    assert (tmp_path / "cleared.txt").read_text() == "15\n"
 
 
 def test_pipe_in_the_place_of_the_draft_holds_up_no_stop(tmp_path: Path) -> None:
@@ -145,5 +235,6 @@ def test_pipe_in_the_place_of_the_draft_holds_up_no_stop(tmp_path: Path) -> None
     desk = started(Store(tmp_path))
     desk.vehicle.receive(emergency_stop(7), 0)
     assert any("NOT saved" in words for _, words in told(desk))
-    desk.vehicle.receive(emergency_stop(7), 0)
+    desk.vehicle.retry_stop(0)
+    desk.vehicle.retry_stop(RETRY_NS)
     assert started(Store(tmp_path)).vehicle.stopped, "the pipe was removed"
