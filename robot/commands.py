@@ -160,6 +160,15 @@ def is_stop(request: Message | None) -> bool:
     return isinstance(request, CommandRequest) and request.command == Command.DO_FLIGHTTERMINATION
 
 
+def is_arm(request: Message | None) -> bool:
+    """Return whether a request arms."""
+    return (
+        isinstance(request, CommandRequest)
+        and request.command == Command.COMPONENT_ARM_DISARM
+        and request.param1 != 0.0
+    )
+
+
 def is_clear(request: Message | None) -> bool:
     """Return whether a request releases the emergency stop."""
     return (

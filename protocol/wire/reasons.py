@@ -75,6 +75,7 @@ class Reason(IntEnum):
     NO_IDENTITY = 103
     PLACE_UNKNOWN = 104
     ARMED = 105
+    PARAMETERS_DAMAGED = 106
 
 
 REASON_TEXTS: Final[dict[int, str]] = {
@@ -140,6 +141,7 @@ REASON_TEXTS: Final[dict[int, str]] = {
     103: "the request does not name its operator",
     104: "the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation",
     105: "not possible while the robot is armed: disarm first",
+    106: "saved parameters are damaged: see `param list`, then `param set` one of the safety group",
 }
 
 

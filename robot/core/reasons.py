@@ -69,3 +69,5 @@ NO_IDENTITY: Final = 103  # the request does not name its operator
 # the robot does not know where it is: `pose set X Y DEG`, or `pose truth` in a simulation
 PLACE_UNKNOWN: Final = 104
 ARMED: Final = 105  # not possible while the robot is armed: disarm first
+# saved parameters are damaged: see `param list`, then `param set` one of the safety group
+PARAMETERS_DAMAGED: Final = 106

@@ -150,6 +150,8 @@ TABLE: Final = (
 )
 
 SPECS: Final = MappingProxyType({spec.name: spec for spec in TABLE})
+SPEEDS: Final = ("v_max_m_s", "yaw_max_rad_s")
+"""Not in the safety group, because they may change under way within `wheel_max_m_s`."""
 
 
 class UnknownParameterError(LookupError):
@@ -195,6 +197,12 @@ def adjusted(params: Params, values: Mapping[str, float], where: str) -> Params:
         return with_values(params, values)
     except (UnknownParameterError, OutOfRangeError) as error:
         raise UserError(f"{where}: {error}") from None
+
+
+def concerns_safety(name: str) -> bool:
+    """Return whether a lost value may make the robot less safe: the safety group, and speeds."""
+    spec = SPECS.get(name)
+    return spec is not None and (bool(spec.safer) or name in SPEEDS)
 
 
 def is_less_safe(name: str, value: float, configured: Params) -> bool:

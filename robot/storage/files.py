@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Final
 
 from robot.core.parameters import Params
-from robot.parameters.table import OutOfRangeError, UnknownParameterError, is_less_safe, with_value
+from robot.parameters.table import (
+    OutOfRangeError,
+    UnknownParameterError,
+    concerns_safety,
+    is_less_safe,
+    with_value,
+)
 from robot.storage.kept_stop import KeptStop
 from robot.storage.sealed import sealed, text_in, unsealed
 from robot.storage.writer import Directory, Ticket, Writer
@@ -19,6 +25,7 @@ from runtime.errors import UserError
 NAME: Final = "parameters"
 FILE_NAME: Final = f"{NAME}.json"
 OWNER_NAME: Final = "robot.txt"
+LOST: Final = "configured value in force; arming is refused until a safety parameter is set"
 
 
 def own(directory: Path | None, robot: str) -> str:
@@ -71,6 +78,8 @@ class Store:
         self._values: dict[str, float] = {}
         self._durable: dict[str, float] = {}
         self._read: str | None = None
+        self.damaged = False
+        """Whether saved values that concern safety are lost, and no operator has set one since."""
 
     @property
     def ticket(self) -> Ticket | None:
@@ -87,7 +96,8 @@ class Store:
     def load(self, params: Params, configured: Params | None = None) -> tuple[Params, list[str]]:
         """Return the parameters with saved values applied, and a warning for each unusable value.
 
-        With `configured`, values of the safety group must be at least as safe as there.
+        With `configured`, values of the safety group must be at least as safe as there. An operator
+        may have saved safer values than those. If they are lost, the robot is `damaged`.
         """
         if self._file is None:
             return params, []
@@ -98,23 +108,31 @@ class Store:
         except FileNotFoundError:
             return params, []
         except (OSError, ValueError, TypeError) as error:
-            return params, [f"{path}: not readable ({error}); defaults in force"]
+            self.damaged = True
+            return params, [f"{path}: not readable ({error}); {LOST}"]
         self._file.found(text)
         warnings = []
         for name, value in saved.items():
             try:
                 changed = with_value(params, name, float(value))
-                if configured is not None and is_less_safe(name, float(value), configured):
-                    limit = getattr(configured, name)
-                    raise ValueError(f"{value:g} is less safe than configured, {limit:g}")
-                params, self._values[name] = changed, float(value)
             except (UnknownParameterError, OutOfRangeError, TypeError, ValueError) as error:
-                warnings.append(f"{path}: {name}: ignored ({error})")
+                is_lost = concerns_safety(name)
+                self.damaged |= is_lost
+                warnings.append(f"{path}: {name}: {f'{error}; {LOST}' if is_lost else error}")
+                continue
+            if configured is not None and is_less_safe(name, float(value), configured):
+                limit = getattr(configured, name)
+                reason = f"{value:g} is less safe than configured, {limit:g}"
+                warnings.append(f"{path}: {name}: ignored ({reason})")
+            else:
+                params, self._values[name] = changed, float(value)
         return params, warnings
 
     def save(self, name: str, value: float) -> Ticket | None:
         """Save a value for the next start; return its ticket, or None if nothing is saved."""
         self._values[name] = value
+        if concerns_safety(name):
+            self.damaged = False
         if self._file is None:
             return None
         return self._file.put(sealed(json.dumps(self._values, indent=1)))

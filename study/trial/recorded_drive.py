@@ -45,6 +45,7 @@ IGNORED: Final = (
     Reason.LEASE_HELD,
     Reason.FENCE_LEAVES_ROBOT_OUT,
     Reason.LESS_SAFE_THAN_CONFIGURED,
+    Reason.PARAMETERS_DAMAGED,
 )
 """Refusals whose cause is not in the recorded inputs, or is recorded later."""
 

@@ -86,6 +86,7 @@ RESULTS: Final = MappingProxyType(
         Reason.NO_IDENTITY: RESULT_NOT_IN_CONTROL,
         Reason.PLACE_UNKNOWN: FAILED,
         Reason.ARMED: DENIED,
+        Reason.PARAMETERS_DAMAGED: FAILED,
     }
 )
 

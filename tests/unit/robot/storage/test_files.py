@@ -2,8 +2,13 @@ from pathlib import Path
 
 import pytest
 
+from protocol.wire.enums import PARAM_TYPE_REAL32
+from protocol.wire.messages import CommandAck, ParamSet
+from protocol.wire.reasons import Reason
 from robot.core.parameters import DEFAULTS
+from robot.stop_latch import emergency_stop
 from robot.storage.files import FILE_NAME, Store
+from tests.support.robot.vehicles import Desk
 
 
 def test_what_was_saved_is_in_force_after_a_restart(tmp_path: Path) -> None:
@@ -48,6 +53,66 @@ def test_a_bad_value_is_left_out_by_name_and_the_rest_is_used(tmp_path: Path) ->
         "nonsense",
         "side",
     ]
+
+
+def written(folder: Path, text: str) -> Store:
+    (folder / FILE_NAME).write_text(text)
+    return Store(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "lost"),
+    [
+        ("{", "parameters.json"),
+        ('{"crc32": "00000000", "saved": {"side": 1}}', "checksum"),
+        ('{"guard_stop_m": 99}', "guard_stop_m"),
+        ('{"op_lost_ms": "soon", "side": 1}', "op_lost_ms"),
+        ('{"v_max_m_s": null}', "v_max_m_s"),
+    ],
+)
+def test_damaged_safety_parameters_forbid_arming_until_one_is_set(
+    tmp_path: Path, text: str, lost: str
+) -> None:
+    store = written(tmp_path, text)
+    _, warnings = store.load(DEFAULTS, DEFAULTS)
+    (warning,) = warnings
+    assert lost in warning
+    assert "arming is refused until a safety parameter is set" in warning
+    desk = Desk(store)
+    assert desk.arm() == Reason.PARAMETERS_DAMAGED
+    assert set_to(desk, "side", DEFAULTS.side) == Reason.NONE
+    assert desk.arm() == Reason.PARAMETERS_DAMAGED, "it does not concern safety"
+    assert set_to(desk, "guard_stop_m", DEFAULTS.guard_stop_m) == Reason.NONE
+    assert desk.arm() == Reason.NONE
+    again = Store(tmp_path)
+    assert again.load(DEFAULTS, DEFAULTS)[1] == []
+    assert not again.damaged
+
+
+def set_to(desk: Desk, name: str, value: float) -> int:
+    answer = desk.vehicle.receive(
+        ParamSet(param_id=name, param_value=value, param_type=PARAM_TYPE_REAL32), desk.now_ns
+    )
+    return answer.result_param2 if isinstance(answer, CommandAck) else Reason.NONE
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['{"d_obs_m": 99}', '{"nonsense": 1}', '{"side": "left"}', '{"op_lost_ms": 60000}', "{}"],
+)
+def test_what_does_not_concern_safety_may_be_lost(tmp_path: Path, text: str) -> None:
+    """A value that is less safe than the configuration is lost on purpose."""
+    store = written(tmp_path, text)
+    store.load(DEFAULTS, DEFAULTS)
+    assert Desk(store).arm() == Reason.NONE
+
+
+def test_stop_is_the_first_reason_not_to_arm(tmp_path: Path) -> None:
+    store = written(tmp_path, "{")
+    store.load(DEFAULTS, DEFAULTS)
+    desk = Desk(store)
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert desk.arm() == Reason.EMERGENCY_STOPPED
 
 
 def test_a_crash_while_saving_leaves_the_old_file(
