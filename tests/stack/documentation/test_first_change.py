@@ -23,7 +23,9 @@ def set_up(checkout: Path) -> tuple[str, ...]:
     """Give a clone the set-up of this checkout; return the words that run a command in it.
 
     Python and sidestep run the modules of the clone with the packages of this checkout, and git
-    has an author but no settings of a user. It is no CI, and no recipe of a `make` around it.
+    has an author but no settings of a user. It is no CI, and no recipe of a `make` around it. Its
+    pytest has a folder of its own for temporary files: at its end it deletes those of earlier runs
+    there, and the thousands of the gate around it can take minutes on a busy disk.
     """
     programs = checkout / ".venv" / "bin"
     programs.mkdir(parents=True)
@@ -36,6 +38,7 @@ def set_up(checkout: Path) -> tuple[str, ...]:
         *("env", *(word for name in OUTER for word in ("-u", name))),
         f"PATH={programs}:{Path(sys.executable).parent}:/usr/local/bin:/usr/bin:/bin",
         f"PYTHONPATH={checkout}",
+        f"PYTEST_DEBUG_TEMPROOT={checkout.parent}",
         "GIT_CONFIG_NOSYSTEM=1",
         *(f"GIT_{role}_NAME=Newcomer" for role in ("AUTHOR", "COMMITTER")),
         *(f"GIT_{role}_EMAIL=newcomer@example.com" for role in ("AUTHOR", "COMMITTER")),

@@ -20,7 +20,7 @@ PAGES: Final = tuple(
     path for name in ("tutorial", "how-to") for path in sorted((ROOT / "docs" / name).glob("*.md"))
 )
 """The pages whose commands are run."""
-PATIENCE_S: Final = 60.0
+PATIENCE_S: Final = 120.0
 AGAIN_S: Final = 0.5
 """A command that is repeated costs as much as a start of Python."""
 SIOCGIFFLAGS, SIOCSIFFLAGS, IFF_UP = 0x8913, 0x8914, 1
