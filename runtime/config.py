@@ -12,6 +12,7 @@ from typing import Any, Final, Literal, TypeVar, get_args, get_origin, get_type_
 import msgspec
 
 from runtime.errors import ConfigError, UserError
+from runtime.regular_file import text_in
 from runtime.toml_reader import MAX_BYTES, key_lines, table_in
 
 T = TypeVar("T")
@@ -52,7 +53,7 @@ def line_located(path: Path) -> Iterator[None]:
 def _line_of(key: str, path: Path) -> int | None:
     """Return the line of a key in a file; of the table it belongs to, if it is missing."""
     try:
-        lines = key_lines(path.read_text(encoding="utf-8"))
+        lines = key_lines(text_in(path, MAX_BYTES))
     except (OSError, ValueError):
         return None
     names = tuple(key.partition("[")[0].split("."))
@@ -76,9 +77,7 @@ def resolve_tls_paths(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 def read_toml(path: Path | str) -> dict[str, Any]:
     """Return the tables of a TOML file, unchecked."""
     try:
-        with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-        return table_in(data.decode())
+        return table_in(text_in(Path(path), MAX_BYTES))
     except OSError as error:
         reason = (error.strerror or "cannot be read").lower()
         raise ConfigError(file=str(path), key="", reason=reason, fix="check the path") from error

@@ -19,6 +19,7 @@ from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations.leases import operator_name
+from ground.recording.parts import files_of
 from ground.user.edit_settings import set_setting
 from ground.user.folders import state_folder
 from ground.user.settings import Settings, load_settings, settings_file
@@ -104,8 +105,8 @@ def print_summary(drives: Mapping[str, str], recorded: Path | None) -> None:
         for robot, words in drives.items():
             print(f"{robot}: {words}")
         if recorded is not None:
-            mcap = recorded.with_suffix(".mcap")
-            print(f"recording: {mcap if mcap.exists() else recorded} (sidestep replay)")
+            files = files_of(recorded) or [recorded]
+            print(f"recording: {files[0]} (sidestep replay)")
         sys.stdout.flush()
 
 

@@ -10,11 +10,12 @@ from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import NameOID
 
-from ground.certificates.folder import CA
+from ground.certificates.folder import CA, MAX_BYTES
 from protocol.bus.tls.certificate import OPEN_TO_OTHERS
 from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW
 from protocol.bus.tls.role_grants import grant_of
 from runtime.errors import UserError
+from runtime.regular_file import bytes_in
 
 
 class Checked(NamedTuple):
@@ -85,7 +86,7 @@ def key_faults(path: Path, certificate: x509.Certificate) -> Iterator[str]:
     """Yield the faults of a certificate's key, without its content."""
     try:
         mode = path.stat().st_mode
-        key = load_pem_private_key(path.read_bytes(), password=None)
+        key = load_pem_private_key(bytes_in(path, MAX_BYTES), password=None)
     except OSError as error:
         yield f"{path.name}: {error.strerror}"
         return
@@ -101,7 +102,7 @@ def key_faults(path: Path, certificate: x509.Certificate) -> Iterator[str]:
 def read(path: Path) -> x509.Certificate:
     """Load a certificate; parse all fields that are needed later, because parsing is lazy."""
     try:
-        found = x509.load_pem_x509_certificate(path.read_bytes())
+        found = x509.load_pem_x509_certificate(bytes_in(path, MAX_BYTES))
         found.public_key(), found.subject, found.not_valid_before_utc, found.not_valid_after_utc
         return found
     except OSError as error:

@@ -14,9 +14,11 @@ from protocol.bus.tls.role_grants import GATEWAY, OPERATOR, RECORDER, VIEWER
 from runtime.atomic_file import replace
 from runtime.config import load_shared
 from runtime.errors import UserError
+from runtime.regular_file import bytes_in
 
 CA: Final = "ca.pem"
 CA_KEY: Final = "authority.key"
+MAX_BYTES: Final = 1 << 20
 """The key of the authority can certify every role. Do not copy it to a machine of the stack."""
 
 THIS_MACHINE: Final = ("localhost", "127.0.0.1", "::1")
@@ -108,7 +110,7 @@ def renew(folder: Path, names: Sequence[str], since: datetime, until: datetime) 
     The authority's expiry is the limit. Raises UserError if its key was not kept or is not usable.
     """
     try:
-        pair = Pair((folder / CA).read_bytes(), (folder / CA_KEY).read_bytes())
+        pair = Pair(bytes_in(folder / CA, MAX_BYTES), bytes_in(folder / CA_KEY, MAX_BYTES))
         authority = Authority.kept(pair)
     except OSError as error:
         raise UserError(
@@ -131,7 +133,7 @@ def dialled_names(folder: Path, name: str) -> list[str]:
     path = folder / f"{name}.pem"
     if not path.is_file() or name == CA.removesuffix(".pem"):
         raise UserError(f"{folder} has no certificate {name}.pem: name one that it has")
-    return hosts_in(path.read_bytes())
+    return hosts_in(bytes_in(path, MAX_BYTES))
 
 
 def replace_file(path: Path, content: bytes, mode: int) -> None:

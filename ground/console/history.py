@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from runtime.regular_file import bytes_in
+
 MAX_LINES: Final = 500
+MAX_BYTES: Final = 1 << 20
 
 
 class History:
@@ -66,11 +69,11 @@ class History:
         if self._path is None:
             return []
         try:
-            lines = self._path.read_text(encoding="utf-8", errors="replace").splitlines()
+            lines = bytes_in(self._path, MAX_BYTES).decode(errors="replace").splitlines()
         except FileNotFoundError:
             return []
         except OSError as error:
-            self.trouble = f"{self._path}: {error.strerror}"
+            self.trouble = f"{self._path}: {error.strerror}: remove it"
             return []
         return [line for line in lines if line and line.isprintable()][-self._most :]
 

@@ -14,7 +14,7 @@ from typing import Final, Protocol, Self
 from ground.client.connection import Common
 from ground.launch.child_processes import ChildExitError, Children
 from ground.launch.recorder_files import RECORDER, RecorderFiles
-from ground.recording.retention import Retention, size_in, size_of
+from ground.recording.retention import Retention, size_in, size_of_run
 from ground.user.folders import recordings_folder
 from runtime.clock import Clock
 from runtime.errors import UserError
@@ -144,7 +144,7 @@ class RecordingSession:
 
     @property
     def file(self) -> Path | None:
-        """The newest file of the recorder; None before it has created one."""
+        """The first file of the newest run of the recorder; None before it has created one."""
         self._file = self._newest() or self._file
         return self._file
 
@@ -159,7 +159,7 @@ class RecordingSession:
         if not self._is_watching or now_ns < self._look_ns:
             return messages
         self._look_ns = now_ns + CHECK_NS
-        size = 0 if self.file is None else size_of(self.file)
+        size = 0 if self.file is None else size_of_run(self.file)
         if size != self._size:
             self._size, self._grew_ns = size, now_ns
         elif not is_receiving and self.words == WRITING:

@@ -14,6 +14,7 @@ from ground.missions.problems import MissionError, Problem
 from ground.missions.sift import Foreign
 from ground.recording import export_file
 from runtime.errors import UserError
+from runtime.regular_file import text_in
 
 ENDINGS: Final = (".toml", ".plan", ".waypoints")
 LARGEST_BYTES: Final = 1_000_000
@@ -108,10 +109,9 @@ def _listed(words: Sequence[str]) -> str:
 def _text(path: Path) -> str:
     ending_of(path)
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise UserError(f"{path}: is larger than any mission ({LARGEST_BYTES} bytes)")
-        return path.read_text(encoding="utf-8")
+        return text_in(path, LARGEST_BYTES)
     except OSError as error:
-        raise UserError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+        why = (error.strerror or "cannot be read").lower()
+        raise UserError(f"{path}: {why}: name a mission file") from error
     except UnicodeDecodeError as error:
         raise UserError(f"{path}: is not UTF-8 text; save it as UTF-8") from error

@@ -6,7 +6,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from ground.recording.log_reader import NAMED, SUFFIXES, is_running
+from ground.recording.log_reader import is_running
+from ground.recording.parts import NAMED, SUFFIXES, number_of, run_of
 from ground.user.folders import recordings_folder
 from runtime.errors import UserError
 
@@ -21,16 +22,19 @@ FILE_HELP: Final = (
 
 
 def recordings_in(folder: Path, *, below: bool = False) -> list[Path]:
-    """Return each recording once, its .mcap if there is one, the newest first.
+    """Return each run once, by the oldest part that is left, its .mcap if there is one.
+
+    The newest is the first.
 
     `below`: also those one level below the folder. An unreadable folder has none.
     """
     found: dict[Path, Path] = {}
     try:
         for pattern in ("*", "*/*") if below else ("*",):
-            for path in sorted(folder.glob(pattern), reverse=True):  # .tlog before .mcap
-                if path.suffix in SUFFIXES and path.is_file():
-                    found[path.with_suffix("")] = path
+            paths = [path for path in folder.glob(pattern) if path.suffix in SUFFIXES]
+            for path in sorted(paths, key=lambda path: (-number_of(path), path.suffix == ".mcap")):
+                if path.is_file():
+                    found[run_of(path)] = path
         return newest_first(found.values())
     except OSError:
         return []

@@ -5,23 +5,22 @@ A truncated file yields the frames before the cut, and `damage` describes the lo
 
 import fcntl
 import os
-import re
-from collections.abc import Iterator, Mapping
+from collections import ChainMap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, Protocol
 
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
+from ground.recording.parts import NAMED, SUFFIXES, number_of, parts_of
 from ground.recording.tlog import TlogReader
-from protocol.topic import NAME
 from protocol.topics import PREFIX, key_parts
 from runtime.errors import UserError
+from runtime.regular_file import opened
 from runtime.units import NS_PER_US
 
 MCAP_BEGINS: Final = b"\x89MCAP"
-NAMED: Final = re.compile(rf"\d{{8}}T\d{{6}}Z-(?P<robot>{NAME})(\.\d{{1,3}})?\Z")
 USUAL_ROBOT: Final = "r1"
-SUFFIXES: Final = (".mcap", ".tlog")
 
 
 class LoggedFrame(NamedTuple):
@@ -81,7 +80,7 @@ class TlogLog:
 
     def __iter__(self) -> Iterator[LoggedFrame]:
         size = max(1, self._path.stat().st_size)
-        with self._path.open("rb") as source:
+        with opened(self._path) as source:
             self._reader = TlogReader(source)
             for time_us, frame in self._reader:
                 self.share = source.tell() / size
@@ -112,7 +111,7 @@ class McapLog(McapFile):
         super().__init__(path)
         self.robot = robot
         self.records = 0
-        self._is_running = is_running(path)
+        self._is_running = is_locked(path)
 
     def __iter__(self) -> Iterator[LoggedFrame]:
         for time_ns, raw in self.frames():
@@ -138,13 +137,70 @@ def standard_key(key: str, robot: str) -> str:
     return "/".join(filter(None, (PREFIX, parts.robot, parts.path, parts.operator)))
 
 
+class RunLog:
+    """Several parts of one run, read one after the other."""
+
+    def __init__(self, paths: Sequence[Path], robot: str | None) -> None:
+        self._logs = {number_of(path): open_part(path, robot) for path in paths}
+        self._sizes = [path.stat().st_size for path in paths]
+        self._read = 0
+        self.robot = next(iter(self._logs.values())).robot
+
+    def __iter__(self) -> Iterator[LoggedFrame]:
+        self._read = 0
+        for log in self._logs.values():
+            yield from log
+            self._read += 1
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """The facts of all parts, as the earliest one has them."""
+        return ChainMap(*(dict(log.facts) for log in self._logs.values()))
+
+    @property
+    def records(self) -> int:
+        """Number of frames read so far."""
+        return sum(log.records for log in self._logs.values())
+
+    @property
+    def share(self) -> float:
+        """Share of the files that was read."""
+        logs = [*self._logs.values()]
+        current = logs[self._read].share if self._read < len(logs) else 0.0
+        read = sum(self._sizes[: self._read]) + current * sum(self._sizes[self._read :][:1])
+        return read / max(1, sum(self._sizes))
+
+    @property
+    def lost_bytes(self) -> int:
+        """Number of bytes lost so far."""
+        return sum(log.lost_bytes for log in self._logs.values())
+
+    def damage(self) -> str:
+        """Return what was lost, in words. The oldest parts may have been deleted (`--keep`)."""
+        found = []
+        for number in range(min(self._logs), max(self._logs) + 1):
+            log = self._logs.get(number)
+            words = "is missing" if log is None else log.damage()
+            found += [f"part {number}: {words}"] if words else []
+        return "; ".join(found)
+
+
 def open_log(path: Path, robot: str | None = None) -> Log:
-    """Open a recording; its first bytes decide the kind. UserError when it cannot be opened."""
+    """Open the recording of a run by the path of one of its files.
+
+    Raises UserError when it cannot be opened.
+    """
+    parts = parts_of(path)
+    return open_part(parts[0], robot) if len(parts) == 1 else RunLog(parts, robot)
+
+
+def open_part(path: Path, robot: str | None = None) -> Log:
+    """Open one file; its first bytes decide the kind. UserError when it cannot be opened."""
     try:
-        with path.open("rb") as source:
+        with opened(path) as source:
             begin = source.read(len(MCAP_BEGINS))
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror}") from error
+        raise UserError(f"{path}: {error.strerror}: name a recording") from error
     if path.suffix not in SUFFIXES and begin != MCAP_BEGINS and not begins_with_record(path):
         raise UserError(f"{path}: is not a recording, which is a .mcap or a .tlog")
     if begin == MCAP_BEGINS or (path.suffix == ".mcap" and MCAP_BEGINS.startswith(begin)):
@@ -154,7 +210,7 @@ def open_log(path: Path, robot: str | None = None) -> Log:
 
 def begins_with_record(path: Path) -> bool:
     """Return whether the file begins like a .tlog, whatever its name."""
-    with path.open("rb") as source:
+    with opened(path) as source:
         reader = TlogReader(source)
         return next(iter(reader), None) is not None and not reader.lost_bytes
 
@@ -175,7 +231,7 @@ def robot_in(path: Path) -> str:
 
 def is_being_written(path: Path) -> bool:
     """Return whether a recorder holds its lock on a file; OSError when that is unknown."""
-    fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -186,7 +242,12 @@ def is_being_written(path: Path) -> bool:
 
 
 def is_running(path: Path) -> bool:
-    """Return whether a file is certainly still being recorded."""
+    """Return whether the run of a file is certainly still being recorded."""
+    return is_locked(parts_of(path)[-1])
+
+
+def is_locked(path: Path) -> bool:
+    """Return whether a file is certainly being written."""
     try:
         return is_being_written(path)
     except OSError:

@@ -121,7 +121,10 @@ class LogFile:
 
 
 class LogWriter:
-    """Accepts frames from any thread and writes them from one; stamps are in UTC."""
+    """Accepts frames from any thread and writes them from one; stamps are in UTC.
+
+    `sync` may be called from a third thread.
+    """
 
     def __init__(
         self,
@@ -135,7 +138,8 @@ class LogWriter:
 
         A cached sample published before `began_us` (UTC) gets `began_us` as its time of arrival.
         """
-        self._sink = sink
+        self._sinks = deque([sink])
+        """The last one is written; those before wait until they are on the disk and closed."""
         self._utc_offset_ns = utc_offset_ns
         self._held_bytes = max_waiting_bytes
         self._form: LogFormat = TlogFormat() if form is None else form
@@ -149,6 +153,8 @@ class LogWriter:
         self._waiting_frames = 0
         self._newest_us = began_us
         self.written = 0
+        self.size = 0
+        """Number of bytes in the file that is being written."""
         self.rejected = 0
         self.error = ""
         self.drop_reason = ""
@@ -178,16 +184,39 @@ class LogWriter:
         self._waiting += self._form.batch()
         return self._append()
 
+    @property
+    def newest_us(self) -> int:
+        """Time of arrival of the newest frame that was written."""
+        return self._newest_us
+
+    def begin_part(self, sink: Sink, form: LogFormat) -> None:
+        """Write into another file from now on; call it after a `flush` that has written all.
+
+        The end of the file before has the index only; without it the file is read as a whole.
+        """
+        with suppress(OSError):
+            self._sinks[-1].append(self._form.end())
+        self._form = form
+        self._sinks.append(sink)
+        self.size = 0
+
     def sync(self) -> None:
         """Flush the file to the disk; a failure is stored in `error`.
 
         Frames written since the last good flush then count as dropped, permanently.
         """
-        written = self.written
-        try:
-            self._sink.sync()
-        except OSError as error:
-            self.error = self.drop_reason = error.strerror or str(error)
+        written, failed = self.written, None
+        for place in range(len(self._sinks), 0, -1):
+            sink = self._sinks[0]
+            try:
+                sink.sync()
+            except OSError as error:
+                failed = error
+            if place > 1:
+                sink.close()
+                self._sinks.popleft()
+        if failed is not None:
+            self.error = self.drop_reason = failed.strerror or str(failed)
             self._unsynced += written - self._synced
         self._synced = written
 
@@ -200,18 +229,19 @@ class LogWriter:
             self._dropped += self._waiting_frames
             self.drop_reason = self.error
         self.sync()
-        self._sink.close()
+        self._sinks[0].close()
         return complete and not self.dropped
 
     def _append(self) -> bool:
         if not self._waiting:
             return True
         try:
-            self._sink.append(bytes(self._waiting))
+            self._sinks[-1].append(bytes(self._waiting))
         except OSError as error:
             self.error = error.strerror or str(error)
             return False
         self.written += self._waiting_frames
+        self.size += len(self._waiting)
         self._waiting.clear()
         self._waiting_frames = 0
         self.error = ""

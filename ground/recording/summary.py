@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from ground.recording.catalogue import began
-from ground.recording.log_reader import SUFFIXES, is_running, open_log, robot_in, sibling_facts
+from ground.recording.log_reader import is_running, open_log, robot_in, sibling_facts
 from ground.recording.mcap.reader import McapFile
+from ground.recording.parts import files_of, parts_of
 from ground.recording.retention import size_of
 from ground.recording.tlog import TlogReader
 from ground.recording.world_metadata import facts_of
@@ -18,6 +19,7 @@ from protocol.wire.codec import decode
 from protocol.wire.enums import GoalState, Navigator
 from protocol.wire.messages import NavigatorStatus
 from runtime.errors import RemoteError, UserError
+from runtime.regular_file import opened
 from runtime.units import NS_PER_S
 
 TAIL_BYTES: Final = 1 << 18
@@ -30,7 +32,7 @@ NO_GOAL: Final = "no goal"
 class Summary(NamedTuple):
     """A summary of a recording; unknown values are None or empty.
 
-    `length_s` is the robot's time between its first and its last status. `size` counts both files.
+    `length_s` is the robot's time between its first and its last status. `size` counts all files.
     `is_running`: it is still being recorded.
     """
 
@@ -65,7 +67,7 @@ def summary_of(path: Path) -> Summary:
         world=str(facts_of(facts.get("world", "")).get("name", "")),
         navigator="" if last is None else navigator_of(last),
         outcome="" if last is None else outcome_of(last),
-        size=sum(size_of(path.with_suffix(suffix)) for suffix in SUFFIXES),
+        size=sum(map(size_of, files_of(path))),
         is_running=is_running(path),
     )
 
@@ -80,10 +82,11 @@ def beginning(path: Path) -> Iterator[bytes]:
 
 def ending(path: Path) -> Iterable[bytes]:
     """Return the last frames of a recording."""
+    path = parts_of(path)[-1]
     tlog = path.with_suffix(".tlog")
     if not tlog.exists():
         return McapFile(path).last_frames()
-    with tlog.open("rb") as source:
+    with opened(tlog) as source:
         source.seek(max(0, size_of(tlog) - TAIL_BYTES), os.SEEK_SET)
         return [record.frame for record in TlogReader(source)]
 

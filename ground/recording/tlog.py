@@ -10,6 +10,7 @@ from typing import BinaryIO, Final, NamedTuple
 
 from protocol.wire.codec import decode
 from runtime.errors import RemoteError
+from runtime.regular_file import opened
 
 STAMP: Final = Struct(">Q")
 MAGIC: Final = 0xFD
@@ -129,7 +130,7 @@ class TlogReader:
 
 def read(path: Path) -> Iterator[Record]:
     """Yield the whole records of a file."""
-    with path.open("rb") as source:
+    with opened(path) as source:
         yield from TlogReader(source)
 
 

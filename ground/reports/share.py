@@ -14,6 +14,7 @@ from ground.client.vocabulary import NAVIGATORS, SIDES
 from ground.explain.from_recording import Recorded
 from ground.recording.log_index import LogIndex
 from ground.recording.log_reader import open_log
+from ground.recording.parts import files_of
 from ground.recording.world_metadata import facts_of
 from ground.reports.plot import Plot
 from ground.reports.report import Report
@@ -30,7 +31,6 @@ EXPLANATION: Final = "explanation.txt"
 README: Final = "README.txt"
 MADE: Final = (1980, 1, 1, 0, 0, 0)
 """Time of every file in the archive, so that equal recordings give equal archives."""
-ENDINGS: Final = (".mcap", ".tlog")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class Share:
         if drive.world:
             contents[WORLD] = (json.dumps(drive.world, indent=1) + "\n").encode()
         try:
-            write(target, parts_of(source), contents)
+            write(target, files_of(source) or [source], contents)
         except OSError as error:
             raise UserError(f"{target}: {error.strerror}") from error
         damage = f" (DAMAGED: {log_index.damage})" if log_index.damage else ""
@@ -176,12 +176,6 @@ def picture_of(source: Path, progress: Progress) -> bytes:
             progress.note(f"without {PICTURE}: {error}")
             return b""
         return out.read_bytes()
-
-
-def parts_of(source: Path) -> list[Path]:
-    """Return the files of the recording: the .mcap and the .tlog beside each other."""
-    found = [source.with_suffix(ending) for ending in ENDINGS]
-    return [path for path in found if path.is_file()] or [source]
 
 
 def write(target: Path, recordings: list[Path], contents: dict[str, bytes]) -> None:

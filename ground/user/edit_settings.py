@@ -8,7 +8,8 @@ from typing import Any, Final
 from ground.user.settings import Settings, settings_file, settings_in
 from runtime.atomic_file import make_folder, replace
 from runtime.errors import ConfigError, UserError
-from runtime.toml_reader import MAX_DOTS, check_size, key_lines, table_in
+from runtime.regular_file import text_in
+from runtime.toml_reader import MAX_BYTES, MAX_DOTS, check_size, key_lines, table_in
 
 PLAIN: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 HEADER: Final = re.compile(r"\s*\[")
@@ -61,10 +62,11 @@ def unset_setting(key: str) -> None:
 def text_of(path: Path) -> str:
     """Return the text of the file; UserError if no parser should have it."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = text_in(path, MAX_BYTES)
         check_size(text)
     except (OSError, ValueError) as error:
-        raise UserError(f"{path}: {error}") from error
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"{path}: {why}: correct the file, or remove it") from error
     return text
 
 

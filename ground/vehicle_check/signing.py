@@ -9,10 +9,12 @@ from typing import Final
 from fastcrc.crc16 import mcrf4xx
 
 from runtime.errors import UserError
+from runtime.regular_file import bytes_in
 
 KEY_LENGTH: Final = 32
 HEXADECIMAL: Final = re.compile("[0-9a-fA-F]{64}")
 MAX_PASSPHRASE: Final = 200
+MAX_BYTES: Final = 4096
 EPOCH_S: Final = 1_420_070_400
 """2015-01-01, from which the time stamps of signatures count units of 10 us."""
 UNITS_PER_S: Final = 100_000
@@ -74,9 +76,9 @@ def read_key(path: Path) -> bytes:
     UserError if the file holds none of them.
     """
     try:
-        data = path.read_bytes()
+        data = bytes_in(path, MAX_BYTES)
     except OSError as error:
-        raise UserError(f"{path}: {error.strerror or error}") from error
+        raise UserError(f"{path}: {error.strerror}: name a file with a key") from error
     if len(data) == KEY_LENGTH:
         return data
     try:

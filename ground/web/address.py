@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from runtime.errors import UserError
+from runtime.regular_file import bytes_in
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8770
 TOKEN_BYTES: Final = 18
 MIN_TOKEN_LENGTH: Final = 16
+MAX_BYTES: Final = 4096
 LOOPBACK: Final = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
@@ -55,10 +57,10 @@ def token_of(file: str | None) -> str:
     if file is None:
         return secrets.token_urlsafe(TOKEN_BYTES)
     try:
-        token = Path(file).read_text(encoding="ascii").strip()
+        token = bytes_in(Path(file), MAX_BYTES).decode("ascii").strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not plain ASCII"
-        raise UserError(f"--token-file {file}: {reason}") from error
+        raise UserError(f"--token-file {file}: {reason}: write a token into a file") from error
     if len(token) < MIN_TOKEN_LENGTH or not all(one.isalnum() or one in "-_" for one in token):
         raise UserError(
             f"--token-file {file}: a token must have at least {MIN_TOKEN_LENGTH} characters,"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from plant.model.errors import Problem, WorldError
+from runtime.regular_file import UnusableFileError, bytes_in
 
 
 def refuse(file: str, key: str, reason: str, fix: str, line: int | None = None) -> WorldError:
@@ -14,18 +15,14 @@ def read_bytes(path: Path, most_bytes: int) -> bytes:
     """Return a file's content; WorldError if it is unreadable or too large."""
     file = str(path)
     try:
-        if path.exists() and not path.is_file():
-            raise refuse(file, "file", "not a regular file", "give a file")
-        with path.open("rb") as opened:
-            data = opened.read(most_bytes + 1)
+        return bytes_in(path, most_bytes)
+    except UnusableFileError as error:
+        fix = "is it the right file? give a regular one, cut to size"
+        raise refuse(file, "file", str(error), fix) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         fix = "give a file that can be read"
         raise refuse(file, "file", f"cannot be read: {reason}", fix) from None
-    if len(data) > most_bytes:
-        fix = "is it the right file? cut it to size"
-        raise refuse(file, "file", f"larger than {most_bytes} bytes", fix)
-    return data
 
 
 def read_text(path: Path, most_bytes: int) -> str:

@@ -6,6 +6,7 @@ The output of `worlds show --json` is accepted, too, from a file or, as "-", fro
 import re
 import sys
 from difflib import get_close_matches
+from errno import EFBIG
 from os.path import isfile
 from pathlib import Path
 from typing import Final
@@ -14,6 +15,7 @@ from plant.model.errors import Problem, Report, WorldError
 from plant.model.types import World
 from plant.world.from_json import from_json, is_json
 from plant.world.reader import read_world
+from runtime.regular_file import UnusableFileError, bytes_in
 from runtime.toml_reader import MAX_BYTES, TooDeepError, key_lines, table_in
 
 STANDARD_INPUT: Final = "-"
@@ -80,10 +82,11 @@ def _unknown_name(name: str) -> Problem:
 def _read_text(path: Path) -> str:
     file = str(path)
     try:
-        if path.exists() and not path.is_file():
-            raise WorldError([_refusal(file, "file", "not a regular file", "give a .toml file")])
-        with path.open("rb") as opened:
-            data = opened.read(MAX_BYTES + 1)
+        data = bytes_in(path, MAX_BYTES)
+    except UnusableFileError as error:
+        large = error.errno == EFBIG
+        fix = "is it a world file? make it smaller" if large else "give a .toml file"
+        raise WorldError([_refusal(file, "file", str(error), fix)]) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         fix = "give a readable .toml file, or one of the names `sidestep worlds list` prints"

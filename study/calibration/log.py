@@ -8,6 +8,7 @@ forward, y to the left, heading counter-clockwise.
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
+from io import StringIO
 from itertools import groupby
 from math import degrees, isfinite, radians
 from pathlib import Path
@@ -16,10 +17,12 @@ from typing import Final, NamedTuple
 from robot.core.geometry import wrap
 from robot.core.values import Pose
 from runtime.errors import ConfigError
+from runtime.regular_file import text_in
 from study.calibration.runs import DIRECTIONS, SquareRun
 
 COLUMNS: Final = ("run", "direction", "left", "right", "x_m", "y_m", "heading_deg")
 MEASURED: Final = COLUMNS[4:]
+MAX_BYTES: Final = 1 << 26
 MIN_TICKS: Final = 2
 MIN_RUNS: Final = 2
 
@@ -50,8 +53,7 @@ def write(path: Path, runs: Iterable[SquareRun]) -> None:
 def read(path: Path) -> list[SquareRun]:
     """Read a log; raise ConfigError that names file, line, fault and remedy."""
     try:
-        with path.open(encoding="utf-8", newline="") as file:
-            lines = list(_lines(path, csv.reader(file)))
+        lines = list(_lines(path, csv.reader(StringIO(text_in(path, MAX_BYTES), newline=""))))
     except OSError as error:
         raise _refusal(path, "", str(error.strerror).lower(), "check the path") from error
     except (UnicodeDecodeError, csv.Error) as error:

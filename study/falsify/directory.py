@@ -13,10 +13,11 @@ from typing import Any, Final
 
 from runtime.errors import UserError
 from runtime.json_reader import value_in
+from runtime.regular_file import text_in
 from study.falsify.climb import SearchSettings
 from study.falsify.finding import Finding
 from study.runner.store import replacing
-from study.runner.study_settings import exclusive
+from study.runner.study_settings import MAX_BYTES, exclusive
 
 SETTINGS: Final = "search.json"
 PROGRESS: Final = "progress.json"
@@ -127,7 +128,7 @@ def _read(file: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        stored = value_in(file.read_text(encoding="utf-8"))
+        stored = value_in(text_in(file, MAX_BYTES))
     except (OSError, ValueError) as error:
         raise UserError(f"{file}: cannot be read: {error}; remove it to search again") from None
     if not isinstance(stored, dict):

@@ -13,6 +13,8 @@ from plant.model.types import World
 from plant.world.file import loads
 from plant.world.to_toml import dumps
 from runtime.errors import UserError
+from runtime.regular_file import text_in
+from runtime.toml_reader import MAX_BYTES
 from study.falsify.evaluate import Subject, evaluate
 from study.falsify.explain import sentence_of
 from study.falsify.properties import Evaluation
@@ -74,7 +76,7 @@ def finding_of(
 def read(file: Path) -> Finding:
     """Read a finding; raise UserError or WorldError for a file that is none."""
     try:
-        text = file.read_text(encoding="utf-8")
+        text = text_in(file, MAX_BYTES)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or error
         raise UserError(f"{file}: cannot be read: {why}; give a file of a finding") from None

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from runtime.errors import UserError
 from runtime.json_reader import value_in
+from runtime.regular_file import text_in
 from study.runner.plan import StudySettings
 from study.runner.provenance import CodeVersion, MachineInfo
 from study.runner.sources import ListedWorld
@@ -17,6 +18,7 @@ from study.runner.store import replacing
 FILE: Final = "settings.json"
 LOCK: Final = "lock"
 MAX_NAMED: Final = 3
+MAX_BYTES: Final = 1 << 26
 
 
 def settings_of(
@@ -93,7 +95,7 @@ def settings_in(file: Path) -> dict[str, Any] | None:
     if not file.exists():
         return None
     try:
-        stored = value_in(file.read_text(encoding="utf-8"))
+        stored = value_in(text_in(file, MAX_BYTES))
     except (OSError, ValueError) as error:
         raise UserError(
             f"{file}: cannot be read: {error}; remove it if the study was made with the settings "

@@ -7,6 +7,7 @@ from pathlib import Path
 from statistics import median
 from typing import Final
 
+from ground.recording.catalogue import recordings_in
 from ground.recording.log_reader import open_log
 from protocol.topics import ANSWERED, COMMANDED, TEXT, path_of
 from protocol.wire.codec import decode
@@ -54,7 +55,7 @@ class Course:
     def read_log(self, folder: Path) -> None:
         """Count the events of the recorded robot, and the gaps between them."""
         last: dict[str, int] = {}
-        for file in sorted(folder.glob("*.mcap")):
+        for file in reversed(recordings_in(folder)):
             for one in open_log(file):
                 path = path_of(one.key)
                 if path in EVENTS:

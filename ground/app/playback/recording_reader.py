@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
+from ground.recording.parts import parts_of
 from runtime.clock import WallClock
 from runtime.errors import UserError
 
@@ -35,7 +36,7 @@ class RecordingReader:
 
     def begin(self, path: Path, done: Callable[["Player"], None]) -> None:
         """Begin to read; UserError if there is no such file. Other errors go to the log."""
-        if not path.exists():
+        if not any(part.exists() for part in parts_of(path)):
             raise UserError(f"{path}: there is no such file")
         self._path, self._share = path, 0.0
 

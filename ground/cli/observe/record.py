@@ -16,7 +16,7 @@ from ground.launch.recording_session import add_keep, byte_limit
 from ground.recording.dual_log import DualLog, Track
 from ground.recording.log_writer import LogWriter
 from ground.recording.metadata import MetadataReader
-from ground.recording.retention import Retention
+from ground.recording.retention import Retention, part_bytes
 from ground.text.output import Output
 from runtime.clock import Clock
 from runtime.errors import UserError
@@ -42,10 +42,11 @@ def run(options: argparse.Namespace, output: Output) -> int:
     common = common_of(options, output)
     with open_link(common) as link:
         folder = Path(options.folder)
-        log = new_log(folder, link)
+        keep_bytes = byte_limit(folder, options.keep)
+        log = new_log(folder, link, part_bytes(keep_bytes))
         link.bus.stream_all(log.take)
         output.note(created_line(link.robot, log.path))
-        retention = Retention(folder, byte_limit(folder, options.keep))
+        retention = Retention(folder, keep_bytes, part_bytes(keep_bytes))
         note(output, retention.warning())
         facts = MetadataReader(link.bus, link.robot)
         try:
@@ -66,11 +67,12 @@ def await_pause(log: DualLog, clock: Clock) -> None:
         clock.sleep_until(clock.now_ns() + PAUSE_NS)
 
 
-def new_log(folder: Path, link: Link) -> DualLog:
+def new_log(folder: Path, link: Link, part_bytes: int) -> DualLog:
     """Create the two files in a folder; UserError if that fails."""
     offset_ns = time_ns() - link.clock.now_ns()
     try:
-        return DualLog.new(folder, link.robot, datetime.now(UTC), offset_ns)
+        now = datetime.now(UTC)
+        return DualLog.new(folder, link.robot, now, offset_ns, part_bytes=part_bytes)
     except OSError as error:
         raise UserError(f"cannot record in {folder}: {error.strerror or error}") from error
 
@@ -80,10 +82,11 @@ def keep_writing(
 ) -> None:
     """Flush four times a second, and sync to disk once a second; report problems."""
     alarms = Alarms(output)
-    round_number = 0
+    round_number = parts = 0
     while True:
         due_ns = link.clock.now_ns() + FLUSH_NS
-        if round_number % TIDY_EVERY == 0:
+        if round_number % TIDY_EVERY == 0 or log.parts != parts:
+            parts = log.parts
             note(output, retention.delete_oldest())
         round_number += 1
         with defer_signals():  # a signal must not leave half a chunk
@@ -137,7 +140,7 @@ def print_result(output: Output, log: DualLog, *, complete: bool) -> int:
     tlog, mcap = log.tracks
     found: dict[str, object] = {"file": str(tlog.path), "mcap": str(mcap.path), "ok": complete}
     found |= account(tlog.writer) | {"mcap_dropped": mcap.writer.dropped}
-    output.result(found, "\n".join(in_words(track) for track in log.tracks))
+    output.result(found, "\n".join(in_words(track, log.parts) for track in log.tracks))
     return 0 if complete else 1
 
 
@@ -151,9 +154,10 @@ def account(writer: LogWriter) -> dict[str, object]:
     }
 
 
-def in_words(track: Track) -> str:
-    """Describe one file of the recording."""
+def in_words(track: Track, parts: int) -> str:
+    """Describe the files of one kind."""
     writer = track.writer
     lost = f", {writer.dropped} LOST ({writer.drop_reason})" if writer.dropped else ""
+    several = f" in {parts} parts" if parts > 1 else ""
     odd = f", {writer.rejected} invalid frames left out" if writer.rejected else ""
-    return f"{track.path}: {writer.written} frames{odd}{lost}"
+    return f"{track.path}: {writer.written} frames{several}{odd}{lost}"

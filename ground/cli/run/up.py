@@ -36,7 +36,8 @@ from ground.launch.scenario import (
     world_query,
 )
 from ground.launch.tls_configs import ground_file
-from ground.recording.retention import size_of
+from ground.recording.parts import parts_of
+from ground.recording.retention import size_of_run
 from ground.text.output import Output
 from ground.text.status_parts import Part
 from ground.text.status_parts import in_words as in_line
@@ -242,7 +243,7 @@ def await_records(
     deadline_ns = clock.now_ns() + RECORDERS_NS
     while clock.now_ns() < deadline_ns:
         check()
-        if sum(size_of(log) > 0 for log in recordings()) >= len(scenario.robots):
+        if sum(size_of_run(log) > 0 for log in recordings()) >= len(scenario.robots):
             return
         clock.sleep_until(clock.now_ns() + POLL_NS)
     output.note(f"no recorder has written to {scenario.record} yet; the drive begins without it")
@@ -258,7 +259,7 @@ def close_records(stack: Stack, output: Output, clock: Clock) -> None:
     if not stack.end_recorders():
         output.note(f"the recording in {scenario.record} is incomplete: its recorder is too slow")
     for log in sorted(stack.recordings()):
-        output.note(f"recording: {log.with_suffix('.mcap')}")
+        output.note(f"recording: {parts_of(log.with_suffix('.mcap'))[0]}")
 
 
 def await_complete_records(recordings: Sequence[Path], clock: Clock) -> None:
@@ -269,7 +270,7 @@ def await_complete_records(recordings: Sequence[Path], clock: Clock) -> None:
     grown_ns = began_ns = clock.now_ns()
     sizes: list[int] = []
     while (now_ns := clock.now_ns()) < min(grown_ns + SETTLED_NS, began_ns + CATCH_UP_NS):
-        found = [size_of(log) for log in recordings]
+        found = [size_of_run(log) for log in recordings]
         if found != sizes:
             sizes, grown_ns = found, now_ns
         clock.sleep_until(now_ns + POLL_NS)

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from ground.gateway.files.sources import LARGEST
 from ground.recording.catalogue import began
-from ground.recording.log_reader import NAMED
+from ground.recording.parts import NAMED
 from runtime.units import NS_PER_S
 
 SUFFIX: Final = ".tlog"

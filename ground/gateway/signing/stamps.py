@@ -12,12 +12,14 @@ from threading import Thread
 from typing import Final
 
 from runtime.atomic_file import make_folder, replace
+from runtime.regular_file import text_in
 from runtime.units import NS_PER_S
 
 EPOCH_S: Final = 1_420_070_400
 """2015-01-01 00:00 UTC as Unix time."""
 STAMP_NS: Final = 10_000
 PER_S: Final = 100_000
+MAX_BYTES: Final = 4096
 SAVED_EVERY: Final = 10 * PER_S
 """Interval at which the file is written."""
 MAX_STAMP: Final = (1 << 47) - 1
@@ -95,7 +97,7 @@ def write_stamp(path: Path, stamp: int) -> None:
 
 def _read(path: Path | None) -> int:
     try:
-        text = "" if path is None else path.read_text(encoding="ascii").strip()
+        text = "" if path is None else text_in(path, MAX_BYTES).strip()
     except (OSError, ValueError):
         return 0
     is_number = text.isascii() and text.isdecimal() and len(text) <= MAX_DIGITS

@@ -24,6 +24,7 @@ from mcap.records import Channel, Chunk, Metadata
 from ground.recording.frame_paths import path_in
 from protocol.topics import ENCODING_FAMILY, PREFIX
 from protocol.wire.codec import HEADER_SIZE
+from runtime.regular_file import opened
 
 RAW_TOPIC: Final = "/mavlink"
 KEY_TOPIC: Final = "/mavlink/key"
@@ -78,7 +79,7 @@ class McapFile:
 
     def frames(self) -> Iterator[tuple[int, Raw]]:
         """Yield the time of arrival in ns and the frame, in order."""
-        with self._path.open("rb") as source:
+        with opened(self._path) as source:
             size = self._path.stat().st_size
             if source.read(len(MAGIC)) != MAGIC:
                 self._count_loss(size)
@@ -108,7 +109,7 @@ class McapFile:
 
     def last_frames(self) -> Iterator[bytes]:
         """Yield the frames of the last chunks, and skip everything else."""
-        with self._path.open("rb") as source:
+        with opened(self._path) as source:
             places = [place for opcode, *place in self._places_in(source) if opcode == Opcode.CHUNK]
             # The first chunks hold the channels, without which the last ones cannot be read.
             begin, end = places[:FIRST_CHUNKS], places[FIRST_CHUNKS:][-LAST_CHUNKS:]
@@ -118,7 +119,7 @@ class McapFile:
                     yield raw.frame
 
     def _metadata(self) -> Iterator[bytes]:
-        with self._path.open("rb") as source:
+        with opened(self._path) as source:
             for opcode, at, length in self._places_in(source):
                 if opcode == Opcode.METADATA:
                     source.seek(at)

@@ -65,7 +65,8 @@ class IndexEntry:
 class McapFormat:
     """Turns frames into chunks, one for each batch."""
 
-    def __init__(self, robot: str, build: Mapping[str, str]) -> None:
+    def __init__(self, robot: str, build: Mapping[str, str], begins_us: int = 0) -> None:
+        """Begin a file; `begins_us` is the time of a fact that comes before the first frame."""
         self._buffer = OutputBuffer()
         self._writer: Any = Writer(self._buffer, compression=CompressionType.ZSTD)
         self._splitter = ChannelSplitter(robot)
@@ -73,7 +74,7 @@ class McapFormat:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._counts: dict[int, int] = {}
-        self._newest_ns = 0
+        self._newest_ns = begins_us * NS_PER_US
         self._writer.start(library=LIBRARY)
         self._writer.add_metadata(LIBRARY, {"robot": robot, **build})
         # The first chunk holds these channels, so a frame and its key depend on no other chunk.

@@ -14,7 +14,10 @@ from typing import Final
 
 import pytest
 
+from ground.recording.catalogue import recordings_in
 from ground.recording.log_reader import open_log
+from ground.recording.parts import number_of
+from ground.recording.retention import PARTS, size_in, size_of
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
 from protocol.topics import WHEELS, Role
@@ -32,9 +35,10 @@ LOST_AT_MOST_S: Final = 1.0
 
 
 class TopicEncoder:
-    """Publishes a number fifty times a second and stores the time of each."""
+    """Publishes a number, by default fifty times a second, and stores the time of each."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Network, every_s: float = EVERY_S) -> None:
+        self._every_s = every_s
         self.said_s: list[float] = []
         self.bus = open_bus(network, Role.PLANT, "r1")
         self._wheels = self.bus.publisher(WHEELS)
@@ -42,7 +46,7 @@ class TopicEncoder:
         self._thread = threading.Thread(target=self._speak, daemon=True)
 
     def _speak(self) -> None:
-        while not self._stop.wait(EVERY_S):
+        while not self._stop.wait(self._every_s):
             number = len(self.said_s)
             self._wheels.put(
                 WheelTicks(time_ns=number, seq=number, left=0, right=0, bumper=0, expired=0)
@@ -71,16 +75,16 @@ def logs_in(folder: Path) -> tuple[Path, Path]:
 
 
 @contextmanager
-def stage() -> Iterator[tuple[Crew, TopicEncoder]]:
+def stage(every_s: float = EVERY_S) -> Iterator[tuple[Crew, TopicEncoder]]:
     """Start only a publisher, to which recorders connect."""
     with Crew() as crew:
         network = Network(mode="peer", listen=(crew.endpoint,))
-        with TopicEncoder(network).speaking() as speaker:
+        with TopicEncoder(network, every_s).speaking() as speaker:
             yield crew, speaker
 
 
-def recorder(crew: Crew, folder: Path) -> Running:
-    return crew.dialling("record", str(folder), "--id", "r1")
+def recorder(crew: Crew, folder: Path, *words: str) -> Running:
+    return crew.dialling("record", str(folder), "--id", "r1", *words)
 
 
 @pytest.mark.realtime
@@ -139,3 +143,32 @@ def test_a_disk_that_was_full_for_a_while_costs_nothing(tmp_path: Path) -> None:
         log = open_log(path)
         assert len(list(log)) == len(numbers)
         assert log.damage() == ""
+
+
+def test_long_run_keeps_within_its_limit_and_loses_no_frame_between_its_parts(
+    tmp_path: Path,
+) -> None:
+    keep, sizes = "0.4MB", []
+
+    def many() -> bool:
+        sizes.append(sum(map(size_of, tmp_path.iterdir())))
+        return any(number_of(path) > PARTS + 3 for path in recordings_in(tmp_path))
+
+    with stage(every_s=0.001) as (crew, speaker):
+        running = recorder(crew, tmp_path, "--keep", keep)
+        until(many, 2 * STARTS_S, "a recording that has lost its oldest parts")
+        said = len(speaker.said_s)
+        until(lambda: len(speaker.said_s) > said + 10)
+        running.send(signal.SIGINT)
+        assert running.ends() == 0, running.said
+    (path,) = recordings_in(tmp_path)
+    for suffix in (".mcap", ".tlog"):
+        log = open_log(path.with_suffix(suffix))
+        messages = [decode(one.frame).message for one in log]
+        numbers = [one.seq for one in messages if isinstance(one, WheelTicks)]
+        assert numbers == list(range(numbers[0], numbers[-1] + 1))
+        assert numbers[0] > 0
+        assert numbers[-1] > said
+        assert log.damage() == ""
+    slack = size_in(keep) / PARTS  # a part is as large as what arrives in half a second
+    assert max(sizes) <= size_in(keep) + slack, max(sizes)

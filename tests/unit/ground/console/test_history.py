@@ -43,7 +43,7 @@ def test_a_broken_file_is_no_reason_to_fail(tmp_path: Path) -> None:
     assert History(path).lines[0] == "hold"
     assert History(path).lines[-1] == "arm"
     history = History(tmp_path)
-    assert "Is a directory" in history.trouble
+    assert "not a regular file" in history.trouble
     history.add("hold")
     assert history.lines == ["hold"]
     assert history.trouble

@@ -139,7 +139,7 @@ def test_noise_is_read_without_exception(tmp_path: Path) -> None:
 def test_missing_file_is_a_user_error(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="No such file"):
         open_log(tmp_path / "none.tlog")
-    with pytest.raises(UserError, match="directory"):
+    with pytest.raises(UserError, match="not a regular file: name a recording"):
         open_log(tmp_path)
 
 

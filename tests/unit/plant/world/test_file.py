@@ -1,3 +1,4 @@
+import os
 from math import isclose, pi, radians
 from pathlib import Path
 
@@ -125,7 +126,7 @@ def test_unreadable_file_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyP
     def deny(*_: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "open", deny)
+    monkeypatch.setattr(os, "open", deny)
     assert "x.toml: file: cannot be read: Permission denied; fix: " in refused(tmp_path / "x.toml")
 
 
