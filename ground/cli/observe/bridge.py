@@ -2,10 +2,11 @@
 
 import argparse
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from time import time_ns
 from typing import Any, Final, NamedTuple
 
+from ground.cli.observe.viewer_door import ViewerDoor, hidden_address
 from ground.client.link import Link
 from ground.grammar.words import add_common
 from ground.recording.log_writer import MAX_KEY
@@ -40,6 +41,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `bridge`."""
     text = f"address for viewers; port 0 selects a free port (default {DEFAULT_PLACE})"
     parser.add_argument("--at", type=place, default=place(DEFAULT_PLACE), metavar="H:P", help=text)
+    text = "admit web pages of this origin, too, such as https://viewer.example; may be repeated"
+    parser.add_argument("--origin", action="append", default=[], metavar="URL", help=text)
     add_common(parser)
 
 
@@ -55,7 +58,7 @@ def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Serve until a signal ends the process. No viewer can send anything to the robot."""
     bridge = Bridge(link, link.common.network.prefix)
     run_for(bridge, link.clock, HEAD_START_NS)
-    server = served(options.at, link.robot)
+    server = served(options.at, link.robot, options.origin)
     try:
         output.note(f"{link.robot} at ws://{options.at.host}:{server.port}, without a password")
         while True:
@@ -73,15 +76,18 @@ def run_for(bridge: "Bridge", clock: Clock, for_ns: int) -> None:
         clock.sleep_until(due_ns)
 
 
-def served(at: Place, robot: str) -> Any:
-    """Start the SDK's server; UserError if it is not installed or cannot listen there."""
-    foxglove = sdk()
+def served(at: Place, robot: str, origins: Sequence[str] = ()) -> ViewerDoor:
+    """Start the SDK's server behind a door; UserError if it is not installed or cannot listen."""
+    foxglove, hidden = sdk(), hidden_address()
+    inner = foxglove.start_server(
+        name=f"sidestep {robot}", host=hidden, port=0, message_backlog_size=1024
+    )
     try:
-        return foxglove.start_server(
-            name=f"sidestep {robot}", host=at.host, port=at.port, message_backlog_size=1024
-        )
+        return ViewerDoor(at.host, at.port, inner, hidden, origins)
     except (RuntimeError, OSError) as error:
-        raise UserError(f"cannot listen at {at.host}:{at.port}: {error}") from error
+        inner.stop()
+        why = getattr(error, "strerror", None) or error
+        raise UserError(f"cannot listen at {at.host}:{at.port}: {why}") from error
 
 
 def sdk() -> Any:

@@ -1,7 +1,9 @@
 """The live bridge, seen as a viewer sees it: over its WebSocket, by the published protocol."""
 
 import asyncio
+import contextlib
 import json
+import socket
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -57,14 +59,16 @@ def go_round(bridge: Bridge, stop: threading.Event) -> None:
         bridge.round(clock.now_ns())
 
 
-async def viewed(port: int, topics: frozenset[str]) -> dict[str, Any]:
+async def viewed(port: int, topics: frozenset[str], origin: str | None = None) -> dict[str, Any]:
     """Return the first message of each topic that a newly connected viewer receives."""
     found: dict[str, Any] = {}
     channels: dict[int, str] = {}
     async with (
         asyncio.timeout(PATIENCE_S),
         aiohttp.ClientSession() as session,
-        session.ws_connect(f"http://127.0.0.1:{port}", protocols=PROTOCOLS) as viewer,
+        session.ws_connect(
+            f"http://127.0.0.1:{port}", protocols=PROTOCOLS, origin=origin
+        ) as viewer,
     ):
         while topics - set(found):
             frame = await viewer.receive()
@@ -93,6 +97,41 @@ def test_a_viewer_that_connects_sees_the_robot_and_its_world(port: int) -> None:
     assert found["/world"]["entities"][0]["id"] == "walls"
     assert found["/tlm/status/NavigatorStatus"]["mode"] == 15
     assert decode(found[RAW_TOPIC]).message
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://foxglove.dev.evil.example"]
+)
+def test_page_of_another_site_sees_nothing(port: int, origin: str) -> None:
+    with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+        asyncio.run(viewed(port, WANTED, origin))
+    assert refused.value.status == 403
+
+
+def test_foxglove_and_pages_of_this_computer_see_the_robot(port: int) -> None:
+    for origin in ("https://app.foxglove.dev", "http://localhost:8080", "file://"):
+        assert RAW_TOPIC in asyncio.run(viewed(port, frozenset({RAW_TOPIC}), origin))
+
+
+def test_request_that_opens_no_web_socket_is_answered(port: int) -> None:
+    """A page can send it without an origin, and might then use its connection."""
+
+    async def status() -> int:
+        async with (
+            aiohttp.ClientSession() as session,
+            session.get(f"http://127.0.0.1:{port}") as answer,
+        ):
+            assert "Foxglove" in await answer.text()
+            return answer.status
+
+    assert asyncio.run(status()) == 426
+
+
+def test_connection_that_says_nothing_holds_up_no_viewer(port: int) -> None:
+    with contextlib.ExitStack() as scope:
+        for _ in range(10):
+            scope.enter_context(socket.create_connection(("127.0.0.1", port)))
+        assert RAW_TOPIC in asyncio.run(viewed(port, frozenset({RAW_TOPIC})))
 
 
 def test_a_place_that_is_taken_is_named(port: int) -> None:

@@ -56,5 +56,5 @@ def test_bridge_collects_channels_before_it_listens(
         Link, SimpleNamespace(clock=clock, robot="r1", common=Common(network=Network(), robot="r1"))
     )
     with pytest.raises(UserError, match="listens"):
-        act(argparse.Namespace(at=Place("127.0.0.1", 0)), link, cast(Output, None))
+        act(argparse.Namespace(at=Place("127.0.0.1", 0), origin=[]), link, cast(Output, None))
     assert rounds_ms == list(range(0, 1000, 50))
