@@ -4,7 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 from ground.gateway.clients.client_link import GONE_NS, ClientLink
-from ground.gateway.clients.framing import MAX_WAITING, Frame, is_emergency_stop
+from ground.gateway.clients.framing import (
+    MAX_WAITING,
+    Frame,
+    begins_with_frame,
+    is_emergency_stop,
+)
 from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS, Endpoint, Received
 from runtime.units import NS_PER_S
@@ -52,7 +57,9 @@ class Clients:
 
     Each endpoint has MAX_PEERS places. If all are taken, a new peer gets that of the client which
     has been silent the longest, but never that of one for which `is_owner` returns True. A peer
-    without a place is a guest. A TCP connection that does not begin with a frame is closed.
+    without a place is a guest. A TCP connection that does not begin with a frame is closed, and a
+    stranger by UDP gets no place by a datagram that does not: a web page can have bytes of its
+    choice inside of what a browser sends by itself, such as STUN, but not at the beginning.
     """
 
     def __init__(
@@ -101,19 +108,18 @@ class Clients:
             client.link.allow(share)
 
     def feed(self, endpoint: Endpoint, received: Received, now_ns: int) -> None:
-        """Add bytes of a peer. A peer without a connection becomes a client by a valid frame."""
+        """Add bytes of a peer. One without a connection becomes a client if they are a frame."""
         peer, data, is_loopback = received
         key = endpoint, peer
+        is_lasting = peer in endpoint.lasting()
+        is_invited = is_lasting or begins_with_frame(data)
         table = self._known if key in self._known else self._guests
         client = table.get(key)
         if client is None:
             client = self._made(endpoint, peer, now_ns, is_loopback=is_loopback)
             client.link.allow(MIN_FRAMES)
             client.link.feed(data)
-            is_lasting = peer in endpoint.lasting()
-            if not (is_lasting or client.link.has_frame(now_ns)):
-                self._unwanted[key] = None
-            elif self._has_place(endpoint, now_ns):
+            if is_invited and self._has_place(endpoint, now_ns):
                 self._add(client)
             elif is_lasting or client.link.has_frame(now_ns, is_emergency_stop):
                 self._add_guest(client)
@@ -124,7 +130,7 @@ class Clients:
         if client.is_loopback != is_loopback:
             client = table[key] = client._replace(is_loopback=is_loopback)
         client.link.feed(data)
-        if table is self._guests and self._has_place(endpoint, now_ns):
+        if table is self._guests and is_invited and self._has_place(endpoint, now_ns):
             del self._guests[key]
             client.link.allow(MIN_FRAMES)
             self._add(client)

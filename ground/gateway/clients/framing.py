@@ -62,6 +62,16 @@ def is_emergency_stop(frame: Frame) -> bool:
     return bool(command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION and param1 > 0.5)
 
 
+def begins_with_frame(data: bytes) -> bool:
+    """Return whether the first bytes are a complete frame with the right checksum."""
+    size = _size(data, 0) if data[:1] and data[0] in STARTS else 0
+    if not 0 < size <= len(data):
+        return False
+    frame = _parsed(data[:size])
+    known = mavlink.mavlink_map.get(frame.number)
+    return known is not None and _is_intact(frame, known.crc_extra)
+
+
 class Deframer:
     """The waiting bytes of one client; `malformed`, `unknown` and `dropped` count faults.
 

@@ -14,6 +14,7 @@ from ground.gateway.clients.client_table import (
     Client,
     Clients,
 )
+from ground.gateway.clients.framing import is_emergency_stop
 from ground.gateway.dialect import mavlink
 from ground.gateway.endpoints.endpoint import MAX_PEERS, Received
 from tests.support.each import each
@@ -160,6 +161,38 @@ def test_false_bytes_after_the_first_frame_close_no_tcp_connection(room: Room) -
     room.feed("line", b"\xfd rubbish" + packed())
     assert len(list(room.frames())) == 1
     assert room.endpoint.forgotten == []
+
+
+STUN = bytes.fromhex("000300b82112a442") + b"transaction!" + b"\0\x14\0\x50"
+"""How a browser's request to a TURN server begins, up to a realm of 80 bytes. Another TURN server
+can choose these bytes and the address that they are sent to, as Chromium 156 was seen to do."""
+QUIC = b"\xc3\0\0\0\1\x08destined\0\x40\x50"
+"""How it begins a connection by QUIC, up to a token of 80 bytes that a server has chosen."""
+
+
+@each("begins", [STUN, QUIC, b"\x16\xfe\xfd\0", b"\0", packed()[:-1], b"\xfd\0"])
+def test_stranger_by_udp_whose_datagram_is_no_frame_only_stops(begins: bytes) -> None:
+    room = Room()
+    for _ in range(3):
+        room.feed("web", begins + packed() + packed(ARM) + packed(CLEAR))
+        assert list(room.frames()) == []
+    assert room.log == []
+    assert room.endpoint.forgotten == ["web"] * 3
+    for _ in range(2):  # also as a guest
+        room.feed("web", begins + packed(ARM) + packed(STOP) + packed(CLEAR))
+        ((client, frame),) = room.clients.frames(0)
+        assert client.peer == "web"
+        assert is_emergency_stop(frame)
+        assert room.peers() == []
+    room.feed("web", packed(ARM) + begins + packed(CLEAR))
+    assert room.peers() == ["web"]
+
+
+def test_where_the_gateway_dials_or_has_a_line_it_joins_in_mid_frame(room: Room) -> None:
+    room.endpoint.connected.append("line")
+    room.clients.begin_round(0)
+    room.feed("line", packed()[5:] + packed() + packed(ARM))
+    assert len(list(room.frames())) == 2
 
 
 def test_flood_of_one_client_leaves_others_their_share(room: Room) -> None:
