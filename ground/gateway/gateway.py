@@ -16,7 +16,8 @@ from ground.gateway.dialect import MavMessage, mavlink
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder
 from ground.gateway.signing.guard import SigningGuard
-from ground.gateway.signing.policy import Rights
+from ground.gateway.signing.policy import DOUBTS, Rights
+from ground.gateway.signing.verifier import Verdict
 from ground.gateway.traffic import NEWCOMER, WATCHER, Sender
 from ground.gateway.vehicle import Face
 from protocol.wire.enums import Severity
@@ -183,17 +184,23 @@ class Gateway:
 
     def _dispatch(self, client: Client, frame: Frame, now_ns: int) -> None:
         link, loopback = client.link, client.is_loopback
-        rights, is_signed = self._guard.check(
+        rights, verdict = self._guard.check(
             frame, link.signing, client.endpoint.text, is_loopback=loopback
         )
-        message = None if rights is Rights.NONE else link.decode(frame)
+        is_refused = rights is Rights.NONE or (
+            rights is Rights.STOP and not is_emergency_stop(frame)
+        )
+        message = None if is_refused else link.decode(frame)
         if message is None:
             return
         self._pace.note(frame.number, now_ns)
-        barred = "" if rights is Rights.COMMAND else WATCHER
+        barred = WATCHER if rights is Rights.WATCH else ""
         if client.is_newcomer(frame):
             barred = barred or NEWCOMER
-        sender = Sender(link.number, frame.system, frame.component, barred, is_signed, loopback)
+        is_signed, doubt = verdict is Verdict.VALID, DOUBTS.get(verdict, "")
+        sender = Sender(
+            link.number, frame.system, frame.component, barred, is_signed, loopback, doubt
+        )
         if self._recorder is not None:
             self._recorder.received(message, now_ns)
         for face in self._faces:

@@ -17,7 +17,8 @@ class Sender(NamedTuple):
     """The origin of a message.
 
     `client` numbers the peers of all endpoints, and is never reused. `barred` is the reason why
-    this message may command nothing, such as `WATCHER` or `NEWCOMER`; empty if it may.
+    this message may command nothing, such as `WATCHER` or `NEWCOMER`; empty if it may. `doubt` is
+    what is wrong with the time stamp of its signature: then it is an emergency stop.
     """
 
     client: int
@@ -26,6 +27,7 @@ class Sender(NamedTuple):
     barred: str = ""
     is_signed: bool = False
     is_loopback: bool = True
+    doubt: str = ""
 
     @property
     def may_command(self) -> bool:

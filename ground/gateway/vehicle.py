@@ -13,11 +13,14 @@ from ground.gateway.signing.policy import WATCHING
 from ground.gateway.texts import Refusals
 from ground.gateway.traffic import COMPONENT, MavService, Outbox, Sender
 from ground.missions.mission import Home
+from protocol.wire.enums import Severity
 from protocol.wire.enums import Vehicle as State
 from runtime.units import NS_PER_MS, NS_PER_S, NS_PER_US
 
 SILENT_NS: Final = NS_PER_S
 """A robot without telemetry for so long is shown as silent; shorter gaps are delays."""
+DOUBT_NS: Final = NS_PER_S
+"""Least time between two texts about stops whose time stamp is doubtful."""
 ANY: Final = 0
 """The target that addresses every system, or every component."""
 
@@ -94,6 +97,8 @@ class Face:
     def __init__(self, vehicle: Vehicle, services: Sequence[MavService]) -> None:
         self.vehicle = vehicle
         self._services = tuple(services)
+        self._doubted = 0
+        self._doubt_told_ns: int | None = None
         self._by_id: dict[int, list[MavService]] = {}
         for service in self._services:
             for number in service.handles:
@@ -112,7 +117,9 @@ class Face:
         is_own = (sender.system, sender.component) == (self.vehicle.system, COMPONENT)
         if is_own or not self._is_target(message):
             return
-        if sender.may_command:
+        if sender.doubt:
+            self._report(sender.doubt, now_ns)
+        elif sender.may_command:
             self.vehicle.control.heard(sender, now_ns)
         number = message.get_msgId()
         services = self._by_id.get(number, ())
@@ -121,6 +128,14 @@ class Face:
             return
         for service in services:
             service.receive(message, sender, now_ns)
+
+    def _report(self, doubt: str, now_ns: int) -> None:
+        """Tell all clients of a stop that may be one for nothing, once a second at most."""
+        self._doubted += 1
+        if self._doubt_told_ns is None or now_ns - self._doubt_told_ns >= DOUBT_NS:
+            self._doubt_told_ns = now_ns
+            words = f"signing: emergency stop obeyed, but its time stamp {doubt}"
+            self.vehicle.outbox.text(Severity.WARNING, f"{words} ({self._doubted} so far)")
 
     def due(self, now_ns: int) -> None:
         """Take a new snapshot and process streams, retries and time-outs."""

@@ -58,12 +58,12 @@ class SigningGuard:
 
     def check(
         self, frame: Frame, counters: Counters, endpoint: str, *, is_loopback: bool
-    ) -> tuple[Rights, bool]:
-        """Count a received frame; return its rights, and whether it is signed."""
+    ) -> tuple[Rights, Verdict]:
+        """Count a received frame; return its rights, and the verdict on its signature."""
         verdict = self._verifier.check(frame)
         count(counters, verdict)
         policy = self._policies.get(endpoint, Policy.LOOPBACK)
-        return rights_of(verdict, policy, is_loopback=is_loopback), verdict is Verdict.VALID
+        return rights_of(verdict, policy, is_loopback=is_loopback), verdict
 
     def prepare(self, encoder: Any) -> None:
         """Set up pymavlink to sign the next frame of an encoder, if there is a key."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from enum import Enum
+from types import MappingProxyType
 from typing import Final
 
 from ground.gateway.dialect import mavlink
@@ -16,15 +17,19 @@ class Policy(Enum):
     LOOPBACK = "loopback"
     """Those from this machine."""
     ACCEPT = "accept"
-    """All of them."""
+    """All of them; refused for a TCP port that other machines reach."""
+    ANYONE = "anyone"
+    """All of them, also there."""
 
 
 class Rights(Enum):
     """The rights of a frame."""
 
     NONE = 0
-    WATCH = 1
-    COMMAND = 2
+    STOP = 1
+    """Nothing but an emergency stop."""
+    WATCH = 2
+    COMMAND = 3
 
 
 WATCHING: Final = frozenset(
@@ -56,6 +61,15 @@ WATCHING: Final = frozenset(
 """Messages that a client without the right to command may send. The protocols of commands, missions
 and signing reject everything but reading; files are read-only."""
 
+DOUBTS: Final = MappingProxyType(
+    {
+        Verdict.FUTURE: "is ahead of the gateway's clock",
+        Verdict.REPLAYED: "is old, or was used before: a wrong clock, or a replay",
+    }
+)
+"""What is wrong with the time stamp of a frame that is signed with a valid key. Such a frame can
+only stop: a stop for nothing costs little, and one that is missing may cost a robot."""
+
 
 @dataclass(slots=True)
 class Counters:
@@ -69,7 +83,7 @@ class Counters:
 
     @property
     def refused(self) -> int:
-        """Frames that were dropped because of their signature or its time stamp."""
+        """Frames that command nothing because of their signature or its time stamp."""
         return self.forged + self.replayed + self.future
 
 
@@ -77,9 +91,11 @@ def rights_of(verdict: Verdict, policy: Policy, *, is_loopback: bool) -> Rights:
     """Return the rights of a frame."""
     if verdict is Verdict.VALID:
         return Rights.COMMAND
+    if verdict in DOUBTS:
+        return Rights.STOP
     if verdict is not Verdict.UNSIGNED:
         return Rights.NONE
-    if policy is Policy.ACCEPT or (policy is Policy.LOOPBACK and is_loopback):
+    if policy in (Policy.ACCEPT, Policy.ANYONE) or (policy is Policy.LOOPBACK and is_loopback):
         return Rights.COMMAND
     return Rights.WATCH
 

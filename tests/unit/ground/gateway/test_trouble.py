@@ -17,7 +17,7 @@ from ground.gateway.gateway import STALL_NS
 from ground.gateway.signing.guard import SigningGuard
 from ground.gateway.signing.key_file import KeyRing, SigningKey
 from ground.gateway.signing.policy import Policy
-from ground.gateway.signing.stamps import EPOCH_S
+from ground.gateway.signing.stamps import EPOCH_S, PER_S, STAMP_NS
 from protocol.wire.enums import Vehicle
 from protocol.wire.reasons import Reason
 from tests.support.each import each
@@ -291,8 +291,10 @@ class SignedGateway(WholeGateway):
         self.signer = mavlink.MAVLink(None, 255, 190)
         self.signer.signing.secret_key, self.signer.signing.sign_outgoing = KEY, True
 
-    def signed(self, message: MavMessage) -> bytes:
-        self.signer.signing.timestamp = 86_400 * 100_000 + self.clock.time_ns // 10_000 + 1
+    def signed(self, message: MavMessage, ahead_s: float = 0.0) -> bytes:
+        """Return a frame as it is signed on a computer whose clock is ahead."""
+        now = 86_400 * PER_S + self.clock.time_ns // STAMP_NS + 1
+        self.signer.signing.timestamp = now + round(ahead_s * PER_S)
         frame: bytes = message.pack(self.signer)
         return frame
 
@@ -330,4 +332,64 @@ def test_unsigned_stranger_at_the_address_of_the_owner_commands_nothing(policy: 
     sent(whole, HEARTBEAT, "a")  # does not keep the owner alive
     whole.run(1.0)
     assert whole.face.vehicle.control.owner is None
+    whole.close()
+
+
+@each("policy", list(Policy))
+@each(("ahead_s", "reason"), [(61.0, "ahead of"), (3e6, "ahead of"), (-61.0, "old"), (-8e4, "old")])
+def test_signed_stop_acts_whatever_the_clock_and_nothing_else(
+    policy: Policy, ahead_s: float, reason: str
+) -> None:
+    whole = SignedGateway(policy)
+    whole.run(1.0)
+    stream = mavlink.MAVLink_manual_control_message(1, 0, 0, 900, 0, 0)
+    for message in (HEARTBEAT, ARM, CLEAR, command(400, 0, 21196), command(185, 0.5), stream):
+        whole.endpoint.deliver("a", whole.signed(message, ahead_s))
+        whole.run(0.04)
+    assert (whole.port.performed, whole.port.leases, whole.port.stops) == ([], [], [])
+    whole.endpoint.deliver("a", whole.signed(STOP, ahead_s))
+    whole.run(0.04)
+    assert len(whole.port.stops) == 1
+    whole.port.stops[0](whole.port.accepted)
+    whole.run(0.04)
+    assert results(whole, "a") == [(185, ACCEPTED)]
+    assert reason in words(whole.sent_to("a", "STATUSTEXT"))
+    assert whole.gateway._guard._clock.newest < 86_500 * PER_S  # it sets no clock
+    whole.endpoint.deliver("b", whole.signed(ARM))
+    whole.run(0.04)
+    assert whole.port.performed == [Arm()]
+    whole.close()
+
+
+def test_replays_of_a_signed_stop_stop_again_and_are_told_once_a_second() -> None:
+    whole = SignedGateway(Policy.REQUIRE)
+    whole.run(1.0)
+    recorded = whole.signed(STOP)
+    whole.endpoint.deliver("a", recorded)
+    whole.run(1.0)
+    assert whole.sent_to("a", "STATUSTEXT") == []
+    whole.endpoint.deliver("a", whole.signed(ARM))
+    whole.run(0.04)
+    whole.port.answer()
+    for _ in range(100):  # in 4 seconds, from another place
+        whole.endpoint.deliver("b", recorded)
+        whole.run(0.04)
+    assert len(whole.port.stops) == 101
+    texts = words(whole.sent_to("a", "STATUSTEXT"))  # the operator is told, too
+    assert texts.count("a replay") in (4, 5)
+    assert "(1 so far)" in texts
+    assert "(76 so far)" in texts
+    (link,) = (client.link for client in whole.gateway.clients if client.peer == "b")
+    assert link.signing.refused == 100
+    assert whole.face.vehicle.control.owner is None  # a replay keeps no operator in control
+    whole.close()
+
+
+def test_stop_with_a_wrong_signature_does_nothing() -> None:
+    whole = SignedGateway(Policy.REQUIRE)
+    whole.signer.signing.secret_key = b"w" * 32
+    for ahead_s in (0.0, 61.0):
+        whole.endpoint.deliver("a", whole.signed(STOP, ahead_s))
+        whole.run(0.04)
+    assert whole.port.stops == []
     whole.close()
