@@ -7,7 +7,8 @@ from typing import Annotated, Final, NamedTuple
 
 from msgspec import Meta
 
-from ground.gateway.endpoints.spec import EXAMPLE, MAX_PORT, parsed
+from ground.gateway.endpoints.addresses import explained, is_loopback, resolved
+from ground.gateway.endpoints.spec import EXAMPLE, MAX_PORT, TCP, parsed
 from ground.gateway.frames.globe import (
     DEFAULT_ALTITUDE_M,
     DEFAULT_ORIGIN,
@@ -75,21 +76,34 @@ def settings_in(path: str | None) -> GatewaySettings:
 
 
 def with_policy(text: str) -> EndpointText:
-    """Split `udpin:HOST:PORT,require`; LOOPBACK is the default. UserError for wrong words."""
+    """Split `udpin:HOST:PORT,require`; LOOPBACK is the default. UserError for wrong words.
+
+    ACCEPT is refused by TCP on an address that other machines reach, for browsers reach it, too.
+    """
     place, comma, word = text.partition(",")
-    parsed(place)
+    kind, host, number = parsed(place)
     if place.endswith(":0"):
         raise UserError(
             f"endpoint {text!r}: clients cannot find port 0: give one of 1 to {MAX_PORT}"
         )
     try:
-        return EndpointText(place, Policy(word) if comma else Policy.LOOPBACK)
+        policy = Policy(word) if comma else Policy.LOOPBACK
     except ValueError:
         known = ", ".join(policy.value for policy in Policy)
         example = f"{place},{Policy.REQUIRE.value}"
         raise UserError(
             f"endpoint {text!r}: {word!r} is none of {known}; as in {example}"
         ) from None
+    if kind == TCP and policy is Policy.ACCEPT:
+        with explained(text):
+            is_here = is_loopback(resolved(host, number))
+        if not is_here:
+            raise UserError(
+                f"endpoint {text!r}: by TCP a program that was never meant to, such as a browser,"
+                f" can send commands without a signature: use {Policy.REQUIRE.value}, which takes"
+                f" signed ones, or a udpin endpoint, or {Policy.ANYONE.value} if you want just that"
+            )
+    return EndpointText(place, policy)
 
 
 def origin_in(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:

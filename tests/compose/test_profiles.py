@@ -32,7 +32,6 @@ def fleet(image: str) -> Iterator[Compose]:
         "ROBOTS": "2",
         "WORLD": "open",
         "MAVLINK_PORT": str(free_port()),
-        "MAVLINK_TCP_PORT": "0",
     }
     with project(image, "secure", "mavlink", "record", settings=settings) as compose:
         compose.up()

@@ -50,7 +50,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "endpoints for clients: udpin:HOST:PORT, udpout:HOST:PORT, tcpin:HOST:PORT or"
         " serial:DEVICE:BAUD; several are possible. After a comma: which clients may command:"
         " require (those that sign), loopback (also unsigned ones of this machine, the default),"
-        f" accept (all). Default {EXAMPLE}"
+        " accept (all), anyone (all, also by TCP from other machines). Default"
+        f" {EXAMPLE}"
     )
     parser.add_argument("endpoints", nargs="*", metavar="ENDPOINT", help=text)
     text = "the robots to present, as in r1,r2 (default: that of --id)"

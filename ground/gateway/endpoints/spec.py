@@ -13,16 +13,17 @@ from ground.gateway.endpoints.tcp import TcpEndpoint
 from ground.gateway.endpoints.udp import UdpEndpoint
 from runtime.errors import UserError
 
+TCP: Final = "tcpin"
+SERIAL: Final = "serial"
 KINDS: Final[Mapping[str, Callable[[str, str, int], Endpoint]]] = MappingProxyType(
     {
         "udpin": partial(UdpEndpoint, listens=True),
         "udpout": partial(UdpEndpoint, listens=False),
-        "tcpin": TcpEndpoint,
-        "serial": SerialEndpoint,
+        TCP: TcpEndpoint,
+        SERIAL: SerialEndpoint,
     }
 )
 EXAMPLE: Final = "udpin:127.0.0.1:14550"
-SERIAL: Final = "serial"
 MAX_PORT: Final = 65_535
 
 

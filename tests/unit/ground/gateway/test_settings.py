@@ -1,4 +1,5 @@
 import argparse
+import re
 from pathlib import Path
 
 import pytest
@@ -101,6 +102,7 @@ def test_wrong_key_of_the_file_is_refused(tmp_path: Path, line: str) -> None:
     [
         (("udpinn:127.0.0.1:1",), "did you mean udpin?"),
         (("udpin:127.0.0.1:14550,sing",), "is none of require, loopback, accept"),
+        (("tcpin:0.0.0.0:14550,accept",), "use require"),
         (("udpin:127.0.0.1:0",), "port 0"),
         (("serial:/dev/none:57600",), "no such device"),
         (("--system", "r1=0"), "1 to 250"),
@@ -118,6 +120,25 @@ def test_policy_follows_the_endpoint_after_a_comma() -> None:
     assert with_policy("udpin:0.0.0.0:1,accept") == ("udpin:0.0.0.0:1", Policy.ACCEPT)
     with pytest.raises(UserError, match=r"as in udpin:0\.0\.0\.0:1,require"):
         with_policy("udpin:0.0.0.0:1,requrie")
+
+
+@each("host", ["0.0.0.0", "192.0.2.1"])
+def test_unsigned_commands_by_tcp_are_taken_by_a_plain_word_only(host: str) -> None:
+    with pytest.raises(UserError, match=r"require.*udpin.*anyone"):
+        with_policy(f"tcpin:{host}:5760,accept")
+    for word in ("require", "loopback", "anyone"):
+        assert with_policy(f"tcpin:{host}:5760,{word}").policy is Policy(word)
+    assert with_policy("tcpin:localhost:5760,accept").policy is Policy.ACCEPT
+    with pytest.raises(UserError, match="unknown host"):
+        with_policy("tcpin:no.such.host.invalid:5760,accept")
+
+
+def test_compose_publishes_no_tcp_port_that_takes_unsigned_commands() -> None:
+    text = (Path(__file__).parents[4] / "docker-compose.yml").read_text()
+    found = [with_policy(one) for one in re.findall(r"(?:udpin|udpout|tcpin):[\w.:,]+", text)]
+    assert found
+    by_tcp = [one for one in found if one.text.startswith("tcpin")]
+    assert all(one.policy is Policy.REQUIRE for one in by_tcp)
 
 
 def test_required_signing_needs_a_key(tmp_path: Path) -> None:
