@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import radians
 from pathlib import Path
@@ -47,6 +47,8 @@ def main(argv: Sequence[str]) -> int:
     settings = config.load_shared(arguments.config, Settings) if arguments.config else Settings()
     network = network_of(arguments, settings.network, listens=True)
     name = robot_name(arguments.id or settings.robot)
+    if arguments.stop_at:
+        network = replace(network, stop_at={**network.stop_at, name: arguments.stop_at})
     warning = own(arguments.state, name) or own(arguments.stops, name)
     writer = InlineWriter() if arguments.lockstep else WriterThread()
     store = Store(arguments.state, writer, arguments.stops)
@@ -99,6 +101,11 @@ def parser() -> argparse.ArgumentParser:
         metavar="DIR",
         type=Path,
         help="directory that keeps only the emergency stop over a restart, instead of --state",
+    )
+    parser.add_argument(
+        "--stop-at",
+        metavar="HOST:PORT",
+        help="where stop datagrams are received (default: at the address of --listen)",
     )
     parser.add_argument(
         "--after", metavar="WORDS", default="", help='how the previous run ended: "signal SIGKILL"'

@@ -10,6 +10,7 @@ from protocol.bus.bus import Bus
 from protocol.bus.claim import DuplicateWatch
 from protocol.bus.service import ServiceRequest, refusal
 from protocol.topics import COMMAND, LEASE_SERVICE, MISSION_SERVICE, PARAMETER, PARAMETERS
+from protocol.wire.codec import Encoder
 from protocol.wire.enums import INPUT_BUDGET, INPUT_NAME_TAKEN, AckResult, Command, Severity
 from protocol.wire.messages import Teleop
 from robot import telemetry
@@ -22,7 +23,7 @@ from robot.reports import Reports
 from robot.saved_replies import SavedReplies
 from robot.scheduling.cycle_meter import CycleMeter
 from robot.senses import Senses
-from robot.stop_latch import StopLatch
+from robot.stop_latch import StopLatch, emergency_stop
 from robot.telemetry import CoreInputs
 from robot.teleop import operator_twist
 from robot.vehicle import Vehicle
@@ -79,6 +80,27 @@ class RobotProcess:
         """Time of the newest stop taken from the latch, on the clock of the bus."""
         self._saved = SavedReplies(vehicle)
         self._stop_requests: deque[ServiceRequest] = deque()
+        self._notes: deque[str] = deque(maxlen=MAX_ANSWERED)
+        self._nudge: Callable[[], None] = lambda: None
+        self._encoder = Encoder(0, 0)
+
+    def press(self, operator: str, request_id: int) -> int:
+        """Set the latch for a stop that did not come by the bus; thread-safe.
+
+        Return the number of the press for `has_stopped`.
+        """
+        self._stop.press(operator, self._encoder.encode(emergency_stop(request_id)))
+        takes = self._stop.takes  # read after the press: the next reading of the latch finds it
+        self._nudge()
+        return takes
+
+    def has_stopped(self, press: int) -> bool:
+        """Return whether the loop has read a press and the stop is latched; thread-safe."""
+        return self._stop.takes > press and self.vehicle.stopped
+
+    def note(self, words: str) -> None:
+        """Let the loop announce a warning; thread-safe. In a flood the newest are kept."""
+        self._notes.append(words)
 
     def serve(self, nudge: Callable[[], None] = lambda: None) -> None:
         """Restore saved state, record it as if requested, and start to accept requests.
@@ -86,6 +108,7 @@ class RobotProcess:
         `nudge` is called from the bus for each request. Requests beyond a limit are refused.
         Operators without the lease have a separate queue; an emergency stop is never queued.
         """
+        self._nudge = nudge
 
         def press(operator: str, frame: bytes) -> None:
             self._stop.press(operator, frame)
@@ -266,6 +289,8 @@ class RobotProcess:
         """
         waiting = len(self._stop_requests)
         request, vehicle = self._stop.take(), self.vehicle
+        while self._notes:
+            vehicle.announce(Severity.WARNING, self._notes.popleft())
         if request is not None:
             self._stopped_ns = self._bus.now_ns()
             again = vehicle.stopped and vehicle.commands.stop_id == request.request_id

@@ -21,6 +21,7 @@ from robot.scheduling.cycle_meter import CycleMeter
 from robot.scheduling.realtime import share_interpreter, use_fifo
 from robot.scheduling.rehearsal import Rehearsal, RehearsingPulse
 from robot.senses import Senses
+from robot.stop_listener import StopListener
 from robot.storage.previous_run import STOPPED, PreviousRun
 from robot.vehicle import Vehicle
 from runtime.arrivals import Pulse
@@ -63,16 +64,21 @@ def run(
         lockstep = partial(in_lockstep, blocking=options.board)
         begin = lockstep if options.lockstep else by_the_wall_clock
         watchdog = Watchdog(trace=previous.trace)
+
+        def say(line: str) -> None:
+            log_line(f"robot {robot}: {line}")
+
         process, run_loop = begin(vehicle, bus, watchdog)
         apply_options(vehicle, options)
         for words in vehicle.restored:
-            log_line(f"robot {robot}: {words}")
-        log_line(f"robot {robot}: ready, {'stopped' if vehicle.stopped else 'disarmed'}")
+            say(words)
+        say(f"ready, {'stopped' if vehicle.stopped else 'disarmed'}")
         end = STOPPED
         try:
             with (
+                StopListener(network, robot, listening_at(network, bus), process, say),
                 watchdog,
-                audited_connections(bus, lambda line: log_line(f"robot {robot}: {line}")),
+                audited_connections(bus, say),
             ):
                 run_loop()
         except Exception as error:
@@ -83,6 +89,16 @@ def run(
             process.finish()
     log_line(f"robot {robot}: ends{' for a restart on request' if vehicle.restarts else ''}")
     return 0
+
+
+def listening_at(network: Network, bus: Bus) -> tuple[str, ...]:
+    """Return the endpoints on which a robot listens, with the real port where 0 was configured."""
+    return (bus.locator(),) if any(map(has_free_port, network.listen)) else network.listen
+
+
+def has_free_port(endpoint: str) -> bool:
+    """Return whether the system chooses the port of an endpoint."""
+    return endpoint.partition("#")[0].partition("?")[0].endswith(":0")
 
 
 def report_previous_run(vehicle: Vehicle, robot: str, previous: PreviousRun, after: str) -> None:

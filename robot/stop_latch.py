@@ -38,6 +38,8 @@ class StopLatch:
         self._is_holder = is_holder
         self._holders: deque[StopRequest] = deque(maxlen=KEPT)
         self._others: deque[StopRequest] = deque(maxlen=KEPT)
+        self.takes = 0
+        """How often the loop has begun to read the latch."""
 
     def press(self, operator: str, frame: bytes) -> None:
         """Set the latch; thread-safe, and may be repeated."""
@@ -49,6 +51,7 @@ class StopLatch:
 
         The newest stop of the lease holder comes first, then the newest of the others.
         """
+        self.takes += 1
         newest = drained(self._others)
         newest = drained(self._holders) or newest
         return None if newest is None else stop_in(newest.frame)

@@ -1,7 +1,7 @@
 """Network configuration of a process: endpoints to listen on and to dial, and certificates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal
 
@@ -15,6 +15,7 @@ LOCKED = "tls/"
 MAX_ROBOTS = 20
 MAX_OPERATORS = 20
 LEASE_MS = 1000
+MAX_PORT = 65_535
 DEFAULT_ROBOTS = tuple(f"r{number}" for number in range(1, MAX_ROBOTS + 1))
 
 
@@ -62,6 +63,8 @@ class Network:
     a certificate of their own, `ground-NAME`. Certificates named in `revoked` have no permissions,
     however long they are valid. A `patient` process, in simulated time, waits for a slow reader
     instead of dropping what it sends. A link ends if nothing arrives on it for `lease_ms`.
+    `stop_at` has the HOST:PORT at which each robot receives stop datagrams, by default that of its
+    own listening endpoint.
     """
 
     mode: Mode = "peer"
@@ -76,6 +79,7 @@ class Network:
     trouble: LinkFaults | None = None
     patient: bool = False
     lease_ms: int = LEASE_MS
+    stop_at: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for endpoint in (*self.listen, *self.connect):
@@ -84,6 +88,12 @@ class Network:
         for robot in self.robots:
             robot_name(robot)
         check_operators(self.operators)
+        for robot, address in self.stop_at.items():
+            robot_name(robot)
+            if not has_port(address):
+                raise EndpointError(
+                    f"stop_at {robot}: {address!r}: write it as HOST:PORT, such as 127.0.0.1:7448"
+                )
         if self.mode == "client" and not self.connect:
             raise EndpointError(f"a client needs an endpoint to connect to, such as {EXAMPLE}")
         if self.mode == "router" and not self.listen:
@@ -110,9 +120,14 @@ def check_endpoint(endpoint: str) -> None:
         raise EndpointError(f"endpoint {endpoint!r}: write it as {EXAMPLE}; protocols: {known}")
     if protocol == "unixsock-stream":
         return
-    host, colon, port = address.partition("#")[0].partition("?")[0].rpartition(":")
-    if not (host and colon and port.isdecimal() and int(port) <= 65_535):
+    if not has_port(address.partition("#")[0].partition("?")[0]):
         raise EndpointError(f"endpoint {endpoint!r}: needs a host and a port, as in {EXAMPLE}")
+
+
+def has_port(address: str) -> bool:
+    """Return whether an address has the form HOST:PORT."""
+    host, _, port = address.rpartition(":")
+    return bool(host) and port.isascii() and port.isdecimal() and int(port) <= MAX_PORT
 
 
 def check_lock(endpoint: str, *, locked: bool) -> None:

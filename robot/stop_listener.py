@@ -1,0 +1,174 @@
+"""Receive stop datagrams in a thread that does nothing else.
+
+It needs neither the bus nor the loop: a stop sets the latch, which the loop reads first. Each press
+is answered with what the loop has made of it, at its next repetition.
+"""
+
+import selectors
+import socket
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Event, Thread
+from typing import Any, Final, Protocol, Self
+
+from protocol.bus.network import Network
+from protocol.stop_datagram import (
+    PRESS_BYTES,
+    Press,
+    StopJudge,
+    Verdict,
+    operators_secrets,
+    places,
+    sealed_answer,
+)
+from runtime.errors import KeysError
+
+BURST: Final = 64
+PAUSE_S: Final = 0.005
+"""After a burst the thread pauses, so that a flood costs the loop little of the interpreter."""
+
+WAIT_S: Final = 0.2
+QUIET_S: Final = 10.0
+"""Least time between two reports about copies of old stops."""
+
+
+class Stoppable(Protocol):
+    """The part of the robot's process that the listener needs; both are thread-safe."""
+
+    def press(self, operator: str, request_id: int) -> int:
+        """Set the latch of the emergency stop; return the number of the press for `has_stopped`."""
+
+    def has_stopped(self, press: int) -> bool:
+        """Return whether the loop has acted on a press and the stop is latched."""
+
+    def note(self, words: str) -> None:
+        """Let the loop announce a warning."""
+
+
+class StopListener:
+    """Receives the stop datagrams of one robot until it is closed, best by `with`.
+
+    `log` receives lines about what it does not do, such as an address that is in use.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        robot: str,
+        endpoints: tuple[str, ...],
+        process: Stoppable,
+        log: Callable[[str], None],
+    ) -> None:
+        self._process, self._log = process, log
+        self._robot = robot
+        self._presses: OrderedDict[int, int] = OrderedDict()
+        """The number of the first press of each request, by its id."""
+
+        self._replays, self._reported_s = 0, -QUIET_S
+        self._selector = selectors.DefaultSelector()
+        self._closing = Event()
+        self._thread = Thread(target=self._run, name="stop datagrams", daemon=True)
+        secrets = None
+        try:
+            secrets = operators_secrets(network)
+        except KeysError as error:
+            log(f"stop datagrams are not received: {error}")
+            return
+        if secrets is not None and secrets.missing:
+            log(f"stop datagrams are not received: {secrets.missing}")
+            return
+        self._judge = StopJudge(robot, None if secrets is None else secrets.by_name)
+        wanted = places(network, robot, endpoints)
+        if not wanted:
+            log(f"stop datagrams are not received: give an address of {robot} with --stop-at")
+        self.places = [place for place in wanted if self._bind(*place)]
+        if self.places:
+            self._thread.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the thread and close the sockets."""
+        self._closing.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for key in tuple(self._selector.get_map().values()):
+            opened: Any = key.fileobj
+            opened.close()
+        self._selector.close()
+
+    def _bind(self, host: str, port: int) -> bool:
+        try:
+            family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            opened = socket.socket(family, socket.SOCK_DGRAM)
+        except (OSError, UnicodeError) as error:
+            self._log(f"stop datagrams are not received at {host}:{port}: {error}")
+            return False
+        try:
+            opened.setblocking(False)
+            opened.bind(address)
+        except OSError as error:
+            opened.close()
+            self._log(f"stop datagrams are not received at {host}:{port}: {error.strerror}")
+            return False
+        self._selector.register(opened, selectors.EVENT_READ)
+        return True
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            flooded = False
+            for key, _ in self._selector.select(WAIT_S):
+                opened: Any = key.fileobj
+                flooded |= self._read(opened)
+            if flooded:
+                self._closing.wait(PAUSE_S)
+
+    def _read(self, opened: socket.socket) -> bool:
+        """Take what has arrived at a socket; return whether there may be more."""
+        for _ in range(BURST):
+            try:
+                packet, sender = opened.recvfrom(PRESS_BYTES + 1)
+            except BlockingIOError:
+                return False
+            except OSError:  # the error of an earlier answer
+                continue
+            if (answer := self.take(packet, str(sender[0]))) is not None:
+                with suppress(OSError):  # the sender repeats until it is answered
+                    opened.sendto(answer, sender)
+        return True
+
+    def take(self, packet: bytes, sender: str) -> bytes | None:
+        """Act on a packet; return the answer, None to one that is no stop for this robot."""
+        verdict, press = self._judge.judge(packet)
+        if press is None:
+            return None
+        before = self._presses.get(press.request_id)
+        if verdict is Verdict.STOP:
+            number = self._process.press(press.operator, press.request_id)
+            if before is None:
+                self._presses[press.request_id] = number
+                if len(self._presses) > BURST:
+                    self._presses.popitem(last=False)
+        stopped = before is not None and self._process.has_stopped(before)
+        if verdict is Verdict.REPLAY and not stopped:
+            self._report_replay(press, sender)
+        secret = self._judge.secret_of(press.operator) or b""
+        return sealed_answer(secret, self._robot, press, stopped=stopped)
+
+    def _report_replay(self, press: Press, sender: str) -> None:
+        self._replays += 1
+        now_s = time.monotonic()
+        if now_s - self._reported_s < QUIET_S:
+            return
+        times = "once" if self._replays == 1 else f"{self._replays} times"
+        self._process.note(
+            f"an old stop datagram of {press.operator} came again {times} since the last report, "
+            f"from {sender}: ignored, its stop was released"
+        )
+        self._replays, self._reported_s = 0, now_s
