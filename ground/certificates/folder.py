@@ -1,7 +1,11 @@
-"""The folder of `keys new`: for each role a certificate, its key and a configuration file."""
+"""The folder of `keys new`: for each role a certificate, its key and a configuration file.
+
+Operators and robots also have a file of secrets for the stop datagram.
+"""
 
 import os
 import re
+import secrets
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -10,7 +14,8 @@ from typing import Final
 from ground.certificates.authority import Authority, Pair, hosts_in
 from ground.client.connection import Config
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import GATEWAY, OPERATOR, RECORDER, VIEWER
+from protocol.bus.tls.role_grants import GATEWAY, GROUND, OPERATOR, RECORDER, ROBOT, VIEWER
+from protocol.stop_datagram import SECRET_BYTES, SECRETS, role_of
 from runtime.atomic_file import replace
 from runtime.config import load_shared
 from runtime.errors import UserError
@@ -26,6 +31,9 @@ REVOKED: Final = re.compile(r"^revoked = \[.*\]$", re.MULTILINE)
 FOLDER_MODE: Final = 0o700
 SECRET_MODE: Final = 0o600
 PUBLIC_MODE: Final = 0o644
+STOPS_HEAD: Final = """\
+# Created by `sidestep keys`: secrets of the stop datagram, which can stop a robot and nothing else.
+"""
 CONFIG: Final = """\
 # Created by `sidestep keys new`: identity of a process and the authority it trusts, for --config.
 robot = "{robot}"
@@ -71,11 +79,59 @@ def make(
             create_file(folder / f"{role}.key", pair.key, SECRET_MODE, written)
             text = configuration(role, robot, robots, operators)
             create_file(folder / f"{role}.toml", text.encode(), PUBLIC_MODE, written)
+        write_stop_secrets(folder, robots, operators_of(operators), written)
     except OSError as error:
         for path in written:  # an incomplete set is useless and would block the next attempt
             path.unlink(missing_ok=True)
         raise UserError(f"{folder}: {error.strerror}: all new files were removed") from error
     return [role for role, _, _ in roles_of(robots, operators)]
+
+
+def operators_of(operators: Sequence[str]) -> list[str]:
+    """Return all operators that may stop a robot: the common ones and those with a name."""
+    return [GROUND, GATEWAY, *operators]
+
+
+def write_stop_secrets(
+    folder: Path, robots: Sequence[str], operators: Sequence[str], written: list[Path]
+) -> None:
+    """Create a secret for each operator and robot, in the files of both."""
+    held: dict[str, dict[str, str]] = {}
+    for operator in operators:
+        for robot in robots:
+            secret = secrets.token_bytes(SECRET_BYTES).hex()
+            held.setdefault(role_of(operator), {})[robot] = secret
+            held.setdefault(ROBOT + robot, {})[operator] = secret
+    for role, of in held.items():
+        lines = (f'{name} = "{secret}"\n' for name, secret in of.items())
+        text = f"{STOPS_HEAD}[secrets]\n{''.join(lines)}"
+        create_file(folder / f"{role}{SECRETS}", text.encode(), SECRET_MODE, written)
+
+
+def add_stop_secrets(folder: Path) -> list[str]:
+    """Add stop secrets to a folder without them; return the roles that have some now.
+
+    Raises UserError for a folder without certificates, or with stop secrets.
+    """
+    names = [path.stem for path in sorted(folder.glob("*.pem"))]
+    robots = [name.removeprefix(ROBOT) for name in names if name.startswith(ROBOT)]
+    operators = [name.removeprefix(OPERATOR) for name in names if name.startswith(OPERATOR)]
+    operators = [name for name in (GROUND, GATEWAY) if name in names] + operators
+    if not (robots and operators and CA.removesuffix(".pem") in names):
+        raise UserError(f"{folder} has no {CA}, robot and operator: name a folder of `keys new`")
+    if (there := next(iter(sorted(folder.glob(f"*{SECRETS}"))), None)) is not None:
+        raise UserError(
+            f"{folder} has stop secrets already ({there.name}): to make new ones, remove"
+            f" its files *{SECRETS} first"
+        )
+    written: list[Path] = []
+    try:
+        write_stop_secrets(folder, robots, operators, written)
+    except OSError as error:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise UserError(f"{folder}: {error.strerror}") from error
+    return [path.stem for path in written]
 
 
 def dialled_at(role: str) -> tuple[str, ...]:

@@ -80,6 +80,7 @@ KEYS: Final[Mapping[str, Subcommand]] = MappingProxyType(
             "reject a certificate although it is valid", "keys revoke keys ground-ada"
         ),
         "check": Subcommand("expiry and faults of each certificate", "keys check keys"),
+        "stops": Subcommand("add stop secrets to keys of an older version", "keys stops keys"),
         "signing": Subcommand(
             "signing keys of the MAVLink gateway: new, show, rotate, retire", "keys signing new"
         ),

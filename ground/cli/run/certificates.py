@@ -40,7 +40,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     revoke = actions["revoke"]
     revoke.add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
     revoke.add_argument("names", nargs="+", metavar="NAME", help=NAME_HELP)
-    actions["check"].add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
+    for name in ("check", "stops"):
+        actions[name].add_argument("folder", type=Path, metavar="DIR", help=FOLDER_HELP)
     for action in (new, renew):
         text = f"days of validity (default {DEFAULT_DAYS})"
         action.add_argument("--days", type=days, default=DEFAULT_DAYS, metavar="N", help=text)
@@ -91,7 +92,13 @@ def run(options: argparse.Namespace, output: Output) -> int:
     if options.action == "signing":
         return signing_keys.run(options, output)
     require_library()
-    runs = {"new": run_new, "renew": run_renew, "revoke": run_revoke, "check": run_check}
+    runs = {
+        "new": run_new,
+        "renew": run_renew,
+        "revoke": run_revoke,
+        "check": run_check,
+        "stops": run_stops,
+    }
     return runs[options.action](options, output)
 
 
@@ -157,6 +164,17 @@ def run_revoke(options: argparse.Namespace, output: Output) -> int:
     use = "copy the .toml files to the processes that use them, and restart these processes"
     row: dict[str, object] = {"ok": True, "folder": str(options.folder), "revoked": found}
     output.result(row, f"{options.folder}: revoked: {', '.join(found)}\n  {use}")
+    return 0
+
+
+def run_stops(options: argparse.Namespace, output: Output) -> int:
+    """Add the secrets of the stop datagram to a folder of an older version."""
+    from ground.certificates.folder import add_stop_secrets
+
+    roles = add_stop_secrets(options.folder)
+    use = "copy each .stops file to where the .key of the same name is, and restart the robots"
+    row: dict[str, object] = {"ok": True, "folder": str(options.folder), "roles": roles}
+    output.result(row, f"{options.folder}: stop secrets of {', '.join(roles)}\n  {use}")
     return 0
 
 

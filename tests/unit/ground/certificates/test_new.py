@@ -15,8 +15,10 @@ from ground.cli.main import main, parse
 from ground.cli.options import common_of
 from protocol.bus.network import Tls
 from protocol.bus.tls.certificate import own_certificate
+from protocol.stop_datagram import load_secrets
 
 NAMES = ("router", "plant", "ground", "viewer", "recorder", "gateway", "robot-r1", "robot-r2")
+STOPPED_BY_DATAGRAM = ("ground", "gateway", "robot-r1", "robot-r2")
 
 
 @pytest.fixture
@@ -47,7 +49,58 @@ def test_each_role_gets_certificate_key_and_configuration(keys: Path) -> None:
     assert {path.name for path in keys.iterdir()} == {
         "ca.pem",
         *(name + end for name in NAMES for end in ends),
+        *(f"{name}.stops" for name in STOPPED_BY_DATAGRAM),
     }
+
+
+def secrets_in(folder: Path) -> dict[str, dict[str, bytes]]:
+    """Return the stop secrets of each role, by the name of the other side."""
+    return {
+        path.stem: dict(load_secrets(Tls(ca="a", certificate="b", key=str(path))).by_name)
+        for path in folder.glob("*.stops")
+    }
+
+
+def test_each_operator_shares_a_secret_of_its_own_with_each_robot(tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    assert main(["keys", "new", str(keys), "--robots", "r1", "r2", "--operators", "ada"]) == 0
+    found = secrets_in(keys)
+    operators = {"ground": "ground", "gateway": "gateway", "ada": "ground-ada"}
+    assert found.keys() == {"robot-r1", "robot-r2", *operators.values()}
+    pairs = [
+        (found[f"robot-{robot}"][name], found[role][robot])
+        for name, role in operators.items()
+        for robot in ("r1", "r2")
+    ]
+    assert all(ours == theirs for ours, theirs in pairs)
+    assert len({ours for ours, _ in pairs}) == len(pairs) == 6
+    assert {stat.S_IMODE(path.stat().st_mode) for path in keys.glob("*.stops")} == {0o600}
+
+
+def test_secrets_are_added_to_an_older_folder_once(
+    keys: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = secrets_in(keys)
+    for path in keys.glob("*.stops"):
+        path.unlink()
+    assert main(["keys", "stops", str(keys)]) == 0
+    assert "copy each .stops file" in capsys.readouterr().out
+    after = secrets_in(keys)
+    assert {role: of.keys() for role, of in after.items()} == {
+        role: of.keys() for role, of in before.items()
+    }
+    assert after["ground"] != before["ground"]
+    assert main(["keys", "stops", str(keys)]) == 2
+    assert "has stop secrets already" in capsys.readouterr().err
+    assert secrets_in(keys) == after
+
+
+def test_a_folder_of_something_else_gets_no_secrets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["keys", "stops", str(tmp_path)]) == 2
+    assert "name a folder of `keys new`" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_each_operator_gets_a_certificate_of_its_own(tmp_path: Path) -> None:
