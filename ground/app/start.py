@@ -19,6 +19,7 @@ from ground.app.input.keymap import keymap_of as keymap_in
 from ground.client.connection import Common
 from ground.client.link import Link
 from ground.client.operations.leases import operator_name
+from ground.client.stop_ways import StopServer
 from ground.recording.parts import files_of
 from ground.user.edit_settings import set_setting
 from ground.user.folders import state_folder
@@ -66,6 +67,7 @@ def run(
     from ground.station.station import Station
 
     clock = WallClock()
+    stops = StopServer(link)
     station = Station(link.bus, link.robot, clock, name=operator_name(None))
     commands = runner_of(link, common, station, clock, keymap)
     app = GroundApp(station, commands, keymap, appearance, stack, recording=recording)
@@ -80,6 +82,7 @@ def run(
         print_summary(station.last_drives(), None if recording is None else recording.file)
         return code
     finally:
+        stops.close()
         run_with_timeout(station.close)
 
 

@@ -6,7 +6,8 @@ from ground.cli.observe.live_line import follow
 from ground.cli.options import common_of
 from ground.client.link import UnansweredError, open_link
 from ground.client.operations import Operation, Session
-from ground.client.operations.commands import PlainCommand
+from ground.client.operations.all_robots import StopAll
+from ground.client.operations.commands import PlainCommand, StopNow
 from ground.client.operations.floor import floor_of
 from ground.client.results import Accepted, Outcome
 from ground.grammar.looking import WatchWords
@@ -29,6 +30,8 @@ def run(words: Words, output: Output) -> int:
     if isinstance(operation, FromFile):
         operation = operation.read()
     common = common_of(words, output)
+    if isinstance(operation, StopNow | StopAll):
+        return print_outcome(output, words, common.robot, operation.perform_alone(common))
     try:
         with open_link(common) as link:
             outcome = operation.perform(Session(link, output, floor=partial(floor_of, link)))

@@ -31,7 +31,8 @@ class Common:
     """The network to connect to and the robot to command.
 
     `config` is the file with the certificates. `source` is how the endpoint was found, empty if it
-    was given. `hint` is added to the error when the endpoint does not answer.
+    was given. `hint` is added to the error when the endpoint does not answer. `robots` are those of
+    the run at the endpoint, if it is one.
     """
 
     network: Network
@@ -39,6 +40,7 @@ class Common:
     config: str | None = None
     source: str = ""
     hint: str = ""
+    robots: tuple[str, ...] = ()
 
     @property
     def endpoint(self) -> str:
@@ -74,8 +76,11 @@ def common(
         return replace(given(None, robot, None), hint=START_HINT)
     name, facts = found
     locks = None if facts.locks is None else Path(facts.locks) / OPERATOR_FILE
+    linked = given(facts.endpoint, robot or facts.robots[0], locks)
     return replace(
-        given(facts.endpoint, robot or facts.robots[0], locks),
+        linked,
+        network=replace(linked.network, stop_at={**facts.stop_at, **linked.network.stop_at}),
+        robots=tuple(facts.robots),
         source=f"run {name} at {facts.endpoint}",
         hint=f"it is the endpoint of `up` {name}, see `sidestep ps`",
     )

@@ -22,6 +22,10 @@ GIVE_UP_NS: Final = 30 * NS_PER_S
 WARN_EVERY_NS: Final = NS_PER_S
 """Interval of the warnings that there is no acknowledgement yet."""
 
+FRESH_NS: Final = 500 * NS_PER_MS
+"""A stop that is not acknowledged by then is sent by a fresh session as well: another process may
+have taken the id of the open one."""
+
 HELD_NS: Final = NS_PER_S
 """Duration of EMERGENCY_STOP after which an accepted request counts as acknowledged.
 
@@ -53,13 +57,59 @@ class ServiceCaller(Protocol):
         """Send a request and return the reply; RemoteError without one within `timeout_s`."""
 
 
+class StopWays(Protocol):
+    """Further ways to one robot, beside the session that is open; none of them blocks."""
+
+    @property
+    def why(self) -> str:
+        """Why the datagrams cannot be sent; empty if they can."""
+
+    def press(self, request_id: int) -> None:
+        """Send the stop once more."""
+
+    def open_session(self, request_id: int, give_up_ns: int) -> object:
+        """Begin to send the stop by a session that is opened for it."""
+
+    def stopped_by(self, request_id: int) -> str:
+        """Return by which way the robot has acknowledged the stop; empty if by none."""
+
+    def close(self) -> None:
+        """End what is still under way."""
+
+
+class NoWays:
+    """No further way, such as beside a bus that is simulated."""
+
+    why = ""
+
+    def press(self, request_id: int) -> None:
+        """Send nothing."""
+
+    def open_session(self, request_id: int, give_up_ns: int) -> None:
+        """Open nothing."""
+
+    def stopped_by(self, request_id: int) -> str:
+        """Return that the robot was not reached."""
+        return ""
+
+    def close(self) -> None:
+        """End nothing."""
+
+
+NO_WAYS: Final = NoWays()
+
+
 class StopOutcome(NamedTuple):
-    """The end of an emergency stop: acknowledged or not, the duration, the tries and the error."""
+    """The end of an emergency stop: acknowledged or not, the duration, the tries and the error.
+
+    `way` is how it reached the robot, if not by the open session.
+    """
 
     acknowledged: bool
     took_ns: int
     tries: int
     why: str = ""
+    way: str = ""
 
 
 class Acknowledgement:
@@ -91,17 +141,19 @@ class EmergencyStop:
     """One press of the emergency stop.
 
     `press` sends it at once, `run` repeats it and belongs in a thread of its own. `publisher`
-    publishes on the robot's STOP topic. `newest` returns the robot's newest status and its arrival
-    time in ns.
+    publishes on the robot's STOP topic; without it and `bus` there are only the further `ways`,
+    which stay open. `newest` returns the robot's newest status and its arrival time in ns.
     """
 
     def __init__(
         self,
-        bus: ServiceCaller,
-        publisher: MessagePublisher[CommandRequest],
+        bus: ServiceCaller | None,
+        publisher: MessagePublisher[CommandRequest] | None,
         robot: str,
         clock: Clock,
         newest: Callable[[], tuple[NavigatorStatus, int] | None],
+        ways: StopWays = NO_WAYS,
+        request_id: int = 0,
     ) -> None:
         self.robot = robot
         self.tries = 0
@@ -111,8 +163,9 @@ class EmergencyStop:
         self._newest = newest
         self._pressed_ns = self._warned_ns = clock.now_ns()
         self._publisher = publisher
+        self._ways, self._way = ways, ""
         self._request = CommandRequest(
-            request_id=secrets.randbits(64) or 1,
+            request_id=request_id or secrets.randbits(64) or 1,
             param1=1.0,
             param2=0.0,
             command=Command.DO_FLIGHTTERMINATION,
@@ -132,7 +185,9 @@ class EmergencyStop:
     def press(self) -> None:
         """Send the stop once, without blocking."""
         self.tries += 1
-        self._publisher.put(self._request)
+        self._ways.press(self.request_id)
+        if self._publisher is not None:
+            self._publisher.put(self._request)
 
     def run(
         self, over: Callable[[], bool] = lambda: False, give_up_ns: int = GIVE_UP_NS
@@ -144,6 +199,8 @@ class EmergencyStop:
             if over() or now_ns - began_ns >= give_up_ns:
                 return self._outcome(acknowledged=False)
             self.press()
+            if now_ns - self._pressed_ns >= FRESH_NS:
+                self._ways.open_session(self.request_id, give_up_ns)
             self._ask()
             if not self._acknowledged():
                 self._clock.sleep_until(now_ns + REPEAT_NS)
@@ -151,6 +208,8 @@ class EmergencyStop:
 
     def _ask(self) -> None:
         """Send the stop by the service too."""
+        if self._bus is None:
+            return
         try:
             answer = self._bus.ask(
                 STOP_SERVICE, self._request, REPEAT_NS / NS_PER_S, robot=self.robot
@@ -161,6 +220,9 @@ class EmergencyStop:
             self.why = str(error)
 
     def _acknowledged(self) -> bool:
+        self._way = self._ways.stopped_by(self.request_id)
+        if self._way:
+            return True
         newest = self._newest()
         if newest is not None and newest[1] >= self._pressed_ns:
             self._acknowledgement.receive(*newest)
@@ -169,7 +231,7 @@ class EmergencyStop:
     def _outcome(self, *, acknowledged: bool) -> StopOutcome:
         took_ns = self._clock.now_ns() - self._pressed_ns
         why = "" if acknowledged else self.why or "no answer"
-        return StopOutcome(acknowledged, took_ns, self.tries, why)
+        return StopOutcome(acknowledged, took_ns, self.tries, why, self._way)
 
     # Texts for people.
 
@@ -191,7 +253,9 @@ def outcome_words(outcome: StopOutcome, robot: str) -> str:
     """Describe the end of an emergency stop in one line."""
     tries = f"{outcome.tries} {'try' if outcome.tries == 1 else 'tries'}"
     if outcome.acknowledged:
-        return f"E-STOP acknowledged by {robot} after {outcome.took_ns / NS_PER_MS:.0f} ms, {tries}"
+        after = f"{outcome.took_ns / NS_PER_MS:.0f} ms"
+        way = f", {outcome.way}" if outcome.way else ""
+        return f"E-STOP acknowledged by {robot} after {after}, {tries}{way}"
     after = f"{outcome.took_ns / NS_PER_S:.0f} s"
     return (
         f"E-STOP GIVEN UP after {after}: {robot} has NOT acknowledged it ({tries}; {outcome.why})"

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
+from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.link import ALIVE, Link
 from ground.client.operations import Abort, Disarm, Hold, Operation, Session, Stopped
@@ -136,6 +137,7 @@ class BusPort:
         self._load = LoadSampler(link)
         self._heartbeats: Publisher[Heartbeat] = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
+        self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._reports: Publisher[GatewayStatus] = link.bus.publisher(GATEWAY, link.robot)
         self._stick = TeleopSender(link)
         self._ended: SimpleQueue[Ended] = SimpleQueue()
@@ -224,6 +226,7 @@ class BusPort:
     def close(self) -> None:
         """Wait for the requests that run."""
         self._stopping.shutdown()
+        self._ways.close()
         self._requests.shutdown(cancel_futures=True)
 
     def _session(self) -> Session:
@@ -231,7 +234,7 @@ class BusPort:
 
     def _new_stop(self) -> EmergencyStop:
         newest, link = (lambda: self._telemetry.latest(STATUS)), self._link
-        return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest)
+        return EmergencyStop(link.bus, self._stops, self.name, link.clock, newest, self._ways)
 
     def _repeat_stop(self, stop: EmergencyStop, done: Done) -> None:
         give_up_ns = round(STOP_S * NS_PER_S)

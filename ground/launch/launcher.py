@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from copy import copy
@@ -52,10 +53,19 @@ PROCESS_FAULTS: Final[Mapping[str, tuple[signal.Signals, str]]] = MappingProxyTy
 
 PAUSED: Final = "--paused"
 PLANT: Final = "plant"
+ROBOT_ROLE: Final = "robot "
+LOCAL: Final = "127.0.0.1"
 DIAL_S: Final = 0.5
 CLOSE_NS: Final = 5 * NS_PER_S
 CHANGED_WORLD: Final = "world.json"
 """File name only; the world's own name may come from anywhere."""
+
+
+def free_address() -> str:
+    """Return an address of this machine with a port that no datagrams use now."""
+    with socket.socket(type=socket.SOCK_DGRAM) as probe:
+        probe.bind((LOCAL, 0))
+        return f"{LOCAL}:{probe.getsockname()[1]}"
 
 
 class Stack:
@@ -77,6 +87,9 @@ class Stack:
         self._options = options
         self.scenario = scenario
         self.endpoint = endpoint
+        self.stop_at: dict[str, str] = {}
+        """Where each robot receives stop datagrams, if not at the endpoint: behind a router."""
+
         self._clock = clock
         self._policy = policy
         self._children = Children(clock)
@@ -98,7 +111,12 @@ class Stack:
     @property
     def common(self) -> Common:
         """Connection settings of the first robot."""
-        network = Network(mode="client", connect=(self.endpoint,), connect_timeout_s=DIAL_S)
+        network = Network(
+            mode="client",
+            connect=(self.endpoint,),
+            connect_timeout_s=DIAL_S,
+            stop_at=self.stop_at,
+        )
         locks = self.scenario.locks
         return Common(network=dialling(locks, network), robot=self.scenario.robots[0])
 
@@ -110,7 +128,7 @@ class Stack:
         """
         if self.scenario.record is not None:
             make_folder(self.scenario.record)
-        *first, (role, words) = commands = process_arguments(self.scenario, self.endpoint)
+        *first, (role, words) = commands = self._commands()
         self._roles = [name for name, _ in commands]
         check(self.scenario.locks, self._roles)
         for before, its_words in first:
@@ -247,13 +265,19 @@ class Stack:
     def _note_message(self, role: str, _key: str, _frame: bytes, at_ns: int) -> None:
         self._detector.note_message(role, at_ns)
 
+    def _commands(self) -> list[tuple[str, list[str]]]:
+        """Return role and arguments of each process; a robot keeps its place for stop datagrams."""
+        commands = process_arguments(self.scenario, self.endpoint)
+        if self.scenario.router:
+            for role, words in commands:
+                robot = role.removeprefix(ROBOT_ROLE)
+                if robot != role:
+                    words += ["--stop-at", self.stop_at.setdefault(robot, free_address())]
+        return commands
+
     def _arguments_of(self, role: str, cause: str) -> list[str]:
         """Return the arguments for a restart: time goes on, and a robot reports the cause."""
-        words = [
-            word
-            for word in dict(process_arguments(self.scenario, self.endpoint))[role]
-            if word != PAUSED
-        ]
+        words = [word for word in dict(self._commands())[role] if word != PAUSED]
         if words[0] == "robot":
             words += ["--after", cause]
         return self._kept(role, words)

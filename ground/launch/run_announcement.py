@@ -33,6 +33,7 @@ def announced(stack: Stack, output: Output) -> Iterator[None]:
             recordings=[str(log.with_suffix(".mcap")) for log in stack.recordings()],
             processes=stack.processes(),
             since=since,
+            stop_at=stack.stop_at,
         )
         try:
             file.write(run)

@@ -38,7 +38,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
     `start` identifies the process `pid`. `locks` is the folder of the certificates and `record`
     that of the recordings. `recordings` are those of this run. `processes` has the pid of each
-    role.
+    role, `stop_at` where each robot receives stop datagrams if not at the endpoint.
     """
 
     pid: int
@@ -52,6 +52,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     record: str | None = None
     recordings: list[str] = []
     processes: dict[str, int] = {}
+    stop_at: dict[str, str] = {}
 
 
 class FoundRun(NamedTuple):
@@ -137,6 +138,7 @@ def this_run(
     recordings: list[str],
     processes: dict[str, int],
     since: datetime,
+    stop_at: dict[str, str] | None = None,
 ) -> Run:
     """Return the run whose `up` is this process."""
     return Run(
@@ -151,6 +153,7 @@ def this_run(
         record=record,
         recordings=recordings,
         processes=processes,
+        stop_at=stop_at or {},
     )
 
 

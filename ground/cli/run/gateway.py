@@ -9,6 +9,7 @@ from typing import Final
 
 from ground.cli.options import common_of
 from ground.client.link import Link, open_link
+from ground.client.stop_ways import StopServer
 from ground.gateway.bus_port import BusPort
 from ground.gateway.endpoints.endpoint import Endpoint
 from ground.gateway.endpoints.recorder import TrafficRecorder, new_file
@@ -123,7 +124,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     guard = guard_of(settings, texts)
     endpoints = all_opened([one.text for one in texts])
     try:
-        with open_link(common) as link:
+        with open_link(common) as link, StopServer(link):
             return serve(options, link, output, settings, endpoints, guard)
     finally:
         for endpoint in endpoints:

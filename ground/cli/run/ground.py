@@ -10,6 +10,7 @@ from ground.app.start import run as run_app
 from ground.cli.observe.live_line import LiveStatus
 from ground.cli.options import common_of
 from ground.client.link import Link, open_link
+from ground.client.stop_ways import StopServer
 from ground.grammar.words import add_common
 from ground.launch.recording_session import (
     RecordingSession,
@@ -52,7 +53,8 @@ def act_ground(options: argparse.Namespace, link: Link, output: Output) -> int:
         return run_recorded(options, link)
     link.bus.announce()
     output.note(f"operator of {link.robot}; Ctrl-C ends the heartbeat, and a robot in GUIDED stops")
-    LiveStatus(link, output, beats=True).run()
+    with StopServer(link):
+        LiveStatus(link, output, beats=True).run()
     return 0
 
 

@@ -14,6 +14,7 @@ from ground.app.start import has_screen
 from ground.app.start import run as run_app
 from ground.client.connection import Common
 from ground.client.link import UnansweredError
+from ground.client.stop_ways import StopServer
 from ground.client.vocabulary import NAVIGATORS, SIDES, USUAL_NAVIGATOR
 from ground.grammar.words import add_json, positive, seconds
 from ground.launch import fleet_run
@@ -179,9 +180,10 @@ def run_headless(
                 progress_display(output, clock, in_lines=options.plain),
             )
             try:
-                outcomes = fleet_run.run(
-                    lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
-                )
+                with StopServer(goal_runs[0].link):
+                    outcomes = fleet_run.run(
+                        lockstep=scenario.lockstep, launched=partial(stack.supervise, bus)
+                    )
                 close_records(stack, output, clock)
                 return outcomes
             except (UnansweredError, RemoteError):

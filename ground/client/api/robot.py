@@ -20,6 +20,7 @@ from math import radians
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+from ground.client import stop_ways
 from ground.client.api import threads
 from ground.client.api.events import Telemetry
 from ground.client.api.services import Fences, Leases, Missions, Parameters
@@ -123,6 +124,7 @@ class Robot(Telemetry):
         self._pool = ThreadPoolExecutor(REQUESTS, thread_name_prefix="sidestep")
         self._heartbeat = link.bus.publisher(OPERATOR, link.robot)
         self._stops = link.bus.publisher(STOP, link.robot)
+        self._ways = stop_ways.ways_of(link.bus, link.robot)
         self._stopping: set[asyncio.Future[Any]] = set()
         self._lease_lock = asyncio.Lock()
         self._holds_lease = False
@@ -146,6 +148,7 @@ class Robot(Telemetry):
         self.streams.close()
         for stop in tuple(self._stopping):
             await threads.settled(stop)
+        self._ways.close()
         if self._holds_lease:
             self._holds_lease = False
             await self.run(lambda: give_back(self._link))
@@ -328,7 +331,12 @@ class Robot(Telemetry):
         stop within `timeout_s`.
         """
         stop = EmergencyStop(
-            self._link.bus, self._stops, self.name, self.clock, lambda: self.streams.latest(STATUS)
+            self._link.bus,
+            self._stops,
+            self.name,
+            self.clock,
+            lambda: self.streams.latest(STATUS),
+            self._ways,
         )
         stop.press()
         give_up_ns = round(timeout_s * NS_PER_S)

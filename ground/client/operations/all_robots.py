@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final, TypeVar
 
+from ground.client import stop_ways
+from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop
-from ground.client.link import Link, UnansweredError
-from ground.client.operations.commands import STOP_S, ClearEmergencyStop, Stopped
+from ground.client.link import Link, UnansweredError, open_link
+from ground.client.operations.commands import STOP_S, ClearEmergencyStop, StopNow, Stopped
 from ground.client.operations.session import Session
 from ground.client.presence import present_processes
 from ground.client.results import Answer
@@ -78,21 +80,49 @@ class StopAll:
         link = session.link
         robots = present_robots(link)
         newest = NewestStatuses(link)
-        stops = [
-            EmergencyStop(
-                link.bus, link.bus.publisher(STOP, robot), robot, link.clock, newest.of(robot)
-            )
-            for robot in robots
-        ]
-        for stop in stops:
-            stop.press()
         give_up_ns = round(self.timeout_s * NS_PER_S)
 
         def repeat(stop: EmergencyStop) -> Stopped:
             return Stopped(stop.run(give_up_ns=give_up_ns), stop.robot)
 
-        with newest.subscribed(robots):
+        with ExitStack() as opened:
+            stops = []
+            for robot in robots:
+                ways = opened.enter_context(closing(stop_ways.ways_of(link.bus, robot)))
+                publisher = link.bus.publisher(STOP, robot)
+                stop = EmergencyStop(link.bus, publisher, robot, link.clock, newest.of(robot), ways)
+                stop.press()
+                stops.append(stop)
+            opened.enter_context(newest.subscribed(robots))
             return AllAnswered(tuple(zip(robots, at_once(repeat, stops), strict=True)))
+
+    def perform_alone(self, common: Common) -> AllAnswered:
+        """Stop all robots that are known by name at once, then by a session all that are present.
+
+        Raises UnansweredError if none is reached.
+        """
+        names = list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
+
+        def stop(robot: str) -> Stopped:
+            return StopNow().perform_alone(replace(common, robot=robot), opens=False)
+
+        def stop_present() -> AllAnswered | UnansweredError:
+            try:
+                with open_link(common) as link:
+                    return self.perform(Session(link))
+            except UnansweredError as error:
+                return error
+
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(stop_present)
+            known = dict(zip(names, at_once(stop, names), strict=True))
+            present = waiting.result()
+        stopped = {robot: outcome for robot, outcome in known.items() if outcome.ok}
+        if isinstance(present, AllAnswered):
+            return AllAnswered(tuple((dict(present.of) | stopped).items()))
+        if not stopped:
+            raise present
+        return AllAnswered(tuple(known.items()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,21 +1,34 @@
 """Operations that are one command to the robot, the emergency stop, and remarks in recordings."""
 
+from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
 
+from ground.client import stop_ways
+from ground.client.connection import Common
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
+from ground.client.link import UnansweredError
 from ground.client.operations.resuming import go_on
 from ground.client.operations.session import Session, patience_ns
 from ground.client.requests import GaveUp
 from ground.client.results import Answer, Refused, answer_row
-from protocol.topics import MARK, STATUS, STOP
+from protocol.bus.tls.certificate import holder
+from protocol.topics import MARK, STATUS, STOP, Role
 from protocol.wire.enums import Command, Mode, Navigator, Severity
+from protocol.wire.messages import NavigatorStatus
 from protocol.wire.reasons import Reason
 from protocol.wire.statustext import pieces_of
+from runtime.clock import WallClock
 from runtime.units import NS_PER_S
 
 STOP_S: Final = 5.0
 """Duration for which an emergency stop without acknowledgement is repeated."""
+LEAST_NS: Final = NS_PER_S
+"""Duration for which datagrams are repeated although no session can be opened."""
+
+LONGEST_NS: Final = 60 * NS_PER_S
+"""Limit of a stop without a session: to open one on a busy machine takes long."""
+
 MARK_PATIENCE_S: Final = 0.5
 
 
@@ -213,18 +226,51 @@ class StopNow:
     timeout_s: float = STOP_S
 
     def perform(self, session: Session) -> Stopped:
-        """Repeat the stop; UnansweredError if no status arrives from the robot."""
+        """Repeat the stop by an open session and all other ways.
+
+        Raises UnansweredError if no status arrives from the robot.
+        """
         link = session.link
-        with link.subscribed(STATUS) as telemetry:
+        with (
+            link.subscribed(STATUS) as telemetry,
+            closing(stop_ways.ways_of(link.bus, link.robot)) as ways,
+        ):
             publisher = link.bus.publisher(STOP, link.robot)
-            stop = EmergencyStop(
-                link.bus, publisher, link.robot, link.clock, lambda: telemetry.latest(STATUS)
-            )
+
+            def newest() -> tuple[NavigatorStatus, int] | None:
+                return telemetry.latest(STATUS)
+
+            stop = EmergencyStop(link.bus, publisher, link.robot, link.clock, newest, ways)
             outcome = stop.run(give_up_ns=round(self.timeout_s * NS_PER_S))
-            is_silent = telemetry.latest(STATUS) is None
-        if is_silent:
+            is_silent = newest() is None
+        if is_silent and not outcome.acknowledged:
             raise link.unanswered(GaveUp(outcome.why))
         return Stopped(outcome, link.robot)
+
+    def perform_alone(self, common: Common, *, opens: bool = True) -> Stopped:
+        """Stop the robot without waiting for a session: by all ways at once.
+
+        Unless it `opens` one, another part does. Raises UnansweredError if no way reaches it.
+        """
+        clock, give_up_ns = WallClock(), round(self.timeout_s * NS_PER_S)
+        name = holder(common.network.tls, Role.GROUND, common.robot)
+        with closing(stop_ways.SideWays(common, name, opens=opens)) as ways:
+            stop = EmergencyStop(None, None, common.robot, clock, lambda: None, ways)
+            stop.press()
+            ways.ask_others(stop.request_id)
+            session = ways.open_session(stop.request_id, give_up_ns)
+
+            def is_over() -> bool:
+                has_tried = clock.now_ns() - stop.pressed_ns >= LEAST_NS
+                return has_tried and (session is None or session.is_over)
+
+            outcome = stop.run(is_over, LONGEST_NS)
+            if outcome.acknowledged or session is None:
+                return Stopped(outcome, common.robot)
+            if session.error is None:
+                return Stopped(session.outcome or outcome, common.robot)
+            datagrams = f"a stop datagram was sent too: {ways.why or 'no answer'}"
+            raise UnansweredError(f"{session.error}; {datagrams}") from session.error
 
 
 @dataclass(frozen=True, slots=True)

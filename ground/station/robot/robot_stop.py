@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop, StopOutcome, outcome_words
 from ground.station.bus_protocols import LiveBus, MessagePublisher
 from ground.station.robot.background_requests import JobResult, RequestWorker
@@ -37,6 +38,7 @@ class RobotStop:
         self._worker = worker
         self._add_line = add_line
         self._publisher: MessagePublisher[CommandRequest] = bus.publisher(STOP, model.robot)
+        self._ways = stop_ways.ways_of(bus, model.robot)
         self._pending: EmergencyStop | None = None
         self._is_repeated = False
         self._last: EmergencyStop | None = None
@@ -56,6 +58,7 @@ class RobotStop:
             self._model.robot,
             self._clock,
             lambda: telemetry.latest(STATUS),
+            self._ways,
         )
         stop.press()
         self._pending = self._last = stop
@@ -109,3 +112,4 @@ class RobotStop:
         """End the thread before the deadline, in monotonic time."""
         self._over = True
         self._worker.close(deadline_s)
+        self._ways.close()

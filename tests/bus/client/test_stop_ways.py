@@ -1,0 +1,154 @@
+"""Each further way of a stop is sufficient alone, beside a session that reaches nobody."""
+
+import json
+import socket
+import stat
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from ground.client.connection import Common, given
+from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
+from ground.client.link import Link, open_link
+from ground.client.stop_ways import (
+    MOST_BYTES,
+    SideWays,
+    StopServer,
+    near,
+    socket_folder,
+    stem_of,
+    ways_of,
+)
+from protocol.wire.enums import Vehicle
+from protocol.wire.message import Message
+from runtime.clock import WallClock
+from tests.support.bus.robots import PlayedRobot
+from tests.support.until import until
+
+CLOCK = WallClock()
+
+
+class Unheard:
+    """A publisher whose messages do not arrive."""
+
+    def put(self, message: Message) -> None:
+        """Lose a message."""
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the user's folder: with a path that is too long for a local socket."""
+    folder = tmp_path / ("long" * 30)
+    monkeypatch.setenv("XDG_STATE_HOME", str(folder))
+    return folder
+
+
+@pytest.fixture
+def common(stage: tuple[PlayedRobot, str]) -> Common:
+    return given(stage[1], "r1", None)
+
+
+@contextmanager
+def served(common: Common) -> Iterator[Link]:
+    """Have a program with an open session on this machine."""
+    with open_link(common) as link, StopServer(link) as server:
+        assert server.why == ""
+        yield link
+
+
+def alone(ways: StopWays) -> EmergencyStop:
+    """Return a stop without a session of its own."""
+    return EmergencyStop(None, None, "r1", CLOCK, lambda: None, ways)
+
+
+def test_a_stop_uses_the_open_session_of_another_program(
+    robot: PlayedRobot, common: Common
+) -> None:
+    with served(common), closing(SideWays(common, None)) as ways:
+        stop = alone(ways)
+        ways.ask_others(stop.request_id)
+        outcome = stop.run()
+    assert outcome.acknowledged
+    assert outcome.way.startswith("by the session of process ")
+    assert robot.stop_id == stop.request_id
+
+
+def test_the_socket_is_for_this_user_and_ends_with_its_program(common: Common) -> None:
+    with served(common):
+        (path,) = socket_folder().iterdir()
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    assert list(socket_folder().iterdir()) == []
+
+
+def test_the_socket_of_a_killed_program_is_removed(common: Common) -> None:
+    with served(common):
+        (path,) = socket_folder().iterdir()
+    with socket.socket(socket.AF_UNIX) as left, near(path.parent) as folder:
+        left.bind(f"{folder}/{path.name}")
+    assert path.exists()
+    with closing(SideWays(common, None)) as ways:
+        ways.ask_others(5)
+        until(lambda: not path.exists())
+        assert ways.stopped_by(5) == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        b"",
+        b"\n",
+        b"stop\n",
+        b"[]\n",
+        b"{}\n",
+        b'{"robot": 5, "request_id": 1}\n',
+        b'{"robot": "R/1", "request_id": 1}\n',
+        b'{"robot": "r1", "request_id": "1"}\n',
+        b"x" * (2 * MOST_BYTES),
+    ],
+)
+def test_no_other_words_on_the_socket_have_an_effect(
+    robot: PlayedRobot, common: Common, words: bytes
+) -> None:
+    with served(common):
+        (path,) = socket_folder().iterdir()
+        for sent in (words, json.dumps({"robot": "r1", "request_id": 9}).encode() + b"\n"):
+            with socket.socket(socket.AF_UNIX) as asking, near(path.parent) as folder:
+                asking.connect(f"{folder}/{path.name}")
+                asking.settimeout(60.0)
+                with suppress(ConnectionError):
+                    asking.sendall(sent)
+                    answer = asking.recv(MOST_BYTES)
+    assert json.loads(answer) == {"acknowledged": True}
+    assert robot.stop_id == 9
+
+
+def test_programs_at_other_endpoints_are_not_asked(common: Common) -> None:
+    others = given("tcp/127.0.0.1:1", "r1", None)
+    assert stem_of(common) != stem_of(others)
+    with served(common), closing(SideWays(others, None)) as ways:
+        ways.ask_others(5)
+        assert ways.stopped_by(5) == ""
+
+
+def test_a_stop_that_is_not_acknowledged_opens_a_fresh_session(
+    robot: PlayedRobot, common: Common
+) -> None:
+    with open_link(common) as link, closing(ways_of(link.bus, "r1")) as ways:
+        stop = EmergencyStop(None, Unheard(), "r1", CLOCK, lambda: None, ways)
+        outcome = stop.run()
+    assert outcome.acknowledged
+    assert outcome.way == "by a new session"
+    assert outcome.took_ns >= FRESH_NS
+    assert robot.stop_id == stop.request_id
+    assert robot.vehicle is Vehicle.EMERGENCY_STOP
+
+
+def test_beside_a_bus_that_is_played_there_is_no_other_way() -> None:
+    ways = ways_of(object(), "r1")
+    stop = alone(ways)
+    stop.press()
+    assert stop.run(give_up_ns=0).acknowledged is False
+    ways.close()
