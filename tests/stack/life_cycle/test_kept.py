@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.stack.processes import Crew
+from verification.restarts import kept_stops
 
 pytestmark = pytest.mark.stack
 
@@ -39,3 +40,8 @@ def test_a_robot_that_was_killed_has_its_fence_and_its_mission_again(tmp_path: P
         robot = crew.robot("--state", str(state))
         robot.says("mission restored")
         assert "fence" not in robot.said
+
+
+def test_stop_outlives_a_kill_a_hang_and_a_power_cut() -> None:
+    """`bench restarts --stops 50` is the long form."""
+    assert [figure.name for figure in kept_stops(1) if figure.met is False] == []

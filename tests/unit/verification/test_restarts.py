@@ -2,7 +2,9 @@
 
 import pytest
 
-from verification.restarts import Recovery, of
+from robot.storage.kept_stop import KeptStop
+from tests.support.each import each
+from verification.restarts import Recovery, held_after_cut, of
 
 TOOK = [Recovery(0.5, 0.7), Recovery(0.6, 2.0)]
 
@@ -17,3 +19,13 @@ def test_limited_time_begins_when_the_hub_listens() -> None:
     assert whole.met is None
     assert healing.values == pytest.approx((0.2, 1.4))
     assert healing.met is True
+
+
+@each("number", range(3))
+def test_stop_outlives_a_power_cut(number: int) -> None:
+    assert held_after_cut(number)
+
+
+def test_stop_that_is_not_saved_is_lost_in_a_power_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(KeptStop, "keep", lambda *_, **__: None)
+    assert not held_after_cut(0)
