@@ -7,11 +7,11 @@ stops: a copy that is sent again after the stop was released is told from a new 
 """
 
 import hmac
+import re
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import Enum, auto
 from pathlib import Path
 from struct import Struct
 from typing import Final, NamedTuple
@@ -35,6 +35,7 @@ MAC_BYTES: Final = 32
 PRESS_BYTES: Final = PRESS_BODY.size + MAC_BYTES
 ANSWER_BYTES: Final = ANSWER_BODY.size + MAC_BYTES
 SECRET_BYTES: Final = 32
+SECRET: Final = re.compile(r"[0-9a-f]{64}\Z")
 SECRETS: Final = ".stops"
 """Ending of the file of secrets, which lies beside the private key of the same name."""
 
@@ -66,9 +67,9 @@ class Press(NamedTuple):
 class Verdict(Enum):
     """What a packet is: a stop to act on, a copy of one that was acted on, or no stop at all."""
 
-    STOP = "stop"
-    REPLAY = "replay"
-    FALSE = "false"
+    STOP = auto()
+    REPLAY = auto()
+    FALSE = auto()
 
 
 def sealed_press(secret: bytes, robot: str, press: Press) -> bytes:
@@ -149,7 +150,8 @@ class StopJudge:
         if press is None:
             return Verdict.FALSE, None
         known = self._known.setdefault(press.operator, OrderedDict())
-        if press.stamp_ns <= known.get(press.request_id, -1):
+        newest_ns = known.get(press.request_id)
+        if newest_ns is not None and press.stamp_ns <= newest_ns:
             return Verdict.REPLAY, press
         known[press.request_id] = press.stamp_ns
         known.move_to_end(press.request_id)
@@ -179,16 +181,13 @@ def load_secrets(tls: Tls) -> StopSecrets:
         file = load(path, SecretsFile)
     except ConfigError as error:
         raise KeysError(str(error)) from error
-    found: dict[str, bytes] = {}
     for name, digits in file.secrets.items():
-        with suppress(ValueError):
-            found[name] = bytes.fromhex(digits)
-        if not ROBOT_NAME.match(name) or len(found.get(name, b"")) != SECRET_BYTES:
+        if not (ROBOT_NAME.match(name) and SECRET.match(digits)):
             raise KeysError(
-                f"{path}: {name}: not a name with {2 * SECRET_BYTES} hexadecimal digits:"
+                f"{path}: {name}: not a name with 64 hexadecimal digits:"
                 " copy the file again from the folder of the keys"
             )
-    return StopSecrets(found)
+    return StopSecrets({name: bytes.fromhex(digits) for name, digits in file.secrets.items()})
 
 
 def role_of(operator: str) -> str:

@@ -1,8 +1,8 @@
 """`python -m verification.branch_coverage`: check that unit tests take every branch of the kernel.
 
-The unit tests of guard, failsafe, mode machine, lease, wheel-command validity, mailbox and codec
-must take each branch of these modules, without any other test. The exit code is 1, with a list of
-the missed branches, if they do not or if a test fails.
+The unit tests of guard, failsafe, mode machine, lease, wheel-command validity, mailbox, codec and
+stop datagram must take each branch of these modules, without any other test. The exit code is 1,
+with a list of the missed branches, if they do not or if a test fails.
 """
 
 import os
@@ -26,6 +26,7 @@ KERNEL: Final = (
     "plant/process/robot_link.py",
     "protocol/bus/mailbox.py",
     "protocol/wire/codec.py",
+    "protocol/stop_datagram.py",
 )
 """Modules whose mutation tests must take each of their branches."""
 

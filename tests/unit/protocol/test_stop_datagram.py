@@ -1,5 +1,6 @@
 """The stop datagram: only an operator's own packet stops, and a doubtful one stops too."""
 
+import hmac
 from pathlib import Path
 
 import pytest
@@ -8,9 +9,12 @@ from hypothesis import strategies as st
 
 from protocol.bus.network import Network, Tls
 from protocol.stop_datagram import (
+    ANSWER_BODY,
     ANSWER_BYTES,
     KNOWN_IDS,
+    PRESS_BODY,
     PRESS_BYTES,
+    SECRET_BYTES,
     Press,
     StopJudge,
     Verdict,
@@ -48,7 +52,8 @@ def test_the_press_of_an_operator_stops(stamp_ns: int, request_id: int) -> None:
     assert judge().judge(packet(press)) == (Verdict.STOP, press)
 
 
-def test_both_packets_have_their_length() -> None:
+def test_the_numbers_of_the_page_are_those_of_the_code() -> None:
+    assert (SECRET_BYTES, KNOWN_IDS) == (32, 256)
     assert len(packet()) == PRESS_BYTES == 85
     assert len(sealed_answer(ADA, "r1", PRESS, stopped=True)) == ANSWER_BYTES == 86
 
@@ -80,6 +85,24 @@ def test_a_changed_byte_makes_a_press_false(place: int) -> None:
     changed = bytearray(packet())
     changed[place] ^= 1
     assert judge().judge(bytes(changed)) == (Verdict.FALSE, None)
+
+
+def resealed(body: bytes) -> bytes:
+    return body + hmac.digest(ADA, body, "sha256")
+
+
+@each(
+    "body",
+    [
+        PRESS_BODY.pack(b"SSTQ", 1, b"r1", b"ada", 1, 2),
+        PRESS_BODY.pack(b"SSTP", 2, b"r1", b"ada", 1, 2),
+        PRESS_BODY.pack(b"SSTP", 1, b"r1", b"\xff\xfe", 1, 2),
+        PRESS_BODY.pack(b"SSTP", 1, b"r1X", b"ada", 1, 2),
+        PRESS_BODY.pack(b"SSTP", 1, b"r1", b"adaX", 1, 2),
+    ],
+)
+def test_an_authentic_packet_of_another_form_is_false(body: bytes) -> None:
+    assert judge().judge(resealed(body)) == (Verdict.FALSE, None)
 
 
 def test_an_open_bus_needs_no_secret_and_takes_only_the_open_operator() -> None:
@@ -117,6 +140,15 @@ def test_the_newest_presses_are_known() -> None:
     assert verdict(judging, PRESS) == [Verdict.STOP], "forgotten, and therefore doubtful"
 
 
+def test_a_repeated_press_stays_known() -> None:
+    judging = judge()
+    half = KNOWN_IDS * 3 // 4
+    others = [Press("ada", 2_000 + n, 1_000 + n) for n in range(2 * half)]
+    again = PRESS._replace(stamp_ns=PRESS.stamp_ns + 1)
+    assert set(verdict(judging, PRESS, *others[:half], again, *others[half:])) == {Verdict.STOP}
+    assert verdict(judging, again) == [Verdict.REPLAY]
+
+
 def test_the_answer_names_the_press_that_has_stopped() -> None:
     answer = sealed_answer(ADA, "r1", PRESS, stopped=True)
     assert stopped_by(answer, ADA, "r1", "ada") == PRESS.request_id
@@ -134,7 +166,12 @@ def test_the_answer_names_the_press_that_has_stopped() -> None:
         sealed_answer(ADA, "r1", PRESS, stopped=True) + b"\0",
         packet(),
         packet() + b"\0",
+        b"",
+        bytes(10),
         bytes(ANSWER_BYTES),
+        resealed(ANSWER_BODY.pack(b"SSTB", 1, b"r1", b"ada", 1, 2, True)),
+        resealed(ANSWER_BODY.pack(b"SSTA", 2, b"r1", b"ada", 1, 2, True)),
+        resealed(ANSWER_BODY.pack(b"SSTA", 1, b"r1X", b"ada", 1, 2, True)),
     ],
 )
 def test_no_other_packet_is_an_answer(false: bytes) -> None:
@@ -170,6 +207,7 @@ def test_the_secrets_of_revoked_operators_are_withdrawn(tmp_path: Path) -> None:
     locked = tls(tmp_path, f"[secrets]\n{lines}")
     assert set(load_secrets(locked).by_name) == set(names)
     assert load_secrets(locked).by_name["bob"] == ADA
+    assert load_secrets(locked).missing == ""
     revoked = Network(tls=locked, revoked=("ground-bob", "gateway", "ada"))
     found = operators_secrets(revoked)
     assert found is not None
@@ -181,7 +219,8 @@ def test_the_secrets_of_revoked_operators_are_withdrawn(tmp_path: Path) -> None:
     ("text", "named"),
     [
         ('[secrets]\nada = "00"', "ada"),
-        (f'[secrets]\nada = "{"zz" * 32}"', "ada"),
+        (f'[secrets]\nada = "{"zz" * 32}"', r"robot-r1\.stops: ada: not a name with 64"),
+        (f'[secrets]\nada = "{"00" * 33}"', "ada"),
         (f'[secrets]\n"A B" = "{"00" * 32}"', "A B"),
         ("[secrets]\nada = 5", "secrets"),
         ("[secret]\n", "secret"),
@@ -198,8 +237,15 @@ def test_a_wrong_file_is_refused_by_name(tmp_path: Path, text: str, named: str) 
 
 
 def test_a_robot_receives_stops_where_it_listens_unless_another_place_is_named() -> None:
-    endpoints = ("tcp/127.0.0.1:7447", "tls/[::1]:7448", "tls/host:1#a=b", "unixsock-stream/a/b")
-    assert places(Network(), "r1", endpoints) == [("127.0.0.1", 7447), ("::1", 7448), ("host", 1)]
+    endpoints = (
+        "tcp/127.0.0.1:7447",
+        "tls/[::1]:7448",
+        "tls/XX:1#a=b",
+        "tcp/h:2?c=d",
+        "unixsock-stream/a/b",
+    )
+    expected = [("127.0.0.1", 7447), ("::1", 7448), ("XX", 1), ("h", 2)]
+    assert places(Network(), "r1", endpoints) == expected
     named = Network(stop_at={"r1": "10.0.0.5:7500"})
     assert places(named, "r1", endpoints) == [("10.0.0.5", 7500)]
     assert places(named, "r2", ()) == []
