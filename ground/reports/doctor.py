@@ -1,6 +1,7 @@
 """`doctor`: listen for a moment, call every service, and report faults and remedies."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from time import time
 from typing import Any, ClassVar, Final
@@ -11,6 +12,7 @@ from ground.client.telemetry import Telemetry
 from ground.reports.doctor_findings import Finding, Observed, Stream, examine, installation, lines
 from ground.reports.doctor_findings import Report as Findings
 from ground.reports.report import Report
+from ground.text.statustext import StatustextAssembler, aged
 from protocol.bus.mailbox import Mailbox
 from protocol.bus.tls.certificate import own_certificate
 from protocol.bus.tls.role_grants import denial
@@ -20,11 +22,13 @@ from protocol.topics import (
     ODOMETRY,
     PARAMETERS,
     STATUS,
+    TEXT,
     TOPICS,
     WORLD,
     Role,
     Service,
 )
+from protocol.wire.codec import decode
 from protocol.wire.messages import CommandRequest
 from runtime.cli.conflicts import conflicts
 from runtime.errors import AccessDeniedError, PeerHangsError, RemoteError
@@ -72,11 +76,22 @@ def dial_fault(error: UnansweredError, endpoint: str) -> tuple[str, str]:
 
 def observe(link: Link, listen_ns: int) -> Observed:
     """Observe all topics for the given time, then call the services."""
-    with link.subscribed(*TOPICS) as telemetry:
-        return observed(link, telemetry, listen_ns)
+    texts, assembler, clock = [], StatustextAssembler(), link.clock
+
+    def take(_key: str, frame: bytes, sent_ns: int) -> None:
+        with suppress(RemoteError):
+            if text := assembler.receive(decode(frame).message):
+                texts.append(aged(text, clock.now_ns() - sent_ns))
+
+    box = link.bus.mailbox(TEXT, link.robot, take=take)
+    try:
+        with link.subscribed(*TOPICS) as telemetry:
+            return observed(link, telemetry, texts, listen_ns)
+    finally:
+        link.bus.unsubscribe(box)
 
 
-def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
+def observed(link: Link, telemetry: Telemetry, texts: Sequence[str], listen_ns: int) -> Observed:
     """Collect tokens, streams, status and the replies of the services."""
     link.wait(lambda: False, listen_ns)
     now_ns = link.clock.now_ns()
@@ -102,6 +117,7 @@ def observed(link: Link, telemetry: Telemetry, listen_ns: int) -> Observed:
         certified=own_certificate(link.bus.network.tls) if link.bus.network.tls else None,
         clock_s=time(),
         conflicts=tuple(conflicts()),
+        texts=tuple(texts),
     )
 
 

@@ -11,7 +11,8 @@ from ground.client.presence import PresentProcesses, explain_silence
 from ground.client.status_line import knows_place
 from protocol.bus.tls.certificate import CertificateStatus
 from protocol.bus.tls.certificate_advice import EXPIRES_SOON, RENEW, remedy
-from protocol.bus.tls.role_grants import ALL, denial, grant_of
+from protocol.bus.tls.identities import ID_TAKEN
+from protocol.bus.tls.role_grants import RECORDER, VIEWER, denial
 from protocol.topics import CLOCK, COMMAND, HEARTBEAT, MCU, OPERATOR, TELEOP, Role, Topic
 from protocol.wire.enums import Vehicle
 from protocol.wire.messages import CycleReport, NavigatorStatus, PlanarOdometry
@@ -46,6 +47,7 @@ class Observed:
 
     `answers` holds pairs of service path and the reason why it did not answer. `certified` is the
     certificate of this process on a bus with TLS. `clock_s` is this machine's time since 1970.
+    `texts` are those of the robot, cached ones included.
     """
 
     robot: str
@@ -60,6 +62,7 @@ class Observed:
     certified: CertificateStatus | None = None
     clock_s: float = 0.0
     conflicts: tuple[Conflict, ...] = ()
+    texts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,7 @@ def examine(seen: Observed) -> Report:
         [
             *installation(seen.conflicts),
             *certificate(seen),
+            *taken_ids(seen.texts),
             *processes(seen),
             *streams(seen),
             *services(seen),
@@ -110,16 +114,26 @@ def certificate(seen: Observed) -> Iterator[Finding]:
     own = seen.certified
     if own is None:
         return
-    grant = grant_of(own.name)
     if own.name and (why := denial(own.name, seen.robot, COMMAND)):
-        subscribes = grant is not None and grant.subscribes == ALL
-        yield Finding(why, "use --config DIR/ground.toml to command", bad=not subscribes)
+        observes = own.name in (VIEWER, RECORDER)
+        yield Finding(why, "use --config DIR/ground.toml to command", bad=not observes)
     if own.trouble:
         yield Finding(own.trouble, remedy(own), bad=True)
     elif own.until_s is not None and own.until_s - seen.clock_s < EXPIRES_SOON.total_seconds():
         days = max(0.0, (own.until_s - seen.clock_s) / DAY_S)
         what = f"the certificate of {own.name} expires in {days:.0f} days"
         yield Finding(what, RENEW, bad=False)
+
+
+def taken_ids(texts: Iterable[str]) -> Iterator[Finding]:
+    """Yield the links that used the session id of another certificate."""
+    for text in dict.fromkeys(texts):
+        if text.startswith(ID_TAKEN):
+            do = (
+                "find out who has the key of the certificate that is named first, and `sidestep "
+                "keys revoke` it; if it is the rightful one, it opens a fresh session by itself"
+            )
+            yield Finding(text, do, bad=False)
 
 
 def processes(seen: Observed) -> Iterator[Finding]:

@@ -14,19 +14,21 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.faults.fault_injector import FaultInjector
+from protocol.bus.lasting_session import LastingSession, close_session, is_linked
 from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetched
-from protocol.bus.linger import DelayedClose
+from protocol.bus.linger import LinkCloser
 from protocol.bus.mailbox import Mailbox, Sample
 from protocol.bus.network import Hub, Network
 from protocol.bus.presence import MAX_TOKENS, Presence, TokenSet, presence_in
 from protocol.bus.publisher import Publisher, await_ready
 from protocol.bus.requester import Requester
 from protocol.bus.service import Handler, ServiceQueue, ServiceRequest, attached_time, payload_bytes
-from protocol.bus.session import bound_endpoints, loss_text, open_session, probed
+from protocol.bus.session import bound_endpoints, loss_text, open_session, probed, redialled
 from protocol.bus.tls.certificate import holder
 from protocol.bus.tls.certificate_advice import peer_refusal
+from protocol.bus.tls.identities import AcceptedPeers, RefusedLink
 from protocol.bus.tls.peers import DialledPeers, callers
-from protocol.bus.tls.role_grants import may_fetch, operator_name
+from protocol.bus.tls.role_grants import ends_of, may_fetch, operator_name
 from protocol.sender import sender_of
 from protocol.topics import (
     CLOCK_SERVICE,
@@ -36,14 +38,13 @@ from protocol.topics import (
     Role,
     Service,
     Topic,
-    key_parts,
     operator_in,
     robot_name,
 )
 from protocol.wire.codec import Encoder
 from protocol.wire.message import Message
 from protocol.wire.messages import Timesync
-from runtime.errors import LocalError
+from runtime.errors import LocalError, UserError
 
 Take = Callable[[str, bytes, int], None]
 """Key, frame and time of arrival in ns; for a cached event, the time of its publication."""
@@ -52,7 +53,11 @@ M = TypeVar("M", bound=Message)
 
 
 class Bus:
-    """One session of one process. It must be closed, best by `with`."""
+    """One session of one process. It must be closed, best by `with`.
+
+    A process that dials replaces its session by a fresh one if its link does not come back, though
+    a process listens there; its identity remains.
+    """
 
     def __init__(
         self,
@@ -71,12 +76,23 @@ class Bus:
         self._queue = ServiceQueue()
         self.faults = FaultInjector(network.trouble, now_ns)
         self.holder = holder(network.tls, role, robot)
-        self._session = open_session(network)
-        self._dialled = DialledPeers(self._session, network, self.holder, robot)
-        self._lingering = DelayedClose()
-        self._declared.append(callers(self._session, self._lingering.stop))
+        session = open_session(network)
+        self.zid = str(session.zid())
+        """The id of this process, that of its first session."""
+
+        self._report_link: Callable[[str], None] = lambda _why: None
+        dials = bool(network.connect) and not network.listen
+        accepts = self._accepts if dials else None
+        self._sessions = LastingSession(session, self._open_fresh, accepts)
+        self._dialled = self._sessions.declare(self._follow_dialled)
+        self._dialled.now.refuse()
+        self._links = LinkCloser()
+        self._declare(lambda one: callers(one, self._links.stop_lingering))
+        self._accepted = None
+        if network.tls is not None and network.listen:
+            self._accepted = AcceptedPeers(session, self._links.end)
         self._requester = Requester(
-            self._session, network, role, self.operator, self.holder, now_ns
+            self._sessions, network, role, self.operator, self.holder, now_ns
         )
 
     def __enter__(self) -> Self:
@@ -89,21 +105,59 @@ class Bus:
         """Drop unanswered requests, undeclare everything and close the session."""
         self._requester.close()
         self._queue.close()
-        session: Any = self._session
-        session.close()
-        self._lingering.close()
+        self._sessions.close()
+        self._links.close()
         self.faults.close()
 
     @property
-    def zid(self) -> str:
-        """The session id."""
-        return str(self._session.zid())
+    def _session(self) -> zenoh.Session:
+        """The present session."""
+        return self._sessions.now
+
+    def _declare(self, declare: Callable[[zenoh.Session], object]) -> None:
+        """Declare something until the bus is closed, on each session that it has."""
+        self._declared.append(self._sessions.declare(declare))
+
+    def reopen(self) -> bool:
+        """Replace the session by a fresh one; return whether the dialled process has accepted it.
+
+        May be called from any thread; takes about a second if no process accepts it.
+        """
+        return self._sessions.replace()
+
+    def _accepts(self) -> bool:
+        """Return whether a dialled process accepts a TCP connection."""
+        return any(probed(endpoint) is Hub.HANGS for endpoint in self.network.connect)
+
+    def _open_fresh(self) -> zenoh.Session | None:
+        """Return another session, or None if no right process accepts it."""
+        try:
+            session = redialled(self.network)
+            DialledPeers(session, self.network, self.holder, self.robot).refuse()
+        except (zenoh.ZError, UserError):
+            return None
+        if is_linked(session):
+            return session
+        close_session(session)
+        return None
+
+    def _follow_dialled(self, session: zenoh.Session) -> DialledPeers:
+        """Check the certificates of the processes that a session dials, also later."""
+        if str(session.zid()) != self.zid:
+            self._report_link(
+                f"the process at {', '.join(self.network.connect)} accepts connections, but the "
+                f"link did not come back: a fresh session, {session.zid()}, replaces it"
+            )
+        dialled = DialledPeers(session, self.network, self.holder, self.robot)
+        dialled.on_wrong(self._report_link)
+        return dialled
 
     @property
     def operator(self) -> str | None:
         """This operator's identity, the end of the keys on which it publishes and queries.
 
-        None for a process that is no operator, such as a viewer.
+        It remains when a fresh session is opened, and with it the lease. None for a process that is
+        no operator, such as a viewer.
         """
         name = operator_name(self.holder) if self.role is Role.GROUND else None
         return None if name is None else f"{name}/{self.zid}"
@@ -136,7 +190,7 @@ class Bus:
             if topic.rate_hz:
                 time_ns = partial(self._requester.clocks.time_ns, name)
                 self._requester.clocks.follow(name)
-        return Publisher(self._session, topic, key, self._encoder(robot), time_ns)
+        return Publisher(self._sessions, topic, key, self._encoder(robot), time_ns)
 
     def mailbox(
         self,
@@ -172,7 +226,7 @@ class Bus:
             mailbox.store(found, arrived_ns)
 
         history = 0 if take is None else self._history(topic, robot)
-        key = self._subscription_key(topic, robot)
+        key = self._subscription_keys(topic, robot)[-1]
         self._mailboxes[mailbox] = self._subscriber(key, store, history)
         return mailbox
 
@@ -180,10 +234,10 @@ class Bus:
         """End the subscription of a mailbox that is needed no more."""
         subscriber = self._mailboxes.pop(mailbox, None)
         if subscriber is not None:
-            subscriber.undeclare()
+            self._sessions.undeclare(subscriber)
 
-    def stream(self, source: Topic[Any] | str, handler: Take, robot: str | None = None) -> None:
-        """Subscribe to every frame of a topic, or of a key expression such as `sidestep/**`.
+    def stream(self, topic: Topic[Any], handler: Take, robot: str | None = None) -> None:
+        """Subscribe to every frame of a topic.
 
         If the topic has a history that our certificate permits to fetch, the handler also receives
         its cached events and those missed during an interruption.
@@ -193,24 +247,13 @@ class Bus:
         def forward(sample: zenoh.Sample) -> None:
             handler(str(sample.key_expr), sample.payload.to_bytes(), published_ns(sample, now_ns()))
 
-        if isinstance(source, str):
-            self._declared.append(self._subscriber(source, forward))
-        else:
-            key, history = self._subscription_key(source, robot), self._history(source, robot)
+        history = self._history(topic, robot)
+        for key in self._subscription_keys(topic, robot):
             self._declared.append(self._subscriber(key, forward, history))
 
     def stream_all(self, handler: Take, robot: str | None = None) -> None:
         """Subscribe to every frame of one robot, each once, with the history of all topics."""
-        histories = [topic for topic in TOPICS if topic.history]
-        apart = frozenset(topic.path for topic in histories)
-
-        def rest(key: str, frame: bytes, arrived_ns: int) -> None:
-            parts = key_parts(key)
-            if parts is None or parts.path not in apart:
-                handler(key, frame, arrived_ns)
-
-        self.stream(self.key("**", robot), rest)
-        for topic in histories:
+        for topic in TOPICS:
             self.stream(topic, handler, robot)
 
     def serve(self, service: Service, handler: Handler, robot: str | None = None) -> None:
@@ -242,7 +285,8 @@ class Bus:
             pressed(request.operator, request.payload)
             self._queue.put(request, handler)
 
-        self._declared.append(self._subscriber(self._subscription_key(STOP, None), receive))
+        for key in self._subscription_keys(STOP, None):
+            self._declared.append(self._subscriber(key, receive))
         self._answer(STOP_SERVICE, None, take)
 
     def keep_serving(self) -> None:
@@ -259,9 +303,9 @@ class Bus:
         def receive(query: zenoh.Query) -> None:
             take(ServiceRequest(query, key, service, encoder, queue.send, now_ns()))
 
-        served = f"{key}/**" if service.of_operators else key
-        callback = Callback(receive, indirect=False)
-        self._declared.append(self._session.declare_queryable(served, callback))
+        for end in ends_of(service):
+            callback = Callback(receive, indirect=False)
+            self._declare(partial(queryable, f"{key}{end}", callback))
 
     def ask(
         self,
@@ -281,7 +325,7 @@ class Bus:
         if self.role is None:
             raise LocalError("a process without a role cannot announce itself")
         key = self.key(f"alive/{self.role.value}/{self.zid}", robot)
-        self._declared.append(self._session.liveliness().declare_token(key))
+        self._declare(lambda one: one.liveliness().declare_token(key))
 
     def present(self, timeout_s: float = 1.0) -> list[Presence]:
         """Return the announced processes of all robots of this prefix.
@@ -302,7 +346,7 @@ class Bus:
         A dialled process with the certificate of a wrong role counts as one that hangs.
         """
         info = self._session.info
-        if self._dialled.wrong:
+        if self._dialled.now.wrong:
             return Hub.HANGS
         if list(info.routers_zid()):
             return Hub.ROUTER
@@ -316,7 +360,7 @@ class Bus:
 
         Takes up to two seconds for each process that accepts the connection but does not answer.
         """
-        return str(self._dialled.wrong or peer_refusal(self.network) or "")
+        return str(self._dialled.now.wrong or peer_refusal(self.network) or "")
 
     def lost(self) -> str:
         """Return why there is no link: the hub has ended, hangs or refuses. Empty while linked."""
@@ -331,23 +375,36 @@ class Bus:
         """
         tokens = self._watched = TokenSet(handler)
 
-        def forward(sample: zenoh.Sample) -> None:
-            token = presence_in(str(sample.key_expr))
-            if token is not None:
-                tokens.take(token, appeared=sample.kind == zenoh.SampleKind.PUT)
-
         key = f"{self.network.prefix}/*/alive/*/*"
-        callback = Callback(forward, indirect=False)
-        watcher = self._session.liveliness().declare_subscriber(key, callback, history=True)
-        self._declared.append(watcher)
+
+        def declare(one: zenoh.Session) -> object:
+            def forward(sample: zenoh.Sample) -> None:
+                token = presence_in(str(sample.key_expr))
+                if token is not None and one is self._session:
+                    tokens.take(token, appeared=sample.kind == zenoh.SampleKind.PUT)
+
+            tokens.clear()  # those of an earlier session
+            callback = Callback(forward, indirect=False)
+            return one.liveliness().declare_subscriber(key, callback, history=True)
+
+        self._declare(declare)
 
     def on_caller(self, handler: Callable[[str, str | None, str], None]) -> None:
         """Call `handler` for each linked process: session id, name of its certificate, address."""
-        self._declared.append(callers(self._session, handler))
+        self._declare(lambda one: callers(one, handler))
+
+    def on_refused(self, handler: Callable[[RefusedLink], None]) -> None:
+        """Call `handler` for each link that used the session id of another certificate."""
+        if self._accepted is not None:
+            self._accepted.on_refused(handler)
 
     def on_impostor(self, handler: Callable[[str], None]) -> None:
-        """Call `handler`, at a limited rate, with the reason why a dialled process is wrong."""
-        self._dialled.on_wrong(handler)
+        """Call `handler`, at a limited rate, with the reason why a dialled process is wrong.
+
+        It is also called when a fresh session has replaced one that was not taken back.
+        """
+        self._report_link = handler
+        self._dialled.now.on_wrong(handler)
 
     def await_matched(self, publishers: Iterable[Publisher[Any]], timeout_s: float) -> list[str]:
         """Wait until all publishers are ready; return the keys of those that were not in time."""
@@ -362,10 +419,9 @@ class Bus:
             counts[path] = counts.get(path, 0) + mailbox.rejected
         return counts
 
-    def _subscription_key(self, topic: Topic[Any], robot: str | None) -> str:
-        """Return the key expression of a topic's samples, of all operators."""
-        key = self.key(topic.path, robot)
-        return f"{key}/**" if topic.of_operators else key
+    def _subscription_keys(self, topic: Topic[Any], robot: str | None) -> tuple[str, ...]:
+        """Return the key expressions of a topic's samples, of all operators."""
+        return tuple(f"{self.key(topic.path, robot)}{end}" for end in ends_of(topic))
 
     def _history(self, topic: Topic[Any], robot: str | None) -> int:
         """Return how many cached samples of a topic may be fetched."""
@@ -379,14 +435,20 @@ class Bus:
     ) -> Any:
         receive = self.faults.wrapped(callback)
         if history:
-            return fetching_subscriber(self._session, key, history, receive)
-        return self._session.declare_subscriber(key, Callback(receive, indirect=False))
+            return fetching_subscriber(self._sessions, key, history, receive)
+        callback = Callback(receive, indirect=False)
+        return self._sessions.declare(lambda one: one.declare_subscriber(key, callback))
 
 
 def time_answer(question: Message | None, time_ns: int) -> Timesync:
     """Return the answer to a TIMESYNC, with the time at which it arrived."""
     asked_ns = question.ts1 if isinstance(question, Timesync) else 0
     return Timesync(tc1=time_ns, ts1=asked_ns)
+
+
+def queryable(key: str, callback: Any, session: zenoh.Session) -> object:
+    """Declare that a session answers queries of a key."""
+    return session.declare_queryable(key, callback)
 
 
 def open_bus(

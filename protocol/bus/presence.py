@@ -41,6 +41,11 @@ class TokenSet:
             self.there = self.there | {token} if appeared else self.there - {token}
             self._handler(token, appeared)
 
+    def clear(self) -> None:
+        """Remove all tokens."""
+        for token in self.there:
+            self.take(token, appeared=False)
+
 
 def presence_in(key: str) -> Presence | None:
     """Return the token of a key; None unless robot, role and session are valid."""

@@ -6,6 +6,7 @@ from typing import Any, Final, Generic, TypeVar
 
 import zenoh
 
+from protocol.bus.lasting_session import Declared, LastingSession
 from protocol.bus.late_join import LIVE, caching_publisher
 from protocol.bus.robot_clock import time_bytes
 from protocol.topics import ENCODING, Priority, Topic
@@ -35,7 +36,7 @@ class Publisher(Generic[M]):
 
     def __init__(
         self,
-        session: zenoh.Session,
+        session: LastingSession,
         topic: Topic[M],
         key: str,
         encoder: Encoder,
@@ -53,11 +54,15 @@ class Publisher(Generic[M]):
             "express": False,
             "reliability": zenoh.Reliability.RELIABLE,
         }
-        plain = session.declare_publisher(key, congestion_control=LIVE, **service)
+        plain = session.declare(
+            lambda one: one.declare_publisher(key, congestion_control=LIVE, **service)
+        )
         self._matching = plain  # an advanced publisher has no matching status
-        self._publisher: Any = plain
+        self._publisher: Declared[Any] = plain
         if topic.history:
-            self._publisher = caching_publisher(session, key, topic.history, **service)
+            self._publisher = session.declare(
+                lambda one: caching_publisher(one, key, topic.history, **service)
+            )
 
     def put(self, message: M) -> bytes:
         """Send a message and return its frame; LocalError if it fits neither topic nor wire."""
@@ -73,8 +78,14 @@ class Publisher(Generic[M]):
 
     def put_frame(self, frame: bytes) -> None:
         """Send a frame unchanged: prepared by `frame`, replayed, or malformed on purpose."""
-        stamp = self._session.new_timestamp() if self.topic.history else None
-        self._publisher.put(frame, attachment=self._sent(), timestamp=stamp)
+        publisher = self._publisher.now
+        try:
+            stamp = self._session.now.new_timestamp() if self.topic.history else None
+            publisher.put(frame, attachment=self._sent(), timestamp=stamp)
+        except zenoh.ZError:
+            if publisher is self._publisher.now:
+                raise
+            self.put_frame(frame)  # a fresh session has replaced the one before
 
     def _sent(self) -> bytes | None:
         time_ns = None if self._time_ns is None else self._time_ns()
@@ -92,7 +103,7 @@ class Publisher(Generic[M]):
         Samples put before are lost unless the topic has a history.
         """
         # Zenoh's stub declares bool, but the value is an object, which is always true.
-        status: Any = self._matching.matching_status
+        status: Any = self._matching.now.matching_status
         return bool(status.matching)
 
 

@@ -5,11 +5,12 @@ from typing import Any, Final
 
 import zenoh
 
+from protocol.bus.lasting_session import LastingSession
 from protocol.bus.mailbox import foreign
 from protocol.bus.network import Network
 from protocol.bus.publisher import PRIORITIES
 from protocol.bus.robot_clock import RobotClocks, time_bytes
-from protocol.bus.tls.role_grants import unanswered
+from protocol.bus.tls.role_grants import denial, unanswered
 from protocol.sender import sender_of
 from protocol.topics import CLOCK_SERVICE, ENCODING, ENCODING_FAMILY, Role, Service
 from protocol.wire.codec import Encoder, decode
@@ -31,7 +32,7 @@ class Requester:
 
     def __init__(
         self,
-        session: Any,
+        session: LastingSession,
         network: Network,
         role: Role | None,
         operator: str | None,
@@ -89,18 +90,25 @@ class Requester:
         frame = None
         if message is not None:
             frame = Encoder(*sender_of(self._role, robot)).encode(message)
-        replies = self._session.get(
-            f"{key}/{self._operator}" if service.of_operators and self._operator else key,
-            payload=frame,
-            encoding=None if frame is None else ENCODING,
-            timeout=timeout_s,
-            attachment=self._deadline(service, timeout_s, robot),
-            priority=PRIORITIES[service.priority],
-        )
+        session: Any = self._session.now
+        try:
+            replies = session.get(
+                f"{key}/{self._operator}" if service.of_operators and self._operator else key,
+                payload=frame,
+                encoding=None if frame is None else ENCODING,
+                timeout=timeout_s,
+                attachment=self._deadline(service, timeout_s, robot),
+                priority=PRIORITIES[service.priority],
+            )
+        except zenoh.ZError as error:
+            if session is self._session.now:
+                raise
+            raise NoAnswerError(f"{key}: a fresh session has replaced the one before") from error
         for reply in replies:
             if reply.ok is not None:
                 return answer_in(reply.ok)
-            raise NoAnswerError(f"{key}: no answer within {patience_s or timeout_s:.2g} s")
+            late = f"no answer within {patience_s or timeout_s:.2g} s"
+            raise NoAnswerError(f"{key}: {denial(self._holder, robot, service) or late}")
         raise NoAnswerError(f"{key}: {unanswered(self._holder, robot, service)}")
 
     def _deadline(self, service: Service, timeout_s: float, robot: str) -> bytes | None:

@@ -108,6 +108,13 @@ def open_slowly(network: Network, busiest: float) -> zenoh.Session:
     )
 
 
+def redialled(network: Network) -> zenoh.Session:
+    """Open another session with a single attempt; raise zenoh.ZError, or UserError for settings."""
+    config = configured(network, DIAL_S, round(DIAL_S * 1000))
+    config.insert_json5("connect/timeout_ms", "0")  # no repetition
+    return zenoh.open(config)
+
+
 def configured(network: Network, dial_s: float, open_ms: int = OPEN_MS) -> zenoh.Config:
     """Return Zenoh's configuration."""
     config = zenoh.Config()

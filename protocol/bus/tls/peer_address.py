@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -62,11 +63,18 @@ def end_of(text: str) -> ConnectionEnd:
         raw = b"".join(raw[at : at + 4][::-1] for at in range(0, len(raw), 4))
     if len(raw) == 4:
         return ConnectionEnd(str(IPv4Address(raw)), int(port, 16))
-    long = IPv6Address(raw)
-    return ConnectionEnd(str(long.ipv4_mapped or long), int(port, 16))
+    return ConnectionEnd(plain_host(str(IPv6Address(raw))), int(port, 16))
 
 
 def end_in(address: str) -> ConnectionEnd:
     """Parse `10.0.0.7:50000` or `[::1]:50000`."""
     host, _, port = address.rpartition(":")
-    return ConnectionEnd(host.strip("[]"), int(port) if port.isdecimal() else 0)
+    return ConnectionEnd(plain_host(host), int(port) if port.isdecimal() else 0)
+
+
+def plain_host(host: str) -> str:
+    """Return a host without brackets and zone; an IPv4 address in IPv6 becomes a plain one."""
+    host = host.strip("[]").partition("%")[0]
+    with suppress(ValueError):
+        return str(IPv6Address(host).ipv4_mapped or IPv6Address(host))
+    return host

@@ -15,6 +15,14 @@ QUIET_S: Final = 10.0
 REPLACED: Final = "no data is exchanged with it; find out which process listens there with this key"
 
 
+def declare_link_events(
+    session: zenoh.Session, handler: Callable[[zenoh.LinkEvent], None]
+) -> "zenoh.LinkEventsListener[None]":
+    """Call `handler` for each present and new link, and for the end of each."""
+    callback = Callback(handler, indirect=False)
+    return session.info.declare_link_events_listener(callback, history=True)
+
+
 def callers(
     session: zenoh.Session, handler: Callable[[str, str | None, str], None]
 ) -> "zenoh.LinkEventsListener[None]":
@@ -23,10 +31,14 @@ def callers(
     def forward(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
             link = event.link
-            handler(str(link.zid), link.auth_identifier, link.dst)
+            handler(str(link.zid), link.auth_identifier, address_of(link))
 
-    callback = Callback(forward, indirect=False)
-    return session.info.declare_link_events_listener(callback, history=True)
+    return declare_link_events(session, forward)
+
+
+def address_of(link: zenoh.Link) -> str:
+    """Return HOST:PORT of the other end of a link."""
+    return link.dst.partition("/")[2].partition("#")[0].partition("?")[0]
 
 
 class DialledPeers:
@@ -34,7 +46,6 @@ class DialledPeers:
 
     `own` is the common name of this process's certificate, None without TLS; `robot` is the robot
     it works for. The access control of the session blocks all data to and from a wrong process.
-    Raises AccessDeniedError if a wrong process answers the first connection.
     """
 
     def __init__(
@@ -44,16 +55,18 @@ class DialledPeers:
         self._wrong: dict[tuple[str, str], tuple[str, str]] = {}
         self._reported_s = -QUIET_S
         self._report: Callable[[str], None] = lambda _why: None
+        self._session: Any = session
         if own is None or network.listen:
             return
         for link in session.info.links():
             self._check(link)
+        self._listener = declare_link_events(session, self._changed)
+
+    def refuse(self) -> None:
+        """Close the session and raise AccessDeniedError if the dialled process is the wrong one."""
         if self._wrong:
-            closing: Any = session
-            closing.close()
+            self._session.close()
             raise AccessDeniedError(*next(iter(self._wrong.values())))
-        callback = Callback(self._changed, indirect=False)
-        self._listener: Any = session.info.declare_link_events_listener(callback, history=True)
 
     @property
     def wrong(self) -> str:

@@ -118,8 +118,11 @@ class RefusalLog:
         """
         read = [event.decode(errors="replace") for event in events[:MAX_EVENTS]]
         found = (*denials(read, caller), *failed_handshakes(read, failed_hosts))
-        lines = [line for sentence in found for line in self._limited(sentence, now_ns)]
-        return [*lines, *self._ended(now_ns)]
+        return [*self.limited(found, now_ns), *self._ended(now_ns)]
+
+    def limited(self, sentences: Iterable[Sentence], now_ns: int) -> list[str]:
+        """Return the sentences that are to be reported now."""
+        return [line for sentence in sentences for line in self._limited(sentence, now_ns)]
 
     def _limited(self, sentence: Sentence, now_ns: int) -> Iterator[str]:
         """Yield the sentence unless it was reported before or there were too many."""

@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -98,7 +99,8 @@ class Robot:
         bus.serve(COMMAND, lambda asked: self.came.append(asked.key))
         bus.serve_stop(lambda operator, _: self.came.append(operator), lambda _: None)
         for key in (SONAR.path, f"{OPERATOR.path}/**"):
-            bus._declared.append(bus._session.declare_subscriber(bus.key(key), noting(self.came)))
+            declare = partial(zenoh.Session.declare_subscriber, key_expr=bus.key(key))
+            bus._declare(partial(declare, handler=noting(self.came)))
 
 
 def noting(keys: list[str]) -> Any:
@@ -162,7 +164,7 @@ def test_robot_accepts_only_robot_topics_from_a_router(ring: Keyring) -> None:
     """Apply the robot's own access list even if the router forwards everything."""
     with listening(ring, "router") as (router, port), opened(ring, "robot-r1", port) as bus:
         came: list[str] = []
-        bus._declared.append(bus._session.declare_subscriber(f"{PREFIX}/**", noting(came)))
+        bus._declare(lambda one: one.declare_subscriber(f"{PREFIX}/**", noting(came)))
         good = f"{PREFIX}/r1/{STOP.path}/ground/{SESSION}"
 
         def arrives() -> bool:

@@ -74,7 +74,7 @@ def sparing_put(self: Any, message: Message) -> bytes:
 
     Those frames are encoded to find values that cannot be encoded.
     """
-    if self._matching.quiet:
+    if self._matching.now.quiet:
         self.unobserved = getattr(self, "unobserved", 0) + 1
         if self.unobserved % 8:
             return b""
@@ -96,7 +96,7 @@ class PlainPublisher:
 
 def plain_subscriber(session: Any, key: str, _newest: int, take: Any) -> Any:
     """Subscribe without history."""
-    return session.declare_subscriber(key, take)
+    return session.declare(lambda one: one.declare_subscriber(key, take))
 
 
 BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (

@@ -11,7 +11,7 @@ from resource import RLIMIT_NOFILE, getrlimit, setrlimit
 import pytest
 
 from protocol.bus import linger
-from protocol.bus.linger import DelayedClose, stop_lingering
+from protocol.bus.linger import LinkCloser, stop_lingering
 from tests.support.until import until
 
 LINGER = struct.pack("ii", 1, 10)
@@ -81,7 +81,7 @@ def test_linger_is_cleared_once_descriptors_are_available(
         real()
 
     monkeypatch.setattr(linger, "stop_lingering", stop)
-    one = DelayedClose()
-    one.stop()
+    one = LinkCloser()
+    one.stop_lingering()
     until(lambda: not lingers(lingering), what="the second attempt")
     one.close()
