@@ -5,11 +5,13 @@ from pathlib import Path
 from protocol.topics import (
     COMMANDED,
     STATUS,
+    TEXT,
 )
 from protocol.wire.enums import AckResult, Command, Vehicle
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
+    Statustext,
 )
 from protocol.wire.reasons import Reason
 from robot.core import states
@@ -191,3 +193,68 @@ def test_stop_that_was_not_saved_is_saved_by_itself(idle: bool) -> None:
         rig.process.idle() if idle else rig.cycle()
         rig.clock.advance(100 * MS)
     assert [job.path.name for job in writer.waiting] == ["stop.txt"]
+
+
+# A stop that did not come by the bus.
+
+
+@each("idle", [False, True])
+def test_a_stop_of_another_thread_is_acted_on_like_one_of_the_bus(idle: bool) -> None:
+    rig = driving()
+    number = rig.process.press("ada", 77)
+    assert not rig.process.has_stopped(number)
+    if idle:
+        rig.process.idle()
+    else:
+        rig.cycle()
+    assert rig.vehicle.stopped
+    assert rig.process.has_stopped(number)
+    assert rig.sent(STATUS)[-1].stop_id == 77
+    (recorded,) = [one for one in rig.sent(COMMANDED) if isinstance(one, CommandRequest)]
+    assert recorded.request_id == 77
+
+
+def test_a_stop_of_another_thread_wakes_a_loop_that_waits_for_simulated_time() -> None:
+    rig = Rig()
+    rig.process.serve(nudge=rig.process.idle)
+    rig.cycle()
+    assert rig.process.has_stopped(rig.process.press("ada", 77))
+    assert rig.vehicle.stopped
+
+
+def test_a_press_has_not_stopped_what_was_released_since() -> None:
+    rig = driving()
+    number = rig.process.press("ada", 77)
+    rig.cycle()
+    released = rig.ask(clear(5))
+    rig.cycle()
+    assert released.reasons == [Reason.NONE]
+    assert not rig.process.has_stopped(number)
+
+
+def test_an_earlier_stop_does_not_acknowledge_a_press_that_is_not_read() -> None:
+    rig = driving()
+    press(rig)
+    rig.cycle()
+    assert rig.vehicle.stopped
+    assert not rig.process.has_stopped(rig.process.press("ada", 78))
+
+
+def test_a_note_of_another_thread_is_told_once() -> None:
+    rig = driving()
+    rig.process.note("an old stop came again")
+    for _ in range(3):
+        rig.cycle()
+    texts = [one.text for one in rig.sent(TEXT) if isinstance(one, Statustext)]
+    assert texts.count("an old stop came again") == 1
+
+
+def test_of_many_notes_the_newest_are_told() -> None:
+    rig = driving()
+    for number in range(100):
+        rig.process.note(f"note {number}")
+    rig.cycle()
+    texts = [one.text for one in rig.sent(TEXT) if isinstance(one, Statustext)]
+    assert [text for text in texts if text.startswith("note")] == [
+        f"note {number}" for number in range(94, 100)
+    ]
