@@ -150,3 +150,14 @@ def test_no_stop_is_lost_between_threads() -> None:
             newest = taken.request_id
     thread.join()
     assert pressed.take() is None
+
+
+def test_each_reading_counts_whether_it_finds_a_stop_or_not() -> None:
+    pressed = latch()
+    assert pressed.takes == 0
+    pressed.take()
+    assert pressed.takes == 1
+    pressed.press(ADA, stop(1))
+    assert pressed.takes == 1
+    pressed.take()
+    assert pressed.takes == 2
