@@ -29,7 +29,7 @@ from protocol.wire.messages import (
 )
 from robot import telemetry
 from robot.change_log import ChangeLog
-from robot.commands import Commands, ack, acknowledge, is_clear, is_stop
+from robot.commands import Commands, ack, acknowledge, is_arm, is_clear, is_stop
 from robot.core import reasons, states
 from robot.core.brain import StageHook
 from robot.core.parameters import Params
@@ -297,6 +297,8 @@ class Vehicle:
         was_armed, was_stopped = machine.vehicle == states.ACTIVE, self.stopped
         if is_clear(request) and kept.was_cleared_by(request.request_id):
             return acknowledge(request, reasons.OK)
+        if is_arm(request) and self._store.damaged and not was_stopped:
+            return acknowledge(request, reasons.PARAMETERS_DAMAGED)
         if is_stop(request):  # before the core, which may fail at it
             kept.keep(stopped=True)
         answer = self.commands.receive(request, now_ns // NS_PER_MS, operator)

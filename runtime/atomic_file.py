@@ -11,11 +11,14 @@ from pathlib import Path
 
 
 def replace(path: Path, text: str) -> None:
-    """Replace the content of a file as a whole; a symbolic link keeps its target.
+    """Replace the content of a file as a whole; a symbolic link to a file keeps its target.
 
-    Raises OSError; no temporary file is left then.
+    A link to anything else is itself replaced: a device must not become a file. Raises OSError; no
+    temporary file is left then.
     """
     file = Path(os.path.realpath(path))
+    if file != path and os.path.exists(file) and not os.path.isfile(file):
+        file = path
     draft = file.with_name(f".{file.name}.part")
     try:
         write(draft, text.encode())

@@ -38,14 +38,14 @@ class KeptStop:
         self._file = directory.file(NAME, ENDING, folder)
         self._cleared = directory.file(CLEARED, ENDING, folder)
         self._ids: list[int] = []
-        self._retry_ns: int | None = None
+        self._tried_ns = 0
         self._told = ""
 
     def found(self) -> bool:
         """Return whether an earlier run has left a stop; one that cannot be looked up counts."""
-        if self._file is None:
+        if self._file is None or self._cleared is None:
             return False
-        self._ids = ids_in(self._cleared)
+        self._ids = ids_in(self._cleared.path)
         try:
             is_there = regular_file.is_there(self._file.path)
         except OSError:
@@ -67,32 +67,24 @@ class KeptStop:
     def keep(self, *, stopped: bool) -> None:
         """Write the file, or remove it."""
         self._told = ""
-        self._put(TEXT if stopped else None)
+        if self._file is not None:
+            self._file.put(TEXT if stopped else None)
 
     def retry(self, now_ns: int) -> None:
         """Repeat a write that has failed, about once a second."""
         file = self._file
-        if file is None or not file.has_failed:
-            self._retry_ns = None
-        elif self._retry_ns is None:
-            self._retry_ns = now_ns + RETRY_NS
-        elif now_ns >= self._retry_ns:
-            self._retry_ns = None
-            self._put(TEXT if file.is_wanted else None)
-
-    def _put(self, text: str | None) -> None:
-        if self._file is not None:
-            self._file.put(text)
+        if file is not None and file.has_failed and now_ns - self._tried_ns >= RETRY_NS:
+            self._tried_ns = now_ns
+            file.put(TEXT if file.is_wanted else None)
 
     def news_of(self, file: StateFile) -> tuple[Severity, str] | None:
         """Return what operators should know about a write of the stop that has ended.
 
         The removal of a file is no news, nor is a repetition that fails like the write before.
         """
-        told, self._told = self._told, ""
-        if file.error is not None:
-            words = file.error.strerror or str(file.error)
-            self._told = words
+        words = "" if file.error is None else file.error.strerror or str(file.error)
+        told, self._told = self._told, words
+        if words:
             if words == told:
                 return None
             if file.is_wanted:
@@ -106,14 +98,9 @@ class KeptStop:
         return file is self._file
 
 
-def ids_in(file: StateFile | None) -> list[int]:
+def ids_in(path: Path) -> list[int]:
     """Return the ids that an earlier run has noted; none if they cannot be read."""
-    if file is None:
-        return []
     try:
-        text = text_in(file.path)
-        ids = [int(line, 16) for line in text.splitlines()][-MAX_CLEARED:]
+        return [int(line, 16) for line in text_in(path).splitlines()]
     except (OSError, ValueError):
         return []
-    file.found(text)
-    return ids

@@ -11,6 +11,7 @@ from robot.commands import (
     AnswerCache,
     Commands,
     acknowledge,
+    is_arm,
     is_clear,
     is_stop,
     result_of,
@@ -333,3 +334,13 @@ def test_restart_needs_a_robot_that_is_disarmed(
     robot.machine.vehicle = vehicle
     assert robot.ask(command(Command.PREFLIGHT_REBOOT_SHUTDOWN, action)) == reason
     assert robot.commands.restarts == (reason == Reason.NONE)
+
+
+def test_only_a_request_to_arm_arms() -> None:
+    arm = Command.COMPONENT_ARM_DISARM
+    assert is_arm(command(arm, 1.0))
+    assert is_arm(command(arm, 0.5)), "as the core reads it"
+    assert not is_arm(command(arm, 0.0))
+    assert not is_arm(command(Command.DO_SET_MODE, 1.0))
+    assert not is_arm(goal(1, 1.0, 1.0))
+    assert not is_arm(None)

@@ -152,3 +152,22 @@ def test_a_write_that_takes_less_than_it_was_given_is_repeated(
     monkeypatch.setattr("os.write", lambda number, data: write(number, data[:3]))
     atomic_file.replace(tmp_path / "file", "longer than three")
     assert (tmp_path / "file").read_text() == "longer than three"
+
+
+def test_link_to_a_file_keeps_its_target(tmp_path: Path) -> None:
+    (tmp_path / "target").write_text("a")
+    for name in ("target", "missing"):
+        (tmp_path / f"to {name}").symlink_to(tmp_path / name)
+        atomic_file.replace(tmp_path / f"to {name}", "b")
+        assert (tmp_path / f"to {name}").is_symlink()
+        assert (tmp_path / name).read_text() == "b"
+
+
+def test_link_to_a_device_is_replaced_and_not_the_device(tmp_path: Path) -> None:
+    """A pipe stands for it: as root, the link to a device would have replaced it for all."""
+    os.mkfifo(tmp_path / "device")
+    (tmp_path / "parameters.json").symlink_to(tmp_path / "device")
+    atomic_file.replace(tmp_path / "parameters.json", "b")
+    assert (tmp_path / "device").is_fifo()
+    assert not (tmp_path / "parameters.json").is_symlink()
+    assert (tmp_path / "parameters.json").read_text() == "b"

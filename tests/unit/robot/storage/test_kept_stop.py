@@ -13,7 +13,8 @@ from protocol.wire.reasons import Reason
 from robot.core import states
 from robot.stop_latch import emergency_stop
 from robot.storage.files import Store
-from robot.storage.kept_stop import RESTORED, RETRY_NS, SAVED
+from robot.storage.kept_stop import RESTORED, RETRY_NS, SAVED, TEXT
+from runtime import regular_file
 from tests.support.each import each
 from tests.support.robot.held_writer import HeldWriter
 from tests.support.robot.vehicles import MS, Desk
@@ -113,14 +114,14 @@ def test_failed_write_is_tried_again_each_second_by_itself(tmp_path: Path) -> No
     writer.finish(FULL)
     assert any("NOT saved" in words for _, words in told(desk))
     tried_ms = []
-    for now_ms in range(0, 5_000, 50):
+    for now_ms in range(10_000, 15_000, 50):
         desk.vehicle.retry_stop(now_ms * MS)
         if writer.waiting:
             tried_ms.append(now_ms)
             writer.finish(None if len(tried_ms) == 4 else FULL)
         if len(tried_ms) < 4:
             assert not [words for _, words in told(desk) if "saved" in words], "it is known"
-    assert tried_ms == [1_000, 2_050, 3_100, 4_150]
+    assert tried_ms == [10_000, 11_000, 12_000, 13_000]
     assert (Severity.NOTICE, SAVED) in told(desk)
     assert started(Store(tmp_path)).vehicle.stopped
 
@@ -129,11 +130,10 @@ def test_another_error_is_reported_while_it_is_tried_again(tmp_path: Path) -> No
     writer = HeldWriter()
     desk = started(Store(tmp_path, writer))
     desk.vehicle.receive(emergency_stop(7), 0)
-    for error in (FULL, OSError(30, "Read-only file system")):
+    for now_s, error in enumerate((FULL, OSError(30, "Read-only file system"), FULL), 1):
         writer.finish(error)
         assert any(str(error.strerror) in words for _, words in told(desk))
-        desk.vehicle.retry_stop(0)
-        desk.vehicle.retry_stop(RETRY_NS)
+        desk.vehicle.retry_stop(now_s * RETRY_NS)
 
 
 def test_folder_of_its_own_keeps_only_the_stop(tmp_path: Path) -> None:
@@ -165,9 +165,10 @@ def test_release_that_was_not_written_is_tried_again_by_itself(tmp_path: Path) -
     told(desk)
     desk.command(Command.SIDESTEP_CLEAR_EMERGENCY_STOP)
     writer.finish(FULL)
-    assert [words for _, words in told(desk) if "stop.txt not removed, trying again" in words]
+    ((severity, words),) = [one for one in told(desk) if "stop.txt" in one[1]]
+    assert severity == Severity.ERROR
+    assert words.endswith("stop.txt not removed, trying again: No space left on device")
     assert started(Store(tmp_path)).vehicle.stopped
-    desk.vehicle.retry_stop(0)
     desk.vehicle.retry_stop(RETRY_NS)
     writer.finish()
     assert not started(Store(tmp_path)).vehicle.stopped
@@ -235,6 +236,66 @@ def test_pipe_in_the_place_of_the_draft_holds_up_no_stop(tmp_path: Path) -> None
     desk = started(Store(tmp_path))
     desk.vehicle.receive(emergency_stop(7), 0)
     assert any("NOT saved" in words for _, words in told(desk))
-    desk.vehicle.retry_stop(0)
     desk.vehicle.retry_stop(RETRY_NS)
     assert started(Store(tmp_path)).vehicle.stopped, "the pipe was removed"
+
+
+def test_operators_read_what_is_there() -> None:
+    assert (TEXT, SAVED, RESTORED) == (
+        "The emergency stop holds until an operator clears it.\n",
+        "emergency stop saved: it holds over a restart",
+        "the emergency stop of the previous run still holds: clear it to arm",
+    )
+
+
+def test_without_a_folder_a_stop_is_released_all_the_same() -> None:
+    desk = Desk(Store(None))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    desk.vehicle.retry_stop(RETRY_NS)
+    assert clear(desk, 21) == Reason.NONE
+    assert not desk.vehicle.stopped
+
+
+def test_folder_that_cannot_be_looked_up_stops_the_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: Path) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(regular_file, "is_there", fail)
+    assert started(Store(tmp_path)).vehicle.stopped
+
+
+def test_restored_stop_is_not_written_again(tmp_path: Path) -> None:
+    (tmp_path / "stop.txt").touch()
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    desk.vehicle.receive(emergency_stop(7), 0)
+    assert writer.waiting == []
+
+
+def test_only_a_stop_that_holds_is_reported_as_saved(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = started(Store(tmp_path, writer))
+    for ends in ("released before it was written", "pressed again before it was removed"):
+        desk.vehicle.receive(emergency_stop(7), 0)
+        if ends.startswith("pressed"):
+            writer.finish()
+            told(desk)
+        clear(desk, len(ends))
+        if ends.startswith("pressed"):
+            desk.vehicle.receive(emergency_stop(8), 0)
+        writer.finish()
+        assert (Severity.NOTICE, SAVED) not in told(desk), ends
+        writer.finish()
+        assert ((Severity.NOTICE, SAVED) in told(desk)) == ends.startswith("pressed")
+    clear(desk, 1)
+    writer.finish()
+    assert (Severity.NOTICE, SAVED) not in told(desk)
+
+
+def test_write_without_a_failure_is_not_repeated(tmp_path: Path) -> None:
+    writer = HeldWriter()
+    desk = Desk(Store(tmp_path, writer))
+    desk.vehicle.retry_stop(RETRY_NS)
+    assert writer.waiting == []
