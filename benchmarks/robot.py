@@ -70,7 +70,7 @@ def in_wall_time(world: World, seconds: float, repetitions: int) -> list[Figure]
         open_bus(robot.network, None, "ground") as ground,
         driving(world, robot, lockstep=False) as standin,
     ):
-        ground.stream("sidestep/**", lambda _key, _frame, _ns: None)
+        ground.stream_all(lambda _key, _frame, _ns: None)
         for _ in range(repetitions):
             shares.append(busy_percent(standin, robot.pid, seconds))
             sizes.append(resident_mb(robot.pid))

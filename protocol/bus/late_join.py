@@ -1,23 +1,30 @@
 """Late-join support: publishers cache recent events; subscribers fetch those they missed.
 
-Uses Zenoh's advanced publishers and subscribers, with the keys `KEY/@adv/...` beside each key. A
-subscriber can distinguish fetched samples from live ones, and knows when they were published.
+Publishers are Zenoh's advanced ones. Each numbers its samples, and announces itself and the number
+of its newest one on `KEY/@adv/pub/SESSION/NUMBER/_`, where it also answers with cached samples.
+Subscribers are our own: Zenoh's advanced ones declare `KEY/@adv/**`. Whoever may declare that may
+declare every pattern below it, and to match one with many `**` takes exponential time and memory.
 """
 
-import logging
 import time
 from collections.abc import Callable
-from threading import Lock, Thread
-from typing import Any, Final, TypeAlias
+from functools import partial
+from threading import Lock
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import zenoh
 from zenoh import ext
 from zenoh.handlers import Callback
 
-LOG = logging.getLogger(__name__)
+from protocol.bus.lasting_session import Declared, LastingSession
+from protocol.bus.tls.rules import kept_by
+
 Take: TypeAlias = Callable[[zenoh.Sample], None]
 Source: TypeAlias = tuple[str, int]
 """A sender: its session id, and its number in that session."""
+
+Got: TypeAlias = Callable[[list[zenoh.Sample]], None]
+"""Receives what a sender has cached, once."""
 
 BEAT_S: Final = 0.5
 """Period at which a sender publishes its sequence number; the last lost event before a pause is
@@ -26,17 +33,18 @@ detected after at most this time."""
 LIVE: Final = zenoh.CongestionControl.DROP
 FETCHED: Final = zenoh.CongestionControl.BLOCK
 """The congestion control of a sample distinguishes live from fetched ones on arrival. A reply has
-that of its query, and advanced subscribers query with BLOCK. `congestion` decides how replies are
-really sent."""
+that of its query. `congestion` decides how replies are really sent."""
 
 FETCH_S: Final = 2.0
 FETCHES: Final = 16
-"""Fetches at the same time; limits the threads that a forger of senders can cause."""
+"""Fetches at the same time; limits the queries and the memory that a forger can cause."""
+
 MAX_WAITING: Final = 1000
 """Samples of one sender that wait until its earlier ones are fetched; further ones are dropped."""
 
+MAX_DIGITS: Final = 10
 SOURCES: Final = 1000
-"""Senders whose beginning is fetched; for further ones Zenoh alone fetches."""
+"""Senders whose missed samples are fetched; those of further ones are delivered as they come."""
 
 
 def caching_publisher(
@@ -54,63 +62,169 @@ def caching_publisher(
     )
 
 
-def fetching_subscriber(session: zenoh.Session, key: str, newest: int, take: Take) -> Any:
+class Subscriptions(NamedTuple):
+    """The subscriptions to a key with a history."""
+
+    samples: Any
+    beats: Any
+    senders: Any
+
+    def undeclare(self) -> None:
+        """End all of them."""
+        for one in self:
+            one.undeclare()
+
+
+def fetching_subscriber(
+    session: LastingSession, key: str, newest: int, take: Take
+) -> Declared[Subscriptions]:
     """Return a subscriber that also fetches cached samples, each once, in the sender's order."""
-    late_join = LateJoin(lambda source: fetched(session, key, newest, source), take)
-    return ext.declare_advanced_subscriber(
-        session,
-        key,
-        Callback(late_join.receive, indirect=False),
-        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=newest),
-        recovery=ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-    )
+    late_join = LateJoin(partial(fetch, session, key, newest), take)
+
+    def found(sample: zenoh.Sample) -> None:
+        source = source_in(str(sample.key_expr))
+        if source is not None and sample.kind == zenoh.SampleKind.PUT:
+            newest_bytes = sample.payload.to_bytes()[:4]
+            late_join.announced(source, int.from_bytes(newest_bytes, "little"))
+
+    def declare(one: zenoh.Session) -> Subscriptions:
+        return Subscriptions(
+            one.declare_subscriber(key, Callback(late_join.receive, indirect=False)),
+            one.declare_subscriber(kept_by(key), Callback(found, indirect=False)),
+            one.liveliness().declare_subscriber(
+                kept_by(key), Callback(found, indirect=False), history=True
+            ),
+        )
+
+    return session.declare(declare)
+
+
+class Sender:
+    """What has arrived of one sender: `due` is the number of the next sample to deliver."""
+
+    __slots__ = ("due", "fetching", "waiting")
+
+    def __init__(self) -> None:
+        self.due = 0
+        self.fetching = False
+        self.waiting: dict[int, zenoh.Sample] = {}
 
 
 class LateJoin:
-    """Deliver the samples of each sender from the first one on.
+    """Deliver the samples of each sender from the first one on, each once and in order.
 
-    Zenoh 1.10 fetches twice from a sender that it detects. If the first live sample arrives between
-    the two answers, Zenoh drops what it has fetched. If the first sample received from a sender is
-    not its first one, delivery therefore waits until the earlier samples are fetched.
+    `fetch` requests the samples of a sender from a number on. Later ones wait for the answer. What
+    the sender no longer has, or does not answer, is left out.
     """
 
-    def __init__(self, fetch: Callable[[Source], list[zenoh.Sample]], take: Take) -> None:
+    def __init__(self, fetch: Callable[[Source, int, Got], None], take: Take) -> None:
         self._fetch, self._take = fetch, take
         self._lock = Lock()
-        self._known: set[Source] = set()
-        self._waiting: dict[Source, list[zenoh.Sample]] = {}
+        self._senders: dict[Source, Sender] = {}
+        self._fetches = 0
 
     def receive(self, sample: zenoh.Sample) -> None:
-        """Take a sample from the bus; called for one sample after the other."""
-        source = source_of(sample)
+        """Take a live sample; those of a sender come one after the other."""
+        source, number = source_of(sample), number_of(sample)
         with self._lock:
-            if source in self._waiting:
-                if len(self._waiting[source]) < MAX_WAITING:
-                    self._waiting[source].append(sample)
-            elif source is not None and self._lacks(source, sample):
-                self._waiting[source] = [sample]
-                Thread(target=self._complete, args=(source, number_of(sample)), daemon=True).start()
-            else:
+            sender = None if source is None else self._known(source)
+            if source is None or sender is None:
                 self._take(sample)
+                return
+            if number >= sender.due and len(sender.waiting) < MAX_WAITING:
+                sender.waiting.setdefault(number, sample)
+            self._deliver(sender)
+            if not sender.waiting or sender.fetching:
+                return
+            if not self._may_fetch(sender):
+                self._deliver(sender, gaps=True)
+                return
+        self._begin(source, sender)
 
-    def _lacks(self, source: Source, sample: zenoh.Sample) -> bool:
-        """Return whether this is the first sample of its sender, is live, and had predecessors."""
-        if source in self._known or len(self._known) >= SOURCES:
+    def announced(self, source: Source, newest: int) -> None:
+        """Note that a sender has samples up to the number `newest`."""
+        with self._lock:
+            sender = self._known(source)
+            if sender is None or sender.fetching or newest < sender.due:
+                return
+            if not self._may_fetch(sender):
+                return  # it is announced again
+        self._begin(source, sender)
+
+    def _known(self, source: Source) -> Sender | None:
+        if source not in self._senders and len(self._senders) < SOURCES:
+            self._senders[source] = Sender()
+        return self._senders.get(source)
+
+    def _may_fetch(self, sender: Sender) -> bool:
+        if self._fetches >= FETCHES:
             return False
-        self._known.add(source)
-        live = sample.congestion_control != FETCHED
-        return live and number_of(sample) > 0 and len(self._waiting) < FETCHES
+        self._fetches += 1
+        sender.fetching = True
+        return True
 
-    def _complete(self, source: Source, first: int) -> None:
-        """Fetch the earlier samples; deliver the waiting ones in any case."""
-        before: list[zenoh.Sample] = []
-        try:
-            before = [sample for sample in self._fetch(source) if number_of(sample) < first]
-        except Exception:
-            LOG.exception("the cached samples of a sender could not be fetched")
+    def _begin(self, source: Source, sender: Sender) -> None:
+        """Fetch; without the lock, because a sender in this process answers at once."""
+        self._fetch(source, sender.due, partial(self._complete, source, sender))
+
+    def _complete(self, source: Source, sender: Sender, got: list[zenoh.Sample]) -> None:
+        """Deliver what was fetched, and what has arrived meanwhile."""
         with self._lock:
-            for sample in (*sorted(before, key=number_of), *self._waiting.pop(source)):
-                self._take(sample)
+            new = {
+                number_of(one): one
+                for one in got
+                if source_of(one) == source and number_of(one) >= sender.due
+            }
+            if new:
+                sender.due = min(new)
+                sender.waiting = new | sender.waiting
+                self._deliver(sender)
+            if not new or not sender.waiting:
+                self._deliver(sender, gaps=True)
+                sender.fetching = False
+                self._fetches -= 1
+                return
+        self._begin(source, sender)  # a sample was lost while the others were fetched
+
+    def _deliver(self, sender: Sender, *, gaps: bool = False) -> None:
+        """Deliver the waiting samples up to the first gap, or all."""
+        while sender.waiting:
+            number = min(sender.waiting) if gaps else sender.due
+            sample = sender.waiting.pop(number, None)
+            if sample is None:
+                return
+            sender.due = number + 1
+            self._take(sample)
+
+
+def fetch(
+    session: LastingSession, key: str, newest: int, source: Source, due: int, got: Got
+) -> None:
+    """Query the samples that a sender has cached from the number `due` on."""
+    zid, number = source
+    samples: list[zenoh.Sample] = []
+
+    def take(reply: zenoh.Reply) -> None:
+        if reply.ok is not None and len(samples) < newest:
+            samples.append(reply.ok)
+
+    try:
+        session.now.get(
+            f"{key}/@adv/pub/{zid}/{number}/_?_sn={due}..;_max={newest}",
+            Callback(take, partial(got, samples), indirect=False),
+            timeout=FETCH_S,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            congestion_control=FETCHED,
+        )
+    except zenoh.ZError:  # the session was closed
+        got([])
+
+
+def source_in(key: str) -> Source | None:
+    """Return the sender that announces itself on a key; None for any other key."""
+    zid, number = key.split("/")[-3:-1]
+    return (zid, int(number)) if number.isdecimal() and len(number) <= MAX_DIGITS else None
 
 
 def source_of(sample: zenoh.Sample) -> Source | None:
@@ -123,21 +237,6 @@ def number_of(sample: zenoh.Sample) -> int:
     """Return the sequence number of a sample at its sender, from 0."""
     info = sample.source_info
     return 0 if info is None else info.source_sn
-
-
-def fetched(session: zenoh.Session, key: str, newest: int, source: Source) -> list[zenoh.Sample]:
-    """Return the samples that a sender has cached; nothing if it no longer answers."""
-    zid, number = source
-    try:
-        replies = session.get(
-            f"{key}/@adv/pub/{zid}/{number}/**?_max={newest}",
-            timeout=FETCH_S,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            accept_replies=zenoh.ReplyKeyExpr.ANY,
-        )
-        return [reply.ok for reply in replies if reply.ok is not None]
-    except zenoh.ZError:  # the session was closed
-        return []
 
 
 def was_fetched(sample: zenoh.Sample) -> bool:

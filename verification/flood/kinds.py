@@ -50,6 +50,10 @@ NEWEST: Final = 8
 """Ids of other operators that the robot still remembers."""
 
 KEY_BYTES: Final = 60_000
+DEEP: Final = "a/" * 28 + "b"
+WILD: Final = "**/a/" * 14 + "**/c"
+"""A key and a pattern. Zenoh 1.10 needs gigabytes and seconds to compare them."""
+
 HISTORIES: Final = (TEXT, COMMANDED, ANSWERED)
 
 
@@ -90,7 +94,7 @@ class Attacker:
     def fetch(self, path: str) -> None:
         """Query the history of a topic, as a late joiner does."""
         self.session.get(
-            f"{self._key}/{path}/@adv/**?_max=512",
+            f"{self._key}/{path}/@adv/pub/*/*/_?_max=512",
             Callback(self._count, indirect=False),
             timeout=ANSWER_S,
             consolidation=zenoh.ConsolidationMode.NONE,
@@ -107,6 +111,17 @@ class Attacker:
         self.session.declare_queryable(
             f"{self._key}/{path}", Callback(self._capturing(keep), indirect=False)
         )
+
+    def declare(self, path: str) -> None:
+        """Subscribe to a key expression, serve it and announce itself on it, for a moment."""
+        key = f"{self._key}/{path}"
+        found: list[Any] = [
+            self.session.declare_subscriber(key, Callback(self._count, indirect=False)),
+            self.session.declare_queryable(key, Callback(self._count, indirect=False)),
+            self.session.liveliness().declare_token(key),
+        ]
+        for one in found:
+            one.undeclare()
 
     def _capturing(self, keep: "Callable[[Captured], object]") -> Callable[[Any], None]:
         prefix = f"{self._key}/"
@@ -193,7 +208,7 @@ def stops(attacker: Attacker) -> Send:
     encoder, used = Encoder(255, 190), deque([0, 1], KEPT)
     ways = cycle(("put", "put", "broken", "ask", "command"))
     operator = attacker.operator
-    attacker.capture(f"{STOP.path}/**", lambda captured: used.append(id_in(captured)))
+    attacker.capture(f"{STOP.path}/*/*", lambda captured: used.append(id_in(captured)))
 
     def send() -> None:
         request_id = secrets.choice(used) if secrets.randbits(1) else secrets.randbits(64)
@@ -215,8 +230,8 @@ def replays(attacker: Attacker) -> Send:
     """Return a sender that replays the operators' samples and queries, except their stops."""
     samples, queries = deque[Captured](maxlen=KEPT), deque[Captured](maxlen=KEPT)
     for topic in (OPERATOR, TELEOP):
-        attacker.capture(f"{topic.path}/**", samples.append)
-    attacker.capture_queries(f"{COMMAND.path}/**", queries.append)
+        attacker.capture(f"{topic.path}/*/*", samples.append)
+    attacker.capture_queries(f"{COMMAND.path}/*/*", queries.append)
 
     def send() -> None:
         if queries and secrets.randbits(1):
@@ -241,7 +256,7 @@ def collisions(attacker: Attacker) -> Send:
             owned.append((captured.path.removeprefix(f"{COMMAND.path}/"), used[-1]))
 
     attacker.capture(COMMANDED.path, learn)
-    attacker.capture_queries(f"{COMMAND.path}/**", learn_owned)
+    attacker.capture_queries(f"{COMMAND.path}/*/*", learn_owned)
 
     def send() -> None:
         owner, known = attacker.operator, secrets.choice(used)
@@ -276,6 +291,12 @@ def puts(attacker: Attacker) -> Send:
     """Return a sender on keys of 60 kB; with access control each refusal logs its key."""
     key = "x" * KEY_BYTES
     return lambda: attacker.put(Payload(f"{SONAR.path}/{key}", b""))
+
+
+def patterns(attacker: Attacker) -> Send:
+    """Return a sender of declarations that take exponential time to match each other."""
+    supply = cycle((DEEP, *(f"{family}/{WILD}" for family in ("tlm", "op", "sense", "x"))))
+    return lambda: attacker.declare(next(supply))
 
 
 def wheels(attacker: Attacker) -> Send:
@@ -322,6 +343,8 @@ class Kind(NamedTuple):
     pauses: bool = False
     judged: bool = False
     bytes_per_s: float = 0.0
+    locked_only: bool = False
+    """An open bus has no protection against it."""
 
 
 KINDS: Final[Mapping[str, Kind]] = {
@@ -335,4 +358,5 @@ KINDS: Final[Mapping[str, Kind]] = {
     "history": Kind(history, 500.0, "the histories of all events"),
     "puts": Kind(puts, 170.0, "puts on keys of 60 kB"),
     "wheels": Kind(wheels, 2000.0, "wheel commands"),
+    "patterns": Kind(patterns, 200.0, "hostile patterns", locked_only=True),
 }

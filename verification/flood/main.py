@@ -70,6 +70,8 @@ def measure(options: argparse.Namespace) -> Report:
         keys = made_keys(Path(folder) / "keys", OPERATORS) if LOCKED in options.doors else None
         for door in options.doors:
             for kind in options.kinds:
+                if door == OPEN and kind != ALONE and KINDS[kind].locked_only:
+                    continue
                 name = f"{door}, {kind}"
                 print(f"{name} ...", file=sys.stderr, flush=True)
                 found = run(options, kind, keys if door == LOCKED else None)

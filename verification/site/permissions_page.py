@@ -80,7 +80,7 @@ class Permission(NamedTuple):
 
 OWN: Final = "{own}/1"
 FOREIGN: Final = "{other}/1"
-KEPT: Final = "@adv/pub/1/1/**"
+KEPT: Final = "@adv/pub/1/1/_"
 ABILITIES: Final = (
     Permission("receive telemetry", LISTEN, STATUS.path),
     Permission("receive samples of operators", LISTEN, f"{TELEOP.path}/{FOREIGN}"),

@@ -29,8 +29,8 @@ A sample with another encoding is refused, and the reason names the encoding.
 STREAMS: Final = """\
 A sample older than *stale after* is treated as missing. The sender of an event topic retains its
 newest samples (*kept*). Late joiners and subscribers that were cut off fetch them, with their
-original time stamps, from the keys `@adv/**` below the topic's key. Samples that a process has not
-yet sent when it is killed are lost."""
+original time stamps, from the keys `@adv/pub/*/*/_` below the topic's key. Samples that a process
+has not yet sent when it is killed are lost."""
 
 SAMPLE_ROBOT: Final = "r1"
 SAMPLE_OPERATOR: Final = "ada"
@@ -40,7 +40,7 @@ that listens allows what the certificate of the other side permits, by its commo
 everything else. A process that dials accepts only a router or its own robot, and from these only
 what its own role needs. The name of an operator is in its certificate: `ground-NAME` commands as
 NAME, `ground` as `ground`. Each NAME must be listed in `[network] robots` or `operators`, and must
-not be listed in `revoked`. The certificate of the router permits everything."""
+not be listed in `revoked`. The certificate of the router permits all that the others permit."""
 
 ACCESS_KEYS: Final = """\
 The same permissions by keys. Those of `robot-NAME` apply to that robot only, all others to all

@@ -56,7 +56,7 @@ def place(text: str) -> Place:
 
 def act(options: argparse.Namespace, link: Link, output: Output) -> int:
     """Serve until a signal ends the process. No viewer can send anything to the robot."""
-    bridge = Bridge(link, link.common.network.prefix)
+    bridge = Bridge(link)
     run_for(bridge, link.clock, HEAD_START_NS)
     server = served(options.at, link.robot, options.origin)
     try:
@@ -103,7 +103,7 @@ def sdk() -> Any:
 class Bridge:
     """Collects frames from the bus's threads and logs them to the server from one thread."""
 
-    def __init__(self, link: Link, prefix: str) -> None:
+    def __init__(self, link: Link) -> None:
         self._link = link
         self._offset_ns = time_ns() - link.clock.now_ns()
         self._splitter = ChannelSplitter(link.robot)
@@ -112,7 +112,7 @@ class Bridge:
         self._channels: dict[str, Any] = {}
         self._rare: dict[str, ChannelMessage] = {}
         self._repeat_ns = 0
-        link.bus.stream(f"{prefix}/{link.robot}/**", self._take)
+        link.bus.stream_all(self._take, link.robot)
 
     def _take(self, key: str, frame: bytes, arrived_ns: int) -> None:
         if len(key) <= MAX_KEY:

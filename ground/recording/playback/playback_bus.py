@@ -31,6 +31,7 @@ from protocol.topics import (
     Role,
     Service,
     Topic,
+    key_parts,
     path_of,
 )
 from protocol.wire.message import Message
@@ -82,7 +83,7 @@ class ReplayBus:
         self.marks: tuple[Mark, ...] = marks_in(self.log_index)
         self._ticks = self._tick_times()
         self._next = 0
-        self._handlers: dict[str, list[Handler]] = {}
+        self._handlers: dict[tuple[str, str], list[Handler]] = {}  # by robot and path
 
     @property
     def damage(self) -> str:
@@ -108,12 +109,9 @@ class ReplayBus:
         self.stream(topic, store, robot)
         return box
 
-    def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
-        """Subscribe to all frames of a topic, or of a key that may end in `/**`."""
-        key = source if isinstance(source, str) else source.key(robot or self.robot)
-        if not isinstance(source, str) and source.of_operators:
-            key = f"{key}/**"
-        self._handlers.setdefault(key, []).append(handler)
+    def stream(self, topic: Topic[Any], handler: Handler, robot: str | None = None) -> None:
+        """Subscribe to all frames of a topic."""
+        self._handlers.setdefault((robot or self.robot, topic.path), []).append(handler)
 
     def present(self) -> list[RecordedPeer]:
         """Return the processes of all robots that sent a message in the three seconds before."""
@@ -191,7 +189,8 @@ class ReplayBus:
         begin, self._next = self._next, max(self._next, end)
         for place in self._sampled(begin, end) if is_sampled else range(begin, end):
             played = self.log_index[place]
-            for handler in self._listeners(played.key):
+            parts = key_parts(played.key)
+            for handler in self._handlers.get(parts[:2], ()) if parts else ():
                 handler(played.key, played.frame, self.log_index.start_ns + played.time_ns)
         return max(0, end - begin)
 
@@ -204,11 +203,6 @@ class ReplayBus:
                 found.append(place)
                 seen.add(key)
         return found[::-1]
-
-    def _listeners(self, key: str) -> list[Handler]:
-        wide = (one for one in self._handlers if one.endswith("/**"))
-        found = [h for one in wide if f"{key}/".startswith(one[:-2]) for h in self._handlers[one]]
-        return [*self._handlers.get(key, ()), *found]
 
     def _tick_times(self) -> list[int]:
         """Return the last instant of each tick, just before the robot's next wheel command."""

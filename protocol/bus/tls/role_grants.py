@@ -48,9 +48,12 @@ GATEWAY: Final = "gateway"
 ROBOT: Final = "robot-"
 OPERATOR: Final = "ground-"
 OPEN: Final = "open"
-ALL: Final = ("**",)
+ANYONE: Final = "*/*"
+"""Any identity of an operator at the end of a key."""
+
 DRIVE: Final = "drive/"
 TRUTH: Final = "truth/"
+HISTORIES: Final = tuple(topic for topic in TOPICS if topic.history)
 FOR_VIEWERS: Final = (TEXT, MARK)
 """Topics whose cached samples a viewer may fetch. The histories of requests and answers are long:
 a viewer receives only new ones."""
@@ -81,7 +84,11 @@ GATEWAY_ASKS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grant:
-    """Permissions of a certificate: key expressions below the prefix."""
+    """Permissions of a certificate: key expressions below the prefix.
+
+    Each names a topic or service. None contains `**`: its holder could declare every pattern that
+    it includes, and to match one with many `**` takes exponential time and memory.
+    """
 
     description: str
     puts: tuple[str, ...] = ()
@@ -95,34 +102,23 @@ class Grant:
     """Liveliness tokens."""
 
 
-ROUTES_ALL: Final = Grant(
-    description="forwards the messages that the rules permit",
-    puts=ALL,
-    subscribes=ALL,
-    fetches=ALL,
-    asks=ALL,
-    answers=ALL,
-    shows=ALL,
-)
-
-
 def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Grant]:
     """Return the permissions by common name, for the given robots and operators."""
     names = tuple(robot_name(robot) for robot in robots)
     found = {
-        ROUTER: ROUTES_ALL,
+        ROUTER: router_grant(names),
         PLANT: granted("simulates the robots", Role.PLANT, names),
         GROUND: granted("commands the robots", Role.GROUND, names, GROUND),
         VIEWER: Grant(
             description="only observes",
-            subscribes=ALL,
-            fetches=keys(names, FOR_VIEWERS, "**"),
+            subscribes=every_key(names, TOPICS),
+            fetches=every_key(names, FOR_VIEWERS),
             asks=keys(names, open_to_all()),
         ),
         RECORDER: Grant(
             description="observes and records",
-            subscribes=ALL,
-            fetches=ALL,
+            subscribes=every_key(names, TOPICS),
+            fetches=every_key(names, HISTORIES),
             asks=keys(names, open_to_all()),
         ),
         GATEWAY: gateway_grant(names),
@@ -135,6 +131,20 @@ def grants(robots: Iterable[str], operators: Iterable[str] = ()) -> dict[str, Gr
     for name in names:
         found[ROBOT + name] = granted(f"is the robot {name}", Role.ROBOT, (name,))
     return found
+
+
+def router_grant(names: tuple[str, ...]) -> Grant:
+    """Return the permissions of a router: everything that other certificates permit."""
+    topics, services = every_key(names, TOPICS), every_key(names, SERVICES)
+    return Grant(
+        description="forwards the messages that the rules permit",
+        puts=topics,
+        subscribes=topics,
+        fetches=every_key(names, HISTORIES),
+        asks=services,
+        answers=services,
+        shows=tuple(f"{name}/alive/*/*" for name in names),
+    )
 
 
 def gateway_grant(names: tuple[str, ...]) -> Grant:
@@ -193,7 +203,7 @@ def denial(name: str | None, robot: str, service: Service) -> str:
 def may_fetch(name: str | None, robot: str, topic: Topic[Any]) -> bool:
     """Return whether a certificate permits fetching the cached samples of a topic."""
     grant = None if name is None else grant_of(name, robot)
-    if name is None or grant is None or grant.fetches == ALL:
+    if name is None or grant is None:
         return True
     return any(f"{key}/".startswith(f"{robot}/{topic.path}/") for key in grant.fetches)
 
@@ -230,14 +240,14 @@ def granted(description: str, role: Role, names: tuple[str, ...], operator: str 
     """Return the permissions of a role; an operator's apply only to keys that contain its name."""
     ground = role is Role.GROUND
     identity = f"{operator}/*" if ground else ""
-    received = keys(names, [topic for topic in TOPICS if is_for(topic, role)], "**")
+    received = [topic for topic in TOPICS if ground or is_for(topic, role)]
     return Grant(
         description=description,
         puts=keys(names, (topic for topic in TOPICS if topic.publisher is role), identity),
-        subscribes=ALL if ground else received,
-        fetches=ALL if ground else received,
+        subscribes=every_key(names, received),
+        fetches=every_key(names, (topic for topic in received if topic.history)),
         asks=keys(names, SERVICES, identity) if ground else (),
-        answers=keys(names, (service for service in SERVICES if service.server is role), "**"),
+        answers=every_key(names, (service for service in SERVICES if service.server is role)),
         shows=tuple(f"{name}/alive/{role.value}/*" for name in names),
     )
 
@@ -258,6 +268,22 @@ def is_for(topic: Topic[Any], role: Role) -> bool:
 def open_to_all() -> tuple[Service, ...]:
     """Return the services without a request payload: they change nothing."""
     return tuple(service for service in SERVICES if not service.requests)
+
+
+def every_key(names: Iterable[str], table: Iterable[Topic[Any] | Service]) -> tuple[str, ...]:
+    """Return the keys of these topics and services for these robots, with any operator."""
+    paths = [f"{entry.path}{end}" for entry in table for end in ends_of(entry)]
+    return tuple(f"{name}/{path}" for name in names for path in paths)
+
+
+def ends_of(entry: Topic[Any] | Service) -> tuple[str, ...]:
+    """Return what the keys of a topic or service end in: the identity of an operator, or nothing.
+
+    Services answer processes without an identity, too, and an emergency stop needs none.
+    """
+    if not entry.of_operators:
+        return ("",)
+    return ("", f"/{ANYONE}") if isinstance(entry, Service) or entry is STOP else (f"/{ANYONE}",)
 
 
 def keys(

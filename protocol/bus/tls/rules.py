@@ -4,20 +4,30 @@ A listening process enforces them on incoming and outgoing messages of each link
 every robot and every key that may be published or queried, so no wildcard matches one. A process
 that dials enforces the same rules from its side: it accepts data only from a router or its own
 robot, and only what its own role needs.
+
+No rule about what may come in contains `**`, so none includes a pattern with one.
 """
 
 from collections.abc import Iterable, Mapping
 from typing import Final, TypeAlias
 
 from protocol.bus.network import Network
-from protocol.bus.tls.role_grants import ALL, OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
+from protocol.bus.tls.role_grants import OPERATOR, ROBOT, ROUTER, Grant, grant_of, grants
+from protocol.topics import TOPICS, path_of
 
 Rule: TypeAlias = dict[str, object]
 Table: TypeAlias = Mapping[tuple[str, ...], tuple[str, ...]]
 """Key expressions by kinds of messages."""
 
-PRESENCE: Final = "alive/**"
+PRESENCE: Final = "alive/*/*"
+KEPT: Final = "@adv/pub/*/*/_"
+"""Below the key of a topic with a history: session and number of a sender."""
+
+WITH_HISTORY: Final = frozenset(topic.path for topic in TOPICS if topic.history)
 EVERYTHING: Final = ("**", "**/@adv/**", "@/**")
+"""What a process may send to one that it dials."""
+
+WATCHING: Final = ("declare_liveliness_subscriber", "liveliness_query")
 EVERY_KIND: Final = (
     "put",
     "delete",
@@ -26,8 +36,7 @@ EVERY_KIND: Final = (
     "declare_subscriber",
     "declare_queryable",
     "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
+    *WATCHING,
 )
 
 
@@ -36,7 +45,7 @@ def access_control(network: Network) -> dict[str, object]:
     found = grants(network.robots, network.operators)
     return control(
         {
-            name: rules_of(name, grant, network.prefix)
+            name: rules_of(name, grant, found[ROUTER], network.prefix)
             for name, grant in found.items()
             if name not in network.revoked
         }
@@ -51,13 +60,18 @@ def dialled_access_control(network: Network, own: str) -> dict[str, object]:
     """
     if grant_of(own) is None:
         return {}
-    prefix, operators = network.prefix, (own.removeprefix(OPERATOR),) * own.startswith(OPERATOR)
+    operators = (own.removeprefix(OPERATOR),) * own.startswith(OPERATOR)
     robots = (own.removeprefix(ROBOT),) if own.startswith(ROBOT) else network.robots
-    found = {ROUTER: from_dialled(ROUTER, grants(robots, operators)[own], prefix)}
-    for robot in () if own.startswith(ROBOT) else robots:
-        grant = grants((robot,), operators)[own]
-        found[ROBOT + robot] = from_dialled(ROBOT + robot, grant, prefix, robot)
-    return control({name: of_one for name, of_one in found.items() if name not in network.revoked})
+    holders = {ROUTER: robots} | {
+        ROBOT + robot: (robot,) for robot in robots if not own.startswith(ROBOT)
+    }
+    return control(
+        {
+            name: from_dialled(name, own, grants(about, operators), network.prefix)
+            for name, about in holders.items()
+            if name not in network.revoked
+        }
+    )
 
 
 def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:
@@ -74,19 +88,25 @@ def control(by_name: Mapping[str, list[Rule]]) -> dict[str, object]:
     }
 
 
-def rules_of(name: str, grant: Grant, prefix: str) -> list[Rule]:
-    """Return one rule for each kind of message from the holder, and to it."""
-    come, go = tables(grant)
-    return [*rules(name, "ingress", come, prefix), *rules(name, "egress", go, prefix)]
+def rules_of(name: str, grant: Grant, all_of: Grant, prefix: str) -> list[Rule]:
+    """Return one rule for each kind of message from the holder, and to it.
 
-
-def from_dialled(name: str, own: Grant, prefix: str, robot: str = "") -> list[Rule]:
-    """Return the rules for a dialled process: it may bring what our grant `own` needs.
-
-    A robot brings only data about `robot`. Everything may be sent to a dialled process: it has
-    rules of its own.
+    `all_of` is the grant of a router: everything that anyone may do.
     """
-    _, come = tables(own, robot or "*")
+    return [
+        *rules(name, "ingress", incoming(grant), prefix),
+        *rules(name, "egress", outgoing(grant, all_of), prefix),
+    ]
+
+
+def from_dialled(name: str, own: str, found: Mapping[str, Grant], prefix: str) -> list[Rule]:
+    """Return the rules for a dialled process: it may bring what our grant needs.
+
+    `own` is our common name, `found` has the grants about the robots of which it brings data.
+    Everything may be sent to a dialled process: it has rules of its own.
+    """
+    robot = name.removeprefix(ROBOT) if name.startswith(ROBOT) else "*"
+    come = outgoing(found[own], found[ROUTER], robot)
     sent: Rule = {
         "id": f"{name} egress",
         "permission": "allow",
@@ -97,34 +117,33 @@ def from_dialled(name: str, own: Grant, prefix: str, robot: str = "") -> list[Ru
     return [*rules(name, "ingress", come, prefix), sent]
 
 
-def tables(grant: Grant, about: str = "*") -> tuple[Table, Table]:
-    """Return what may come from the holder, and what may go to it, by kinds of message.
-
-    `about` restricts both to one robot.
-    """
-    everything = ALL if about == "*" else (f"{about}/**",)
-    subscribes = everything if grant.subscribes == ALL else grant.subscribes
-    fetches = everything if grant.fetches == ALL else grant.fetches
-    presence_of = (f"{about}/{PRESENCE}",)
-    put, fetched = kept(grant.puts), kept(fetches)
-    presence = ("declare_liveliness_subscriber", "liveliness_query")
-    come: Table = {
+def incoming(grant: Grant) -> Table:
+    """Return what may come from the holder, by kinds of message."""
+    put, fetched = kept(grant.puts), kept(grant.fetches)
+    return {
         ("put",): grant.puts + put,
-        ("declare_subscriber",): subscribes + fetched,
+        ("declare_subscriber",): grant.subscribes + fetched,
         ("query",): grant.asks + fetched,
         ("declare_queryable",): grant.answers + put,
         ("reply",): grant.answers + grant.puts + put,
         ("liveliness_token",): grant.shows + put,
-        presence: presence_of + fetched,
+        WATCHING: (f"*/{PRESENCE}", *fetched),
     }
-    go: Table = {
-        ("put",): subscribes + fetched,
+
+
+def outgoing(grant: Grant, all_of: Grant, robot: str = "*") -> Table:
+    """Return what may go to the holder, by kinds of message; only the presence of `robot`."""
+    put, fetched = kept(grant.puts), kept(grant.fetches)
+    presence = (f"{robot}/{PRESENCE}", *fetched)
+    return {
+        ("put",): grant.subscribes + fetched,
         ("query",): grant.answers + put,
-        ("reply",): grant.asks + subscribes + fetched,
-        ("liveliness_token",): presence_of + fetched,
-        ("declare_subscriber", "declare_queryable", *presence): ALL + kept(ALL),
+        ("reply",): grant.asks + grant.subscribes + fetched,
+        ("liveliness_token",): presence,
+        ("declare_subscriber",): all_of.subscribes + kept(all_of.puts),
+        ("declare_queryable",): all_of.answers + kept(all_of.puts),
+        WATCHING: (f"*/{PRESENCE}", *kept(all_of.puts)),
     }
-    return come, go
 
 
 def rules(name: str, flow: str, table: Table, prefix: str) -> list[Rule]:
@@ -143,5 +162,10 @@ def rules(name: str, flow: str, table: Table, prefix: str) -> list[Rule]:
 
 
 def kept(paths: Iterable[str]) -> tuple[str, ...]:
-    """Return the keys on which Zenoh caches the events of these keys, and fetches them."""
-    return tuple(f"{path}/@adv/**" for path in paths)
+    """Return the keys on which the events of those keys that have a history are fetched."""
+    return tuple(kept_by(path) for path in paths if path_of(path) in WITH_HISTORY)
+
+
+def kept_by(key: str) -> str:
+    """Return the keys on which the senders of a key announce and answer with cached events."""
+    return f"{key}/{KEPT}"

@@ -110,9 +110,7 @@ def test_a_stream_gets_every_frame_with_its_key_in_order() -> None:
     with net() as bus:
         frames: list[tuple[str, bytes, int]] = []
         wheels, sonar = bus.plant.publisher(WHEELS), bus.plant.publisher(SONAR)
-        bus.ground.stream(
-            f"{bus.prefix}/**", lambda key, frame, at_ns: frames.append((key, frame, at_ns))
-        )
+        bus.ground.stream_all(lambda key, frame, at_ns: frames.append((key, frame, at_ns)))
         bus.plant.await_matched([wheels, sonar], PATIENCE_S)
         sent = [wheels.put(TICKS) for _ in range(20)]
         sonar.put(SCAN)

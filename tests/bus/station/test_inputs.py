@@ -45,8 +45,7 @@ class Tape:
     def __init__(self, stack: Stack) -> None:
         self._lock = Lock()
         self.frames: list[tuple[str, Message]] = []
-        for topic in ("sense/*", "tlm/*", "drive/*"):
-            stack.ground.stream(stack.ground.key(topic), self._take)
+        stack.ground.stream_all(self._take)
 
     def _take(self, key: str, frame: bytes, _arrived_ns: int) -> None:
         with self._lock:

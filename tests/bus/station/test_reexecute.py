@@ -23,7 +23,7 @@ def test_all_commands_and_lost_samples_are_reproduced(tmp_path: Path) -> None:
             form.add(key, frame, 1_790_000_000_000_000 + arrived_ns // 1000)
 
     with Stack("box", noise="default", seed=4) as stack:
-        stack.ground.stream(stack.ground.key("**"), take)
+        stack.ground.stream_all(take)
         form.add_fact("parameters", stack.vehicle.parameters.described().decode())
         prefix = stack.ground.network.prefix
         needed = {topic.key("r1", prefix) for topic in (WHEELS, SONAR, INPUTS)}

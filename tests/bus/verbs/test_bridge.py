@@ -17,7 +17,7 @@ from ground.client.link import Link
 from ground.recording.mcap.reader import RAW_TOPIC
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
-from protocol.topics import ENCODING, PREFIX, WORLD, Role
+from protocol.topics import ENCODING, WORLD, Role
 from protocol.wire.codec import decode
 from runtime.clock import WallClock
 from runtime.errors import UserError
@@ -39,7 +39,7 @@ def port() -> Iterator[int]:
         network = Network(mode="client", connect=(endpoint,))
         common = Common(network=network, robot="r1")
         with open_bus(network, Role.GROUND, "r1") as bus:
-            bridge = Bridge(Link(bus, common, WallClock()), PREFIX)
+            bridge = Bridge(Link(bus, common, WallClock()))
             stop = threading.Event()
             rounds = threading.Thread(target=go_round, args=(bridge, stop))
             rounds.start()

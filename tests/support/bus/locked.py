@@ -99,7 +99,7 @@ class Locked:
 
     def every(self, path: str) -> str:
         """Return the key expression of a path on robot r1, of all operators."""
-        return f"{self.plain(path)}/**" if path in OF_OPERATORS else self.plain(path)
+        return f"{self.plain(path)}/*/*" if path in OF_OPERATORS else self.plain(path)
 
 
 @contextmanager

@@ -226,9 +226,9 @@ class Counting(PlayedBus):
         self.subscribed[robot or "r1", topic.path] += 1
         return super().mailbox(topic, robot, *rest, **more)
 
-    def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
-        self.subscribed[robot or "r1", source if isinstance(source, str) else source.path] += 1
-        super().stream(source, handler, robot)
+    def stream(self, topic: Topic[Any], handler: Handler, robot: str | None = None) -> None:
+        self.subscribed[robot or "r1", topic.path] += 1
+        super().stream(topic, handler, robot)
 
 
 def test_station_subscribes_each_topic_of_each_robot_once() -> None:

@@ -7,7 +7,10 @@ import zenoh
 
 from protocol.bus.network import Network
 from protocol.bus.tls.role_grants import (
+    GATEWAY_ASKS,
+    GATEWAY_RECEIVES,
     denial,
+    ends_of,
     grant_of,
     grants,
     may_fetch,
@@ -15,7 +18,7 @@ from protocol.bus.tls.role_grants import (
     role_mismatch,
     unanswered,
 )
-from protocol.bus.tls.rules import access_control
+from protocol.bus.tls.rules import access_control, dialled_access_control
 from protocol.topics import (
     ANSWERED,
     COMMAND,
@@ -48,7 +51,7 @@ def test_there_is_a_grant_for_each_role_and_each_robot() -> None:
 def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
     end = "/ground/*" if topic.of_operators else ""
     found = grants(("r1", "r2")).items()
-    puts = {name for name, grant in found if f"r1/{topic.path}{end}" in grant.puts}
+    puts = {name for name, grant in found if f"r1/{topic.path}{end}" in grant.puts} - {"router"}
     publisher = {Role.PLANT: "plant", Role.ROBOT: "robot-r1", Role.GROUND: "ground"}
     assert puts == {publisher[topic.publisher]}
 
@@ -57,7 +60,9 @@ def test_a_topic_has_one_kind_of_publisher(topic: Any) -> None:
 def test_only_ground_stations_may_query_changing_services(service: Any) -> None:
     keys = {f"r1/{service.path}", f"r1/{service.path}/ground/*"}
     asks = {name for name, grant in grants(("r1",)).items() if keys & set(grant.asks)}
-    assert asks == ({"ground"} if service.requests else {"ground", "viewer", "recorder"})
+    assert asks - {"router"} == (
+        {"ground"} if service.requests else {"ground", "viewer", "recorder"}
+    )
 
 
 def test_plant_receives_only_wheel_commands_and_own_topics() -> None:
@@ -106,7 +111,7 @@ def test_only_a_recorder_may_fetch_past_commands(name: str, fetches: bool) -> No
     may = [zenoh.KeyExpr(key) for key in asked]
 
     def covered(path: str) -> bool:
-        key = zenoh.KeyExpr(f"sidestep/r1/{path}/@adv/pub/1/2/**")
+        key = zenoh.KeyExpr(f"sidestep/r1/{path}/@adv/pub/1/2/_")
         return any(one.includes(key) for one in may)
 
     assert covered(TEXT.path)
@@ -132,7 +137,7 @@ def test_only_the_router_may_put_or_query_wildcards() -> None:
         if {"put", "query", "reply", "declare_queryable"} & set(rule["messages"]):
             plain = [key.partition("/@adv/")[0] for key in rule["key_exprs"]]
             commands = [key for key in rule["key_exprs"] if "/@adv/" not in key]
-            ends = ("/ground/*", "/gateway/*", "/**")
+            ends = ("/ground/*", "/gateway/*", "/*/*")
             own = [
                 next((key.removesuffix(e) for e in ends if key.endswith(e)), key)
                 for key in commands
@@ -141,6 +146,87 @@ def test_only_the_router_may_put_or_query_wildcards() -> None:
             is_robot = name.startswith("robot-")
             asker = is_robot or name in ("ground", "viewer", "recorder", "gateway")
             assert asker or all("*" not in key for key in plain), rule["id"]
+
+
+def may_come(network: Network, dialling: str = "") -> list[tuple[str, list[str], str]]:
+    """Return name, kinds of message and key of each rule about what may come in."""
+    found: Any = dialled_access_control(network, dialling) if dialling else access_control(network)
+    return [
+        (rule["id"].split()[0], rule["messages"], key)
+        for rule in found["rules"]
+        if "ingress" in rule["flows"]
+        for key in rule["key_exprs"]
+    ]
+
+
+HOSTILE = ("**", "sidestep/**", "sidestep/r1/**", "sidestep/r1/a/**", "sidestep/r1/**/a/**/a/**/c")
+
+
+@each("dialling", ["", "viewer", "recorder", "gateway", "ground-ada", "plant", "robot-r1"])
+def test_no_permission_includes_a_pattern_with_many_wildcards(dialling: str) -> None:
+    """A holder may declare whatever its keys include; `**` would include every pattern."""
+    network = Network(robots=("r1", "r2"), operators=("ada",))
+    for name, _, key in may_come(network, dialling):
+        assert "**" not in key, (name, key)
+        below = (f"{key}/**", f"{key.rpartition('/')[0]}/**", f"{key}/**/a/**/a")
+        for pattern in (*HOSTILE, *below):
+            assert not zenoh.KeyExpr(key).includes(zenoh.KeyExpr(pattern)), (name, key, pattern)
+
+
+def test_no_grant_contains_a_double_wildcard() -> None:
+    for name, grant in grants(("r1", "r2"), ("ada",)).items():
+        lists = (
+            grant.puts,
+            grant.subscribes,
+            grant.fetches,
+            grant.asks,
+            grant.answers,
+            grant.shows,
+        )
+        assert not [key for one in lists for key in one if "**" in key], name
+
+
+USED = {
+    "viewer": (TOPICS, (PARAMETERS, WORLD)),
+    "recorder": (TOPICS, (PARAMETERS, WORLD)),
+    "ground-ada": (TOPICS, SERVICES),
+    "gateway": (GATEWAY_RECEIVES, GATEWAY_ASKS),
+    "plant": ([topic for topic in TOPICS if topic.path.startswith("drive/")], ()),
+    "robot-r1": ([t for t in TOPICS if t.path.startswith(("sense/", "op/"))], ()),
+}
+"""Topics that each role receives, and services that it asks, beside all that it sends."""
+
+
+@each(("name", "used"), USED.items())
+def test_every_topic_and_service_in_use_is_permitted(name: str, used: Any) -> None:
+    mine = [one for one in may_come(Network(robots=("r1",), operators=("ada",))) if one[0] == name]
+    own = f"/{operator_name(name)}/1"
+
+    def permitted(kind: str, key: str) -> bool:
+        asked = zenoh.KeyExpr(f"sidestep/r1/{key}")
+        return any(kind in kinds and zenoh.KeyExpr(one).includes(asked) for _, kinds, one in mine)
+
+    topics, services = used
+    for topic in topics:
+        for end in ends_of(topic):
+            assert permitted("declare_subscriber", f"{topic.path}{end}"), topic.path
+        if may_fetch(name, "r1", topic) and topic.history:
+            kept = f"{topic.path}{ends_of(topic)[-1]}/@adv/pub/*/*/_"
+            assert permitted("declare_subscriber", kept), topic.path
+            assert permitted("declare_liveliness_subscriber", kept), topic.path
+            assert permitted("query", kept), topic.path
+    for service in services:
+        end = own if service.of_operators and operator_name(name) else ""
+        assert permitted("query", f"{service.path}{end}"), service.path
+    role = {"plant": Role.PLANT, "robot-r1": Role.ROBOT}.get(name)
+    for topic in (one for one in TOPICS if one.publisher is role):
+        assert permitted("put", topic.path), topic.path
+        if topic.history:
+            for kind in ("put", "declare_queryable", "liveliness_token", "reply"):
+                assert permitted(kind, f"{topic.path}/@adv/pub/1/2/_"), (topic.path, kind)
+    for service in (one for one in SERVICES if one.server is role):
+        for end in ends_of(service):
+            assert permitted("declare_queryable", f"{service.path}{end}"), service.path
 
 
 def test_only_role_certificates_are_named() -> None:
