@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import Any, Final, NamedTuple
 from unittest.mock import patch
 
+from protocol.wire.enums import Command
 from robot.core import reasons, states
 from robot.storage.writer import InlineWriter
 from runtime.timing import PERIOD_MS
@@ -217,6 +218,88 @@ def _acknowledged_before_saved() -> Patches:
     return {"robot.vehicle.Vehicle.saving": lambda self, request, answer: None}
 
 
+def _stop_waits_for_a_tick() -> Patches:
+    """Read the latch at a tick only, not between two ticks."""
+
+    def idle(self: Any) -> None:
+        now_ns = self._clock.now_ns()
+        self._saved.settle(now_ns)
+        self._answer()
+        self.reports.events(self.vehicle, self._senses.stamp_ns, now_ns)
+
+    return {"robot.process.RobotProcess.idle": idle}
+
+
+def _old_ticks() -> Patches:
+    """Take commands that answer a tick 3 x as old, and let them last as long as new ones."""
+    gate = import_module("plant.process.command_gate")
+    move = gate.CommandGate._move
+
+    def moved(self: Any, command: Any, tick: int) -> str:
+        before, self._pending = self._pending, None
+        why = str(move(self, command, tick))
+        if self._pending not in (None, gate.STOPPED):
+            *speeds, _ = self._pending
+            self._pending = (*speeds, gate.ends_ms(command, self._ticks[-1]))
+        self._pending = self._pending or before
+        return why
+
+    return {
+        "plant.process.command_gate.WINDOW": 3 * gate.MAX_AGE_TICKS + 1,
+        "plant.process.command_gate.CommandGate._move": moved,
+    }
+
+
+def _missions_for_all() -> Patches:
+    """Let every operator start the mission."""
+    original = import_module("robot.lease").needs_no_lease
+
+    def needs_no_lease(request: Any) -> bool:
+        starts = getattr(request, "command", None) == Command.MISSION_START
+        return starts or bool(original(request))
+
+    return {
+        "robot.vehicle.needs_no_lease": needs_no_lease,
+        "robot.process.needs_no_lease": needs_no_lease,
+    }
+
+
+def _overtaken_clear() -> Patches:
+    """Obey a request to clear the stop that had arrived before the stop."""
+    original = import_module("robot.process").RobotProcess._rejection
+
+    def rejection(self: Any, incoming: Any) -> int:
+        found = int(original(self, incoming))
+        return reasons.OK if found == reasons.EMERGENCY_STOPPED else found
+
+    return {"robot.process.RobotProcess._rejection": rejection}
+
+
+def _teleop_of_the_last_holder() -> Patches:
+    return {"robot.teleop.TeleopInput.clear": lambda self: None}
+
+
+def _wide_circle() -> Patches:
+    """Take a circle as 1 m wider than it is."""
+    fences = import_module("robot.core.safety.fence")
+    original = fences.inside
+
+    def inside(fence: Any, x_m: float, y_m: float) -> bool:
+        wide = fence._replace(radius_m=fence.radius_m + 1.0) if fence.radius_m else fence
+        return bool(original(wide, x_m, y_m))
+
+    return {"robot.core.safety.fence.inside": inside}
+
+
+def _forgotten_stop() -> Patches:
+    """Keep the emergency stop on the disk, but do not look for it at the start."""
+    return {"robot.storage.kept_stop.KeptStop.found": lambda self: False}
+
+
+def _unwritten_stop() -> Patches:
+    return {"robot.storage.kept_stop.KeptStop.keep": lambda self, *, stopped: None}
+
+
 DEFECTS: Final[dict[str, Defect]] = {
     "A1": Defect("an answer is found by its id alone, for stops too", _swallowed_stop),
     "A2": Defect("emergency stops wait in a queue", _queue_of_stops),
@@ -233,6 +316,14 @@ DEFECTS: Final[dict[str, Defect]] = {
     "A14": Defect("failsafes can be weakened from the ground", _weakened),
     "D-fence": Defect("the fence's failsafe is inverted", _fence_inside_out),
     "early": Defect("a change is acknowledged before it is saved", _acknowledged_before_saved),
+    "d1": Defect("the latch is not read between two ticks in lockstep", _stop_waits_for_a_tick),
+    "d2": Defect("old ticks are answered, and the answers last", _old_ticks),
+    "d3": Defect("a mission is started without the lease", _missions_for_all),
+    "d4": Defect("a clear that came before the stop is obeyed", _overtaken_clear),
+    "d5": Defect("teleop is not dropped when the lease is seized", _teleop_of_the_last_holder),
+    "d6": Defect("a circle fence is 1 m too wide", _wide_circle),
+    "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
+    "unkept": Defect("the stop is not written to the disk", _unwritten_stop),
 }
 
 

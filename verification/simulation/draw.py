@@ -4,7 +4,13 @@ from random import Random
 from typing import Final
 
 from runtime.units import NS_PER_MS, NS_PER_S
-from verification.simulation.actions import OPERATORS, STATION, draw_driving, draw_operate
+from verification.simulation.actions import (
+    OPERATORS,
+    STATION,
+    draw_driving,
+    draw_operate,
+    place,
+)
 from verification.simulation.events import Event, EventScenario
 from verification.simulation.faults import FAULTS
 
@@ -22,28 +28,93 @@ SETS_OFF: Final = 0.7
 QUIET: Final = 0.1
 """Share of seeds without any fault."""
 
+FENCED: Final = 0.12
+"""Share of seeds that begin with a close fence, and a drive that meets it."""
+
+SEIZED: Final = 0.2
+"""Share of manual drives during which another operator seizes the lease."""
+
+RESTARTED: Final = 0.15
+"""Share of emergency stops after which the robot is restarted, and then asked to drive."""
+
+LOCKSTEP: Final = 0.08
+"""Share of seeds in lockstep. In each the plant's clock stands still for a while, during which an
+emergency stop is pressed."""
+
+IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", "wall clock", "rot")
+"""Faults in lockstep; those of links and clocks would hold the plant's clock up as well."""
+
 
 def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
     """Return the scenario of a seed: operators that start and act, and faults meanwhile."""
     random = Random(f"scenario {seed}")
+    lockstep = random.random() < LOCKSTEP
     first = STATION if random.random() < BY_STATION else OPERATORS[0]
     events = [Event(BOOT_NS, "come", (first, random.randrange(2)), random.getrandbits(32))]
     for name, share in (("operator-b", 0.4), ("operator-c", 0.15)):
         if random.random() < share:
             events.append(_event(random, "come", (name, random.randrange(2)), duration_ns))
-    if random.random() < SETS_OFF:
-        at_ns = BOOT_NS + round(random.uniform(0.1, 4.0) * 1000) * NS_PER_MS
-        driving = (first, *draw_driving(random))
-        events.append(Event(at_ns, "operate", driving, random.getrandbits(32)))
+    if random.random() < FENCED:
+        events += _fenced(random, first)
+    elif random.random() < SETS_OFF:
+        events.append(_event(random, "operate", (first, *draw_driving(random)), 6 * NS_PER_S))
     kinds = ["operate"] * random.randint(3, 9)
     if random.random() >= QUIET:
-        weights = [fault.weight for fault in FAULTS.values()]
-        kinds += random.choices(tuple(FAULTS), weights, k=random.randint(1, 5))
+        possible = IN_LOCKSTEP if lockstep else tuple(FAULTS)
+        weights = [FAULTS[kind].weight for kind in possible]
+        kinds += random.choices(possible, weights, k=random.randint(1, 5))
     for kind in kinds:
         action = draw_operate(random, first) if kind == "operate" else None
         events.append(_event(random, kind, action, duration_ns))
+    if lockstep:
+        events += _stand(random, first, duration_ns)
     events += [stop for event in events for stop in _stop_under(random, event, first)]
-    return EventScenario(seed, duration_ns, tuple(sorted(events)))
+    events += [more for event in events for more in _seizure_under(random, event)]
+    events += [more for event in events for more in _restart_under(random, event, first)]
+    return EventScenario(seed, duration_ns, tuple(sorted(events)), lockstep)
+
+
+def _fenced(random: Random, first: str) -> list[Event]:
+    """Return a close fence and a drive that meets it."""
+    at_ns = BOOT_NS + random.randrange(500, 3000) * NS_PER_MS
+    fence = (first, "fence", random.choice((0.4, 0.7, 1.1)), random.choice((0, 0, 1)))
+    drive = random.choice((("teleop", 0.3, 0.0, 6.0), ("drive", *place(random), "GUIDED")))
+    return [
+        Event(at_ns, "operate", fence, random.getrandbits(32)),
+        Event(at_ns + 1, "operate", (first, *drive), random.getrandbits(32)),
+    ]
+
+
+def _stand(random: Random, first: str, duration_ns: int) -> list[Event]:
+    """Return that the plant's clock stands still, and a stop during that."""
+    stand = _event(random, "stand", None, duration_ns - 2 * NS_PER_S)
+    time_ns = stand.time_ns + random.randrange(50, 500) * NS_PER_MS
+    return [stand, Event(time_ns, "operate", (first, "stop"), random.getrandbits(32))]
+
+
+def _seizure_under(random: Random, event: Event) -> list[Event]:
+    """Return that another operator seizes the lease during a manual drive, at times."""
+    if event.arguments[1:2] != ("teleop",) or random.random() >= SEIZED:
+        return []
+    other = random.choice([name for name in OPERATORS[:3] if name != event.arguments[0]])
+    time_ns = event.time_ns + random.randrange(100, 1500) * NS_PER_MS
+    return [
+        Event(time_ns - 100 * NS_PER_MS, "come", (other, 0), random.getrandbits(32)),
+        Event(time_ns, "operate", (other, "lease", "SEIZE"), random.getrandbits(32)),
+    ]
+
+
+def _restart_under(random: Random, event: Event, first: str) -> list[Event]:
+    """Return that the robot is restarted after an emergency stop and told to drive, at times."""
+    if event.arguments[1:2] != ("stop",) or random.random() >= RESTARTED:
+        return []
+    time_ns = event.time_ns + random.randrange(1200, 3000) * NS_PER_MS
+    restart = FAULTS["restart"].draw(random)
+    drive = (first, *draw_driving(random))
+    return [
+        Event(time_ns, "restart", restart, random.getrandbits(32)),
+        Event(time_ns + 3 * NS_PER_S, "operate", drive, random.getrandbits(32)),
+    ]
 
 
 def _stop_under(random: Random, event: Event, first: str) -> list[Event]:

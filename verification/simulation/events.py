@@ -23,11 +23,15 @@ class Event(NamedTuple):
 
 
 class EventScenario(NamedTuple):
-    """Everything that a run depends on: the seed of its setting, its duration and its events."""
+    """Everything that a run depends on: the seed of its setting, its duration and its events.
+
+    In lockstep the plant's clock drives the robot.
+    """
 
     seed: int
     duration_ns: int
     events: tuple[Event, ...]
+    lockstep: bool = False
 
 
 def to_json(scenario: EventScenario) -> str:

@@ -1,10 +1,12 @@
 """The kinds of events of a scenario: how each is drawn and applied."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from random import Random
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from runtime.timing import PERIOD_NS
 from runtime.units import NS_PER_MS
 from verification.simulation.actions import OPERATORS, draw_operate
 from verification.simulation.events import Argument, Event
@@ -17,6 +19,15 @@ if TYPE_CHECKING:
 HOSTS: Final = ("robot", "plant", *OPERATORS)
 MEASURED_NS: Final = 2_700 * NS_PER_MS
 """An operator measures the robot's clock every 2 s and has the answer within 0.5 s."""
+
+HUNG_MS: Final = 1500
+"""A robot that hangs for so long is killed by its watchdog."""
+
+STOOD_NS: Final = 3_200 * NS_PER_MS
+"""Ages on the plant's clock, which stood still, are of wall time again after this: the lease's."""
+
+QUEUED_SYNCS: Final = 12
+"""Two for each of the files that may wait for the disk."""
 
 TOPIC_GROUPS: Final = ("", "sense/", "drive/", "op/", "tlm/", "srv/", "op/heartbeat")
 
@@ -146,6 +157,42 @@ def apply_kill(simulation: "Simulation", event: Event) -> None:
     simulation.oracle.facts.held_up(back_ns + 1000 * NS_PER_MS)
 
 
+def draw_restart(random: Random) -> Arguments:
+    """Draw how the robot ends, and the time until its restart in ms."""
+    return random.choice(("killed", "hung", "without power")), random.choice((100, 300, 1000))
+
+
+def apply_restart(simulation: "Simulation", event: Event) -> None:
+    """End the robot as its supervisor or the lack of power would, and start it again."""
+    how, back_ms = str(event.arguments[0]), int(event.arguments[1])
+    if how == "hung":
+        simulation.robot.hang_ns += HUNG_MS * NS_PER_MS
+        after(
+            simulation,
+            HUNG_MS,
+            apply_kill,
+            simulation,
+            event._replace(arguments=("robot", back_ms)),
+        )
+        return
+    simulation.robot.kill()
+    if how == "without power":
+        simulation.robot.disk.cut_power(event.salt)
+    restart_robot(simulation, back_ms)
+
+
+def apply_stand(simulation: "Simulation", event: Event) -> None:
+    """Let the plant's clock stand still for a while, in lockstep."""
+    facts = simulation.oracle.facts
+    simulation.plant.stand(still=True)
+    until_ns = after(
+        simulation, int(event.arguments[0]), partial(simulation.plant.stand, still=False)
+    )
+    facts.awake_ns = max(facts.awake_ns, until_ns)
+    facts.stands_until_ns = max(facts.stands_until_ns, until_ns + PERIOD_NS)
+    facts.unsure(until_ns + STOOD_NS)
+
+
 def apply_suspend(simulation: "Simulation", event: Event) -> None:
     """Suspend a process for a while."""
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
@@ -183,14 +230,23 @@ def apply_slow_disk(simulation: "Simulation", event: Event) -> None:
     """Slow down each fsync for a while."""
     disk = simulation.robot.disk
     disk.slow_ns = int(event.arguments[0]) * NS_PER_MS
-    after(simulation, int(event.arguments[1]), setattr, disk, "slow_ns", 0)
+    until_ns = after(simulation, int(event.arguments[1]), setattr, disk, "slow_ns", 0)
+    disturb_disk(simulation, until_ns + QUEUED_SYNCS * disk.slow_ns)
 
 
 def apply_failing_disk(simulation: "Simulation", event: Event) -> None:
     """Let writes fail for a while."""
     disk = simulation.robot.disk
     disk.failing = True
-    after(simulation, int(event.arguments[0]), setattr, disk, "failing", False)
+    disturb_disk(
+        simulation, after(simulation, int(event.arguments[0]), setattr, disk, "failing", False)
+    )
+
+
+def disturb_disk(simulation: "Simulation", until_ns: int) -> None:
+    """Note that nothing needs to be on the disk in time until then."""
+    facts = simulation.oracle.facts
+    facts.disk_until_ns = max(facts.disk_until_ns, until_ns)
 
 
 def apply_power_cut(simulation: "Simulation", event: Event) -> None:
@@ -255,9 +311,11 @@ def apply_wall_clock(simulation: "Simulation", event: Event) -> None:
 
 def draw_attack(random: Random) -> Arguments:
     """Draw a kind of attack, how often it is repeated and with which gap in ms."""
-    kind = random.choice((*ATTACKS, "known stops", "known stops"))
+    kind = random.choice((*ATTACKS, "known stops", "known stops", "orders", "orders"))
     if kind == "known stops":  # only as a flood: a single one has no effect
         return kind, random.choice((50, 200)), random.choice((0, 1, 5))
+    if kind == "orders":  # slowly enough that each is answered
+        return kind, random.choice((20, 60)), random.choice((20, 60))
     if kind == "wheels":
         return (
             kind,
@@ -283,6 +341,21 @@ def apply_operate(simulation: "Simulation", event: Event) -> None:
     """Let an operator act."""
     name, action, *arguments = event.arguments
     simulation.operators[str(name)].do(str(action), tuple(arguments))
+
+
+def draw_crossing(random: Random) -> Arguments:
+    """Draw who clears a stop, who presses one meanwhile, and how many ms later."""
+    return (*random.sample(OPERATORS[:3], 2), random.choice((1, 3, 10, 20, 40)))
+
+
+def apply_crossing(simulation: "Simulation", event: Event) -> None:
+    """Let an operator clear the stop and another press it, within one tick of the robot."""
+    first, second, gap_ms = event.arguments
+    clears, presses = simulation.operators[str(first)], simulation.operators[str(second)]
+    presses.start()
+    clears.start()
+    clears.do("order", ("clear-estop",))
+    after(simulation, int(gap_ms), presses.do, "stop", ())
 
 
 def apply_come(simulation: "Simulation", event: Event) -> None:
@@ -329,6 +402,9 @@ FAULTS: Final[Mapping[str, EventKind]] = MappingProxyType(
             1, lambda r: (r.choice((-86_400, -5, 5, 86_400)),), apply_wall_clock
         ),
         "attack": EventKind(6, draw_attack, apply_attack),
+        "crossing": EventKind(2, draw_crossing, apply_crossing),
+        "restart": EventKind(2, draw_restart, apply_restart),
+        "stand": EventKind(0, lambda r: (r.choice((1500, 2500, 4000)),), apply_stand),
         "power cut": EventKind(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
     }
 )

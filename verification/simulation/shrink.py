@@ -61,7 +61,7 @@ class _Shrinking:
         kept = tuple(event for event in events if event.time_ns <= until_ns)
         period_ns = 50_000_000
         duration_ns = -(-until_ns // period_ns) * period_ns
-        found = self._execute(EventScenario(best.scenario.seed, duration_ns, kept))
+        found = self._execute(best.scenario._replace(duration_ns=duration_ns, events=kept))
         if found.violation is None or found.violation.invariant != self._invariant:
             return False
         self._best = found

@@ -14,7 +14,12 @@ from verification.simulation.defects import with_defect
 from verification.simulation.events import Event, EventScenario
 from verification.simulation.hosts import robot_side
 from verification.simulation.hosts.attacker import OWN_NAME, SimulatedAttacker
-from verification.simulation.hosts.hub import SimulatedHub, SimulatedSample, path_of
+from verification.simulation.hosts.hub import (
+    SimulatedHub,
+    SimulatedQuery,
+    SimulatedSample,
+    path_of,
+)
 from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.operators import RequestHistory, SimulatedOperator
 from verification.simulation.hosts.plant_side import WORLDS, PlantSide
@@ -58,10 +63,17 @@ class Simulation:
         params = robot_side.robot_params(random.choice(NAVIGATORS))
         start = Pose(world.start.x_m, world.start.y_m, world.start.heading_rad)
         self.world = world
-        self.robot = RobotSide(scheduler, "robot", params, start, self.oracle)
+        self.robot = RobotSide(
+            scheduler, "robot", params, start, self.oracle, lockstep=scenario.lockstep
+        )
         self.robot.clock_offset_ns = random.randrange(1, 10**14)
         self.plant = PlantSide(
-            scheduler, "plant", world, self.oracle.plant_tick, self.oracle.plant_started
+            scheduler,
+            "plant",
+            world,
+            self.oracle.plant_tick,
+            self.oracle.plant_started,
+            lockstep=scenario.lockstep,
         )
         self.operators = {
             name: (StationOperator if name == STATION else SimulatedOperator)(
@@ -82,6 +94,7 @@ class Simulation:
         )
         self.hub.taps.append(self._tap)
         self.hub.arrivals.append(self._arrived)
+        self.hub.asked.append(self._asked)
         self._zid_of: dict[str, str] = {}
 
     def run(self) -> RunResult:
@@ -153,9 +166,14 @@ class Simulation:
     def _arrived(self, sample: SimulatedSample) -> None:
         """Pass on a frame that an operator sent under its own name and that reached the robot."""
         source, path = sample.source, path_of(sample.key_expr)
+        self.oracle.stops.arrived(source.name, path, sample.payload)
         mine = OWN_NAME if source is self.attacker.host else self._zid_of.get(source.name, "")
         if path.endswith(f"/{mine}"):
             self.oracle.presence.arrived(path, sample.payload, sample.sent_ns)
+
+    def _asked(self, query: SimulatedQuery) -> None:
+        """Pass on a request that reached the robot."""
+        self.oracle.stops.arrived(query.source.name, path_of(query.key_expr), query.payload or b"")
 
     def _judge(self) -> None:
         hosts = [operator.host for operator in self.operators.values()]

@@ -50,6 +50,7 @@ REQUESTS: Final = tuple(
     if service.server is Role.ROBOT
     for kind in service.requests
 )
+MOVING: Final = tuple(one for one in Command if one != Command.DO_FLIGHTTERMINATION)
 HARMLESS: Final = (Command.DO_PAUSE_CONTINUE, Command.COMPONENT_ARM_DISARM, Command.DO_SET_MODE)
 
 
@@ -214,6 +215,12 @@ class SimulatedAttacker:
         frame = self._encoder.encode(message)
         self._ask(f"{ROBOT}{service.path}{end}", frame, self._good_until(random))
 
+    def orders(self, random: Random) -> None:
+        """Send every command that could move the robot, as an operator without the lease."""
+        request = command(random.choice(MOVING), random)
+        note = time_bytes(self._robot_ns() + SOON_NS)
+        self._ask(f"{ROBOT}{COMMAND.path}/{OWN_NAME}", self._encoder.encode(request), note)
+
     def seizes(self, random: Random) -> None:
         """Seize the lease, as an operator with a certificate may."""
         request = LeaseRequest(
@@ -260,6 +267,7 @@ ATTACKS: Final[dict[str, Callable[..., None]]] = {
     "stops": SimulatedAttacker.stops,
     "known stops": SimulatedAttacker.known_stops,
     "requests": SimulatedAttacker.requests,
+    "orders": SimulatedAttacker.orders,
     "seizes": SimulatedAttacker.seizes,
     "replays": SimulatedAttacker.replays,
     "collides": SimulatedAttacker.collides,

@@ -230,14 +230,19 @@ class SimulatedHub:
         """Called with each frame that is put or asked: source, key, payload, attachment, asked."""
         self.arrivals: list[Callable[[SimulatedSample], None]] = []
         """Called with each operator sample that arrives at the robot, before its subscriber."""
+        self.asked: list[Callable[[SimulatedQuery], None]] = []
+        """Called with each query that arrives at the robot, before its queryable."""
 
-    def with_taps(self, callback: Callable[[Any], object]) -> Callable[[Any], object]:
-        """Return a callback that passes a sample to the arrival taps, then to `callback`."""
+    @staticmethod
+    def with_taps(
+        taps: list[Callable[[Any], None]], callback: Callable[[Any], object]
+    ) -> Callable[[Any], object]:
+        """Return a callback that passes an arrival to the taps, then to `callback`."""
 
-        def take(sample: SimulatedSample) -> None:
-            for tap in self.arrivals:
-                tap(sample)
-            callback(sample)
+        def take(arrival: Any) -> None:
+            for tap in taps:
+                tap(arrival)
+            callback(arrival)
 
         return take
 

@@ -8,6 +8,7 @@ from plant.model.types import GoalPose, Polygon, Start, World
 from plant.process.loop import Process, Wake
 from plant.process.requests import RequestQueue
 from plant.process.robot_link import RobotLink
+from plant.process.run import watch_robots
 from plant.sim.simulation import Plant
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
@@ -44,6 +45,8 @@ class PlantSide:
         world: World,
         look: Callable[[Plant], None],
         started: Callable[[], None],
+        *,
+        lockstep: bool,
     ) -> None:
         self.name = name
         self.host = Host(scheduler, name)
@@ -56,6 +59,9 @@ class PlantSide:
         self._world = world
         self._look = look
         self._started = started
+        self._lockstep = lockstep
+        self._requests: RequestQueue | None = None
+        self._wake = Wake()
 
     def start(self) -> None:
         """Start the process."""
@@ -77,13 +83,23 @@ class PlantSide:
     def _main(self) -> None:
         plant = Plant(self._world, self.starts, Noise())
         bus = self.bus = open_bus(Network(), Role.PLANT, "r1", self.host.now_ns)
-        wake = Wake()
-        requests = RequestQueue(running=True, world={}, nudge=wake)
-        link = self.robot_link = RobotLink(bus, "r1", 0, wake, lockstep=False)
+        wake = self._wake = Wake()
+        requests = self._requests = RequestQueue(running=True, world={}, nudge=wake)
+        link = self.robot_link = RobotLink(bus, "r1", 0, wake, lockstep=self._lockstep)
         for service in (RUN, WORLD):
             bus.serve(service, lambda request: requests.ask(0, request), "r1")
         claim(bus, ["r1"])
         self.plant = plant
         self._started()
         process = Process(plant, [link], requests, wake, look=lambda: self._look(plant))
-        process.run_wall(SimulatedClock())
+        if self._lockstep:
+            watch_robots(bus, [link], wake)
+            process.run_lockstep(speed=1.0)
+        else:
+            process.run_wall(SimulatedClock())
+
+    def stand(self, *, still: bool) -> None:
+        """Let the plant's clock stand still or go on, as an operator's request does."""
+        if self._requests is not None:
+            self._requests.running = not still
+            self.host.call(self._wake)

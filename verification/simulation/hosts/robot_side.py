@@ -15,17 +15,23 @@ from robot.process import RobotProcess
 from robot.storage.files import Store
 from robot.storage.writer import WriterThread
 from robot.vehicle import Answer, Vehicle
-from runtime.clock import Tick
+from runtime.clock import Clock, Tick
 from verification.simulation.hosts.disk import DISKS, SimulatedDisk, SimulatedPath
 from verification.simulation.hosts.scheduler import Host, Scheduler, current_task
-from verification.simulation.hosts.threads import SimulatedClock
 
 SETTLES_NS: Final = 300_000_000
 """After a hang the tick grid has recovered its phase within this time."""
 
 
+RESTARTED_NS: Final = 1_000_000_000
+"""After a restart the robot serves again within this time."""
+
+
 class RobotObserver(Protocol):
     """Receives the events of the robot process."""
+
+    def robot_started(self) -> None:
+        """Receive the start of the process."""
 
     def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
         """Receive a request and its answer."""
@@ -52,11 +58,29 @@ class ObservedVehicle(Vehicle):
         return answer
 
 
+class NoWatchdog:
+    """Replaces runtime.watchdog.Watchdog: the simulation ends a robot that hangs by itself."""
+
+    def reset(self) -> None:
+        """Do nothing."""
+
+    def reset_by(self, grid: Iterator[Tick]) -> Iterator[Tick]:
+        """Return the grid."""
+        return grid
+
+
 class RobotSide:
     """A robot that can be killed and restarted; its disk is kept."""
 
     def __init__(
-        self, scheduler: Scheduler, name: str, params: Params, start: Pose, observer: RobotObserver
+        self,
+        scheduler: Scheduler,
+        name: str,
+        params: Params,
+        start: Pose,
+        observer: RobotObserver,
+        *,
+        lockstep: bool,
     ) -> None:
         self.name = name
         self.robot = "r1"
@@ -75,7 +99,9 @@ class RobotSide:
         self.bus: Bus | None = None
         self.host = Host(scheduler, name)
         self.host.alive = False
-        self.clock: SimulatedClock | None = None
+        self.clock: Clock | None = None
+        """The clock of its loop."""
+        self.lockstep = lockstep
         self._scheduler = scheduler
         self._start = start
         self._observer = observer
@@ -114,20 +140,48 @@ class RobotSide:
             vehicle.announce(4, warning)
         bus = self.bus = open_bus(Network(), Role.ROBOT, self.robot, self.host.now_ns)
         claim(bus, [self.robot])
-        process, grid = robot_run.in_wall_time(vehicle, bus, robot_run.epoch())
-        self._observer.restored(vehicle)
-        clock: Any = process._clock
-        self.clock = clock
-        self.vehicle, self.process = vehicle, process
-        process.run(self._observed(grid))
+        if self.lockstep:
+            watchdog: Any = NoWatchdog()
+            process, run_loop = robot_run.in_lockstep(vehicle, bus, watchdog)
+            self._begin(vehicle, process)
+            self._observe_cycles(process)
+            run_loop()
+        else:
+            process, grid = robot_run.in_wall_time(vehicle, bus, robot_run.epoch())
+            self._begin(vehicle, process)
+            process.run(self._observed(grid))
         process.finish()
+        self._scheduler.at(self._scheduler.now_ns, self._restart)
+
+    def _restart(self) -> None:
+        """Start a process that has ended on request again, as its supervisor does."""
+        self._observer.held_up(self._scheduler.now_ns + RESTARTED_NS)
+        self.kill()
+        self._observer.robot_started()
+        self.start()
+
+    def _begin(self, vehicle: ObservedVehicle, process: RobotProcess) -> None:
+        self._observer.restored(vehicle)
+        self.clock = process._clock
+        self.vehicle, self.process = vehicle, process
+
+    def _observe_cycles(self, process: Any) -> None:
+        """Call the observer after each cycle, which the thread of the bus runs."""
+        cycle = process.cycle
+
+        def observed(tick: Tick) -> None:
+            cycle(tick)
+            self.ticks += 1
+            self._observer.cycled(self, tick)
+
+        process.cycle = observed
 
     def _observed(self, grid: Iterable[Tick]) -> Iterator[Tick]:
         """Yield the ticks of the grid, call the observer after each, and delay for faults."""
         task = current_task()
         for tick in grid:
-            assert self.clock is not None
-            self.clock.stage_cost_ns = self.stage_cost_ns
+            clock: Any = self.clock
+            clock.stage_cost_ns = self.stage_cost_ns
             yield tick
             self.ticks += 1
             self._observer.cycled(self, tick)

@@ -133,7 +133,7 @@ class SimulatedSession:
         """Declare a subscriber."""
         table = self.hub.subscribers
         if self.host.name == "robot" and "/op/" in str(key):
-            callback = self.hub.with_taps(callback)
+            callback = self.hub.with_taps(self.hub.arrivals, callback)
         return table.add(Subscription(str(key), self.host, callback, table))
 
     def declare_queryable(
@@ -141,6 +141,8 @@ class SimulatedSession:
     ) -> Subscription:
         """Declare a queryable."""
         table = self.hub.queryables
+        if self.host.name == "robot":
+            callback = self.hub.with_taps(self.hub.asked, callback)
         return table.add(Subscription(str(key), self.host, callback, table))
 
     def liveliness(self) -> SimulatedLiveliness:

@@ -6,13 +6,16 @@ changed. All other product code runs unmodified.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from typing import Any, Final
 
+from ground.client.emergency_stop import NO_WAYS
 from protocol.bus.network import Hub
 from protocol.bus.publisher import Publisher
 from protocol.wire.message import Message
 from runtime.arrivals import Pulse
+from runtime.load import Patience
 from verification.simulation.hosts.disk import SimulatedOs
 from verification.simulation.hosts.scheduler import current_host
 from verification.simulation.hosts.threads import (
@@ -122,6 +125,7 @@ BLOCKS: Final = (
     "robot.storage.writer",
     "plant.process.requests",
     "plant.process.loop",
+    "runtime.lockstep",
 )
 """Modules in which each blocking name that they have is replaced."""
 
@@ -137,6 +141,12 @@ SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("robot.run", "Rehearsal", lambda _params: None),
     ("robot.run", "on_signal", no_signal),
     ("ground.client.link", "Pulse", simulated_pulse),
+    ("ground.client.stop_ways", "ways_of", lambda _bus, _robot: NO_WAYS),
+    (
+        "plant.process.loop",
+        "Patience",
+        partial(Patience, now_ns=TIME.monotonic_ns, slowdown=lambda: 1.0),
+    ),
     ("runtime.atomic_file", "os", SimulatedOs),
     ("runtime.regular_file", "os", SimulatedOs),
     ("runtime.atomic_file", "Path", lambda path: path),

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from math import ceil
 from queue import Empty
 from typing import Any, Generic, TypeVar
 
@@ -14,7 +15,8 @@ T = TypeVar("T")
 def _deadline_ns(timeout_s: float | None) -> int | None:
     if timeout_s is None:
         return None
-    return current_host().scheduler.now_ns + max(0, round(timeout_s * NS_PER_S))
+    # A wait for less than a nanosecond must not end before that.
+    return current_host().scheduler.now_ns + max(0, ceil(timeout_s * NS_PER_S))
 
 
 class SimulatedQueue(Generic[T]):
@@ -192,6 +194,11 @@ class SimulatedTime:
     def monotonic() -> float:
         """Return the monotonic time in seconds."""
         return current_host().now_ns() / NS_PER_S
+
+    @staticmethod
+    def thread_time_ns() -> int:
+        """Return no CPU time: in lockstep no budget is enforced."""
+        return 0
 
     @staticmethod
     def time_ns() -> int:

@@ -108,7 +108,7 @@ class CommandingInvariants:
     def _idle(self, machine: Machine) -> None:
         """Check that the robot is at rest without a goal and without manual control."""
         self._want(machine)
-        idle_ns = self._facts.now_ns - self._wanted_ns
+        idle_ns = self._facts.now_ns - max(self._wanted_ns, self._facts.stands_until_ns)
         if idle_ns > limits.RAMP_NS + limits.TICK_NS:
             mode = Mode(machine.mode).name
             self._facts.fail(
@@ -123,7 +123,8 @@ class CommandingInvariants:
         self._want(machine)
         if holder != self._holder:
             self._holder, self._held_since_ns = holder, now_ns
-        teleop = vehicle.teleop.newest(now_ns + (facts.robot.clock_offset_ns if facts.robot else 0))
+        clock = None if facts.robot is None else facts.robot.clock
+        teleop = None if clock is None else vehicle.teleop.newest(clock.now_ns())
         if teleop is not None and holder is not None:
             sender = self._sender.get(teleop)
             if sender is not None and sender != holder.operator:

@@ -59,6 +59,17 @@ period, and the driver's brake."""
 ACKNOWLEDGED_STOP_NS: Final = PERIOD_NS + BRAKE_NS
 """Time from an acknowledged stop: the status is sent right after the brake command."""
 
+ACKNOWLEDGED_NS: Final = LINK_NS + TICK_NS + 2 * PERIOD_NS
+"""Time from the press of an emergency stop until its operator sees it: the robot's next tick, one
+repetition of the operator, and one look of the station at its newest status."""
+
+ACKNOWLEDGED_AMONG_OTHERS_NS: Final = 1_000 * NS_PER_MS + ACKNOWLEDGED_NS + 2 * PERIOD_NS
+"""The same if others stop at the same time, so that the status shows their stops: an accepted stop
+and EMERGENCY_STOP for 1 s acknowledge it, as seen by two more repetitions."""
+
+KEPT_NS: Final = 1_000 * NS_PER_MS
+"""A stop is on the disk within this time."""
+
 LOST_BRAKE_NS: Final = TTL_NS + BRAKE_NS
 """The same if the brake command was lost: the last command to move expires."""
 
@@ -84,6 +95,9 @@ FENCE_M: Final = 0.12
 """Distance that the centre of the robot may leave the fence: 0.3 m/s for one tick until detection
 (62 ms) and one period until the plant obeys (50 ms), and 0.04 m of braking: 0.3 * 0.112 + 0.04 =
 0.08. Senses that are late by up to their time to live add 0.04."""
+
+BORDER_M: Final = 0.002
+"""Error of a place on the border of a fence: goals are whole millimetres, corners single floats."""
 
 TICK_GAP_NS: Final = 2 * TICK_NS - 1 * NS_PER_MS
 """Longest time between two ticks of an undisturbed loop: one frame late, the next early."""

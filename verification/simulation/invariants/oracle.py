@@ -25,10 +25,15 @@ from verification.simulation.invariants.persistence import PersistenceInvariants
 from verification.simulation.invariants.requests import RequestInvariants
 from verification.simulation.invariants.robot_loop import LoopInvariants
 from verification.simulation.invariants.shared import RunState
+from verification.simulation.invariants.stops import StopInvariants
 from verification.simulation.invariants.wheels import WheelInvariants
 
 FORGED_NS = 1_000_000_000
 """After forged senses the robot may tick at other times for this long."""
+
+OUTSMARTED_NS = 5_000_000_000
+"""In lockstep a forged wheel command may stand for the robot's answer, or pretend that a later
+robot drives: the plant waits for the robot up to 3 s, and takes no answer of it for 1 s."""
 
 
 class Oracle:
@@ -41,6 +46,7 @@ class Oracle:
         self.requests = RequestInvariants(self.facts, self.presence)
         self.keeping = PersistenceInvariants(self.facts)
         self.onboard = LoopInvariants(self.facts, self.requests)
+        self.stops = StopInvariants(self.facts)
         self.digest = blake2b(digest_size=16)
         self._reached: set[str] = set()
 
@@ -53,6 +59,8 @@ class Oracle:
                 self.motion.command(frame)
             else:
                 self.motion.forged(frame)
+                if self.facts.robot is not None and self.facts.robot.lockstep:
+                    self.facts.held_up(self.facts.now_ns + OUTSMARTED_NS)
         elif path.startswith("sense/") and source.name != "plant":
             self.motion.place_known = False
             self.facts.held_up(self.facts.now_ns + FORGED_NS)
@@ -88,15 +96,18 @@ class Oracle:
         self.motion.robot_started()
         self.onboard.robot_started()
         self.presence.robot_started()
+        self.stops.robot_started()
 
     def restored(self, vehicle: Vehicle) -> None:
         """Check the state that a robot has restored."""
         self.keeping.restored(vehicle)
+        self.stops.restored(vehicle)
 
     def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
         """Record a request that the robot has answered."""
         self.requests.received(vehicle, request, answer, operator)
         self.keeping.received(vehicle, request)
+        self.stops.received(vehicle, request, answer, operator)
 
     def cycled(self, side: RobotSide, tick: Tick) -> None:
         """Check after each tick of the robot."""
@@ -108,6 +119,7 @@ class Oracle:
         self.onboard.cycled(vehicle, process)
         self.presence.cycled(vehicle)
         self.keeping.cycled(vehicle)
+        self.stops.cycled(vehicle)
 
     def _reach(self, machine: Machine) -> None:
         """Count each vehicle state and each failsafe once per run."""
@@ -127,6 +139,8 @@ class Oracle:
         for asked in self.facts.history.ended():
             self.requests.ended(asked)
             self.keeping.ended(asked)
+            self.stops.ended(asked)
+        self.stops.judge()
         for host in hosts:
             if host.error is not None:
                 error: Any = host.error

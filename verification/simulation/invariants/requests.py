@@ -14,6 +14,7 @@ from protocol.wire.messages import (
 )
 from robot.commands import is_stop
 from robot.core import reasons, states
+from robot.core.machine import Machine
 from robot.vehicle import Answer, Vehicle
 from runtime.units import NS_PER_MS
 from verification.simulation.hosts.operators import OperatorRequest
@@ -64,15 +65,35 @@ class RequestInvariants:
             self._presence.leased(operator)
         holder = vehicle.lease.holder
         alien = holder is not None and holder.operator != operator
-        if alien and ok and not limits.is_free(request):
-            facts.fail(
-                "only the lease holder commands",
-                f"{type(request).__name__} of {operator or 'an unnamed operator'} accepted",
-            )
+        if alien and not limits.is_free(request):
+            self._check_refused(request, answer, operator)
+        if isinstance(request, GoalRequest) and ok and not request.from_robot:
+            self._check_goal(machine, request)
         number = number_of(request)
         if number and not is_stop(request):
             self._late(number, request)
             self._acted[number].append(AnsweredRequest(now_ns, request, ok, operator))
+
+    def _check_refused(self, request: Message, answer: Answer, operator: str) -> None:
+        """Check that the lease is asked first: whoever has none is refused for nothing else.
+
+        A request about the lease itself may be refused for what it asks.
+        """
+        about_lease = isinstance(request, LeaseRequest) and not accepted(answer)
+        if not about_lease and reason_of(answer) != reasons.LEASE_HELD:
+            what = "accepted" if accepted(answer) else "refused for another reason than the lease"
+            self._facts.fail(
+                "only the lease holder commands",
+                f"{type(request).__name__} of {operator or 'an unnamed operator'} {what}",
+            )
+
+    def _check_goal(self, machine: Machine, goal: GoalRequest) -> None:
+        fence = machine.fence
+        if fence is None:
+            return
+        out_m = limits.outside_m(*fence, goal.x_mm / 1000, goal.y_mm / 1000)
+        if out_m > limits.BORDER_M:
+            self._facts.fail("inside the fence", f"accepted a goal {out_m:.2f} m outside the fence")
 
     def _late(self, number: int, request: Message) -> None:
         """Check that no request is executed after its operator gave it up."""
@@ -112,6 +133,13 @@ def number_of(request: Message) -> int:
     """Return the id of a request; 0 for one without."""
     number: int = getattr(request, "request_id", 0)
     return number
+
+
+def reason_of(answer: Answer) -> int | None:
+    """Return the reason in an answer; None for one that has none."""
+    if isinstance(answer, CommandAck):
+        return answer.result_param2
+    return answer.reason if isinstance(answer, MissionVerdict) else None
 
 
 def accepted(answer: object) -> bool:

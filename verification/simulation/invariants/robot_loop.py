@@ -132,7 +132,8 @@ class LoopInvariants:
         """Check that the robot moves while it drives to a goal."""
         (x_m, y_m, heading_rad), anchor, now_ns = self._place, self._anchor, self._facts.now_ns
         away = hypot(x_m - anchor[0], y_m - anchor[1]) > AWAY_M
-        if away or abs(wrap(heading_rad - anchor[2])) > AWAY_RAD or not drives(machine):
+        turned = abs(wrap(heading_rad - anchor[2])) > AWAY_RAD
+        if away or turned or not drives(machine) or self._facts.stands:
             self._anchor, self._moved_ns = self._place, now_ns
         elif now_ns - self._moved_ns > limits.STANDSTILL_NS:
             rest_s = (now_ns - self._moved_ns) // 1_000 // NS_PER_MS

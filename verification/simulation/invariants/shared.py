@@ -36,6 +36,10 @@ class RunState:
         """Until then a process is delayed or missing, so ticks may be missed."""
         self.impaired_until_ns = NEVER
         """Until then frames may be lost or late."""
+        self.stands_until_ns = NEVER
+        """Until then the plant's clock stands still, in lockstep."""
+        self.disk_until_ns = NEVER
+        """Until then the robot's disk may be slow or failing."""
         self.unsure_until_ns = NEVER
         """Until then an operator does not know the robot's clock."""
         self.forged_ns = NEVER
@@ -61,7 +65,12 @@ class RunState:
     @property
     def sound_since_ns(self) -> int:
         """The time since which frames and processes are undisturbed; may be in the future."""
-        return max(self.disturbed_until_ns, self.impaired_until_ns)
+        return max(self.disturbed_until_ns, self.impaired_until_ns, self.stands_until_ns)
+
+    @property
+    def stands(self) -> bool:
+        """True while the plant's clock stands still."""
+        return self.now_ns <= self.stands_until_ns
 
     def held_up(self, until_ns: int) -> None:
         """Record that a process is delayed or missing until a time."""

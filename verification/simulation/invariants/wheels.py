@@ -92,6 +92,8 @@ class WheelInvariants:
         """Check after a period; return the speed of the faster wheel."""
         facts, truth = self._facts, plant.truth()
         fastest_m_s = rim_m_s(plant)
+        if facts.stands:
+            return fastest_m_s
         moves = fastest_m_s > limits.STILL_M_S
         facts.coverage.plant_ticks += 1
         facts.coverage.moving_ticks += moves

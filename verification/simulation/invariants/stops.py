@@ -1,0 +1,130 @@
+"""Invariants of the emergency stop: acknowledged in time, released only by a later clear, and kept.
+
+What arrives at the robot is noted here, at its door, so that nothing depends on what the robot
+makes of it.
+"""
+
+from typing import Final
+
+from protocol.topics import COMMAND, STOP, STOP_SERVICE, operator_in
+from protocol.wire.codec import decode
+from protocol.wire.enums import Command
+from protocol.wire.message import Message
+from protocol.wire.messages import CommandRequest
+from robot.core import states
+from robot.vehicle import Answer, Vehicle
+from runtime.errors import RemoteError
+from runtime.units import NS_PER_MS
+from verification.simulation.hosts.operators import OperatorRequest
+from verification.simulation.invariants import limits
+from verification.simulation.invariants.requests import accepted
+from verification.simulation.invariants.shared import NEVER, RunState
+
+RELEASED: Final = "only a later clear releases a stop"
+KEPT: Final = "stop survives a restart"
+
+
+class StopInvariants:
+    """Follows the stop from its press to the clear, over restarts of the robot."""
+
+    def __init__(self, facts: RunState) -> None:
+        self._facts = facts
+        self._stop_ns: dict[str, int] = {}
+        """Newest arrival of a stop, by the process that sent it."""
+        self._clear_ns: dict[tuple[str, int], int] = {}
+        """Newest arrival of each request to clear, by operator and id."""
+        self._latched = False
+        self._seen_ns: int | None = None
+        """When an operator has seen the stop that is latched."""
+        self._promised = False
+        """True if the stop must survive everything but a clear."""
+
+    # Arrivals at the robot.
+
+    def arrived(self, source: str, path: str, frame: bytes) -> None:
+        """Note a frame or a request of an operator that has arrived."""
+        if path.startswith((f"{STOP.path}/", STOP_SERVICE.path)):
+            self._stop_ns[source] = self._facts.now_ns
+        elif path.startswith(f"{COMMAND.path}/"):
+            self._asked(source, operator_in(path.removeprefix(f"{COMMAND.path}/")), frame)
+
+    def _asked(self, source: str, operator: str, frame: bytes) -> None:
+        try:
+            request = decode(frame).message
+        except RemoteError:
+            return
+        if not isinstance(request, CommandRequest):
+            return
+        if request.command == Command.DO_FLIGHTTERMINATION:
+            self._stop_ns[source] = self._facts.now_ns
+        elif request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP:
+            self._clear_ns[operator, request.request_id] = self._facts.now_ns
+
+    # The robot.
+
+    def received(self, vehicle: Vehicle, request: Message, answer: Answer, operator: str) -> None:
+        """Check an answered request."""
+        stopped = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
+        if not isinstance(request, CommandRequest) or not accepted(answer):
+            return
+        if request.command == Command.DO_FLIGHTTERMINATION:
+            self._latched = stopped
+        elif request.command == Command.SIDESTEP_CLEAR_EMERGENCY_STOP and not stopped:
+            if self._latched:
+                self._released(operator, request.request_id)
+            self._latched = self._promised = False
+            self._seen_ns = None
+
+    def _released(self, operator: str, request_id: int) -> None:
+        asked_ns = self._clear_ns.get((operator, request_id), NEVER)
+        stopped_ns = max(self._stop_ns.values(), default=NEVER)
+        if asked_ns < stopped_ns:
+            words = f"released by a clear that arrived {(stopped_ns - asked_ns) // NS_PER_MS} ms"
+            self._facts.fail(RELEASED, f"{words} before the newest stop")
+
+    def robot_started(self) -> None:
+        """Forget a stop that need not be kept: the robot ended too soon after it."""
+        if not self._promised:
+            self._latched, self._seen_ns = False, None
+
+    def restored(self, vehicle: Vehicle) -> None:
+        """Check the state in which a robot starts."""
+        self._latched = vehicle.state.machine.vehicle == states.EMERGENCY_STOP
+        if self._promised:
+            self._facts.coverage.reached["stop kept over a restart"] += 1
+        self.cycled(vehicle)
+
+    def cycled(self, vehicle: Vehicle) -> None:
+        """Check after each tick that a stop is latched until it is cleared."""
+        facts, machine = self._facts, vehicle.state.machine
+        if self._promised and machine.vehicle != states.EMERGENCY_STOP:
+            facts.fail(KEPT, f"vehicle state {machine.vehicle}, and no operator has cleared it")
+        if self._seen_ns is not None and facts.now_ns - self._seen_ns > limits.KEPT_NS:
+            self._promised = self._promised or facts.disk_until_ns < self._seen_ns - limits.KEPT_NS
+
+    # Operators.
+
+    def ended(self, asked: OperatorRequest) -> None:
+        """Note that an operator has seen its stop."""
+        if asked.action == "stop" and asked.answered and self._latched and self._seen_ns is None:
+            self._seen_ns = asked.ended_ns
+
+    def judge(self) -> None:
+        """Check that each stop is acknowledged in time, also while the plant's clock stands."""
+        facts = self._facts
+        if facts.robot is None or not facts.robot.runs:
+            return
+        sound_ns = max(facts.disturbed_until_ns, facts.impaired_until_ns, facts.started_ns)
+        for asked in facts.history.pressed:
+            took_ns = facts.now_ns - max(asked.asked_ns, sound_ns)
+            if asked.ended_ns is None and took_ns > self._limit_ns(asked):
+                facts.fail(
+                    "stop is acknowledged in time",
+                    f"{asked.operator} has none {took_ns // NS_PER_MS} ms after its press",
+                )
+
+    def _limit_ns(self, asked: OperatorRequest) -> int:
+        """Return the limit; an operator among others that stop sees a lasting stop instead."""
+        others = [ns for name, ns in self._stop_ns.items() if name != asked.operator]
+        is_alone = max(others, default=NEVER) < asked.asked_ns - limits.PERIOD_NS
+        return limits.ACKNOWLEDGED_NS if is_alone else limits.ACKNOWLEDGED_AMONG_OTHERS_NS
