@@ -19,20 +19,14 @@ RUN useradd --uid 10001 --user-group --create-home --shell /usr/sbin/nologin sid
 
 # The environment is made by a pip of its own, so that it ends up without one. Behind an index or a
 # certificate authority of your own: PIP_CONFIG_FILE and SSL_CERT_FILE, see docker-compose.yml.
-FROM base AS requirements
-COPY docker/wanted pyproject.toml ./
-RUN python3 ./wanted web keys >wanted.txt && python3 ./wanted dev >dev.txt
-
 FROM base AS wanted
 ENV PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_INPUT=1
 RUN python3 -m venv /pip && python3 -m venv --without-pip /opt/sidestep
 WORKDIR /source
-COPY docker/install constraints.txt ./
-# Not pyproject.toml itself, whose other changes would install everything again.
-COPY --from=requirements wanted.txt ./
+COPY docker/install docker/runtime.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./install -r wanted.txt
+    ./install -r runtime.txt
 
 # Control core and simulation are compiled: SIDESTEP_COMPILE=0 as a build argument leaves them in
 # pure Python and needs no compiler. The compiler stays in this stage.
@@ -45,9 +39,10 @@ RUN [ "$SIDESTEP_COMPILE" != 1 ] || { \
     && apt-get install -y -qq --no-install-recommends gcc libc6-dev \
         $([ -e "$headers" ] || echo python3-dev) >/dev/null \
     && rm -rf /var/lib/apt/lists/*; }
+COPY docker/build.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    /source/install --python /pip/bin/python hatchling mypy setuptools -r wanted.txt
+    ./install --python /pip/bin/python -r build.txt
 
 FROM compiler AS sources
 COPY README.md LICENSE sidestep.py hatch_build.py pyproject.toml ./
@@ -71,14 +66,15 @@ ARG SIDESTEP_COMPILE=1
 COPY --from=compiled /compiled /compiled
 RUN SIDESTEP_COMPILED=/compiled /pip/bin/pip wheel --quiet --no-deps --no-build-isolation \
         --wheel-dir /wheel . \
-    && ./install --no-deps /wheel/*.whl
+    && /pip/bin/pip --python /opt/sidestep/bin/python install --quiet --no-deps --no-index \
+        /wheel/*.whl
 
 # For tests and measurements: the tools as well, and the tree beside them as in a checkout.
 FROM wanted AS tools
-COPY --from=requirements dev.txt ./
+COPY docker/tests.txt ./
 RUN --mount=type=secret,id=pip_config --mount=type=secret,id=ca \
     --mount=type=cache,target=/root/.cache/pip \
-    ./install hatchling editables -r dev.txt \
+    ./install -r tests.txt \
     && cp -r /pip/lib/python3.13/site-packages/pip /opt/sidestep/lib/python3.13/site-packages/
 
 FROM base AS tests

@@ -3,7 +3,7 @@
 SHELL := /bin/sh
 .SHELLFLAGS := -eu -c
 .ONESHELL:
-.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench evidence generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
+.PHONY: help setup up test gate gate-afresh brief interop clients-table rows-table mutation bench evidence hashes generate docs prose refresh pictures same-bits same-bits-mcu generate-docs clean afresh compiled study firmware
 
 PYTHONS := python3.13 python3.12 python3.11 python3
 BIN := $(CURDIR)/.venv/bin
@@ -26,6 +26,7 @@ help:
 	echo "make study   a study with compiled modules; ARGS=\"--quick\" is handed on"
 	echo "make bench   measurements; ARGS=... is handed on"
 	echo "make evidence  measure the pages of docs/evidence again; ARGS=--list shows them with minutes"
+	echo "make hashes  the hashes of all packages that the images install"
 	echo "make generate  the modules that are made from protocol/dialect/sidestep.xml"
 	echo "make docs    the documentation as a web site, in build/site"
 	echo "make generate-docs  the committed pages that are made from the code"
@@ -172,6 +173,11 @@ same-bits: setup
 same-bits-mcu: setup
 	@"$(BIN)/python" -m verification.built firmware
 	exec "$(BIN)/python" -m verification.same_bits.board $(ARGS)
+
+# Some minutes; after a change of constraints.txt or of what pyproject.toml wants. The lists hold the
+# files that pip chooses, of the index that it is configured for.
+hashes: setup
+	@exec "$(BIN)/python" -m verification.hashes
 
 generate: setup
 	@exec "$(BIN)/python" -m verification.dialect.generate

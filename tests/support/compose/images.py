@@ -25,7 +25,7 @@ ASK_S: Final = 30.0
 NAME: Final = "sidestep:built-"
 KEPT: Final = 3
 PRODUCT: Final = (
-    "Dockerfile", "docker", "pyproject.toml", "constraints.txt", "README.md", "LICENSE",
+    "Dockerfile", "docker", "pyproject.toml", "README.md", "LICENSE",
     "sidestep.py", "hatch_build.py", "runtime", "protocol", "robot", "plant", "ground", "study",
 )  # fmt: skip
 """What the Dockerfile copies for the image of the product."""
