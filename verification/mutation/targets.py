@@ -44,6 +44,7 @@ TARGETS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         ),
         "runtime/sequence.py": ("tests/unit/runtime/test_sequence.py",),
         "robot/scheduling/cycle_meter.py": ("tests/unit/robot/scheduling/test_cycle_meter.py",),
+        "robot/storage/kept_stop.py": ("tests/unit/robot/storage/test_kept_stop.py",),
         "robot/stop_latch.py": ("tests/unit/robot/test_stop_latch.py",),
         "protocol/stop_datagram.py": ("tests/unit/protocol/test_stop_datagram.py",),
         "robot/operator_delays.py": ("tests/unit/robot/test_operator_delays.py",),
