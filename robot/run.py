@@ -11,6 +11,7 @@ from typing import Final
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.claim import claim
+from protocol.bus.door import guarded_door
 from protocol.bus.mailbox import MAX_STAMP_NS, Mailbox
 from protocol.bus.network import Network
 from protocol.topics import CLOCK, Role
@@ -79,6 +80,7 @@ def run(
                 StopListener(network, robot, listening_at(network, bus), process, say),
                 watchdog,
                 audited_connections(bus, say),
+                guarded_door(bus, say),
             ):
                 run_loop()
         except Exception as error:

@@ -8,6 +8,7 @@ from ground.grammar.words import add_common
 from ground.text.output import Output
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import open_bus
+from protocol.bus.door import guarded_door
 from runtime.clock import WallClock
 
 BUS_NAME: Final = "router"
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace, output: Output) -> int:
     with open_bus(network, None, BUS_NAME) as bus:
         output.note(f"router at {bus.locator()}")
         try:
-            with audited_connections(bus, output.note):
+            with audited_connections(bus, output.note), guarded_door(bus, output.note):
                 while True:
                     clock.sleep_until(clock.now_ns() + POLL_NS)
         except KeyboardInterrupt:

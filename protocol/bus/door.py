@@ -1,0 +1,361 @@
+"""A door in front of Zenoh's TLS acceptor: connections that fail do not delay the others.
+
+Zenoh 1.10 sleeps 100 ms after each failed handshake, one after the other, and accepts nothing
+meanwhile. Ten connections a second that send no TLS would keep everybody out. The door is a packet
+filter (classic BPF, which needs no privilege) on Zenoh's listening socket. The kernel runs it for
+each segment before there is a connection; no frame is copied. The filter
+
+- completes a connection only by a segment that begins like a TLS record. A silent connection, a
+  port scan or an HTTP request never reaches Zenoh: it ends in the kernel.
+- lets in only a share of the connections from an address of which too many have become no link.
+
+Accepted sockets inherit the filter. A thread removes it from them within milliseconds; until then
+it may drop a segment of theirs, which TCP sends again. Works on Linux.
+"""
+
+import ctypes
+import os
+import select
+import socket
+import struct
+import sys
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from threading import Lock, Thread
+from typing import Final, NamedTuple
+
+from protocol.bus.bus import Bus
+from protocol.bus.linger import STREAMS, socket_of, sockets
+from protocol.bus.tls.peer_address import end_in
+
+Address = IPv4Address | IPv6Address
+
+FAILURES_PER_S: Final = 4.0
+"""Of all limited addresses together: the acceptor then sleeps 40 % of the time."""
+
+BURST: Final = 10
+"""Connections of an address that may be open before they have become links."""
+
+LEAST_SHARE: Final = 2.0**-12
+DOUBLES_S: Final = 1.0
+"""Period after which a share doubles if the address stayed within its budget."""
+
+MAX_KNOWN: Final = 1000
+MAX_LIMITED: Final = 64
+QUIET_S: Final = 60.0
+FIRST_LOOK_S: Final = 0.001
+LAST_LOOK_S: Final = 1.0
+BACKLOG: Final = 4096
+SYN_ACKS: Final = 3
+"""Answers repeated to a connection that stays silent; it is then forgotten, after 15 s."""
+
+SO_ATTACH_FILTER: Final = 26
+SO_DETACH_FILTER: Final = 27
+TCP_SAVE_SYN: Final = 27
+TCP_SAVED_SYN: Final = 28
+HEADER_BYTES: Final = 256
+UNAVAILABLE: Final = (
+    "this system has no packet filter for sockets: connections that fail, such as those of a port "
+    "scan, can keep new links out as long as they come"
+)
+
+LOAD_WORD, LOAD_BYTE, LOAD_HALF_AT_X = 0x20, 0x30, 0x48
+AND, SHIFT_RIGHT, MOVE_TO_X = 0x54, 0x74, 0x07
+JUMP, IF_EQUAL, IF_AT_LEAST, IF_ANY_BIT = 0x05, 0x15, 0x35, 0x45
+RETURN, PASS, DROP = 0x06, 0xFFFF_FFFF, 0
+IP_HEADER: Final = 0xFFF0_0000
+RANDOM: Final = 0xFFFF_F038
+FLAGS_AT, LENGTH_AT, SOURCE_V4_AT, SOURCE_V6_AT = 13, 12, IP_HEADER + 12, IP_HEADER + 8
+SYN, RST = 0x02, 0x04
+RECORD, RECORD_MASK = 0x1403, 0xFCFF
+"""A TLS record begins with a type from 0x14 to 0x17 and the version 3."""
+
+
+@contextmanager
+def guarded_door(bus: Bus, report: Callable[[str], None]) -> Iterator[None]:
+    """Guard the listening sockets of a locked bus while the block runs."""
+    if bus.network.tls is None or not bus.network.listen:
+        yield
+        return
+    ports = {end_in(one).port for one in (bus.locator(), *bus.network.listen)}
+    door = Door(ports - {0}, report)
+    bus.on_caller(door.linked)
+    try:
+        yield
+    finally:
+        door.close()
+
+
+class Step(NamedTuple):
+    """An instruction of the kernel's packet filter; `yes` and `no` count the steps to skip."""
+
+    code: int
+    value: int
+    yes: int = 0
+    no: int = 0
+
+
+def filter_steps(shares: Mapping[Address, float]) -> list[Step]:
+    """Return the filter. `shares` is the part of the connections of an address to let in.
+
+    A load outside of a segment drops it, so an empty segment never completes a connection.
+    """
+    v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
+    v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
+    return [
+        Step(LOAD_BYTE, FLAGS_AT),
+        Step(IF_ANY_BIT, RST, 0, 1),
+        Step(RETURN, PASS),
+        Step(IF_ANY_BIT, SYN, 9, 0),
+        Step(LOAD_BYTE, LENGTH_AT),
+        Step(AND, 0xF0),
+        Step(SHIFT_RIGHT, 2),
+        Step(MOVE_TO_X, 0),
+        Step(LOAD_HALF_AT_X, 0),
+        Step(AND, RECORD_MASK),
+        Step(IF_EQUAL, RECORD, 0, 1),
+        Step(RETURN, PASS),
+        Step(RETURN, DROP),
+        Step(LOAD_BYTE, IP_HEADER),
+        Step(SHIFT_RIGHT, 4),
+        Step(IF_EQUAL, 4, 1, 0),
+        Step(JUMP, len(v4) + 1),
+        *v4,
+        Step(RETURN, PASS),
+        *v6,
+        Step(RETURN, PASS),
+    ]
+
+
+def let(address: Address, share: float) -> Iterator[Step]:
+    """Yield the steps that let in a share of the connections of an address."""
+    first = SOURCE_V4_AT if address.version == 4 else SOURCE_V6_AT
+    words = struct.unpack(f"!{len(address.packed) // 4}I", address.packed)
+    for number, word in enumerate(words):
+        yield Step(LOAD_WORD, first + 4 * number)
+        yield Step(IF_EQUAL, word, 0, 2 * (len(words) - number - 1) + 4)
+    yield Step(LOAD_WORD, RANDOM)
+    yield Step(IF_AT_LEAST, min(PASS, round(share * 2**32)), 1, 0)
+    yield Step(RETURN, PASS)
+    yield Step(RETURN, DROP)
+
+
+class Account:
+    """What an address may still open, and the share of its connections that is let in."""
+
+    __slots__ = ("changed_s", "filled_s", "level", "share")
+
+    def __init__(self, now_s: float) -> None:
+        self.level = float(BURST)
+        self.share = 1.0
+        self.filled_s = self.changed_s = now_s
+
+
+class Limits:
+    """Shares of the addresses whose connections become no links. Does no I/O.
+
+    A connection beyond the budget halves the share of its address, a link doubles it, and so does
+    time. No address is shut out.
+    """
+
+    def __init__(self) -> None:
+        self._accounts: dict[Address, Account] = {}
+
+    def arrived(self, address: Address, now_s: float) -> None:
+        """Count a connection."""
+        one = self._accounts.setdefault(address, Account(now_s))
+        one.level -= 1.0
+        if one.level < 0.0:
+            one.level, one.share = 0.0, max(LEAST_SHARE, one.share / 2)
+            one.changed_s = now_s
+        if len(self._accounts) > MAX_KNOWN:
+            del self._accounts[next(iter(self._accounts))]
+
+    def linked(self, address: Address) -> None:
+        """Take a connection off the account: it has become a link."""
+        if one := self._accounts.get(address):
+            one.level = min(float(BURST), one.level + 1.0)
+            one.share = min(1.0, one.share * 2)
+
+    def shares(self, now_s: float) -> dict[Address, float]:
+        """Return the shares below 1, the least first, as of now."""
+        limited = [one for one in self._accounts.values() if one.share < 1.0]
+        rate_hz = FAILURES_PER_S / max(1, len(limited))
+        for address, one in tuple(self._accounts.items()):
+            one.level = min(float(BURST), one.level + rate_hz * (now_s - one.filled_s))
+            one.filled_s = now_s
+            if now_s - one.changed_s >= DOUBLES_S:
+                one.share, one.changed_s = min(1.0, one.share * 2), now_s
+            if one.level >= BURST and one.share >= 1.0:
+                del self._accounts[address]
+        found = ((address, one.share) for address, one in self._accounts.items() if one.share < 1.0)
+        return dict(sorted(found, key=lambda pair: pair[1])[:MAX_LIMITED])
+
+
+class Door:
+    """The filter on the listening sockets of some ports, until `close`."""
+
+    def __init__(self, ports: Collection[int], report: Callable[[str], None]) -> None:
+        self._ports = frozenset(ports)
+        self._report = report
+        self._known: set[int] = set()
+        self._limits, self._lock = Limits(), Lock()
+        self._shares: dict[Address, float] = {}
+        self._reported_s = -QUIET_S
+        self._end, self._ended = socket.socketpair()
+        self._thread: Thread | None = None
+        self._listeners = listeners(self._ports)
+        try:
+            for one in self._listeners:
+                one.listen(BACKLOG)
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_SYNCNT, SYN_ACKS)
+                one.setsockopt(socket.IPPROTO_TCP, TCP_SAVE_SYN, 1)
+                attach(one, filter_steps({}))
+        except OSError:
+            self._open_wide()
+        if self._listeners:
+            self._thread = Thread(target=self._run, name="door", daemon=True)
+            self._thread.start()
+        else:
+            report(UNAVAILABLE)
+
+    def linked(self, _zid: str, _name: str | None, address: str) -> None:
+        """Note that a connection has become a link. May be called from any thread."""
+        with suppress(ValueError), self._lock:
+            self._limits.linked(address_of(end_in(address.rpartition("/")[2]).host))
+
+    def close(self) -> None:
+        """Remove the filter. The port is free only after this."""
+        self._ended.close()
+        if self._thread is not None:
+            self._thread.join()
+        self._open_wide()
+        self._end.close()
+
+    def _run(self) -> None:
+        """Look for accepted sockets often after each event, and seldom without one.
+
+        The event comes with a new connection, but Zenoh may accept it later.
+        """
+        poll, pause_s = select.epoll(), LAST_LOOK_S
+        poll.register(self._end, select.EPOLLIN | select.EPOLLHUP)
+        for one in self._listeners:
+            poll.register(one, select.EPOLLIN | select.EPOLLET)
+        try:
+            while True:
+                events = poll.poll(pause_s)
+                if any(descriptor == self._end.fileno() for descriptor, _ in events):
+                    return
+                pause_s = FIRST_LOOK_S if events else min(LAST_LOOK_S, 2 * pause_s)
+                with suppress(OSError):  # no descriptor is left to list the others: look again
+                    self._look(time.monotonic())
+        finally:
+            poll.close()
+            self._open_wide()
+
+    def _look(self, now_s: float) -> None:
+        """Remove the filter from new sockets, count their addresses and renew the shares."""
+        open_now = dict(opened())
+        arrived = [
+            self._admitted(one) for inode, one in open_now.items() if inode not in self._known
+        ]
+        self._known = set(open_now)
+        with self._lock:
+            for address in arrived:
+                if address is not None:
+                    self._limits.arrived(address, now_s)
+            shares = self._limits.shares(now_s)
+        if shares != self._shares:
+            self._shares = shares
+            for one in self._listeners:
+                attach(one, filter_steps(shares))
+            self._tell(now_s)
+
+    def _admitted(self, descriptor: int) -> Address | None:
+        """Remove the filter from an accepted socket, and return the address of its other end.
+
+        Uses the descriptor itself, because there may be none left for a copy.
+        """
+        with suppress(OSError, ValueError):
+            one = socket.socket(fileno=descriptor)
+            try:
+                if local_port(one) in self._ports and not listens(one):
+                    one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)  # fails without one
+                    return source_of(one)
+            finally:
+                one.detach()
+        return None
+
+    def _tell(self, now_s: float) -> None:
+        if self._shares and now_s - self._reported_s >= QUIET_S:
+            self._reported_s = now_s
+            address, share = next(iter(self._shares.items()))
+            more = f" and {len(self._shares) - 1} other addresses" if len(self._shares) > 1 else ""
+            self._report(
+                f"connections from {address}{more} come faster than they become links: one in "
+                f"{round(1 / share)} is let in; find out which program there dials this port"
+            )
+
+    def _open_wide(self) -> None:
+        for one in self._listeners:
+            with suppress(OSError):
+                one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)
+            one.close()
+        self._listeners = []
+
+
+def attach(listener: socket.socket, steps: Sequence[Step]) -> None:
+    """Put a filter on a socket, in place of the one before. Raises OSError."""
+    packed = b"".join(struct.pack("HBBI", one.code, one.yes, one.no, one.value) for one in steps)
+    code = ctypes.create_string_buffer(packed, len(packed))
+    program = struct.pack("HP", len(steps), ctypes.addressof(code))
+    listener.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, program)
+
+
+def listeners(ports: frozenset[int]) -> list[socket.socket]:
+    """Return duplicates of the listening TCP sockets of this process on some ports."""
+    found = []
+    for descriptor in sockets() if sys.platform == "linux" else ():
+        with suppress(OSError):
+            one = socket_of(os.dup(descriptor))
+            if local_port(one) in ports and listens(one):
+                found.append(one)
+            else:
+                one.close()
+    return found
+
+
+def source_of(one: socket.socket) -> Address:
+    """Return the address of the other end of an accepted socket, even after a reset.
+
+    Raises OSError, or ValueError.
+    """
+    header = one.getsockopt(socket.IPPROTO_TCP, TCP_SAVED_SYN, HEADER_BYTES)
+    if not header:  # the system had no memory for it
+        return address_of(one.getpeername()[0])
+    return ip_address(header[12:16] if header[0] >> 4 == 4 else header[8:24])
+
+
+def local_port(one: socket.socket) -> int:
+    """Return the port of a socket, 0 for one without. Raises OSError."""
+    return int(one.getsockname()[1]) if one.family in STREAMS else 0
+
+
+def listens(one: socket.socket) -> bool:
+    """Return whether a socket accepts connections."""
+    return bool(one.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
+
+
+def opened() -> Iterator[tuple[int, int]]:
+    """Yield the inode and descriptor of each socket of this process."""
+    for descriptor in sockets():
+        with suppress(OSError):
+            yield os.fstat(descriptor).st_ino, descriptor
+
+
+def address_of(host: str) -> Address:
+    """Return the address of a host in numbers. Raises ValueError."""
+    found = ip_address(host.partition("%")[0])
+    return getattr(found, "ipv4_mapped", None) or found
