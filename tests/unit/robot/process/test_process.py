@@ -28,6 +28,7 @@ from protocol.wire.enums import (
     Command,
     GoalState,
     Mode,
+    Severity,
     Vehicle,
 )
 from protocol.wire.messages import (
@@ -81,7 +82,7 @@ def test_texts_are_published_in_ticks_between_and_at_the_end(end: str) -> None:
     assert "something new" in [text.text for text in rig.sent(TEXT)]
 
 
-@pytest.mark.parametrize("end", ["cycle", "end"])
+@pytest.mark.parametrize("end", ["cycle", "idle", "end"])
 def test_saving_is_acknowledged_after_the_write(end: str, tmp_path: Path) -> None:
     writer = HeldWriter()
     rig = Rig(Store(tmp_path, writer)).ready()
@@ -90,12 +91,12 @@ def test_saving_is_acknowledged_after_the_write(end: str, tmp_path: Path) -> Non
     request = rig.ask(wanted, service=PARAMETER)
     rig.cycle()
     assert request.answers == []
-    if end == "cycle":
-        writer.finish()
-        rig.cycle()
-    else:
+    if end == "end":
         rig.process.run(iter(()))
         rig.process.finish()
+    else:
+        writer.finish()
+        rig.process.idle() if end == "idle" else rig.cycle()
     (answer,) = request.answers
     assert isinstance(answer, ParamValue)
 
@@ -295,9 +296,9 @@ def test_exception_of_the_core_brakes_and_is_raised(
     with pytest.raises(ZeroDivisionError):
         rig.process.run(ticks(rig, 2))
     assert speeds(rig.command) == BRAKE
-    said = "".join(text.text for text in rig.sent(TEXT))
-    assert "the control core failed: ZeroDivisionError: a defect" in said
-    assert "in two lines" not in said
+    said = [(text.severity, text.text) for text in rig.sent(TEXT)]
+    assert (Severity.CRITICAL, "the control core failed: ZeroDivisionError: a defe") in said
+    assert not [text for _, text in said if "in two lines" in text]
     aborted = (GoalState.ABORTED, Reason.CORE_EXCEPTION)
     assert ended(rig) == (states.FAILSAFE, Reason.CORE_EXCEPTION, *aborted)
 

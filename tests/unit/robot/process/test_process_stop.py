@@ -7,7 +7,7 @@ from protocol.topics import (
     STATUS,
     TEXT,
 )
-from protocol.wire.enums import AckResult, Command, Vehicle
+from protocol.wire.enums import AckResult, Command, Severity, Vehicle
 from protocol.wire.messages import (
     CommandAck,
     CommandRequest,
@@ -245,8 +245,15 @@ def test_a_note_of_another_thread_is_told_once() -> None:
     rig.process.note("an old stop came again")
     for _ in range(3):
         rig.cycle()
-    texts = [one.text for one in rig.sent(TEXT) if isinstance(one, Statustext)]
-    assert texts.count("an old stop came again") == 1
+    texts = [(one.severity, one.text) for one in rig.sent(TEXT) if isinstance(one, Statustext)]
+    assert texts.count((Severity.WARNING, "an old stop came again")) == 1
+
+
+def test_a_press_before_the_requests_are_served_stops() -> None:
+    rig = Rig()
+    rig.process.press("ada", 77)
+    rig.cycle()
+    assert rig.vehicle.stopped
 
 
 def test_of_many_notes_the_newest_are_told() -> None:
