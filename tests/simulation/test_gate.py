@@ -30,12 +30,20 @@ def test_seeds_reach_all_modes_and_violate_no_invariant(first: int) -> None:
     assert coverage.reached["EMERGENCY_STOP"] > 0
 
 
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 @pytest.mark.parametrize(
     ("defect", "invariant"),
     [
         ("A13a", "acknowledged change survives"),
         ("A1", "acknowledged stop is effective"),
+        ("d2", "stopped in time"),
+        ("d3", "only the lease holder commands"),
+        ("d1", "stop is acknowledged in time"),
+        ("d4", "only a later clear releases a stop"),
+        ("d5", "only the lease holder commands"),
+        ("d6", "inside the fence"),
+        ("kept", "stop survives a restart"),
+        ("unkept", "stop survives a restart"),
     ],
 )
 def test_defect_that_is_put_back_is_found(defect: str, invariant: str) -> None:

@@ -56,3 +56,48 @@ def test_operator_at_the_station_drives_and_stops() -> None:
     assert result.coverage.stops == 1
     assert result.coverage.moving_percent > 25.0
     assert result.coverage.reached["EMERGENCY_STOP"] == 1
+
+
+def test_stop_is_seen_while_the_plants_clock_stands() -> None:
+    """In lockstep the robot takes a stop between two ticks, however far apart they are."""
+    scenario = EventScenario(
+        1,
+        8_000_000_000,
+        (
+            Event(300_000_000, "come", ("operator-a", 1), 1),
+            Event(1_500_000_000, "operate", ("operator-a", "drive", 33.0, 30.0, "AUTO"), 1),
+            Event(4_000_000_000, "stand", (2500,), 1),
+            Event(4_500_000_000, "operate", ("operator-a", "stop"), 1),
+        ),
+        lockstep=True,
+    )
+    result = run(scenario)
+    assert result.violation is None
+    assert result.coverage.stops == 1
+    assert result.coverage.moving_percent > 15.0
+    found = run(scenario, "d1").violation
+    assert found is not None
+    assert found.invariant == "stop is acknowledged in time"
+    assert found.time_ns < 5_000_000_000, "before the clock goes on"
+
+
+@each("how", ["killed", "hung", "without power"])
+def test_stop_outlives_the_robots_process(how: str) -> None:
+    scenario = EventScenario(
+        1,
+        9_000_000_000,
+        (
+            Event(300_000_000, "come", ("operator-a", 1), 1),
+            Event(1_500_000_000, "operate", ("operator-a", "stop"), 1),
+            Event(4_000_000_000, "restart", (how, 300), 1),
+            Event(7_000_000_000, "operate", ("operator-a", "drive", 33.0, 30.0, "AUTO"), 1),
+        ),
+    )
+    result = run(scenario)
+    assert result.violation is None
+    assert result.coverage.reached["stop kept over a restart"] == 1
+    assert result.coverage.moving_ticks == 0
+    for defect in ("kept", "unkept"):
+        found = run(scenario, defect).violation
+        assert found is not None
+        assert found.invariant == "stop survives a restart"
