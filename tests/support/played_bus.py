@@ -117,9 +117,8 @@ class PlayedBus:
         if entry is not None:
             self._handlers.remove(entry)
 
-    def stream(self, source: Topic[Any] | str, handler: Handler, robot: str | None = None) -> None:
-        path = source if isinstance(source, str) else source.path
-        self._handlers.append((robot or "r1", path, handler))
+    def stream(self, topic: Topic[Any], handler: Handler, robot: str | None = None) -> None:
+        self._handlers.append((robot or "r1", topic.path, handler))
 
     def present(self) -> Iterable[Presence]:
         return sorted(self.there)

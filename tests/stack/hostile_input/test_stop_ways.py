@@ -42,7 +42,8 @@ def cut_off(crew: Locked, keys: Path, role: str, folder: Path) -> list[str]:
     text = text.replace('"ca.pem"', f'"{keys}/ca.pem"')
     file = folder / "away.toml"
     file.write_text(f'{text}\n[network.stop_at]\nr1 = "{address}"\n')
-    return ["--id", "r1", "--config", str(file), "--connect", free_endpoint().replace("tcp/", "tls/")]
+    nobody = free_endpoint().replace("tcp/", "tls/")
+    return ["--id", "r1", "--config", str(file), "--connect", nobody]
 
 
 def test_without_any_session_an_operator_stops_and_others_do_not(
