@@ -23,6 +23,7 @@ from runtime.errors import AccessDeniedError
 from tests.support.keyring import DAY, NOW, Keyring
 from tests.support.stack.processes import Crew, Running
 from tests.support.until import until
+from verification.flood.main import peak_mb
 
 pytestmark = pytest.mark.stack
 EACH = 10
@@ -143,6 +144,53 @@ def test_a_robot_does_nothing_of_what_others_command(keys: Path, role: str) -> N
             robot.says("may not query sidestep/r1/srv/command", PATIENCE_S)
             robot.says("may not put on sidestep/r1/op/teleop", PATIENCE_S)
             assert acted_on == [asking(OURS)]
+
+
+DEEP = f"{PREFIX}/r1/" + "a/" * 24 + "b"
+WILD = "**/a/" * 12 + "**/c"
+"""A key and a pattern: Zenoh 1.10 needs a second and 200 MB to compare them."""
+
+GROWN_AT_MOST_MB = 20.0
+
+
+@pytest.mark.parametrize(("router", "role"), [(False, "viewer"), (True, "robot-r2")])
+def test_patterns_that_others_declare_cost_the_hub_nothing(
+    keys: Path, router: bool, role: str
+) -> None:
+    with Locked(keys, router=router) as crew:
+        robot = crew.robot()
+        crew.plant("--robots", "r1")
+        hub = (crew.router if router else robot).process.pid
+        network = dialling(crew.endpoint, tls_of(keys, role))
+        # A session of its own for each: Zenoh compares the patterns of one session there, too.
+        with unruly(network) as deep, unruly(network) as wild, unruly(network) as many:
+            for intruder in (deep, wild, many):
+                is_done(intruder)
+            before_mb = peak_mb(hub)
+            kept = [declare(deep, DEEP)]
+            is_done(deep)
+            kept.append(declare(wild, f"{PREFIX}/r1/{WILD}"))
+            is_done(wild)
+            assert peak_mb(hub) - before_mb < GROWN_AT_MOST_MB
+            kept += [declare(many, f"{PREFIX}/r1/x{number}/{WILD}") for number in range(250)]
+            is_done(many)
+            assert peak_mb(hub) - before_mb < GROWN_AT_MOST_MB
+
+
+def declare(intruder: zenoh.Session, key: str) -> object:
+    """Subscribe to a key, serve it, announce it and watch it; the hub refuses all of that."""
+    return (
+        intruder.declare_subscriber(key, lambda _sample: None),
+        intruder.declare_queryable(key, lambda _query: None),
+        intruder.liveliness().declare_token(key),
+        intruder.liveliness().declare_subscriber(key, lambda _sample: None),
+    )
+
+
+def is_done(intruder: zenoh.Session) -> None:
+    """Wait until the hub has done with what a session has sent before."""
+    seen = intruder.liveliness().get(f"{PREFIX}/*/alive/*/*", timeout=PATIENCE_S)
+    assert [reply for reply in seen if reply.ok is not None]
 
 
 def asking(number: int, command: int = Command.DO_FLIGHTTERMINATION) -> CommandRequest:
