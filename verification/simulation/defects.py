@@ -291,6 +291,11 @@ def _wide_circle() -> Patches:
     return {"robot.core.safety.fence.inside": inside}
 
 
+def _no_fresh_session() -> Patches:
+    """Dial with the same session id for ever."""
+    return {"protocol.bus.lasting_session.LastingSession._replace": lambda self, before, **_: False}
+
+
 def _forgotten_stop() -> Patches:
     """Keep the emergency stop on the disk, but do not look for it at the start."""
     return {"robot.storage.kept_stop.KeptStop.found": lambda self: False}
@@ -322,6 +327,7 @@ DEFECTS: Final[dict[str, Defect]] = {
     "d4": Defect("a clear that came before the stop is obeyed", _overtaken_clear),
     "d5": Defect("teleop is not dropped when the lease is seized", _teleop_of_the_last_holder),
     "d6": Defect("a circle fence is 1 m too wide", _wide_circle),
+    "ids": Defect("a session whose id is taken is never replaced", _no_fresh_session),
     "kept": Defect("the kept stop is not looked for at the start", _forgotten_stop),
     "unkept": Defect("the stop is not written to the disk", _unwritten_stop),
 }

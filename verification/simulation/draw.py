@@ -37,6 +37,9 @@ SEIZED: Final = 0.2
 RESTARTED: Final = 0.15
 """Share of emergency stops after which the robot is restarted, and then asked to drive."""
 
+UNLINKED: Final = 0.1
+"""Share of seeds in which the first operator loses its link, and with it perhaps its place."""
+
 LOCKSTEP: Final = 0.08
 """Share of seeds in lockstep. In each the plant's clock stands still for a while, during which an
 emergency stop is pressed."""
@@ -66,12 +69,22 @@ def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:
     for kind in kinds:
         action = draw_operate(random, first) if kind == "operate" else None
         events.append(_event(random, kind, action, duration_ns))
+    events += _link(Random(f"links {seed}"), first, duration_ns)
     if lockstep:
         events += _stand(random, first, duration_ns)
     events += [stop for event in events for stop in _stop_under(random, event, first)]
     events += [more for event in events for more in _seizure_under(random, event)]
     events += [more for event in events for more in _restart_under(random, event, first)]
     return EventScenario(seed, duration_ns, tuple(sorted(events)), lockstep)
+
+
+def _link(random: Random, first: str, duration_ns: int) -> list[Event]:
+    """Return that the first operator's link breaks, and a stop meanwhile or later, at times."""
+    if random.random() >= UNLINKED:
+        return []
+    broken = _event(random, "link", (first, *FAULTS["link"].draw(random)[1:]), duration_ns)
+    time_ns = broken.time_ns + random.randrange(0, 4000) * NS_PER_MS
+    return [broken, Event(time_ns, "operate", (first, "stop"), random.getrandbits(32))]
 
 
 def _fenced(random: Random, first: str) -> list[Event]:

@@ -20,6 +20,12 @@ HOSTS: Final = ("robot", "plant", *OPERATORS)
 MEASURED_NS: Final = 2_700 * NS_PER_MS
 """An operator measures the robot's clock every 2 s and has the answer within 0.5 s."""
 
+REPLACED_NS: Final = 1_500 * NS_PER_MS
+"""A session whose id is taken is replaced after 1 s without a link; attempts are 0.1 s apart."""
+
+REFUSED_MS: Final = 1500
+"""Handshakes fail for so long; the next attempt is 2 s after the first."""
+
 HUNG_MS: Final = 1500
 """A robot that hangs for so long is killed by its watchdog."""
 
@@ -127,6 +133,39 @@ def impair(
         link = simulation.network.link(source, target)
         link.add(impairment, event.salt + number)
         after(simulation, for_ms, link.remove, impairment)
+
+
+def draw_link(random: Random) -> Arguments:
+    """Draw an operator whose link breaks, what happens to its place, and for how long."""
+    how = random.choice(("broken", "taken", "taken", "refused"))
+    for_ms = random.choice((300, 1000, 3000) if how == "broken" else (4000, 8000))
+    return random.choice(OPERATORS), how, for_ms
+
+
+def apply_link(simulation: "Simulation", event: Event) -> None:
+    """Break an operator's link.
+
+    `broken`: it comes back. `taken`: the robot accepts connections, but another process has taken
+    the session's id. `refused`: in addition, handshakes of fresh sessions fail for some time.
+    """
+    name, how, for_ms = str(event.arguments[0]), str(event.arguments[1]), int(event.arguments[2])
+    operator, facts = simulation.operators[name], simulation.oracle.facts
+    if operator.link is None or not operator.host.alive:
+        return
+    session: Any = operator.link.bus._session
+    session.lose_link()
+    until_ns = after(simulation, for_ms, session.regain_link)
+    if how == "broken":
+        simulation.lines_down.add(name)
+        after(simulation, for_ms, simulation.lines_down.discard, name)
+    else:
+        until_ns = simulation.scheduler.now_ns + REPLACED_NS
+    if how == "refused":
+        simulation.handshakes_fail = True
+        after(simulation, REFUSED_MS, setattr, simulation, "handshakes_fail", False)
+        until_ns += 2 * REPLACED_NS
+    facts.impaired(until_ns)
+    facts.unsure(until_ns)
 
 
 # Processes.
@@ -404,6 +443,7 @@ FAULTS: Final[Mapping[str, EventKind]] = MappingProxyType(
         "attack": EventKind(6, draw_attack, apply_attack),
         "crossing": EventKind(2, draw_crossing, apply_crossing),
         "restart": EventKind(2, draw_restart, apply_restart),
+        "link": EventKind(0, draw_link, apply_link),
         "stand": EventKind(0, lambda r: (r.choice((1500, 2500, 4000)),), apply_stand),
         "power cut": EventKind(2, lambda r: (r.choice((100, 500, 2000)),), apply_power_cut),
     }

@@ -5,6 +5,8 @@ from contextlib import nullcontext
 from random import Random
 from typing import Final, NamedTuple
 
+import zenoh
+
 from robot.core import states
 from robot.core.values import Pose
 from runtime.units import NS_PER_MS
@@ -24,7 +26,7 @@ from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.operators import RequestHistory, SimulatedOperator
 from verification.simulation.hosts.plant_side import WORLDS, PlantSide
 from verification.simulation.hosts.robot_side import RobotSide
-from verification.simulation.hosts.scheduler import Host, Scheduler
+from verification.simulation.hosts.scheduler import Host, Scheduler, current_host
 from verification.simulation.hosts.session import SimulatedSession
 from verification.simulation.hosts.station_side import StationOperator
 from verification.simulation.hosts.substitutes import SeededSecrets, SessionOpener, substituted
@@ -96,6 +98,9 @@ class Simulation:
         self.hub.arrivals.append(self._arrived)
         self.hub.asked.append(self._asked)
         self._zid_of: dict[str, str] = {}
+        self.lines_down: set[str] = set()
+        """Hosts whose line to the robot is down."""
+        self.handshakes_fail = False
 
     def run(self) -> RunResult:
         """Run to the end of the scenario or to the first violation."""
@@ -103,6 +108,7 @@ class Simulation:
         draw = Random(f"secrets {scenario.seed}").getrandbits
         SeededSecrets.draw = lambda bits: draw(bits) or 1
         SessionOpener.open = self._session
+        SessionOpener.again, SessionOpener.accepts = self._fresh_session, self._accepts
         self.start_robot()
         self.plant.start()
         for event in scenario.events:
@@ -156,6 +162,18 @@ class Simulation:
         session = SimulatedSession(self.hub, zid)
         self._zid_of[session.host.name] = f"open/{zid}"
         return session
+
+    def _accepts(self) -> bool:
+        """Return whether the robot accepts a connection of the running host."""
+        host = current_host()
+        is_down = host.name in self.lines_down
+        return not is_down and self.network.connected(host, self.robot.host)
+
+    def _fresh_session(self) -> SimulatedSession:
+        """Open a fresh session of an operator, which keeps its identity."""
+        if self.handshakes_fail or not self._accepts():
+            raise zenoh.ZError("Unable to connect")
+        return SimulatedSession(self.hub, f"{self._zids.getrandbits(124) + 1:032x}")
 
     def _tap(self, source: Host, key: str, frame: bytes, note: bytes | None, asked: bool) -> None:
         if source is not self.attacker.host:

@@ -1,12 +1,15 @@
 """The shared state of all simulated sessions: declarations, samples and queries."""
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import zenoh
 
 from verification.simulation.hosts.network import SimulatedNetwork
 from verification.simulation.hosts.scheduler import Host, Task
+
+if TYPE_CHECKING:
+    from verification.simulation.hosts.session import SimulatedSession
 
 WATCHED: Final = ("drive/", "sense/", "op/", "srv/")
 """Prefixes of the topics and services that invariants or the attacker observe."""
@@ -136,21 +139,27 @@ class SimulatedQuery:
 
 
 class Subscription:
-    """A subscriber, queryable or liveliness token."""
+    """A subscriber, queryable or liveliness token of a session."""
 
-    __slots__ = ("callback", "host", "key", "table")
+    __slots__ = ("callback", "host", "key", "session", "table")
 
     def __init__(
-        self, key: str, host: Host, callback: Callable[[Any], object], table: "Declarations"
+        self,
+        key: str,
+        session: "SimulatedSession",
+        callback: Callable[[Any], object],
+        table: "Declarations",
     ) -> None:
         self.key = key
-        self.host = host
+        self.session = session
+        self.host: Host = session.host
         self.callback = callback
         self.table = table
 
     def undeclare(self) -> None:
         """End the declaration."""
         self.table.remove(self)
+        self.session.forget(self)
 
 
 class Declarations:
@@ -176,10 +185,10 @@ class Declarations:
             self._routes.clear()
             self.quiet.clear()
 
-    def leave(self, host: Host) -> list[Subscription]:
-        """Remove and return the declarations of a host that has ended."""
-        gone = [one for one in self._all if one.host is host]
-        self._all = [one for one in self._all if one.host is not host]
+    def leave(self, session: "SimulatedSession") -> list[Subscription]:
+        """Remove and return the declarations of a session that has ended or lost its link."""
+        gone = [one for one in self._all if one.session is session]
+        self._all = [one for one in self._all if one.session is not session]
         self._routes.clear()
         self.quiet.clear()
         return gone
@@ -246,13 +255,21 @@ class SimulatedHub:
 
         return take
 
-    def leave(self, host: Host) -> None:
-        """Remove the declarations of a host that has ended, and announce that."""
-        self.subscribers.leave(host)
-        self.queryables.leave(host)
-        self.watchers.leave(host)
-        for token in self.tokens.leave(host):
+    def leave(self, session: "SimulatedSession") -> list[Subscription]:
+        """Remove and return the declarations of a session without a link, and announce that."""
+        tables = self.subscribers, self.queryables, self.watchers
+        gone = [one for table in tables for one in table.leave(session)]
+        tokens = self.tokens.leave(session)
+        for token in tokens:
             self.announce(token, Delete)
+        return gone + tokens
+
+    def join(self, declared: list[Subscription]) -> None:
+        """Add the declarations of a session that is linked again, and announce its tokens."""
+        for one in declared:
+            one.table.add(one)
+            if one.table is self.tokens:
+                self.announce(one, Put)
 
     def announce(self, token: Subscription, kind: object) -> None:
         """Announce to its watchers that a token was declared or removed."""

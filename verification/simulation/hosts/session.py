@@ -9,8 +9,8 @@ from typing import Any
 
 from runtime.units import NS_PER_S
 from verification.simulation.hosts.hub import (
+    Delete,
     PendingQuery,
-    Put,
     SimulatedHub,
     SimulatedReply,
     SimulatedSample,
@@ -22,8 +22,13 @@ from verification.simulation.hosts.scheduler import current_host, current_task
 class SimulatedInfo:
     """Replaces zenoh.SessionInfo."""
 
-    def __init__(self, peers: list[str]) -> None:
+    def __init__(self, session: "SimulatedSession", peers: list[str]) -> None:
+        self._session = session
         self._peers = peers
+
+    def links(self) -> list[str]:
+        """Return the link to the hub, if there is one."""
+        return ["link"] if self._session.linked else []
 
     def routers_zid(self) -> list[str]:
         """Return no routers."""
@@ -33,8 +38,17 @@ class SimulatedInfo:
         """Return the connected peers."""
         return self._peers
 
-    def declare_link_events_listener(self, _callback: object, *, history: bool) -> None:
-        """Do nothing: simulated links do not change."""
+    def declare_link_events_listener(
+        self, callback: Callable[[Any], object], *, history: bool
+    ) -> None:
+        """Call `callback` when the link ends; the processes at its other end have no names here."""
+        self._session.watchers.append(callback)
+
+
+class SimulatedLinkEnd:
+    """Replaces zenoh.LinkEvent for a link that has ended."""
+
+    kind = Delete
 
 
 class SimulatedMatching:
@@ -55,7 +69,8 @@ class SimulatedPublisher:
     def put(self, payload: bytes, *, attachment: object = None, **_: object) -> None:
         """Publish a payload."""
         session = self._session
-        session.hub.put(session.host, self._key, payload, self._encoding, note_of(attachment))
+        if session.linked:
+            session.hub.put(session.host, self._key, payload, self._encoding, note_of(attachment))
 
     @property
     def quiet(self) -> bool:
@@ -79,15 +94,14 @@ class SimulatedLiveliness:
 
     def declare_token(self, key: str) -> Subscription:
         """Declare a token."""
-        hub, host = self._session.hub, self._session.host
-        token = hub.tokens.add(Subscription(key, host, lambda _: None, hub.tokens))
-        hub.announce(token, Put)
-        return token
+        hub = self._session.hub
+        token = Subscription(key, self._session, lambda _: None, hub.tokens)
+        return self._session.declare(token)
 
     def get(self, key: str, **_: object) -> list[SimulatedReply]:
         """Return the tokens of connected hosts."""
         hub, host = self._session.hub, self._session.host
-        found = hub.tokens.met_by(key)
+        found = hub.tokens.met_by(key) if self._session.linked else ()
         here = [one for one in found if one.host is host or hub.network.connected(one.host, host)]
         return [SimulatedReply(SimulatedSample(one.key, b"", "", None, one.host)) for one in here]
 
@@ -95,8 +109,9 @@ class SimulatedLiveliness:
         self, key: str, callback: Callable[[Any], object], *, history: bool = False
     ) -> Subscription:
         """Subscribe to tokens."""
-        hub, host = self._session.hub, self._session.host
-        watcher = hub.watchers.add(Subscription(key, host, callback, hub.watchers))
+        hub = self._session.hub
+        watcher = Subscription(key, self._session, callback, hub.watchers)
+        self._session.declare(watcher)
         if history:
             for reply in self.get(key):
                 callback(reply.ok)
@@ -104,12 +119,46 @@ class SimulatedLiveliness:
 
 
 class SimulatedSession:
-    """Replaces zenoh.Session in the host that opens it."""
+    """Replaces zenoh.Session in the host that opens it.
+
+    Without its link it neither sends nor receives; what it has declared waits for the link.
+    """
 
     def __init__(self, hub: SimulatedHub, zid: str) -> None:
         self.hub = hub
         self.host = current_host()
         self._zid = zid
+        self.linked = True
+        self.watchers: list[Callable[[Any], object]] = []
+        self._waiting: list[Subscription] = []
+        self._closed = False
+
+    def declare(self, one: Subscription) -> Subscription:
+        """Declare something, now or when there is a link."""
+        if self.linked:
+            self.hub.join([one])
+        else:
+            self._waiting.append(one)
+        return one
+
+    def forget(self, one: Subscription) -> None:
+        """Declare something no more when there is a link again."""
+        self._waiting = [other for other in self._waiting if other is not one]
+
+    def lose_link(self) -> None:
+        """Lose the link."""
+        if self.linked:
+            self.linked = False
+            self._waiting = self.hub.leave(self)
+            for watcher in self.watchers:
+                self.host.call(watcher, SimulatedLinkEnd())
+
+    def regain_link(self) -> None:
+        """Have a link again."""
+        if not (self.linked or self._closed):
+            self.linked = True
+            waiting, self._waiting = self._waiting, []
+            self.hub.join(waiting)
 
     def zid(self) -> str:
         """Return the id of the session."""
@@ -121,7 +170,7 @@ class SimulatedSession:
         network = self.hub.network
         robots = [one.host for one in self.hub.tokens.met_by("sidestep/*/alive/robot/*")]
         linked = [host.name for host in robots if network.connected(host, self.host)]
-        return SimulatedInfo(linked)
+        return SimulatedInfo(self, linked if self.linked else [])
 
     def declare_publisher(
         self, key: str, *, encoding: object = "", **_: object
@@ -134,7 +183,7 @@ class SimulatedSession:
         table = self.hub.subscribers
         if self.host.name == "robot" and "/op/" in str(key):
             callback = self.hub.with_taps(self.hub.arrivals, callback)
-        return table.add(Subscription(str(key), self.host, callback, table))
+        return self.declare(Subscription(str(key), self, callback, table))
 
     def declare_queryable(
         self, key: str, callback: Callable[[Any], object], **_: object
@@ -143,7 +192,7 @@ class SimulatedSession:
         table = self.hub.queryables
         if self.host.name == "robot":
             callback = self.hub.with_taps(self.hub.asked, callback)
-        return table.add(Subscription(str(key), self.host, callback, table))
+        return self.declare(Subscription(str(key), self, callback, table))
 
     def liveliness(self) -> SimulatedLiveliness:
         """Return the liveliness tokens."""
@@ -163,7 +212,8 @@ class SimulatedSession:
         **_: object,
     ) -> None:
         """Publish on a key."""
-        self.hub.put(self.host, str(key), payload, str(encoding), note_of(attachment))
+        if self.linked:
+            self.hub.put(self.host, str(key), payload, str(encoding), note_of(attachment))
 
     def get(
         self,
@@ -181,7 +231,7 @@ class SimulatedSession:
         note = note_of(attachment)
         words = "" if encoding is None else str(encoding)
         asked = SimulatedSample(str(key), payload or b"", words, note, self.host)
-        if not self.hub.ask(asked, waiting, has_payload=payload is not None):
+        if not self.linked or not self.hub.ask(asked, waiting, has_payload=payload is not None):
             return []
         scheduler = self.host.scheduler
         deadline_ns = scheduler.now_ns + round(timeout * NS_PER_S)
@@ -190,8 +240,9 @@ class SimulatedSession:
         return waiting.replies or ([] if waiting.dropped else [SimulatedReply(None)])
 
     def close(self) -> None:
-        """Remove all declarations of the host."""
-        self.hub.leave(self.host)
+        """Remove all declarations of the session."""
+        self.linked, self._closed = False, True
+        self.hub.leave(self)
 
 
 def note_of(attachment: object) -> bytes | None:

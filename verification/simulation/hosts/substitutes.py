@@ -48,14 +48,27 @@ class SeededSecrets:
 
 
 class SessionOpener:
-    """Replaces protocol.bus.session.open_session; the simulation sets `open`."""
+    """Replaces the functions of protocol.bus.session; the simulation sets what they call."""
 
     open: Callable[[Any], Any] = staticmethod(lambda network: None)
+
+    again: Callable[[], Any] = staticmethod(lambda: None)
+    accepts: Callable[[], bool] = staticmethod(lambda: False)
 
     @staticmethod
     def open_session(network: Any) -> Any:
         """Open a simulated session."""
         return SessionOpener.open(network)
+
+    @staticmethod
+    def redialled(_network: Any) -> Any:
+        """Open a fresh session, with a single attempt."""
+        return SessionOpener.again()
+
+    @staticmethod
+    def probed(_endpoint: str) -> Hub:
+        """Return whether the robot accepts a connection of this host."""
+        return Hub.HANGS if SessionOpener.accepts() else Hub.UNREACHABLE
 
 
 def simulated_pulse() -> Pulse:
@@ -111,6 +124,7 @@ BLOCKING: Final[tuple[tuple[str, dict[str, object]], ...]] = (
 )
 BLOCKS: Final = (
     "protocol.bus.bus",
+    "protocol.bus.lasting_session",
     "protocol.bus.service",
     "protocol.bus.late_join",
     "protocol.bus.publisher",
@@ -131,7 +145,8 @@ BLOCKS: Final = (
 
 SPECIAL: Final[tuple[tuple[str, str, object], ...]] = (
     ("protocol.bus.bus", "open_session", SessionOpener.open_session),
-    ("protocol.bus.bus", "probed", lambda _endpoint: Hub.UNREACHABLE),
+    ("protocol.bus.bus", "probed", SessionOpener.probed),
+    ("protocol.bus.bus", "redialled", SessionOpener.redialled),
     ("protocol.bus.bus", "fetching_subscriber", plain_subscriber),
     ("protocol.bus.publisher", "caching_publisher", PlainPublisher),
     ("robot.run", "WallClock", SimulatedClock),
