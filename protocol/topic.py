@@ -16,7 +16,7 @@ NAME: Final = f"[a-z0-9_-]{{1,{MAX_NAME}}}"
 NAME_RULE: Final = f"use 1 to {MAX_NAME} of the characters a-z, 0-9, '_' and '-'"
 ROBOT_NAME: Final = re.compile(rf"{NAME}\Z")
 OPERATOR: Final = re.compile(rf"{NAME}/[0-9a-f]{{1,32}}\Z")
-"""Identity of an operator on the bus: the name in its certificate, and its session id."""
+"""Identity of an operator on the bus: the name in its certificate, and the id of its process."""
 
 RESERVED: Final = MappingProxyType(
     {
