@@ -101,3 +101,29 @@ def test_stop_outlives_the_robots_process(how: str) -> None:
         found = run(scenario, defect).violation
         assert found is not None
         assert found.invariant == "stop survives a restart"
+
+
+@each("how", ["broken", "taken", "refused"])
+def test_stop_is_seen_although_the_link_is_gone(how: str) -> None:
+    """A session whose id another process has taken is replaced by a fresh one, with the lease."""
+    scenario = EventScenario(
+        1,
+        9_000_000_000,
+        (
+            Event(300_000_000, "come", ("operator-a", 1), 1),
+            Event(1_500_000_000, "operate", ("operator-a", "drive", 33.0, 30.0, "AUTO"), 1),
+            Event(
+                4_000_000_000, "link", ("operator-a", how, 2000 if how == "broken" else 60_000), 1
+            ),
+            Event(4_500_000_000, "operate", ("operator-a", "stop"), 1),
+        ),
+    )
+    result = run(scenario)
+    assert result.violation is None
+    assert result.coverage.stops == 1
+    found = run(scenario, "ids").violation
+    if how == "broken":
+        assert found is None
+    else:
+        assert found is not None
+        assert found.invariant == "stop takes effect in time", "it drives on"
