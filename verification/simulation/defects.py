@@ -97,9 +97,10 @@ def _trusting_driver() -> Patches:
             self.answered = False
 
         def begin_tick(self, tick: int) -> None:
-            self._sent = tick
+            self._sent, self.answered = tick, False
 
         def receive(self, command: Any) -> str:
+            self.answered = self.answered or command.sense_seq == self._sent
             left_ms = command.ttl_ms - max(0, (self._sent - command.sense_seq) * PERIOD_MS)
             if left_ms >= 0 and (command.sense_seq, command.seq) >= self._last:
                 self._last = command.sense_seq, command.seq
