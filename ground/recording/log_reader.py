@@ -8,7 +8,7 @@ import os
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol, cast
 
 from ground.recording.frame_paths import path_in
 from ground.recording.mcap.reader import McapFile
@@ -145,17 +145,15 @@ class RunLog:
         self._sizes = [path.stat().st_size for path in paths]
         self._read = 0
         self.robot = next(iter(self._logs.values())).robot
+        facts = [cast(dict[str, str], log.facts) for log in self._logs.values()]
+        self.facts: Mapping[str, str] = ChainMap(*facts)
+        """The facts of all parts, as the earliest one has them; they grow while reading."""
 
     def __iter__(self) -> Iterator[LoggedFrame]:
         self._read = 0
         for log in self._logs.values():
             yield from log
             self._read += 1
-
-    @property
-    def facts(self) -> Mapping[str, str]:
-        """The facts of all parts, as the earliest one has them."""
-        return ChainMap(*(dict(log.facts) for log in self._logs.values()))
 
     @property
     def records(self) -> int:

@@ -78,14 +78,14 @@ def test_no_frame_is_lost_or_doubled_where_a_part_ends(suffix: str, tmp_path: Pa
     assert len(files_of(recorder.log.path)) == 2 * recorder.log.parts
     for part in parts_of(recorder.log.path):
         log = open_log(part.with_suffix(suffix))
-        frames, shares = [], [log.share]
+        facts, frames, shares = log.facts, [], [log.share]
         for one in log:
             frames.append(one)
             shares.append(log.share)
         assert frames == whole(folder)
         assert shares == sorted(shares)
         assert (log.damage(), log.records, log.share) == ("", len(recorder.frames), 1.0)
-        assert json.loads(log.facts["world"])["name"] == "made"
+        assert json.loads(facts["world"])["name"] == "made", "they are known after reading"
 
 
 def test_each_part_can_be_read_alone(tmp_path: Path) -> None:
