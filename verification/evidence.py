@@ -341,6 +341,14 @@ EVIDENCE: Final = (
         120,
     ),
     Evidence(
+        "upstream",
+        "Findings for upstream",
+        "defects of libraries, with programs that show them",
+        "the programs on the page",
+        ("protocol/bus",),
+        5,
+    ),
+    Evidence(
         "state-diagram",
         "State diagrams",
         "all states that the robot's code can reach",
