@@ -118,13 +118,6 @@ class Bus:
         """Declare something until the bus is closed, on each session that it has."""
         self._declared.append(self._sessions.declare(declare))
 
-    def reopen(self) -> bool:
-        """Replace the session by a fresh one; return whether the dialled process has accepted it.
-
-        May be called from any thread; takes about a second if no process accepts it.
-        """
-        return self._sessions.replace()
-
     def _accepts(self) -> bool:
         """Return whether a dialled process accepts a TCP connection."""
         return any(probed(endpoint) is Hub.HANGS for endpoint in self.network.connect)

@@ -83,10 +83,6 @@ class LastingSession:
                     del self._all[number]
         one.now.undeclare()
 
-    def replace(self) -> bool:
-        """Open a fresh session in place of this one; return whether a process has accepted it."""
-        return self._replace(self.now)
-
     def close(self) -> None:
         """Close the session."""
         self._closed.set()
@@ -96,8 +92,11 @@ class LastingSession:
         if self._thread is not None:
             self._thread.join(timeout=CLOSING_S)
 
-    def _replace(self, before: zenoh.Session, *, if_lost: bool = False) -> bool:
-        """Replace the session unless that has been done; `if_lost`: unless it is linked again."""
+    def replace(self, before: zenoh.Session, *, if_lost: bool = False) -> bool:
+        """Open a fresh session in place of `before`; return whether a process has accepted it.
+
+        `if_lost`: keep the session if it is linked again.
+        """
         with self._replacing:
             if self.now is not before:
                 return True
@@ -147,7 +146,7 @@ class LastingSession:
             if not self._accepts():
                 silent_s, pause_s = monotonic(), SILENT_S
             elif now_s - silent_s >= pause_s:
-                self._replace(session, if_lost=True)
+                self.replace(session, if_lost=True)
                 silent_s, pause_s = monotonic(), min(2 * pause_s, LONGEST_S)
 
 

@@ -80,7 +80,7 @@ def test_all_is_declared_again_in_the_same_order() -> None:
     kept, dropped, left = declared("a"), declared("b"), declared("c")
     session.undeclare(dropped)
     assert ended == ["first"]
-    assert session.replace()
+    assert session.replace(session.now)
     assert made[3:] == ["a on second", "c on second"]
     assert (kept.now.on, left.now.on) == ("second", "second")
     assert first.closed
@@ -92,7 +92,7 @@ def test_all_is_declared_again_in_the_same_order() -> None:
 def test_session_remains_when_nobody_accepts_a_fresh_one() -> None:
     first = Session("first")
     session = lasting(first, [])
-    assert not session.replace()
+    assert not session.replace(session.now)
     assert not first.closed
     assert session.now is cast(object, first)
 
@@ -128,5 +128,5 @@ def test_closed_session_is_not_replaced() -> None:
     first, second = Session("first"), Session("second")
     session = lasting(first, [second])
     session.close()
-    assert not session.replace()
+    assert not session.replace(session.now)
     assert second.closed
