@@ -9,6 +9,7 @@ from protocol.bus.network import Tls
 from protocol.bus.tls.role_grants import role_mismatch
 from protocol.topics import Role
 from runtime.errors import KeysError
+from runtime.regular_file import opened
 
 ROUNDS: Final = 4
 NO_TIME_CHECK: Final = 0x200000
@@ -73,7 +74,7 @@ def check_files(tls: Tls) -> None:
     for name in ("ca", "certificate", "key"):
         path = getattr(tls, name)
         try:
-            Path(path).open("rb").close()
+            opened(Path(path)).close()
         except OSError as error:
             raise KeysError(
                 f"network.tls.{name}: {path}: {error.strerror}: check the path"

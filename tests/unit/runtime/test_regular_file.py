@@ -22,6 +22,8 @@ from ground.web.address import token_of
 from plant.imports.map_yaml import load_map_yaml
 from plant.model.errors import WorldError
 from plant.world.file import load as load_world
+from protocol.bus.network import Tls
+from protocol.bus.tls.certificate import own_certificate
 from runtime import config, regular_file
 from runtime.errors import UserError
 from study.calibration.log import read as read_calibration
@@ -82,6 +84,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "key": read_key,
     "token": lambda path: token_of(str(path)),
     "robot.pem": read_certificate,
+    "ca.pem": lambda path: own_certificate(Tls(ca=str(path), certificate="c", key="k")),
     "square.csv": read_calibration,
     "finding.toml": read_finding,
     "settings.json": settings_in,
