@@ -98,7 +98,7 @@ def test_each_service_has_its_own_keys_and_no_others(fleet: Compose) -> None:
 
 def test_a_robot_can_read_its_own_keys_and_those_of_no_other(fleet: Compose) -> None:
     own = fleet.inside("robot", "ls", "/keys/r1", user="20001").said.split()
-    assert own == ["bus.toml", "ca.pem", "robot-r1.key", "robot-r1.pem"]
+    assert own == ["bus.toml", "ca.pem", "robot-r1.key", "robot-r1.pem", "robot-r1.stops"]
     others = [f"/keys/r{number}/robot-r{number}.key" for number in range(2, 21)]
     done = fleet.inside("robot", "cat", *others, user="20001")
     assert done.code == 1
@@ -152,7 +152,7 @@ def test_mavlink_client_of_the_host_drives_a_robot(fleet: Compose) -> None:
     assert client.command(mavlink.MAV_CMD_DO_PAUSE_CONTINUE, 0.0) == mavlink.MAV_RESULT_ACCEPTED
     client.link.close()
     keys = fleet.inside("mavlink", "ls", "/keys").said.split()
-    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem"]
+    assert keys == ["bus.toml", "ca.pem", "gateway.key", "gateway.pem", "gateway.stops"]
 
 
 def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:
