@@ -9,9 +9,10 @@ from protocol.bus.network import Tls
 from protocol.bus.tls.role_grants import role_mismatch
 from protocol.topics import Role
 from runtime.errors import KeysError
-from runtime.regular_file import opened
+from runtime.regular_file import text_in
 
 ROUNDS: Final = 4
+MAX_BYTES: Final = 1 << 20
 NO_TIME_CHECK: Final = 0x200000
 """OpenSSL's X509_V_FLAG_NO_CHECK_TIME, for which Python's `ssl` has no name."""
 
@@ -74,7 +75,7 @@ def check_files(tls: Tls) -> None:
     for name in ("ca", "certificate", "key"):
         path = getattr(tls, name)
         try:
-            opened(Path(path)).close()
+            text_in(Path(path), MAX_BYTES)
         except OSError as error:
             raise KeysError(
                 f"network.tls.{name}: {path}: {error.strerror}: check the path"

@@ -84,7 +84,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "key": read_key,
     "token": lambda path: token_of(str(path)),
     "robot.pem": read_certificate,
-    "ca.pem": lambda path: own_certificate(Tls(ca=str(path), certificate="c", key="k")),
+    "ca.pem": lambda path: own_certificate(Tls(ca=str(path), certificate=str(path), key=str(path))),
     "square.csv": read_calibration,
     "finding.toml": read_finding,
     "settings.json": settings_in,
