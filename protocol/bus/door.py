@@ -48,8 +48,8 @@ QUIET_S: Final = 60.0
 FIRST_LOOK_S: Final = 0.001
 LAST_LOOK_S: Final = 1.0
 BACKLOG: Final = 4096
-SYN_ACKS: Final = 3
-"""Answers repeated to a connection that stays silent; it is then forgotten, after 15 s."""
+SILENT_S: Final = 30_000
+"""A silent connection is kept from Zenoh as long as the system permits, about this long."""
 
 SO_ATTACH_FILTER: Final = 26
 SO_DETACH_FILTER: Final = 27
@@ -61,14 +61,14 @@ UNAVAILABLE: Final = (
     "scan, can keep new links out as long as they come"
 )
 
-LOAD_WORD, LOAD_BYTE, LOAD_HALF_AT_X = 0x20, 0x30, 0x48
-AND, SHIFT_RIGHT, MOVE_TO_X = 0x54, 0x74, 0x07
+LOAD_WORD, LOAD_BYTE, LOAD_HALF_AT_X, LOAD_SIZE = 0x20, 0x30, 0x48, 0x80
+AND, SHIFT_RIGHT, MOVE_TO_X, SUBTRACT_X = 0x54, 0x74, 0x07, 0x1C
 JUMP, IF_EQUAL, IF_AT_LEAST, IF_ANY_BIT = 0x05, 0x15, 0x35, 0x45
 RETURN, PASS, DROP = 0x06, 0xFFFF_FFFF, 0
 IP_HEADER: Final = 0xFFF0_0000
 RANDOM: Final = 0xFFFF_F038
 FLAGS_AT, LENGTH_AT, SOURCE_V4_AT, SOURCE_V6_AT = 13, 12, IP_HEADER + 12, IP_HEADER + 8
-SYN, RST = 0x02, 0x04
+FIN, SYN, RST = 0x01, 0x02, 0x04
 RECORD, RECORD_MASK = 0x1403, 0xFCFF
 """A TLS record begins with a type from 0x14 to 0x17 and the version 3."""
 
@@ -100,7 +100,9 @@ class Step(NamedTuple):
 def filter_steps(shares: Mapping[Address, float]) -> list[Step]:
     """Return the filter. `shares` is the part of the connections of an address to let in.
 
-    A load outside of a segment drops it, so an empty segment never completes a connection.
+    An empty segment passes, unless it ends the connection: Zenoh's sockets may close before the
+    filter is removed, and wait for acknowledgements. The system keeps those that complete a silent
+    connection (TCP_DEFER_ACCEPT). A load outside of a segment drops it.
     """
     v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
     v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
@@ -108,11 +110,18 @@ def filter_steps(shares: Mapping[Address, float]) -> list[Step]:
         Step(LOAD_BYTE, FLAGS_AT),
         Step(IF_ANY_BIT, RST, 0, 1),
         Step(RETURN, PASS),
-        Step(IF_ANY_BIT, SYN, 9, 0),
+        Step(IF_ANY_BIT, SYN, 16, 0),
         Step(LOAD_BYTE, LENGTH_AT),
         Step(AND, 0xF0),
         Step(SHIFT_RIGHT, 2),
         Step(MOVE_TO_X, 0),
+        Step(LOAD_SIZE, 0),
+        Step(SUBTRACT_X, 0),
+        Step(IF_EQUAL, 0, 0, 4),
+        Step(LOAD_BYTE, FLAGS_AT),
+        Step(IF_ANY_BIT, FIN, 1, 0),
+        Step(RETURN, PASS),
+        Step(RETURN, DROP),
         Step(LOAD_HALF_AT_X, 0),
         Step(AND, RECORD_MASK),
         Step(IF_EQUAL, RECORD, 0, 1),
@@ -210,7 +219,7 @@ class Door:
         try:
             for one in self._listeners:
                 one.listen(BACKLOG)
-                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_SYNCNT, SYN_ACKS)
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, SILENT_S)
                 one.setsockopt(socket.IPPROTO_TCP, TCP_SAVE_SYN, 1)
                 attach(one, filter_steps({}))
         except OSError:
@@ -301,6 +310,7 @@ class Door:
     def _open_wide(self) -> None:
         for one in self._listeners:
             with suppress(OSError):
+                one.setsockopt(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, 0)
                 one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)
             one.close()
         self._listeners = []
