@@ -44,8 +44,10 @@ LOCKSTEP: Final = 0.08
 """Share of seeds in lockstep. In each the plant's clock stands still for a while, during which an
 emergency stop is pressed."""
 
-IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", "wall clock", "rot")
-"""Faults in lockstep; those of links and clocks would hold the plant's clock up as well."""
+IN_LOCKSTEP: Final = ("come", "operate", "leave", "kill", "attack", "crossing", "rot")
+"""Faults in lockstep; those of links and clocks would hold the plant's clock up as well.
+
+After its wall clock was set back, a robot that restarts counts as an older one for 1 s."""
 
 
 def draw_scenario(seed: int, duration_ns: int = DURATION_NS) -> EventScenario:

@@ -72,7 +72,10 @@ class CommandingInvariants:
             return
         holder = vehicle.lease.holder
         age_ns = now_ns - self.beaten_ns(vehicle)
-        if age_ns > limits.operator_lost_ns(vehicle.params.op_lost_ms) + limits.ROUNDING_NS:
+        # In lockstep a frame counts from the tick that reads it.
+        read_ns = limits.PERIOD_NS if facts.robot and facts.robot.lockstep else 0
+        limit_ns = limits.operator_lost_ns(vehicle.params.op_lost_ms) + read_ns
+        if age_ns > limit_ns + limits.ROUNDING_NS:
             words = "never" if age_ns > 1 << 61 else f"{age_ns // NS_PER_MS} ms ago"
             facts.fail(
                 "operator present", f"the robot drives; its newest heartbeat was sent {words}"
