@@ -120,8 +120,9 @@ class LastingSession:
             if event.kind != zenoh.SampleKind.PUT and session is self.now:
                 self._lost.set()
                 if self._thread is None and not self._closed.is_set():
-                    self._thread = threading.Thread(target=self._run, name="links", daemon=True)
-                    self._thread.start()
+                    thread = threading.Thread(target=self._run, name="links", daemon=True)
+                    thread.start()  # first: `close` joins what it finds
+                    self._thread = thread
 
         return declare_link_events(session, changed)
 

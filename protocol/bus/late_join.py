@@ -79,17 +79,32 @@ def fetching_subscriber(
     session: LastingSession, key: str, newest: int, take: Take
 ) -> Declared[Subscriptions]:
     """Return a subscriber that also fetches cached samples, each once, in the sender's order."""
-    late_join = LateJoin(partial(fetch, session, key, newest), take)
+    keys: dict[Source, str] = {}
+    """The key of each sender: an operator serves its own key, not that of all operators."""
+
+    def ask(source: Source, due: int, got: Got) -> None:
+        fetch(session, keys.get(source, key), newest, source, due, got)
+
+    late_join = LateJoin(ask, take)
+
+    def receive(sample: zenoh.Sample) -> None:
+        source = source_of(sample)
+        if source is not None and source not in keys and len(keys) < SOURCES:
+            keys[source] = str(sample.key_expr)
+        late_join.receive(sample)
 
     def found(sample: zenoh.Sample) -> None:
-        source = source_in(str(sample.key_expr))
+        place = str(sample.key_expr)
+        source = source_in(place)
         if source is not None and sample.kind == zenoh.SampleKind.PUT:
+            if source in keys or len(keys) < SOURCES:
+                keys[source] = place.partition("/@adv/")[0]
             newest_bytes = sample.payload.to_bytes()[:4]
             late_join.announced(source, int.from_bytes(newest_bytes, "little"))
 
     def declare(one: zenoh.Session) -> Subscriptions:
         return Subscriptions(
-            one.declare_subscriber(key, Callback(late_join.receive, indirect=False)),
+            one.declare_subscriber(key, Callback(receive, indirect=False)),
             one.declare_subscriber(kept_by(key), Callback(found, indirect=False)),
             one.liveliness().declare_subscriber(
                 kept_by(key), Callback(found, indirect=False), history=True
