@@ -4,7 +4,8 @@ Each kind of attack is a run of its own, on an open bus and with access control,
 certificates of a viewer, of another robot and of another operator at a time. Attackers are
 processes. In each run an operator holds the lease and drives; then the operator presses the
 emergency stop of the app repeatedly. Measured is the time from the key to wheels at rest, by the
-plant's samples.
+plant's samples. Strangers without a certificate, which only keep new sessions out, call from an
+address of their own; there each stop is that of a fresh `estop`, from the start of its process on.
 
 Attacks that may rightfully stop the robot, or that use the operator's name, pause while the robot
 sets off and resume when the key is pressed. The attackers run on this machine at a lower priority:
@@ -31,6 +32,7 @@ from verification.flood.acknowledgements import StopStatus, unfounded
 from verification.flood.attack import Access, Attack
 from verification.flood.kinds import ACTED, KINDS
 from verification.flood.operator import DrivingOperator, StopTimes
+from verification.flood.strangers import RATES_HZ, SOURCE, Strangers
 from verification.harness.figures import Figure, Report, percentile
 from verification.harness.observer import Observer, observed
 from verification.harness.processes import cpu_s, made_keys, resident_mb
@@ -43,12 +45,13 @@ OPERATORS: Final = ("anna", "eve")
 OPERATOR: Final = "ground-anna"
 ROLES: Final = ("viewer", "robot-r2", "ground-eve")
 STOP_AT_MOST_MS: Final = 250.0
+FRESH_AT_MOST_MS: Final = 1000.0
 KIB_PER_MB: Final = 1024
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of `bench flood`."""
-    kinds = (ALONE, *KINDS)
+    kinds = (ALONE, *KINDS, *RATES_HZ)
     text = f"kinds of attack ({', '.join(kinds)})"
     parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds, help=text, metavar="K")
     doors = (OPEN, LOCKED)
@@ -70,7 +73,7 @@ def measure(options: argparse.Namespace) -> Report:
         keys = made_keys(Path(folder) / "keys", OPERATORS) if LOCKED in options.doors else None
         for door in options.doors:
             for kind in options.kinds:
-                if door == OPEN and kind != ALONE and KINDS[kind].locked_only:
+                if door == OPEN and kind in KINDS and KINDS[kind].locked_only:
                     continue
                 name = f"{door}, {kind}"
                 print(f"{name} ...", file=sys.stderr, flush=True)
@@ -95,6 +98,7 @@ class FloodRun:
     presses: list[StopTimes] = field(default_factory=list)
     stopped: list[str] = field(default_factory=list)
     attacks: list[Attack] = field(default_factory=list)
+    strangers: Strangers | None = None
 
     @property
     def answers(self) -> Counter[str]:
@@ -129,7 +133,10 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
         found = FloodRun()
         for topic in (CYCLE, STATUS):
             observer.bus.stream(topic, partial(note, found), observer.robot)
-        if kind != ALONE:
+        if kind in RATES_HZ:
+            rate_hz = RATES_HZ[kind] if options.rate is None else options.rate
+            found.strangers = Strangers(observer.endpoint, kind, rate_hz, SOURCE)
+        elif kind != ALONE:
             found.judged, found.pauses = KINDS[kind].judged, KINDS[kind].pauses
             for access in accesses(observer, keys, options.roles):
                 attack = Attack(kind, access, options.rate)
@@ -140,10 +147,14 @@ def run(options: argparse.Namespace, kind: str, keys: Path | None) -> FloodRun:
         until(lambda: found.reports, "cycle reports")
         found.reports.clear()
         before_mb, begun_s, begun_cpu_s = peak_mb(observer.pid), monotonic(), cpu_s(observer.pid)
+        if found.strangers is not None:
+            scope.enter_context(found.strangers)
+        words = ["--connect", observer.endpoint, "--id", observer.robot]
+        words += [] if keys is None else ["--config", str(keys / f"{OPERATOR}.toml")]
         try:
             flood(found, operator, options.seconds)
             for _ in range(options.presses):
-                found.presses.append(press(found, operator))
+                found.presses.append(press(found, operator, words))
         except RuntimeError as error:  # report what was measured until then
             found.broken = str(error)
         spent_s = cpu_s(observer.pid) - begun_cpu_s
@@ -183,9 +194,17 @@ def flood(found: FloodRun, operator: DrivingOperator, seconds: float) -> None:
         operator.drive(seconds)
 
 
-def press(found: FloodRun, operator: DrivingOperator) -> StopTimes:
-    """Set off, press the emergency stop and clear it."""
+def press(found: FloodRun, operator: DrivingOperator, words: Sequence[str]) -> StopTimes:
+    """Set off, press the emergency stop and clear it.
+
+    Strangers can only keep new sessions out. So the stop is that of a fresh `estop` with these
+    words then.
+    """
     operator.set_off()
+    if found.strangers is not None:
+        times = operator.press_freshly(words)
+        operator.clear()
+        return times
     if found.pauses:
         switch(found, on=True)
     times = operator.press()
@@ -209,15 +228,19 @@ def peak_mb(pid: int) -> float:
 
 def figures_of(name: str, found: FloodRun) -> Iterator[Figure]:
     """Yield the figures of a run."""
-    attacked = bool(found.attacks)
+    attacked = bool(found.attacks) or found.strangers is not None
+    key, at_most_ms = "key", STOP_AT_MOST_MS
+    if found.strangers is not None:
+        key, at_most_ms = "start of estop", FRESH_AT_MOST_MS
     stood_ms = [one.stood_ms for one in found.presses if one.stood_ms is not None]
     if stood_ms:
-        yield Figure(name=f"{name}: key to standstill", unit="ms", values=tuple(stood_ms))
-        worst = f"{name}: key to standstill, worst of {len(stood_ms)}"
-        yield figure(worst, max(stood_ms), STOP_AT_MOST_MS, "ms")
+        yield Figure(name=f"{name}: {key} to standstill", unit="ms", values=tuple(stood_ms))
+        worst = f"{name}: {key} to standstill, worst of {len(stood_ms)}"
+        yield figure(worst, max(stood_ms), at_most_ms, "ms")
     answered_ms = [one.acknowledged_ms for one in found.presses if one.acknowledged_ms is not None]
     if answered_ms:
-        yield Figure(name=f"{name}: key to acknowledgement", unit="ms", values=tuple(answered_ms))
+        named = f"{name}: {key} to acknowledgement"
+        yield Figure(name=named, unit="ms", values=tuple(answered_ms))
     never = len(found.presses) - min(len(stood_ms), len(answered_ms))
     yield figure(f"{name}: never stopped or acknowledged", never, 0.0)
     yield figure(f"{name}: operator had to give up", bool(found.broken), 0.0)
@@ -248,6 +271,8 @@ def notes_of(name: str, found: FloodRun) -> Iterator[str]:
     for attack in found.attacks:
         counts = ", ".join(f"{word} {n}" for word, n in attack.summary.items())
         yield f"{name}, {attack.access.role or 'no certificate'}: {counts or attack.errors}"
+    if found.strangers is not None:
+        yield f"{name}: {found.strangers.called} connections"
     if found.broken:
         yield f"{name}: {found.broken}"
     for words in dict.fromkeys(found.stopped):

@@ -1,14 +1,18 @@
 """The operator of a robot under attack: holds the lease, drives and presses the stop."""
 
+import os
+import subprocess
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from itertools import cycle
 from threading import Event
 from time import monotonic, monotonic_ns
 from typing import Final, NamedTuple
 
+from ground.client import stop_ways
 from ground.client.emergency_stop import EmergencyStop
 from ground.client.requests import RequestIds
+from ground.launch.child_command import command
 from protocol.topics import COMMAND, LEASE_SERVICE, OPERATOR, STOP, TELEOP
 from protocol.wire.enums import Command, GoalState, LeaseAction, Mode, Vehicle
 from protocol.wire.goal import wire_goal
@@ -127,9 +131,31 @@ class DrivingOperator:
         self._note()
         robot, statuses = self._observer.robot, self._observer.statuses
         pressed_ns = monotonic_ns()
-        stop = EmergencyStop(self._bus, self._stop, robot, WallClock(), lambda: statuses[-1])
-        outcome = stop.run(self.send_heartbeat, round(PRESS_S * NS_PER_S))
-        enough_s = outcome.took_ns / NS_PER_S + STANDS_S + HOLDS * PERIOD_S
+        with closing(stop_ways.ways_of(self._bus, robot)) as ways:
+            stop = EmergencyStop(
+                self._bus, self._stop, robot, WallClock(), lambda: statuses[-1], ways
+            )
+            outcome = stop.run(self.send_heartbeat, round(PRESS_S * NS_PER_S))
+        return self._times(pressed_ns, outcome.took_ns, is_acknowledged=outcome.acknowledged)
+
+    def press_freshly(self, words: Sequence[str]) -> StopTimes:
+        """Stop by an `estop` that is started now, and wait until the robot is at rest."""
+        self._note()
+        started_ns = monotonic_ns()
+        with subprocess.Popen(
+            command(("estop", *words), os.getpid()),
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        ) as process:
+            while process.poll() is None:
+                self.send_heartbeat()
+                self._pause.wait(PERIOD_S / 10)
+        took_ns = monotonic_ns() - started_ns
+        return self._times(started_ns, took_ns, is_acknowledged=process.returncode == 0)
+
+    def _times(self, pressed_ns: int, took_ns: int, *, is_acknowledged: bool) -> StopTimes:
+        """Wait until the robot is at rest after a stop that took so long."""
+        enough_s = took_ns / NS_PER_S + STANDS_S + HOLDS * PERIOD_S
         until_s = monotonic() + PRESS_S
         seen = self._seen(pressed_ns)
         while stood_s(seen) is None and seen_s(seen) <= enough_s and monotonic() < until_s:
@@ -139,7 +165,7 @@ class DrivingOperator:
         found = stood_s(seen)
         return StopTimes(
             None if found is None else found * 1e3,
-            outcome.took_ns / 1e6 if outcome.acknowledged else None,
+            took_ns / 1e6 if is_acknowledged else None,
             seen_s(seen) * 1e3,
         )
 

@@ -37,6 +37,14 @@ GREETINGS: Final[Mapping[str, bytes]] = MappingProxyType(
 """What a stranger sends first. All close at once but the silent ones, which stay."""
 
 
+RATES_HZ: Final[Mapping[str, float]] = MappingProxyType(
+    {"garbage": 100.0, "http": 100.0, "silent": 100.0}
+)
+"""The strangers of `bench flood`, with how often they call."""
+
+SOURCE: Final = "127.0.0.2"
+
+
 class Strangers:
     """Dials an endpoint at a rate from an address, until the block ends; `called` counts."""
 
