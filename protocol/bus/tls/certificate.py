@@ -9,7 +9,7 @@ from protocol.bus.network import Tls
 from protocol.bus.tls.role_grants import role_mismatch
 from protocol.topics import Role
 from runtime.errors import KeysError
-from runtime.regular_file import text_in
+from runtime.regular_file import bytes_in
 
 ROUNDS: Final = 4
 MAX_BYTES: Final = 1 << 20
@@ -75,7 +75,7 @@ def check_files(tls: Tls) -> None:
     for name in ("ca", "certificate", "key"):
         path = getattr(tls, name)
         try:
-            text_in(Path(path), MAX_BYTES)
+            bytes_in(Path(path), MAX_BYTES)
         except OSError as error:
             raise KeysError(
                 f"network.tls.{name}: {path}: {error.strerror}: check the path"
