@@ -11,7 +11,7 @@ import pytest
 
 from protocol.bus.network import Network
 from protocol.bus.session import open_session
-from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS
+from protocol.topics import ENCODING, SERVICES, STOP, STOP_SERVICE, TOPICS, Topic
 from protocol.wire.codec import Encoder
 from protocol.wire.enums import GoalState
 from protocol.wire.messages import CommandRequest, WheelTicks
@@ -54,12 +54,17 @@ def stranger(endpoint: str) -> Iterator[Any]:
         session.close()
 
 
+def key_of(topic: Topic[Any]) -> str:
+    """Return a key on which the topic is received: an operator's ends in its identity."""
+    return topic.key("r1") + ("/open/abc" if topic.of_operators else "")
+
+
 def babble(session: Any, noises: Sequence[bytes] = NOISE) -> int:
     """Publish every noise in every encoding on every topic; return the number of messages."""
     for topic in OTHER_TOPICS:
         for noise in noises:
             for kind in KINDS:
-                session.put(topic.key("r1"), noise, encoding=kind)
+                session.put(key_of(topic), noise, encoding=kind)
     return len(OTHER_TOPICS) * len(noises) * len(KINDS)
 
 
