@@ -308,8 +308,10 @@ def apply_rot(simulation: "Simulation", event: Event) -> None:
 
 
 def apply_sleep(simulation: "Simulation", event: Event) -> None:
-    """Suspend an operator's machine, and its clock with it."""
+    """Suspend an operator's machine, and its clock with it; one that stands sleeps no deeper."""
     name, for_ms = str(event.arguments[0]), int(event.arguments[1])
+    if simulation.host(name).suspended:
+        return
     apply_suspend(simulation, event)
     until_ns = simulation.scheduler.now_ns + for_ms * NS_PER_MS
     simulation.scheduler.at(until_ns - 1, step, simulation, name, -for_ms * NS_PER_MS)
