@@ -12,10 +12,11 @@ import importlib
 import importlib.util
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from ground.client.api import *  # noqa: F403
@@ -24,6 +25,7 @@ ROOT = Path(__file__).resolve().parent
 EXIT_USAGE = 2
 EXIT_INTERRUPTED = 130
 EXIT_BROKEN_PIPE = 141
+STOP_OF_ITS_OWN = "stop of its own"
 OPERATOR = "ground.cli.main"
 
 USAGE = "usage: sidestep [--traceback] [GROUP] VERB ...\n       sidestep --help | --version"
@@ -284,5 +286,19 @@ def public_names() -> ModuleType:
         raise
 
 
+def entry() -> NoReturn:
+    """Run the command line and end the process with its exit code.
+
+    A stop that another way has delivered leaves a session of its own behind that may still dial,
+    for seconds: nobody has to wait for that.
+    """
+    code = main()
+    if any(thread.name == STOP_OF_ITS_OWN for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    entry()

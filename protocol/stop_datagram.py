@@ -175,10 +175,12 @@ def secrets_path(tls: Tls) -> Path:
 def load_secrets(tls: Tls) -> StopSecrets:
     """Return the stop secrets of a process; KeysError for a file that is not readable or wrong."""
     path = secrets_path(tls)
-    if not path.exists():
-        return StopSecrets({}, f"{path} is missing: {ADD_SECRETS}")
     try:
+        if not path.exists():
+            return StopSecrets({}, f"{path} is missing: {ADD_SECRETS}")
         file = load(path, SecretsFile)
+    except OSError as error:
+        raise KeysError(f"{path}: {error.strerror}") from error
     except ConfigError as error:
         raise KeysError(str(error)) from error
     for name, digits in file.secrets.items():

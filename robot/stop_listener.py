@@ -29,6 +29,11 @@ BURST: Final = 64
 PAUSE_S: Final = 0.005
 """After a burst the thread pauses, so that a flood costs the loop little of the interpreter."""
 
+MOST_PRESSES: Final = 1024
+NOT_BEFORE: Final = (0, -1e9)
+OLD_S: Final = 1.0
+"""A copy that comes this long after its press is an old one: the network doubles at once."""
+
 WAIT_S: Final = 0.2
 QUIET_S: Final = 10.0
 """Least time between two reports about copies of old stops."""
@@ -63,8 +68,8 @@ class StopListener:
     ) -> None:
         self._process, self._log = process, log
         self._robot = robot
-        self._presses: OrderedDict[int, int] = OrderedDict()
-        """The number of the first press of each request, by its id."""
+        self._presses: OrderedDict[tuple[str, int], tuple[int, float]] = OrderedDict()
+        """The number and the time of the first press of each request, by operator and id."""
 
         self._replays, self._reported_s = 0, -QUIET_S
         self._selector = selectors.DefaultSelector()
@@ -138,7 +143,12 @@ class StopListener:
                 return False
             except OSError:  # the error of an earlier answer
                 continue
-            if (answer := self.take(packet, str(sender[0]))) is not None:
+            try:
+                answer = self.take(packet, str(sender[0]))
+            except Exception as error:  # one packet must not end the way of all others
+                self._process.note(f"a stop datagram failed: {error}")
+                continue
+            if answer is not None:
                 with suppress(OSError):  # the sender repeats until it is answered
                     opened.sendto(answer, sender)
         return True
@@ -148,15 +158,17 @@ class StopListener:
         verdict, press = self._judge.judge(packet)
         if press is None:
             return None
-        before = self._presses.get(press.request_id)
+        request = press.operator, press.request_id
+        number, since_s = before = self._presses.get(request, NOT_BEFORE)
         if verdict is Verdict.STOP:
-            number = self._process.press(press.operator, press.request_id)
-            if before is None:
-                self._presses[press.request_id] = number
-                if len(self._presses) > BURST:
+            pressed = self._process.press(press.operator, press.request_id)
+            if before is NOT_BEFORE:
+                self._presses[request] = pressed, time.monotonic()
+                if len(self._presses) > MOST_PRESSES:
                     self._presses.popitem(last=False)
-        stopped = before is not None and self._process.has_stopped(before)
-        if verdict is Verdict.REPLAY and not stopped:
+        stopped = before is not NOT_BEFORE and self._process.has_stopped(number)
+        is_old = time.monotonic() - since_s >= OLD_S
+        if verdict is Verdict.REPLAY and not stopped and is_old:
             self._report_replay(press, sender)
         secret = self._judge.secret_of(press.operator) or b""
         return sealed_answer(secret, self._robot, press, stopped=stopped)

@@ -1,8 +1,8 @@
 """The emergency stop from the ground: repeated until the robot's status shows it.
 
 It is published on its own topic and also sent to its own service. An accepted request is not
-enough: only a status EMERGENCY_STOP with the id of this request acknowledges the stop. Without
-that, the stop is given up with an error after a time limit.
+enough: only a status EMERGENCY_STOP with the id of this request acknowledges the stop, or the
+robot's answer by another way. Without that, the stop is given up with an error after a time limit.
 """
 
 import secrets
@@ -14,7 +14,6 @@ from protocol.wire.enums import AckResult, Command, Vehicle
 from protocol.wire.message import Message
 from protocol.wire.messages import CommandAck, CommandRequest, NavigatorStatus
 from runtime.clock import Clock
-from runtime.errors import RemoteError
 from runtime.units import NS_PER_MS, NS_PER_S
 
 REPEAT_NS: Final = STOP_REPEAT_MS * NS_PER_MS
@@ -73,6 +72,9 @@ class StopWays(Protocol):
     def stopped_by(self, request_id: int) -> str:
         """Return by which way the robot has acknowledged the stop; empty if by none."""
 
+    def end_session(self) -> None:
+        """End the session that was opened for a stop, so that it stops nothing later."""
+
     def close(self) -> None:
         """End what is still under way."""
 
@@ -91,6 +93,9 @@ class NoWays:
     def stopped_by(self, request_id: int) -> str:
         """Return that the robot was not reached."""
         return ""
+
+    def end_session(self) -> None:
+        """End nothing."""
 
     def close(self) -> None:
         """End nothing."""
@@ -187,12 +192,21 @@ class EmergencyStop:
         self.tries += 1
         self._ways.press(self.request_id)
         if self._publisher is not None:
-            self._publisher.put(self._request)
+            try:
+                self._publisher.put(self._request)
+            except Exception as error:  # whatever fails here, the other ways go on
+                self.why = str(error)
 
     def run(
         self, over: Callable[[], bool] = lambda: False, give_up_ns: int = GIVE_UP_NS
     ) -> StopOutcome:
         """Repeat the stop until the robot acknowledges it, time is up, or `over` returns True."""
+        try:
+            return self._run(over, give_up_ns)
+        finally:
+            self._ways.end_session()
+
+    def _run(self, over: Callable[[], bool], give_up_ns: int) -> StopOutcome:
         began_ns = self._clock.now_ns()
         while not self._acknowledged():
             now_ns = self._clock.now_ns()
@@ -216,7 +230,7 @@ class EmergencyStop:
             )
             self._acknowledgement.answered(answer)
             self.why = "the robot answers, but its status does not show EMERGENCY_STOP"
-        except RemoteError as error:
+        except Exception as error:  # whatever fails here, the other ways go on
             self.why = str(error)
 
     def _acknowledged(self) -> bool:

@@ -30,6 +30,9 @@ from runtime.atomic_file import make_folder
 from runtime.errors import RemoteError, UserError
 from runtime.units import NS_PER_S
 
+FRESH: Final = "stop of its own"
+"""Name of the threads that the interpreter waits for at its end."""
+
 FOLDER: Final = "stops"
 """Below the folder of the runs; its sockets can be used by this user only."""
 
@@ -87,10 +90,14 @@ class SideWays:
             return "by a new session"
         return self._others.stopped_by(request_id)
 
-    def close(self) -> None:
-        """End what is still under way."""
+    def end_session(self) -> None:
+        """End the session that was opened for a stop, so that it stops nothing later."""
         if self._fresh is not None:
             self._fresh.close()
+
+    def close(self) -> None:
+        """End what is still under way."""
+        self.end_session()
         self._others.close()
         self._datagrams.close()
 
@@ -98,7 +105,7 @@ class SideWays:
 def ways_of(bus: object, robot: str) -> StopWays:
     """Return the further ways to a robot, beside an open bus; none beside one that is played."""
     network, holder = getattr(bus, "network", None), getattr(bus, "holder", None)
-    if not isinstance(network, Network) or not network.connect:
+    if not isinstance(network, Network) or not (network.connect or robot in network.stop_at):
         return NO_WAYS
     return SideWays(Common(network=network, robot=robot), holder)
 
@@ -115,7 +122,8 @@ class FreshSession:
         self.is_over = False
         self.request_id = request_id
         self._closing = Event()
-        self._thread = Thread(target=self._run, args=(common, give_up_ns), daemon=True)
+        # No daemon: the interpreter must not end in the middle of a call of Zenoh.
+        self._thread = Thread(target=self._run, args=(common, give_up_ns), name=FRESH)
         self._thread.start()
 
     def has_stopped(self, request_id: int) -> bool:
@@ -180,7 +188,8 @@ def socket_folder() -> Path:
 
 def stem_of(common: Common) -> str:
     """Return what the sockets of all programs begin with that are linked to the same bus."""
-    words = json.dumps([sorted(common.network.connect), common.network.prefix])
+    host = socket.gethostname()  # a home may be on several
+    words = json.dumps([sorted(common.network.connect), common.network.prefix, host])
     return sha256(words.encode()).hexdigest()[:16]
 
 
@@ -271,11 +280,13 @@ class StopServer:
             make_folder(folder)
             folder.chmod(stat.S_IRWXU)
             path = folder / f"{stem_of(link.common)}.{os.getpid()}{ENDING}"
-            path.unlink(missing_ok=True)
+            draft = path.with_suffix(".part")
+            draft.unlink(missing_ok=True)
             with near(folder) as short:
-                self._listener.bind(f"{short}/{path.name}")
-            path.chmod(stat.S_IRUSR | stat.S_IWUSR)
+                self._listener.bind(f"{short}/{draft.name}")
+            draft.chmod(stat.S_IRUSR | stat.S_IWUSR)
             self._listener.listen(MOST_REPEATED)
+            draft.replace(path)  # now that it answers: one that does not is removed
         except (OSError, UserError) as error:
             self.why = f"`estop` cannot use this session: {error}"
             self._listener.close()
@@ -310,7 +321,7 @@ class StopServer:
                 if self._closing.wait(0.1):
                     return
                 continue
-            Thread(target=self._answer, args=(asking,), daemon=True).start()
+            Thread(target=self._answer, args=(asking,), name=FRESH).start()
 
     def _answer(self, asking: socket.socket) -> None:
         with asking, suppress(OSError, ValueError, RemoteError):

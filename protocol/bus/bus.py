@@ -14,7 +14,13 @@ import zenoh
 from zenoh.handlers import Callback
 
 from protocol.bus.faults.fault_injector import FaultInjector
-from protocol.bus.lasting_session import LastingSession, close_session, is_linked
+from protocol.bus.lasting_session import (
+    KEEPER_SILENT_S,
+    SILENT_S,
+    LastingSession,
+    close_session,
+    is_linked,
+)
 from protocol.bus.late_join import fetching_subscriber, published_ns, was_fetched
 from protocol.bus.linger import LinkCloser
 from protocol.bus.mailbox import Mailbox, Sample
@@ -83,7 +89,8 @@ class Bus:
         self._report_link: Callable[[str], None] = lambda _why: None
         dials = bool(network.connect) and not network.listen
         accepts = self._accepts if dials else None
-        self._sessions = LastingSession(session, self._open_fresh, accepts)
+        silent_s = SILENT_S if role in (Role.GROUND, None) else KEEPER_SILENT_S
+        self._sessions = LastingSession(session, self._open_fresh, accepts, silent_s)
         self._dialled = self._sessions.declare(self._follow_dialled)
         self._dialled.now.refuse()
         self._links = LinkCloser()

@@ -5,6 +5,7 @@ have taken its place, and Zenoh dials with the same id for ever. What was declar
 and declared again on a fresh session, whose id nobody knows yet.
 """
 
+import logging
 import threading
 from collections.abc import Callable
 from itertools import count
@@ -15,10 +16,15 @@ from weakref import WeakValueDictionary
 import zenoh
 
 from protocol.bus.tls.peers import declare_link_events
+from runtime.load import slowdown
 
+LOG = logging.getLogger(__name__)
 T = TypeVar("T")
 SILENT_S: Final = 1.0
 """Time for which a process accepts connections, and no link, before a fresh session is opened."""
+
+KEEPER_SILENT_S: Final = 5.0
+"""The same for robot and plant: a fresh session has none of the events that the old one cached."""
 
 STEADY_S: Final = 0.5
 """Time for which a link must last until it counts: a hub may accept it and end it at once."""
@@ -47,7 +53,8 @@ class LastingSession:
 
     `open_fresh` opens another session with a single attempt; it returns None if no process accepts
     it. `accepts` returns whether a dialled process accepts a TCP connection; if it is given, the
-    session is replaced when its link does not come back. No thread runs before the first loss.
+    session is replaced when its link does not come back for `silent_s`, longer while this machine
+    is busy. No thread runs before the first loss.
     """
 
     def __init__(
@@ -55,8 +62,10 @@ class LastingSession:
         session: zenoh.Session,
         open_fresh: Callable[[], zenoh.Session | None],
         accepts: Callable[[], bool] | None,
+        silent_s: float = SILENT_S,
     ) -> None:
         self.now = session
+        self._silent_s = silent_s
         self._open_fresh = open_fresh
         self._accepts = accepts or (lambda: False)
         self._all: WeakValueDictionary[int, Declared[Any]] = WeakValueDictionary()
@@ -129,12 +138,18 @@ class LastingSession:
     def _run(self) -> None:
         while not self._closed.is_set():
             self._lost.wait()
-            self._await_link()
+            try:
+                self._await_link()
+            except Exception:  # the next loss needs this thread again
+                LOG.exception("a session could not be replaced")
+
+    def _patience_s(self) -> float:
+        return self._silent_s * slowdown()
 
     def _await_link(self) -> None:
         """Return when a link lasts; replace the session while it is kept out."""
         steady_s = silent_s = monotonic()
-        pause_s = SILENT_S
+        pause_s = self._patience_s()
         while not self._closed.wait(POLL_S):
             session, now_s, lost = self.now, monotonic(), self._lost.is_set()
             self._lost.clear()
@@ -145,7 +160,7 @@ class LastingSession:
                 continue
             steady_s = now_s
             if not self._accepts():
-                silent_s, pause_s = monotonic(), SILENT_S
+                silent_s, pause_s = monotonic(), self._patience_s()
             elif now_s - silent_s >= pause_s:
                 self.replace(session, if_lost=True)
                 silent_s, pause_s = monotonic(), min(2 * pause_s, LONGEST_S)

@@ -159,7 +159,12 @@ def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:
     fleet.profiles = ()
     fleet.does("up", "-d", "--no-build", "--no-deps", "--force-recreate", "router")
     until(lambda: "router at tls/" in fleet.logs("router"), SOON_S, "a router", POLL_S)
-    until(lambda: fleet.verb("doctor").code == 0, 2 * SOON_S, "all find each other", POLL_S)
+    until(
+        lambda: fleet.verb("doctor").code == 0,
+        2 * SOON_S,
+        lambda: fleet.verb("doctor").said,
+        POLL_S,
+    )
 
 
 def test_what_each_robot_did_is_recorded(fleet: Compose, tmp_path: Path) -> None:

@@ -103,14 +103,18 @@ class StopAll:
         """
         names = list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
 
-        def stop(robot: str) -> Stopped:
-            return StopNow().perform_alone(replace(common, robot=robot), opens=False)
+        def stop(robot: str) -> Stopped | Unanswered:
+            alone = StopNow(timeout_s=self.timeout_s)
+            try:
+                return alone.perform_alone(replace(common, robot=robot), opens=False)
+            except Exception as error:  # the outcome of the others must not be lost
+                return Unanswered(str(error))
 
-        def stop_present() -> AllAnswered | UnansweredError:
+        def stop_present() -> AllAnswered | Exception:
             try:
                 with open_link(common) as link:
                     return self.perform(Session(link))
-            except UnansweredError as error:
+            except Exception as error:
                 return error
 
         with ThreadPoolExecutor(1) as pool:
@@ -119,7 +123,9 @@ class StopAll:
             present = waiting.result()
         stopped = {robot: outcome for robot, outcome in known.items() if outcome.ok}
         if isinstance(present, AllAnswered):
-            return AllAnswered(tuple((dict(present.of) | stopped).items()))
+            # A robot that is known by name and neither present nor reached has not stopped.
+            named = {name: known[name] for name in names if name != common.robot}
+            return AllAnswered(tuple((named | dict(present.of) | stopped).items()))
         if not stopped:
             raise present
         return AllAnswered(tuple(known.items()))

@@ -10,8 +10,8 @@ import pytest
 
 from ground.client.stop_datagrams import StopDatagrams
 from protocol.bus.network import Network, Tls
-from protocol.stop_datagram import ANSWER_BYTES, OPEN_SECRET, Press, sealed_press, stopped_by
-from robot.stop_listener import StopListener
+from protocol.stop_datagram import OPEN_SECRET, Press, sealed_press, stopped_by
+from robot.stop_listener import OLD_S, StopListener
 from tests.support.until import until
 
 LOCAL = "127.0.0.1"
@@ -109,18 +109,39 @@ def test_locked_robot_takes_the_stop_of_its_operators_only(tmp_path: Path) -> No
         assert stage.robot.pressed == [("ada", 2)]
 
 
-def test_the_copy_of_an_old_stop_is_ignored_and_reported() -> None:
-    with listening() as stage, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as attacker:
-        packet = sealed_press(OPEN_SECRET, "r1", Press("open", 5, 17))
-        attacker.settimeout(60.0)
+def test_the_copy_of_an_old_stop_is_ignored_and_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr("robot.stop_listener.time.monotonic", lambda: now_s)
+    stage = Stage()
+    packet = sealed_press(OPEN_SECRET, "r1", Press("open", 5, 17))
+    for later_s, reports in ((0.0, 0), (OLD_S / 2, 0), (OLD_S, 1)):
+        now_s = 100.0 + later_s
         for _ in range(2):
-            attacker.sendto(packet, (LOCAL, stage.port))
-            answer = attacker.recv(ANSWER_BYTES + 1)
+            answer = stage.listener.take(packet, LOCAL)
+            assert answer is not None
             assert stopped_by(answer, OPEN_SECRET, "r1", "open") is None
-        assert stage.robot.pressed == [("open", 17)]
-        assert len(stage.robot.notes) == 1
-        assert "old stop datagram of open came again once" in stage.robot.notes[0]
-        assert LOCAL in stage.robot.notes[0]
+        assert len(stage.robot.notes) == reports, "the network doubles at once"
+    assert stage.robot.pressed == [("open", 17)]
+    assert "old stop datagram of open came again once" in stage.robot.notes[0]
+    assert LOCAL in stage.robot.notes[0]
+    stage.listener.close()
+
+
+def test_a_packet_that_fails_does_not_end_the_way() -> None:
+    with listening() as stage, StopDatagrams(stage.network, "r1", None) as sender:
+        healthy = stage.robot.press
+
+        def broken(operator: str, request_id: int) -> int:
+            raise ZeroDivisionError("a defect")
+
+        stage.robot.press = broken  # type: ignore[method-assign]
+        sender.press(1)
+        until(lambda: stage.robot.notes)
+        assert stage.robot.notes == ["a stop datagram failed: a defect"]
+        stage.robot.press = healthy  # type: ignore[method-assign]
+        sender.press(2)
+        until(lambda: stage.robot.pressed)
+    assert stage.robot.pressed == [("open", 2)]
 
 
 def test_while_the_stop_holds_a_copy_is_answered_without_a_report() -> None:
@@ -140,7 +161,9 @@ def test_reports_of_copies_are_rare_and_counted(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("robot.stop_listener.time.monotonic", lambda: now_s)
     stage = Stage()
     packet = sealed_press(OPEN_SECRET, "r1", Press("open", 5, 17))
-    for _ in range(1001):
+    stage.listener.take(packet, LOCAL)
+    now_s += OLD_S
+    for _ in range(1000):
         stage.listener.take(packet, LOCAL)
     assert len(stage.robot.notes) == 1
     now_s += 10.0
