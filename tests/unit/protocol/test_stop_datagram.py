@@ -233,6 +233,17 @@ def test_a_wrong_file_is_refused_by_name(tmp_path: Path, text: str, named: str) 
     assert "robot-r1.stops" in str(refused.value)
 
 
+def test_a_folder_that_cannot_be_searched_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_path: Path) -> bool:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "exists", refuse)
+    with pytest.raises(KeysError, match=r"robot-r1\.stops: Permission denied$"):
+        load_secrets(tls(tmp_path, None))
+
+
 # Addresses.
 
 
