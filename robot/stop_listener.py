@@ -72,6 +72,7 @@ class StopListener:
         """The number and the time of the first press of each request, by operator and id."""
 
         self._replays, self._reported_s = 0, -QUIET_S
+        self.places: list[tuple[str, int]] = []
         self._selector = selectors.DefaultSelector()
         self._closing = Event()
         self._thread = Thread(target=self._run, name="stop datagrams", daemon=True)

@@ -102,20 +102,28 @@ class StopAll:
         Raises UnansweredError if none is reached.
         """
         names = list(dict.fromkeys((common.robot, *common.robots, *common.network.stop_at)))
+        met: set[str] = set()
+        """Robots for which no other way needs to be tried any more."""
 
         def stop(robot: str) -> Stopped | Unanswered:
             alone = StopNow(timeout_s=self.timeout_s)
             try:
-                return alone.perform_alone(replace(common, robot=robot), opens=False)
+                return alone.perform_alone(
+                    replace(common, robot=robot), opens=False, is_met=lambda: robot in met
+                )
             except Exception as error:  # the outcome of the others must not be lost
                 return Unanswered(str(error))
 
         def stop_present() -> AllAnswered | Exception:
             try:
                 with open_link(common) as link:
-                    return self.perform(Session(link))
+                    found = self.perform(Session(link))
             except Exception as error:
                 return error
+            met.update(robot for robot, outcome in found.of if outcome.ok)
+            if found.ok:
+                met.add(common.robot)  # if it is not among them: a name that nobody gave
+            return found
 
         with ThreadPoolExecutor(1) as pool:
             waiting = pool.submit(stop_present)

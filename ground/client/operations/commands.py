@@ -1,5 +1,6 @@
 """Operations that are one command to the robot, the emergency stop, and remarks in recordings."""
 
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import ClassVar, Final, NamedTuple
@@ -248,10 +249,13 @@ class StopNow:
             raise link.unanswered(GaveUp(outcome.why))
         return Stopped(outcome, link.robot)
 
-    def perform_alone(self, common: Common, *, opens: bool = True) -> Stopped:
+    def perform_alone(
+        self, common: Common, *, opens: bool = True, is_met: Callable[[], bool] = lambda: False
+    ) -> Stopped:
         """Stop the robot without waiting for a session: by all ways at once.
 
-        Unless it `opens` one, another part does. Raises UnansweredError if no way reaches it.
+        Unless it `opens` one, another part does, and `is_met` returns whether that has stopped the
+        robot. Raises UnansweredError if no way reaches it.
         """
         clock, give_up_ns = WallClock(), round(self.timeout_s * NS_PER_S)
         try:
@@ -267,7 +271,7 @@ class StopNow:
             def is_over() -> bool:
                 least_ns = LEAST_NS if ways.why else give_up_ns
                 has_tried = clock.now_ns() - stop.pressed_ns >= least_ns
-                return has_tried and (session is None or session.is_over)
+                return is_met() or (has_tried and (session is None or session.is_over))
 
             outcome = stop.run(is_over, LONGEST_NS)
             if outcome.acknowledged or session is None:

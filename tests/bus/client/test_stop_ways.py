@@ -5,6 +5,7 @@ import socket
 import stat
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from ground.client.connection import Common, given
 from ground.client.emergency_stop import FRESH_NS, EmergencyStop, StopWays
 from ground.client.link import Link, open_link
+from ground.client.operations import StopAll, StopNow
 from ground.client.stop_ways import (
     MOST_BYTES,
     SideWays,
@@ -152,3 +154,27 @@ def test_beside_a_bus_that_is_played_there_is_no_other_way() -> None:
     stop.press()
     assert stop.run(give_up_ns=0).acknowledged is False
     ways.close()
+
+
+def test_a_stop_that_another_part_has_delivered_tries_no_further() -> None:
+    nobody = given("tcp/127.0.0.1:1", "r1", None)
+    stopped = StopNow(timeout_s=50.0).perform_alone(nobody, opens=False, is_met=lambda: True)
+    assert not stopped.ok
+    assert stopped.stop.tries == 1
+
+
+def test_a_robot_known_by_name_that_nobody_reaches_fails_the_stop_of_all(
+    robot: PlayedRobot, common: Common
+) -> None:
+    known = replace(common.network, stop_at={"r9": "127.0.0.1:9"})
+    outcome = StopAll(timeout_s=1.0).perform_alone(replace(common, network=known))
+    assert {name: one.ok for name, one in outcome.of} == {"r1": True, "r9": False}
+    assert robot.vehicle is Vehicle.EMERGENCY_STOP
+
+
+def test_the_stop_of_all_reaches_a_robot_whose_name_nobody_gave(
+    robot: PlayedRobot, common: Common
+) -> None:
+    unnamed = replace(common, robot="r7")
+    outcome = StopAll(timeout_s=50.0).perform_alone(unnamed)
+    assert {name: one.ok for name, one in outcome.of} == {"r1": True}
