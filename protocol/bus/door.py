@@ -1,13 +1,16 @@
 """A door in front of Zenoh's TLS acceptor: connections that fail do not delay the others.
 
 Zenoh 1.10 sleeps 100 ms after each failed handshake, one after the other, and accepts nothing
-meanwhile. Ten connections a second that send no TLS would keep everybody out. The door is a packet
-filter (classic BPF, which needs no privilege) on Zenoh's listening socket. The kernel runs it for
-each segment before there is a connection; no frame is copied. The filter
+meanwhile. Ten connections a second that send no TLS would keep everybody out. The door has two
+programs (classic BPF) that the kernel runs before there is a connection; no frame is copied.
 
-- completes a connection only by a segment that begins like a TLS record. A silent connection, a
-  port scan or an HTTP request never reaches Zenoh: it ends in the kernel.
-- lets in only a share of the connections from an address of which too many have become no link.
+- A second socket listens on the same port, and accepts nothing. A program chooses between it and
+  Zenoh's: only a share of the connections from an address reaches Zenoh if too many of that address
+  have become no link.
+- A filter on Zenoh's socket completes a connection only by a segment that begins like a TLS record.
+  A silent connection, a port scan or an HTTP request ends in the kernel. Since 2026, Linux permits
+  this filter only to processes with CAP_NET_ADMIN. Without it, silent connections end in the kernel
+  all the same (TCP_DEFER_ACCEPT), but others fail in Zenoh.
 
 Accepted sockets inherit the filter. A thread removes it from them within milliseconds; until then
 it may drop a segment of theirs, which TCP sends again. Works on Linux.
@@ -51,6 +54,7 @@ BACKLOG: Final = 4096
 SILENT_S: Final = 30_000
 """A silent connection is kept from Zenoh as long as the system permits, about this long."""
 
+SO_ATTACH_REUSEPORT_CBPF: Final = 51
 SO_ATTACH_FILTER: Final = 26
 SO_DETACH_FILTER: Final = 27
 TCP_SAVE_SYN: Final = 27
@@ -60,11 +64,18 @@ UNAVAILABLE: Final = (
     "this system has no packet filter for sockets: connections that fail, such as those of a port "
     "scan, can keep new links out as long as they come"
 )
+UNPRIVILEGED: Final = (
+    "connections without TLS, such as those of a port scan, can keep new links out as long as they "
+    "come: this system lets only a process with CAP_NET_ADMIN filter them"
+)
 
 LOAD_WORD, LOAD_BYTE, LOAD_HALF_AT_X, LOAD_SIZE = 0x20, 0x30, 0x48, 0x80
 AND, SHIFT_RIGHT, MOVE_TO_X, SUBTRACT_X = 0x54, 0x74, 0x07, 0x1C
 JUMP, IF_EQUAL, IF_AT_LEAST, IF_ANY_BIT = 0x05, 0x15, 0x35, 0x45
 RETURN, PASS, DROP = 0x06, 0xFFFF_FFFF, 0
+ZENOH, ASIDE = 0, 1
+"""The sockets of a port, in the order in which they began to listen."""
+
 IP_HEADER: Final = 0xFFF0_0000
 RANDOM: Final = 0xFFFF_F038
 FLAGS_AT, LENGTH_AT, SOURCE_V4_AT, SOURCE_V6_AT = 13, 12, IP_HEADER + 12, IP_HEADER + 8
@@ -97,20 +108,17 @@ class Step(NamedTuple):
     no: int = 0
 
 
-def filter_steps(shares: Mapping[Address, float]) -> list[Step]:
-    """Return the filter. `shares` is the part of the connections of an address to let in.
+def filter_steps() -> list[Step]:
+    """Return the filter for segments that begin like TLS.
 
     An empty segment passes, unless it ends the connection: Zenoh's sockets may close before the
     filter is removed, and wait for acknowledgements. The system keeps those that complete a silent
     connection (TCP_DEFER_ACCEPT). A load outside of a segment drops it.
     """
-    v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
-    v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
     return [
         Step(LOAD_BYTE, FLAGS_AT),
-        Step(IF_ANY_BIT, RST, 0, 1),
+        Step(IF_ANY_BIT, RST | SYN, 0, 1),
         Step(RETURN, PASS),
-        Step(IF_ANY_BIT, SYN, 16, 0),
         Step(LOAD_BYTE, LENGTH_AT),
         Step(AND, 0xF0),
         Step(SHIFT_RIGHT, 2),
@@ -127,14 +135,25 @@ def filter_steps(shares: Mapping[Address, float]) -> list[Step]:
         Step(IF_EQUAL, RECORD, 0, 1),
         Step(RETURN, PASS),
         Step(RETURN, DROP),
+    ]
+
+
+def choice_steps(shares: Mapping[Address, float]) -> list[Step]:
+    """Return the choice of the socket for a new connection.
+
+    `shares` is the part of the connections of an address to let in.
+    """
+    v4 = [step for one, share in shares.items() if one.version == 4 for step in let(one, share)]
+    v6 = [step for one, share in shares.items() if one.version == 6 for step in let(one, share)]
+    return [
         Step(LOAD_BYTE, IP_HEADER),
         Step(SHIFT_RIGHT, 4),
         Step(IF_EQUAL, 4, 1, 0),
         Step(JUMP, len(v4) + 1),
         *v4,
-        Step(RETURN, PASS),
+        Step(RETURN, ZENOH),
         *v6,
-        Step(RETURN, PASS),
+        Step(RETURN, ZENOH),
     ]
 
 
@@ -146,9 +165,9 @@ def let(address: Address, share: float) -> Iterator[Step]:
         yield Step(LOAD_WORD, first + 4 * number)
         yield Step(IF_EQUAL, word, 0, 2 * (len(words) - number - 1) + 4)
     yield Step(LOAD_WORD, RANDOM)
-    yield Step(IF_AT_LEAST, min(PASS, round(share * 2**32)), 1, 0)
-    yield Step(RETURN, PASS)
-    yield Step(RETURN, DROP)
+    yield Step(IF_AT_LEAST, min(2**32 - 1, round(share * 2**32)), 1, 0)
+    yield Step(RETURN, ZENOH)
+    yield Step(RETURN, ASIDE)
 
 
 class Account:
@@ -204,7 +223,7 @@ class Limits:
 
 
 class Door:
-    """The filter on the listening sockets of some ports, until `close`."""
+    """Filters in front of the listening sockets of some ports, until `close`."""
 
     def __init__(self, ports: Collection[int], report: Callable[[str], None]) -> None:
         self._ports = frozenset(ports)
@@ -215,20 +234,27 @@ class Door:
         self._reported_s = -QUIET_S
         self._end, self._ended = socket.socketpair()
         self._thread: Thread | None = None
+        self._aside: list[socket.socket] = []
         self._listeners = listeners(self._ports)
         try:
             for one in self._listeners:
                 one.listen(BACKLOG)
                 one.setsockopt(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, SILENT_S)
                 one.setsockopt(socket.IPPROTO_TCP, TCP_SAVE_SYN, 1)
-                attach(one, filter_steps({}))
+                self._aside.append(socket_beside(one))
+                attach(one, choice_steps({}), SO_ATTACH_REUSEPORT_CBPF)
         except OSError:
             self._open_wide()
-        if self._listeners:
-            self._thread = Thread(target=self._run, name="door", daemon=True)
-            self._thread.start()
-        else:
+        if not self._listeners:
             report(UNAVAILABLE)
+            return
+        try:
+            for one in self._listeners:
+                attach(one, filter_steps(), SO_ATTACH_FILTER)
+        except OSError:
+            report(UNPRIVILEGED)
+        self._thread = Thread(target=self._run, name="door", daemon=True)
+        self._thread.start()
 
     def linked(self, _zid: str, _name: str | None, address: str) -> None:
         """Note that a connection has become a link. May be called from any thread."""
@@ -279,7 +305,7 @@ class Door:
         if shares != self._shares:
             self._shares = shares
             for one in self._listeners:
-                attach(one, filter_steps(shares))
+                attach(one, choice_steps(shares), SO_ATTACH_REUSEPORT_CBPF)
             self._tell(now_s)
 
     def _admitted(self, descriptor: int) -> Address | None:
@@ -291,7 +317,8 @@ class Door:
             one = socket.socket(fileno=descriptor)
             try:
                 if local_port(one) in self._ports and not listens(one):
-                    one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)  # fails without one
+                    with suppress(OSError):  # it has none
+                        one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)
                     return source_of(one)
             finally:
                 one.detach()
@@ -308,20 +335,41 @@ class Door:
             )
 
     def _open_wide(self) -> None:
+        for one in self._aside:
+            one.close()
         for one in self._listeners:
             with suppress(OSError):
+                one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 0)
                 one.setsockopt(socket.IPPROTO_TCP, socket.TCP_DEFER_ACCEPT, 0)
                 one.setsockopt(socket.SOL_SOCKET, SO_DETACH_FILTER, 0)
             one.close()
-        self._listeners = []
+        self._aside, self._listeners = [], []
 
 
-def attach(listener: socket.socket, steps: Sequence[Step]) -> None:
-    """Put a filter on a socket, in place of the one before. Raises OSError."""
+def socket_beside(listener: socket.socket) -> socket.socket:
+    """Return another socket that listens at the same address. Raises OSError."""
+    one = socket.socket(listener.family, socket.SOCK_STREAM)
+    try:
+        for each in (listener, one):
+            each.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if one.family == socket.AF_INET6:
+            is_only = listener.getsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY)
+            one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, is_only)
+        one.bind(listener.getsockname())
+        one.listen(0)
+    except OSError:
+        one.close()
+        raise
+    return one
+
+
+def attach(listener: socket.socket, steps: Sequence[Step], option: int) -> None:
+    """Give a socket a program in place of the one before. Raises OSError."""
     packed = b"".join(struct.pack("HBBI", one.code, one.yes, one.no, one.value) for one in steps)
     code = ctypes.create_string_buffer(packed, len(packed))
     program = struct.pack("HP", len(steps), ctypes.addressof(code))
-    listener.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, program)
+    listener.setsockopt(socket.SOL_SOCKET, option, program)
 
 
 def listeners(ports: frozenset[int]) -> list[socket.socket]:
@@ -349,8 +397,9 @@ def source_of(one: socket.socket) -> Address:
 
 
 def local_port(one: socket.socket) -> int:
-    """Return the port of a socket, 0 for one without. Raises OSError."""
-    return int(one.getsockname()[1]) if one.family in STREAMS else 0
+    """Return the port of a TCP socket, 0 for another. Raises OSError."""
+    is_stream = one.family in STREAMS and one.type == socket.SOCK_STREAM
+    return int(one.getsockname()[1]) if is_stream else 0
 
 
 def listens(one: socket.socket) -> bool:

@@ -30,6 +30,9 @@ STEADY_S: Final = 0.5
 """Time for which a link must last until it counts: a hub may accept it and end it at once."""
 
 POLL_S: Final = 0.1
+PROBE_S: Final = 0.5
+"""Between two attempts to connect without TLS; the hub may pay for each with a pause of 100 ms."""
+
 LONGEST_S: Final = 8.0
 """Longest pause between two attempts that fail; each doubles the one before."""
 
@@ -148,7 +151,7 @@ class LastingSession:
 
     def _await_link(self) -> None:
         """Return when a link lasts; replace the session while it is kept out."""
-        steady_s = silent_s = monotonic()
+        steady_s = silent_s = probe_s = monotonic()
         pause_s = self._patience_s()
         while not self._closed.wait(POLL_S):
             session, now_s, lost = self.now, monotonic(), self._lost.is_set()
@@ -159,11 +162,14 @@ class LastingSession:
             if linked:
                 continue
             steady_s = now_s
+            if now_s < probe_s:
+                continue
             if not self._accepts():
                 silent_s, pause_s = monotonic(), self._patience_s()
             elif now_s - silent_s >= pause_s:
                 self.replace(session, if_lost=True)
                 silent_s, pause_s = monotonic(), min(2 * pause_s, LONGEST_S)
+            probe_s = monotonic() + PROBE_S
 
 
 def is_linked(session: zenoh.Session) -> bool:

@@ -7,6 +7,7 @@ Zenoh's own log is not initialised here: it can only write to standard output, w
 import json
 import re
 import socket
+import struct
 from collections.abc import Iterable
 from time import monotonic
 
@@ -31,6 +32,7 @@ LARGEST_BYTES = 1 << 23  # of an answer, such as a world; limits the memory for 
 DIAL_S = 1.0  # while Zenoh dials, Python handles no signal
 SLOW_DIAL_S = 2.0
 PROBE_S = 0.3  # the system accepts a connection for its process; stretched while it is busy
+RESET = struct.pack("ii", 1, 0)  # a probe that ends so never reaches an acceptor behind a door
 BOUND_S = 10.0  # for our own admin space; the answer is usually there at once
 SOURCE_PLACES = re.compile(r" at /\S+")
 UNCONNECTED = "Unable to connect"
@@ -188,7 +190,8 @@ def probed(endpoint: str) -> Hub:
     if protocol not in ("tcp", "tls"):
         return Hub.ENDED
     try:
-        with socket.create_connection((host, int(port)), timeout=PROBE_S * slowdown()):
+        with socket.create_connection((host, int(port)), timeout=PROBE_S * slowdown()) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
             return Hub.HANGS
     except ConnectionError:
         return Hub.ENDED

@@ -162,7 +162,7 @@ def test_once_locked_the_doors_stay_locked(fleet: Compose) -> None:
     until(
         lambda: fleet.verb("doctor").code == 0,
         2 * SOON_S,
-        lambda: fleet.verb("doctor").said,
+        lambda: fleet.verb("doctor").said + fleet.logs("router")[-LAST_WORDS:],
         POLL_S,
     )
 

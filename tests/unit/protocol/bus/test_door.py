@@ -8,7 +8,18 @@ from ipaddress import ip_address
 import pytest
 
 from protocol.bus import door
-from protocol.bus.door import BURST, LEAST_SHARE, UNAVAILABLE, Door, Limits, attach, filter_steps
+from protocol.bus.door import (
+    BURST,
+    LEAST_SHARE,
+    SO_ATTACH_FILTER,
+    SO_ATTACH_REUSEPORT_CBPF,
+    UNAVAILABLE,
+    UNPRIVILEGED,
+    Door,
+    Limits,
+    attach,
+    choice_steps,
+)
 from tests.support.each import each
 from tests.support.until import PATIENCE_S, until
 
@@ -66,7 +77,9 @@ def test_accepted_connection_is_free_of_the_filter() -> None:
 
 def test_address_without_a_share_is_not_answered() -> None:
     with guarded() as (listener, _, _), socket.socket() as shut:
-        attach(listener, filter_steps({ip_address("::1"): 0.5, ip_address(THERE): 0.0}))
+        steps = choice_steps({ip_address("::1"): 0.5, ip_address(THERE): 0.0})
+        attach(listener, steps, SO_ATTACH_REUSEPORT_CBPF)
+        dial(listener, HELLO, THERE).close()
         shut.bind((THERE, 0))
         shut.setblocking(False)
         assert shut.connect_ex(listener.getsockname()) != 0
@@ -100,11 +113,34 @@ def test_closed_door_leaves_the_port_as_it_was() -> None:
             assert peer == any_one.getsockname()
 
 
-def test_system_without_filters_is_named_and_lets_all_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise OSError("no such option")
+def refuse(patch: pytest.MonkeyPatch, *options: int) -> None:
+    """Let the system refuse some programs."""
 
-    monkeypatch.setattr(door, "attach", refuse)
+    def attach_or_refuse(listener: socket.socket, steps: list[door.Step], option: int) -> None:
+        if option in options:
+            raise PermissionError(option)
+        attach(listener, steps, option)
+
+    patch.setattr(door, "attach", attach_or_refuse)
+
+
+def test_silence_stays_out_and_shares_are_kept_without_the_privilege(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    refuse(monkeypatch, SO_ATTACH_FILTER)
+    with guarded() as (listener, _, said), dial(listener, b""):
+        assert said == [UNPRIVILEGED]
+        callers = [dial(listener, b"GET /", THERE) for _ in range(BURST + 1)]
+        taken = [listener.accept() for _ in callers]
+        assert {peer[0] for _, peer in taken} == {THERE}
+        until(lambda: len(said) == 2, what="a report")
+        assert f"from {THERE} come faster than they become links" in said[1]
+        for connection in (*callers, *(one for one, _ in taken)):
+            connection.close()
+
+
+def test_system_without_filters_is_named_and_lets_all_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    refuse(monkeypatch, SO_ATTACH_FILTER, SO_ATTACH_REUSEPORT_CBPF)
     with guarded() as (listener, _, said):
         assert said == [UNAVAILABLE]
         with dial(listener, b"") as silent:
@@ -156,4 +192,4 @@ def test_known_addresses_are_bounded() -> None:
         for _ in range(BURST + 1):
             limits.arrived(ip_address(0x0A000000 + number), 0.0)
     assert len(limits.shares(0.0)) == door.MAX_LIMITED
-    assert len(filter_steps(limits.shares(0.0))) < 4096, "the kernel's limit"
+    assert len(choice_steps(limits.shares(0.0))) < 4096, "the kernel's limit"
