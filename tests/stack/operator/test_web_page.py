@@ -94,8 +94,6 @@ class Attacked:
 
 async def attack(page_url: str, attacked: tuple[Attacked, Attacked]) -> None:
     async with browsing(page_url) as page, asyncio.timeout(SEEN_S):
-        while await page.value("document.readyState") != "complete":
-            await asyncio.sleep(0.05)
         ports = [one.endpoint.port for one in attacked]
         assert await page.value(ATTACK % (list(BYTES), *ports)) == "sent"
         while any(one.missing for one in attacked):

@@ -51,8 +51,9 @@ class Page:
                 return answer
 
     async def value(self, script: str) -> Any:
-        """Evaluate JavaScript; return its value."""
+        """Evaluate JavaScript; return its value, or an AssertionError with what it has thrown."""
         answer = await self.do("Runtime.evaluate", expression=script, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
     async def click(self, x: int, y: int) -> None:
@@ -96,7 +97,9 @@ async def browsing(url: str) -> AsyncIterator[Page]:
             async with aiohttp.ClientSession() as session:
                 target = await _target(session, Path(profile) / "DevToolsActivePort")
                 async with session.ws_connect(target, max_msg_size=0) as socket:
-                    yield Page(socket)
+                    page = Page(socket)
+                    await _loaded(page)
+                    yield page
         finally:
             process.kill()
             await process.wait()
@@ -111,6 +114,14 @@ async def _target(session: "aiohttp.ClientSession", file: Path) -> str:
                     for tab in await answer.json():
                         if tab["type"] == "page":
                             return str(tab["webSocketDebuggerUrl"])
+            await asyncio.sleep(0.05)
+
+
+async def _loaded(page: Page) -> None:
+    """Wait until the page has taken the place of the empty one that a tab begins with."""
+    script = "location.protocol !== 'about:' && document.readyState === 'complete'"
+    async with asyncio.timeout(START_S):
+        while not await page.value(script):
             await asyncio.sleep(0.05)
 
 
