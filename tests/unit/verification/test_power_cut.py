@@ -1,6 +1,6 @@
 """Acknowledged changes survive a power cut, in every order of disk writes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -88,9 +88,11 @@ def found(state: State, folder: Path) -> Held:
     return params.d_obs_m, text_of(fence), text_of(mission), store.stop.found()
 
 
-def outcomes(disk: ReorderingDisk, folder: Path) -> list[tuple[Held, Held, set[Held], set[Held]]]:
-    """Return for each step the states before and after it, and those of cuts during and after."""
-    owner, results = ChangingOperator(), []
+def outcomes(
+    disk: ReorderingDisk, folder: Path
+) -> Iterator[tuple[Held, Held, set[Held], set[Held]]]:
+    """Yield for each step the states before and after it, and those of cuts during and after."""
+    owner = ChangingOperator()
     known: dict[State, Held] = {}
 
     def all_found(states: frozenset[State]) -> set[Held]:
@@ -102,8 +104,7 @@ def outcomes(disk: ReorderingDisk, folder: Path) -> list[tuple[Held, Held, set[H
         before, begun = owner.held, len(disk.cuts)
         step(owner)
         during = {one for states in disk.cuts[begun:] for one in all_found(states)}
-        results.append((before, owner.held, during, all_found(disk.cuts[-1])))
-    return results
+        yield before, owner.held, during, all_found(disk.cuts[-1])
 
 
 def test_every_cut_keeps_acknowledged_changes(
@@ -127,5 +128,4 @@ class UnsyncedDirectories(ReorderingDisk):
 def test_unsynchronised_directory_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk = UnsyncedDirectories()
     monkeypatch.setattr(atomic_file, "os", disk)
-    results = outcomes(disk, tmp_path)
-    assert any(at_the_end != {after} for _, after, _, at_the_end in results)
+    assert any(at_the_end != {after} for _, after, _, at_the_end in outcomes(disk, tmp_path))
