@@ -1,7 +1,8 @@
 """Table of the permissions of each certificate, derived from the rules given to Zenoh."""
 
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from functools import cache
+from typing import Any, Final, NamedTuple
 
 import zenoh
 
@@ -142,13 +143,19 @@ def may(name: str, ability: Permission) -> bool:
 def allowed(name: str, kind: tuple[str, str], key: str) -> bool:
     """Return whether a rule for this certificate covers a kind of message on a key."""
     flow, message = kind
-    rules = access_control(NETWORK)["rules"]
-    assert isinstance(rules, list)
     return any(
         zenoh.KeyExpr(expression).includes(zenoh.KeyExpr(key))
-        for rule in rules
+        for rule in rules()
         if rule["id"].startswith(f"{name} ")
         and flow in rule["flows"]
         and message in rule["messages"]
         for expression in rule["key_exprs"]
     )
+
+
+@cache
+def rules() -> list[dict[str, Any]]:
+    """Return the rules that a listening process gives to Zenoh."""
+    found = access_control(NETWORK)["rules"]
+    assert isinstance(found, list)
+    return found

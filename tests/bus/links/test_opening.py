@@ -8,8 +8,10 @@ from typing import Literal
 
 import pytest
 
+from protocol.bus import session
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
+from protocol.bus.tls import certificate_advice
 from protocol.topics import Role
 from runtime.errors import (
     EndpointError,
@@ -51,7 +53,9 @@ def test_missing_peer_error_names_endpoint_and_remedy() -> None:
     assert caught.value.exit_code == 2
 
 
-def test_silent_listener_is_reported_as_hung() -> None:
+def test_silent_listener_is_reported_as_hung(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "SLOW_DIAL_S", 0.2)
+    monkeypatch.setattr(certificate_advice, "HANDSHAKE_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
         network = Network(mode="client", connect=(endpoint,), connect_timeout_s=0.2)
@@ -143,8 +147,10 @@ def test_bus_without_a_role_cannot_announce() -> None:
 
 
 LEFT_OPEN = """
+from protocol.bus import session
 from protocol.bus.bus import open_bus
 from protocol.bus.network import Network
+from protocol.bus.tls import certificate_advice
 from protocol.topics import COMMAND, WHEELS, Role
 bus = open_bus(Network(mode="peer", listen=("tcp/127.0.0.1:0",)), Role.ROBOT, "r1")
 bus.mailbox(WHEELS)

@@ -10,8 +10,10 @@ import pytest
 import zenoh
 
 from ground.cli.main import main
+from protocol.bus import bus as bus_module
 from protocol.bus.audit import audited_connections
 from protocol.bus.bus import Bus, open_bus
+from protocol.bus.lasting_session import SILENT_S
 from protocol.bus.network import Mode, Network
 from protocol.bus.session import configured
 from protocol.bus.tls.identities import ID_TAKEN, MAX_IDS, Identities, RefusedLink
@@ -153,8 +155,9 @@ def test_id_taken_at_a_restarted_robot_gets_a_fresh_session(ring: Keyring) -> No
 @pytest.mark.parametrize("restarts", [False, True])
 @pytest.mark.parametrize("name", ["plant", "robot-r1"])
 def test_process_behind_a_router_whose_id_is_taken_returns(
-    ring: Keyring, name: str, *, restarts: bool
+    ring: Keyring, name: str, monkeypatch: pytest.MonkeyPatch, *, restarts: bool
 ) -> None:
+    monkeypatch.setattr(bus_module, "KEEPER_SILENT_S", SILENT_S)
     role = Role.PLANT if name == "plant" else Role.ROBOT
     with ExitStack() as scope:
         router = open_bus(listening(ring, "router"), None, "router")

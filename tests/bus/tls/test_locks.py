@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ground.cli.main import main
+from protocol.bus import session
 from protocol.bus.bus import Bus, open_bus
 from protocol.bus.network import Network, Tls
 from protocol.bus.tls import certificate_advice
@@ -123,7 +124,11 @@ def test_client_certificate_is_rejected_on_a_listener(ring: Keyring) -> None:
             open_bus(network, Role.GROUND, "r1")
 
 
-def test_tls_peer_that_hangs_differs_from_a_refusal(ring: Keyring) -> None:
+def test_tls_peer_that_hangs_differs_from_a_refusal(
+    ring: Keyring, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session, "SLOW_DIAL_S", 0.2)
+    monkeypatch.setattr(certificate_advice, "HANDSHAKE_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         endpoint = f"tls/127.0.0.1:{mute.getsockname()[1]}"
         with pytest.raises(PeerHangsError, match="does not answer"):
